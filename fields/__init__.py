@@ -1,49 +1,52 @@
-"""Fields: boundaries, obstacles, ground zones, field files and the tracks laid on them.
+"""Fields: boundaries, obstacles, ground zones and field files, and the swaths laid on them.
 
-field               a field in local metres
-layout, lines, bearings   tracks on it: where they run, how they are trimmed, directions worth trying
-cells               parts of the ground for tracks, each with its own bearing
-cutting, options    regions cut into cells; layouts worth comparing
-rounds              centre lines of the headland's rounds; spines of narrow strips
-handedness          which hand an outline shows, so that mirrored fields get mirrored plans
-filling             tracks that cover what the rounds leave
-obstacles, obstacles_read   what is cut out of a field, and read from its file
-fences              sides of the outline that nothing crosses
-entrances           where tractors come in
-free                where the guided point may be, and what of that lies beside the tracks
-read, write         field files, in and out
-guidance            lines of a file that tracks can be laid along
-headlands           inner edges of headlands of a file, and their widths
-telling             what a person says of a file that it does not say itself
-whereabouts         whether longitude and latitude seem to be exchanged
-source, samples_index   what a name stands for: a sample or a file
-document            what a file holds, whatever its form, before its numbers are believed
-formats             the forms that are read, one module each, and their registry
-outline, frame, projection   its rings checked; from its numbers to local metres
-plane               metres as AgOpenGPS counts them
-reading             the text of any file that somebody named
-errors              the base of all refusals
+Packages: geometry, formats (field files and guidance files), documents (reading and writing), layout (swaths).
+Names listed below are loaded at first use, so that importing `fields` needs no library.
 """
 
-from fields.cells import Cell
-from fields.errors import FieldError
-from fields.field import Field, GroundZone
-from fields.layout import Layout, Track, lay_tracks
-from fields.read import Listed, list_fields, read_field
-from fields.samples_index import sample_names
-from fields.write import write_field
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from fields.documents.reader import FieldSummary, list_fields, read_field
+    from fields.documents.writer import write_field
+    from fields.errors import FieldError
+    from fields.geometry.field import Field, GroundZone
+    from fields.layout.cells import Cell
+    from fields.layout.swaths import Layout, Swath, lay_swaths
+    from fields.sample_fields import list_sample_names
 
 __all__ = [
     "Cell",
     "Field",
     "FieldError",
+    "FieldSummary",
     "GroundZone",
     "Layout",
-    "Listed",
-    "Track",
-    "lay_tracks",
+    "Swath",
+    "lay_swaths",
     "list_fields",
+    "list_sample_names",
     "read_field",
-    "sample_names",
     "write_field",
 ]
+
+_HOMES = {
+    "documents.reader": ("FieldSummary", "list_fields", "read_field"),
+    "documents.writer": ("write_field",),
+    "errors": ("FieldError",),
+    "geometry.field": ("Field", "GroundZone"),
+    "layout.cells": ("Cell",),
+    "layout.swaths": ("Layout", "Swath", "lay_swaths"),
+    "sample_fields": ("list_sample_names",),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a name of `__all__` from the module that defines it."""
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(import_module(f"fields.{home}"), name)
+    raise AttributeError(f"module 'fields' has no attribute {name!r}")

@@ -1,13 +1,13 @@
-"""The base of every refusal of Headland, and the refusals of this room.
+"""The base of every refusal of Headland, and text from outside shortened to one readable line.
 
-    HeadlandError(ValueError)            one sentence: the value, the rule, the fix
-    ├── fields.errors.FieldError         a field, a field file or a layout request that cannot be used
-    ├── vehicle.errors.VehicleError      a tractor, implement, ground or log that cannot be
-    ├── strategies.errors.StrategyError  a strategy that cannot work this field with this fleet
-    ├── reports.errors.ReportError       a result that cannot be drawn or written
-    └── planner.errors.ScenarioError     a request that asks for the impossible
+    HeadlandError(ValueError)                          one sentence: the value, the rule, the fix
+    ├── fields.errors.FieldError                       a field, field file or layout request that cannot be used
+    ├── vehicle.errors.VehicleError                    a tractor, implement, ground or log that cannot be used
+    ├── strategies.path_planning.errors.StrategyError  a strategy that cannot work this field with this fleet
+    ├── reports.common.rendering.ReportError           a result that cannot be drawn or written
+    └── planner.errors.RequestError                    a request that cannot be fulfilled
 
-It stands here because this room is the lowest of the house: every other one may know it.
+It is in `fields` because this is the lowest package: every other one may import it.
 """
 
 from __future__ import annotations
@@ -17,60 +17,93 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-_ALIKE, _SLIP = 0.4, 0.7  # shares of letters in common: "best" and "surest" have 0.6, and are two words
-_BEGINNING = 3
-_OPEN, _CLOSE = "\ue000", "\ue001"  # private characters of Unicode: no sentence of a person holds them
-_NAMED = re.compile(f"{_OPEN}([^{_OPEN}{_CLOSE}]*){_CLOSE}")
+MAX_VALUE_CHARS, VALUE_TAIL_CHARS = 100, 27
+"""Characters of one value shown in a sentence, and how many of these are the end of the value."""
+MAX_SENTENCE_CHARS = 4000  # the longest sentences of Headland list 30 faults of a file
+_CONTROL = re.compile("[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069]")
+_QUOTED = re.compile(r"""(?<!\w)(['"])((?:\\.|(?!\1)[^\\])*)\1(?!\w)""")
+_UNBROKEN = re.compile(rf"\S{{{MAX_VALUE_CHARS + 1},}}")
 
 
-def named(parameter: str) -> str:
-    """A parameter inside the sentence of a refusal; whoever shows it may call it by a name of its own."""
-    return f"{_OPEN}{parameter}{_CLOSE}"
+def escape_controls(text: str) -> str:
+    """The text with line breaks, other control characters and direction marks escaped as in Python: `\\n`."""
+    return _CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode("ascii"), text)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """ " (did you mean ...?)" when a known name is a slip of the fingers away or longer or shorter, else nothing."""
-    spelt = {one.lower(): one for one in known}
-    close = difflib.get_close_matches(name.lower(), list(spelt), n=3, cutoff=_ALIKE)
-    found = [one for one in close if _same(name, one) or _slipped(name.lower(), one)]
-    return f" (did you mean {spelt[found[0]]!r}?)" if found else ""
+def shorten_middle(text: str, max_chars: int = MAX_VALUE_CHARS, tail_chars: int = VALUE_TAIL_CHARS) -> str:
+    """The text in at most `max_chars` characters; a longer one loses its middle, as the ends of a path say most."""
+    return (
+        text if len(text) <= max_chars else f"{text[: max_chars - tail_chars - 3]}...{text[len(text) - tail_chars :]}"
+    )
 
 
-def _slipped(name: str, other: str) -> bool:
-    """Whether most letters are the same, or all but one of a short word."""
-    one_off = len(name) == len(other) >= _BEGINNING and sum(a != b for a, b in zip(name, other, strict=True)) == 1
-    return one_off or bool(difflib.get_close_matches(name, [other], cutoff=_SLIP))
+def make_one_line(sentence: str) -> str:
+    """The sentence in one line: control characters escaped, long values shortened."""
+    line = _QUOTED.sub(lambda match: match[1] + shorten_middle(match[2]) + match[1], escape_controls(sentence))
+    line = _UNBROKEN.sub(lambda match: shorten_middle(match[0]), line)
+    return shorten_middle(line, MAX_SENTENCE_CHARS, MAX_SENTENCE_CHARS // 2)
 
 
-def _same(name: str, other: str) -> bool:
-    """Whether one begins as the other, or is a whole word of it."""
-    short, long = sorted((name.lower(), other.lower()), key=len)
-    return len(short) >= _BEGINNING and (long.startswith(short) or short in re.split(r"[-_ ]", long))
+_MIN_SIMILARITY, _MIN_TYPO_SIMILARITY = 0.4, 0.7
+"""Share of common letters of similar names, and of a name with a typo: "best" and "surest" (0.6) are two words."""
+_MIN_PREFIX_LETTERS = 3
+_MARK_OPEN, _MARK_CLOSE = "\ue000", "\ue001"  # private-use characters of Unicode, which no text contains
+_MARKED = re.compile(f"{_MARK_OPEN}([^{_MARK_OPEN}{_MARK_CLOSE}]*){_MARK_CLOSE}")
+
+
+def mark_parameter(parameter: str) -> str:
+    """Mark a parameter inside a refusal, so that `HeadlandError.render_sentence` can replace its name."""
+    return f"{_MARK_OPEN}{parameter}{_MARK_CLOSE}"
+
+
+def suggest_name(name: str, known_names: Iterable[str]) -> str:
+    """ " (did you mean ...?)" when the name looks like a typo or a part of a known name, otherwise ""."""
+    spellings = {known_name.lower(): known_name for known_name in known_names}
+    close = difflib.get_close_matches(name.lower(), list(spellings), n=3, cutoff=_MIN_SIMILARITY)
+    suggestions = [
+        candidate for candidate in close if _is_shared_beginning(name, candidate) or _is_typo(name.lower(), candidate)
+    ]
+    return f" (did you mean {spellings[suggestions[0]]!r}?)" if suggestions else ""
+
+
+def _is_typo(name: str, known_name: str) -> bool:
+    """Whether most letters are the same, or all but one letter of a short word."""
+    differs_by_one = (
+        len(name) == len(known_name) >= _MIN_PREFIX_LETTERS
+        and sum(a != b for a, b in zip(name, known_name, strict=True)) == 1
+    )
+    return differs_by_one or bool(difflib.get_close_matches(name, [known_name], cutoff=_MIN_TYPO_SIMILARITY))
+
+
+def _is_shared_beginning(name: str, known_name: str) -> bool:
+    """Whether one name begins with the other, or contains it as a whole word."""
+    short, long = sorted((name.lower(), known_name.lower()), key=len)
+    return len(short) >= _MIN_PREFIX_LETTERS and (long.startswith(short) or short in re.split(r"[-_ ]", long))
 
 
 class HeadlandError(ValueError):
-    """A refusal: one sentence that names the value, the rule it breaks and the way to put it right.
+    """A refusal: one sentence that names the value, the rule it breaks and the fix.
 
-    `parameter` is the name of the parameter at fault where one is; by default the first that the sentence names with
-    `named`. `spoken` gives the sentence with other names for its parameters, as the options of the command line.
+    `parameter` is the name of the parameter at fault, if there is one; by default the first that the sentence marks
+    with `mark_parameter`. `render` gives the sentence with other names for parameters, such as command-line options.
     """
 
     def __init__(self, sentence: str, *, parameter: str | None = None) -> None:
         super().__init__(sentence)
-        first = _NAMED.search(sentence)
-        self.parameter = parameter or (first[1] if first else None)
+        first_marked = _MARKED.search(sentence)
+        self.parameter = parameter or (first_marked[1] if first_marked else None)
 
-    def spoken(self, name: Callable[[str], str]) -> str:
-        """The sentence, every parameter in it called by `name` of it."""
-        return _NAMED.sub(lambda match: name(match[1]), str(self.args[0]))
+    def render_sentence(self, rename_parameter: Callable[[str], str]) -> str:
+        """The sentence in one line with its marked parameters renamed and long values shortened."""
+        return make_one_line(_MARKED.sub(lambda match: rename_parameter(match[1]), str(self.args[0])))
 
     def __str__(self) -> str:
-        return self.spoken(lambda parameter: parameter)
+        return self.render_sentence(lambda parameter: parameter)
 
 
 @contextmanager
-def about(parameter: str) -> Iterator[None]:
-    """Refusals of the body that name no parameter are about this one."""
+def attach_parameter(parameter: str) -> Iterator[None]:
+    """Set this parameter on refusals of the body that name none."""
     try:
         yield
     except HeadlandError as refusal:

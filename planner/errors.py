@@ -1,21 +1,21 @@
-"""Refusals of this room, and the base of all refusals.
+"""The base of all refusals, and those of the planner.
 
-The tree is in fields.errors. The command line prints the sentence with its own names for the parameters and exits
-with status 2; anything else is a fault of Headland and exits with status 1.
+The command line prints a refusal with its own names for parameters and exits with its `status`, 2 unless it says
+otherwise. Any other exception is a bug in Headland and exits with status 1.
 """
 
 from __future__ import annotations
 
-from fields.errors import HeadlandError, about, named, nearest
+from fields.errors import HeadlandError, attach_parameter, mark_parameter, suggest_name
 
-__all__ = ["HeadlandError", "ScenarioError", "WorkerError", "about", "named", "nearest"]
+__all__ = ["HeadlandError", "RequestError", "WorkerError", "attach_parameter", "mark_parameter", "suggest_name"]
 
 
 class WorkerError(HeadlandError):
-    """A process that was to plan is gone, or could not be started: nothing is wrong with what was asked."""
+    """A planning process ended or could not be started; the request itself is fine."""
 
     status = 1
 
 
-class ScenarioError(HeadlandError):
+class RequestError(HeadlandError):
     """A request or a combination of its values that cannot be planned."""

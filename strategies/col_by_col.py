@@ -1,49 +1,48 @@
-"""Column by column: tractors turn strictly one after another."""
+"""Column by column: the tractors of a formation turn strictly one after another."""
 
 from __future__ import annotations
 
-from strategies.formations.abreast import Slot
-from strategies.formations.care import driven
-from strategies.formations.clear_rounds import AS_WRITTEN, Changes
-from strategies.formations.formation import FORMATION_REPAIRS, Formation, form
-from strategies.formations.queueing import Draft
-from strategies.job import Job
-from strategies.record import Refined, Simulate, Strategy
-from vehicle.missions import Gate
+from strategies.formations.formation import MAX_FORMATION_REPAIRS, Formation, build_formation, repair_formation
+from strategies.formations.grouping import NO_CHANGES, FormationChanges
+from strategies.formations.queueing import FormationDraft
+from strategies.formations.slots import FormationSlot
+from strategies.program.field_job import FieldJob
+from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
+from vehicle.missions.plan import LegGate
 
 NAME = "col-by-col"
 
 
-def col_by_col(job: Job, *, changes: Changes = AS_WRITTEN) -> Formation:
-    """Tractors turn one after another: the leader, the side the turn leads to, the other side."""
-    return form(job, NAME, _after_previous, changes=changes)
+def form_col_by_col(job: FieldJob, *, changes: FormationChanges = NO_CHANGES) -> Formation:
+    """Tractors turn one after another: the leader, then the side the turn leads to, then the other side."""
+    return build_formation(job, NAME, _build_turn_gates, changes=changes)
 
 
-def _after_previous(draft: Draft, number: int, slot: Slot) -> list[Gate]:
-    """Gate of column order: the tractor before this one has finished its turn."""
+def _build_turn_gates(draft: FormationDraft, number: int, slot: FormationSlot) -> list[LegGate]:
+    """Gate of the column order: the tractor ahead in the queue has finished its turn."""
     slots = draft.rounds[number]
-    heading_side = -1 if slots[0].this.track.line > slots[-1].this.track.line else 1
+    heading_side = -1 if slots[0].swath_pass.swath.line > slots[-1].swath_pass.swath.line else 1
     leader = next(s for s in slots if s.row == 1)
 
-    def order(s: Slot) -> tuple[int, int]:
-        towards = (s.this.track.line - leader.this.track.line) * heading_side > 0
-        return (0 if s.row == 1 else 1 if towards else 2), s.row
+    def rank_slot(s: FormationSlot) -> tuple[int, int]:
+        is_on_turn_side = (s.swath_pass.swath.line - leader.swath_pass.swath.line) * heading_side > 0
+        return (0 if s.row == 1 else 1 if is_on_turn_side else 2), s.row
 
-    queue = sorted(slots, key=order)
-    place = queue.index(slot)
-    return [draft.turned(number, queue[place - 1].tractor)] if place else []
+    queue = sorted(slots, key=rank_slot)
+    position = queue.index(slot)
+    return [draft.build_turn_gate(number, queue[position - 1].tractor)] if position else []
 
 
-def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
-    return driven(lambda changes: col_by_col(job, changes=changes), simulate).refined
+def _refine_col_by_col(job: FieldJob, simulate: Simulate, *_: object) -> RefinedPlan:
+    return repair_formation(lambda changes: form_col_by_col(job, changes=changes), simulate).refined
 
 
 STRATEGY = Strategy(
     name=NAME,
-    words="triangle formation; leader, then one side, then the other turn one after another",
-    build=lambda job: col_by_col(job).plan,
-    abreast=True,
-    refine=_driven,
-    most_repairs=FORMATION_REPAIRS,
-    least=lambda job: col_by_col(job).plan,
+    description="drive in a triangle; the leader turns first, then one side, then the other",
+    build=lambda job: form_col_by_col(job).plan,
+    side_by_side=True,
+    refine=_refine_col_by_col,
+    max_repairs=MAX_FORMATION_REPAIRS,
+    build_bound=lambda job: form_col_by_col(job).plan,
 )

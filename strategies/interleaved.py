@@ -1,34 +1,37 @@
-"""Interleaved: tractors take every n-th track, one behind the other."""
+"""Interleaved: each of n tractors takes every n-th track, one behind the other."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from strategies.job import Job
-from strategies.orders.sequence import patterned
-from strategies.record import Strategy
-from strategies.separate import lines_of, mission_in, plan_of
-from vehicle.missions import Gate, Mission, Plan
+from strategies.program.field_job import FieldJob
+from strategies.program.legs import build_own_mission, group_by_line, make_strategy_plan
+from strategies.program.strategy_record import Strategy
+from strategies.sequencing.swath_order import order_shares_in_pattern
+from vehicle.missions.plan import LegGate, Mission, Plan
 
 NAME = "interleaved"
 
 
-def interleaved(job: Job) -> Plan:
-    """Tractors take every n-th line; each starts when the one before it is well under way."""
-    lines = lines_of(job)
-    shares = [[track for line in lines[i :: job.tractors] for track in line] for i in range(job.tractors)]
-    missions = [mission_in(job, number, order) for number, order in enumerate(patterned(shares, job, jump=1))]
-    return plan_of(job, NAME, _staggered(missions, job.manner.stagger_m))
+def plan_interleaved(job: FieldJob) -> Plan:
+    """Tractors take every n-th line; each starts when the one before it has driven `stagger_m`."""
+    lines = group_by_line(job)
+    shares = [[swath for line in lines[i :: job.tractors] for swath in line] for i in range(job.tractors)]
+    missions = [
+        build_own_mission(job, number, order)
+        for number, order in enumerate(order_shares_in_pattern(shares, job, jump=1))
+    ]
+    return make_strategy_plan(job, NAME, _stagger_starts(missions, job.driving_rules.stagger_m))
 
 
-def _staggered(missions: list[Mission], distance_m: float) -> list[Mission]:
+def _stagger_starts(missions: list[Mission], distance_m: float) -> list[Mission]:
     """Hold each tractor until the one before it has driven `distance_m` of its first working leg."""
-    held = missions[:1]
+    staggered = missions[:1]
     for number, mission in enumerate(missions[1:], start=1):
-        before = missions[number - 1].legs[1]
-        gate = Gate(number - 1, 1, min(distance_m, before.length_m))
-        held.append(replace(mission, legs=(mission.legs[0].with_gates([gate]), *mission.legs[1:])))
-    return held
+        first_working_leg = missions[number - 1].legs[1]
+        gate = LegGate(number - 1, 1, min(distance_m, first_working_leg.length_m))
+        staggered.append(replace(mission, legs=(mission.legs[0].copy_with_gates([gate]), *mission.legs[1:])))
+    return staggered
 
 
-STRATEGY = Strategy(NAME, "tractors take every n-th track, one behind the other", interleaved)
+STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", plan_interleaved)

@@ -1,6 +1,6 @@
-"""The names of the strategies, in the order they are offered in; light, so that help texts need nothing else."""
+"""Names of the strategies in the order in which they are offered; imports nothing, so that help texts stay quick."""
 
-NAMES = (
+STRATEGY_NAMES = (
     "row-by-row",
     "row-by-row-optimised",
     "col-by-col",

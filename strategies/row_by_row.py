@@ -1,45 +1,50 @@
-"""Row by row: a row leaves the queue when the row before it has reached its place in the next pass."""
+"""Row by row: a row leaves the queue when the row before it is in its place for the next round."""
 
 from __future__ import annotations
 
-from strategies.formations.abreast import Slot
-from strategies.formations.care import driven
-from strategies.formations.clear_rounds import AS_WRITTEN, Changes
-from strategies.formations.formation import FORMATION_REPAIRS, Formation, form
-from strategies.formations.queueing import Draft, past_release
-from strategies.job import Job
-from strategies.record import Refined, Simulate, Strategy
-from vehicle.missions import Gate
+from strategies.formations.formation import MAX_FORMATION_REPAIRS, Formation, build_formation, repair_formation
+from strategies.formations.grouping import NO_CHANGES, FormationChanges
+from strategies.formations.queueing import FormationDraft, build_release_gate
+from strategies.formations.slots import FormationSlot
+from strategies.program.field_job import FieldJob
+from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
+from vehicle.missions.plan import LegGate
 
 NAME = "row-by-row"
 
 
-def row_by_row(job: Job, *, move_up: bool = True, changes: Changes = AS_WRITTEN) -> Formation:
-    """Rows turn one after another; each waits for the row before it to be in place."""
-    return form(job, NAME, _row_before_in_place, move_up=move_up, changes=changes)
+def form_row_by_row(job: FieldJob, *, move_up: bool = True, changes: FormationChanges = NO_CHANGES) -> Formation:
+    """Rows turn one after another; each waits until the row before it is in place."""
+    return build_formation(job, NAME, _build_row_gates, move_up=move_up, changes=changes)
 
 
-def _row_before_in_place(draft: Draft, number: int, slot: Slot) -> list[Gate]:
-    """The row before is in place; of two in a row the one on the side that the turn leads to goes a little ahead."""
-    row = [other for other in draft.rounds[number] if other.row == slot.row]
-    gates = [draft.in_place(number, other.tractor) for other in draft.rounds[number] if other.row == slot.row - 1]
-    if number and slot.row > 1 and slot is not row[-1] and draft.job.manner.ahead_m:
-        beside, ahead_m = row[-1].tractor, draft.job.manner.ahead_m
-        gates.append(past_release(draft.legs[beside], draft.marks[number, beside], beside, ahead_m))
+def _build_row_gates(draft: FormationDraft, number: int, slot: FormationSlot) -> list[LegGate]:
+    """The row before is in place; of two in a row, the one on the side the turn leads to goes slightly ahead."""
+    own_row = [other_slot for other_slot in draft.rounds[number] if other_slot.row == slot.row]
+    gates = [
+        draft.build_place_gate(number, other_slot.tractor)
+        for other_slot in draft.rounds[number]
+        if other_slot.row == slot.row - 1
+    ]
+    if number and slot.row > 1 and slot is not own_row[-1] and draft.job.driving_rules.ahead_m:
+        beside_tractor, ahead_m = own_row[-1].tractor, draft.job.driving_rules.ahead_m
+        gates.append(
+            build_release_gate(draft.legs[beside_tractor], draft.marks[number, beside_tractor], beside_tractor, ahead_m)
+        )
     return gates
 
 
-def _driven(job: Job, simulate: Simulate, *_: object) -> Refined:
-    return driven(lambda changes: row_by_row(job, changes=changes), simulate).refined
+def _refine_row_by_row(job: FieldJob, simulate: Simulate, *_: object) -> RefinedPlan:
+    return repair_formation(lambda changes: form_row_by_row(job, changes=changes), simulate).refined
 
 
 STRATEGY = Strategy(
     name=NAME,
-    words="triangle formation on neighbouring tracks; at the headland each row waits until the row before it is in "
-    "place",
-    build=lambda job: row_by_row(job).plan,
-    abreast=True,
-    refine=_driven,
-    most_repairs=FORMATION_REPAIRS,
-    least=lambda job: row_by_row(job).plan,
+    description="drive in a triangle on neighbouring swaths; "
+    "at the headland each row waits until the row before it is in place",
+    build=lambda job: form_row_by_row(job).plan,
+    side_by_side=True,
+    refine=_refine_row_by_row,
+    max_repairs=MAX_FORMATION_REPAIRS,
+    build_bound=lambda job: form_row_by_row(job).plan,
 )

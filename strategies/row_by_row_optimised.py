@@ -1,9 +1,9 @@
-"""Row-by-row with its waiting times optimised (thesis, section 6.3.2).
+"""Row-by-row with optimised waiting times (thesis, section 6.3.2).
 
-The headland is cut into stretches along its length. A simulated row-by-row run tells when, after its release, each
-tractor is on each stretch; a constraint program (OR-Tools CP-SAT) finds the releases that bring the whole formation
-into place soonest with no stretch used twice at a time. The releases become gates on how far the others have come,
-and the result is simulated; where tractors come too close, the stretches are held longer.
+The headland is cut into segments along its length. A simulated row-by-row run shows when, after its release, each
+tractor is on each segment; a constraint program (OR-Tools CP-SAT) finds the releases that bring the whole formation
+into place soonest with no segment in use twice at a time. The releases become gates on how far the others have
+driven, and the plan is simulated; where tractors come too close, the segments are reserved for longer.
 """
 
 from __future__ import annotations
@@ -11,136 +11,170 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from strategies.formations.abreast import Slot
-from strategies.formations.care import coming, driven, told
-from strategies.formations.clear_rounds import AS_WRITTEN, Changes
-from strategies.formations.formation import FORMATION_REPAIRS, Formation, form
-from strategies.formations.passages import Passage, passages
-from strategies.formations.queueing import Draft, past_release
-from strategies.formations.releases import Releases, releases_of
-from strategies.job import Job
-from strategies.record import Refined, Simulate, Strategy
-from strategies.row_by_row import row_by_row
-from vehicle.missions import Gate, Leg, Mission, Plan
-from vehicle.run import DONE
-from vehicle.tractor import Implement, Tractor
+from strategies.formations.formation import (
+    MAX_FORMATION_REPAIRS,
+    Formation,
+    build_formation,
+    describe_formation_share,
+    find_target_rounds,
+    repair_formation,
+)
+from strategies.formations.grouping import NO_CHANGES, FormationChanges
+from strategies.formations.queueing import FormationDraft, build_release_gate
+from strategies.formations.release_times import HeadlandPassage, ReleaseDistances, measure_passages, optimise_releases
+from strategies.formations.slots import FormationSlot
+from strategies.program.field_job import FieldJob
+from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
+from strategies.row_by_row import form_row_by_row
+from vehicle.missions.plan import Leg, LegGate, Mission, Plan
+from vehicle.missions.run import DONE
+from vehicle.model.tractor import Implement, Tractor
 
 NAME = "row-by-row-optimised"
-ALONE = "one tractor waits for nobody, so it is driven as row-by-row"
-NOT_QUICKER = "no optimised queue proved quicker, so it is driven as row-by-row"
+SINGLE_TRACTOR_REMARK = "a single tractor has nobody to wait for: driven as row-by-row"
+NOT_QUICKER_REMARK = "optimised waiting was not quicker: driven as row-by-row"
 HOLDS_S = (0.0, 1.0, 2.0, 4.0)
 
 
-def row_by_row_timed(job: Job, releases: Releases, changes: Changes = AS_WRITTEN) -> Formation:
-    """Row by row with given releases instead of the queue; nobody moves up before."""
+def form_timed_rows(job: FieldJob, releases: ReleaseDistances, changes: FormationChanges = NO_CHANGES) -> Formation:
+    """Row by row with the given releases instead of the queue; nobody moves up in the queue."""
 
-    def released(draft: Draft, number: int, slot: Slot) -> list[Gate]:
+    def build_release_gates(draft: FormationDraft, number: int, slot: FormationSlot) -> list[LegGate]:
         waits_for = releases.get((number, slot.tractor), ())
         return [
-            past_release(draft.legs[other], draft.marks[number, other], other, metres) for other, metres in waits_for
+            build_release_gate(draft.legs[other_tractor], draft.marks[number, other_tractor], other_tractor, distance_m)
+            for other_tractor, distance_m in waits_for
         ]
 
-    return form(job, NAME, released, move_up=False, changes=changes)
+    return build_formation(job, NAME, build_release_gates, move_up=False, changes=changes)
 
 
-def optimised(job: Job, simulate: Simulate, tractor: Tractor, implement: Implement) -> Refined:
-    """The timed plan and its run: per round the shortest hold that drives without conflict, else the plain queue."""
-    queue = driven(lambda changes: row_by_row(job, changes=changes), simulate)
-    plain = queue.refined
+def refine_optimised(job: FieldJob, simulate: Simulate, tractor: Tractor, implement: Implement) -> RefinedPlan:
+    """The timed plan and its run; the plain row-by-row plan where the timed one is not quicker or not feasible."""
+    queue_run = repair_formation(lambda changes: form_row_by_row(job, changes=changes), simulate)
+    plain_refined = queue_run.refined
     if job.tractors == 1:
-        return replace(plain, remark=ALONE)
-    best = replace(plain, remark="; ".join(words for words in (NOT_QUICKER, plain.remark) if words))
-    if plain.run is None:
-        return best
-    if max(slot.row for _, slot in queue.formation.slots) > 2:  # else nobody has a place to move up to
-        queue = driven(lambda changes: row_by_row(job, move_up=False, changes=changes), simulate, queue)
-    queued, measured, run = queue.formation, queue.refined.plan, queue.refined.run
+        return replace(plain_refined, remark=SINGLE_TRACTOR_REMARK)
+    fallback = replace(
+        plain_refined, remark="; ".join(remark for remark in (NOT_QUICKER_REMARK, plain_refined.remark) if remark)
+    )
+    if plain_refined.run is None:
+        return fallback
+    if max(slot.row for _, slot in queue_run.formation.slots) > 2:  # with fewer rows nobody moves up in the queue
+        queue_run = repair_formation(
+            lambda changes: form_row_by_row(job, move_up=False, changes=changes), simulate, queue_run
+        )
+    queued_formation, measured_plan, run = queue_run.formation, queue_run.refined.plan, queue_run.refined.run
     if run is None:
-        return best
+        return fallback
 
-    def passed(number: int) -> list[Passage]:
-        return passages(job, queued, run, number, tractor, implement)
+    def measure_round(number: int) -> list[HeadlandPassage]:
+        return measure_passages(job, queued_formation, run, number, tractor, implement)
 
-    timed = _timed(job, queued, measured, simulate, passed)
-    return timed if timed and timed.run and timed.run.duration_s < plain.run.duration_s else best
+    timed_refined = _refine_timed(job, queued_formation, measured_plan, simulate, measure_round)
+    return (
+        timed_refined
+        if timed_refined and timed_refined.run and timed_refined.run.duration_s < plain_refined.run.duration_s
+        else fallback
+    )
 
 
-def _timed(
-    job: Job, queued: Formation, measured: Plan, simulate: Simulate, passed: Callable[[int], list[Passage]]
-) -> Refined | None:
-    """The plan with optimised releases, driven; a round in which tractors meet is held longer, or queues as measured.
+def _refine_timed(
+    job: FieldJob,
+    queued_formation: Formation,
+    measured_plan: Plan,
+    simulate: Simulate,
+    measure_round: Callable[[int], list[HeadlandPassage]],
+) -> RefinedPlan | None:
+    """The plan with optimised releases, simulated; None if it cannot be driven.
 
-    Rounds that are reached from afar or driven by one alone are left as they are. None where it cannot be driven.
+    In a round in which tractors meet the segments are held longer, at last the queue is used as measured. Rounds
+    reached from afar or driven by one tractor alone are not changed.
     """
-    base = row_by_row_timed(job, {}, queued.changes)
-    times = {
-        number: _Timing(queued.rounds[number], passed(number), number)
-        for number in range(1, len(queued.rounds))
-        if not queued.moved[number] and len(queued.rounds[number]) > 1
+    base_formation = form_timed_rows(job, {}, queued_formation.changes)
+    timings = {
+        number: _ReleaseTiming(queued_formation.rounds[number], measure_round(number), number)
+        for number in range(1, len(queued_formation.rounds))
+        if not queued_formation.from_afar[number] and len(queued_formation.rounds[number]) > 1
     }
-    for _ in range(1 + len(HOLDS_S) * len(times)):
-        legs = {place: leg for timing in times.values() for place, leg in timing.released(base, measured).items()}
-        plan = _with_legs(base.plan, legs)
+    for _ in range(1 + len(HOLDS_S) * len(timings)):
+        legs = {
+            leg_key: leg
+            for timing in timings.values()
+            for leg_key, leg in timing.build_released_legs(base_formation, measured_plan).items()
+        }
+        plan = _replace_legs(base_formation.plan, legs)
         run = simulate(plan)
         if run.outcome == DONE:
-            return Refined(plan, run, told(plan))
-        met = set(coming(base, run.conflict)) if run.conflict else set()
-        longer = [timing.hold_longer() for number, timing in times.items() if number in met]
-        if not any(longer):
+            return RefinedPlan(plan, run, describe_formation_share(plan))
+        conflict_rounds = set(find_target_rounds(base_formation, run.conflict)) if run.conflict else set()
+        held_longer = [timing.take_next_hold() for number, timing in timings.items() if number in conflict_rounds]
+        if not any(held_longer):
             return None
     return None
 
 
-def _with_legs(plan: Plan, legs: Mapping[tuple[int, int], Leg]) -> Plan:
-    """The plan with some legs in place of its own, by tractor and number."""
-    return replace(plan, missions=tuple(
-        Mission(tuple(legs.get((tractor, number), leg) for number, leg in enumerate(mission.legs)))
-        for tractor, mission in enumerate(plan.missions)
-    ))  # fmt: skip
+def _replace_legs(plan: Plan, legs: Mapping[tuple[int, int], Leg]) -> Plan:
+    """The plan with some of its legs replaced, by (tractor, leg number)."""
+    return replace(
+        plan,
+        missions=tuple(
+            Mission(tuple(legs.get((tractor, number), leg) for number, leg in enumerate(mission.legs)))
+            for tractor, mission in enumerate(plan.missions)
+        ),
+    )
 
 
 @dataclass
-class _Timing:
-    """The releases of one round as they are tried: `tried` holds were too short."""
+class _ReleaseTiming:
+    """The releases of one round as they are tried; `holds_tried` counts the holds that were too short."""
 
-    slots: tuple[Slot, ...]
-    group: list[Passage]
-    number: int
-    tried: int = 0
+    slots: tuple[FormationSlot, ...]
+    passages: list[HeadlandPassage]
+    round_number: int
+    holds_tried: int = 0
     legs: dict[tuple[int, int], Leg] = field(default_factory=dict)
 
-    def hold_longer(self) -> bool:
-        """Take the next hold, after the last one the plain queue; False when that was tried too."""
-        if self.tried == len(HOLDS_S):
+    def take_next_hold(self) -> bool:
+        """Take the next hold, after the last one the plain queue; False if that was tried too."""
+        if self.holds_tried == len(HOLDS_S):
             return False
-        self.tried, self.legs = self.tried + 1, {}
+        self.holds_tried, self.legs = self.holds_tried + 1, {}
         return True
 
-    def released(self, base: Formation, measured: Plan) -> dict[tuple[int, int], Leg]:
-        """The legs with which the tractors of the round leave the queue, with what they wait for."""
+    def build_released_legs(self, base_formation: Formation, measured_plan: Plan) -> dict[tuple[int, int], Leg]:
+        """The legs with which the tractors of the round leave the queue, with their gates, by (tractor, leg number)."""
         if not self.legs:
-            waits = {} if self.tried == len(HOLDS_S) else releases_of(
-                self.number, self.group, self.slots, HOLDS_S[self.tried]
+            waits = (
+                {}
+                if self.holds_tried == len(HOLDS_S)
+                else optimise_releases(self.round_number, self.passages, self.slots, HOLDS_S[self.holds_tried])
             )
             for slot in self.slots:
-                release = base.marks[self.number, slot.tractor].release
+                release_leg = base_formation.marks[self.round_number, slot.tractor].release_leg
                 gates = [
-                    past_release(base.plan.missions[other].legs, base.marks[self.number, other], other, metres)
-                    for other, metres in waits.get((self.number, slot.tractor), ())
+                    build_release_gate(
+                        base_formation.plan.missions[other_tractor].legs,
+                        base_formation.marks[self.round_number, other_tractor],
+                        other_tractor,
+                        distance_m,
+                    )
+                    for other_tractor, distance_m in waits.get((self.round_number, slot.tractor), ())
                 ]
-                if self.tried == len(HOLDS_S):
-                    gates = list(measured.missions[slot.tractor].legs[release].gates)
-                self.legs[slot.tractor, release] = base.plan.missions[slot.tractor].legs[release].with_gates(gates)
+                if self.holds_tried == len(HOLDS_S):
+                    gates = list(measured_plan.missions[slot.tractor].legs[release_leg].gates)
+                self.legs[slot.tractor, release_leg] = (
+                    base_formation.plan.missions[slot.tractor].legs[release_leg].copy_with_gates(gates)
+                )
         return self.legs
 
 
 STRATEGY = Strategy(
     name=NAME,
-    words="the same, with releases found by constraint programming from simulated turns, and simulated again; says so "
-    "where none is quicker",
-    build=lambda job: row_by_row(job).plan,
-    abreast=True,
-    refine=optimised,
-    most_repairs=FORMATION_REPAIRS,
-    least=lambda job: row_by_row_timed(job, {}).plan,
+    description="the same, with release times found by constraint programming; it says so where none is quicker",
+    build=lambda job: form_row_by_row(job).plan,
+    side_by_side=True,
+    refine=refine_optimised,
+    max_repairs=MAX_FORMATION_REPAIRS,
+    build_bound=lambda job: form_timed_rows(job, {}).plan,
 )

@@ -1,71 +1,141 @@
-"""Split field: a block of neighbouring tracks for each tractor."""
+"""Split field: one block of neighbouring tracks per tractor, cut so that the last tractor finishes soonest.
+
+Blocks are cut by the work on their lines and then balanced by the best orders found inside them: a line at a border
+changes sides if that makes the slower of the two blocks quicker.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
-from fields.layout import Track
-from strategies.job import Job
-from strategies.legs import mission_of
-from strategies.orders.sequence import Searched, patterned, searched
-from strategies.orders.shares import balanced, cut
-from strategies.orders.table import TurnTable
-from strategies.record import Strategy
-from strategies.refilling.tracks import searched_in_loads
-from strategies.separate import lines_of, mission_in, plan_of
-from vehicle.missions import Plan
+from fields.layout.swaths import Swath
+from strategies.program.field_job import FieldJob
+from strategies.program.legs import build_mission, build_own_mission, group_by_line, make_strategy_plan
+from strategies.program.strategy_record import Strategy
+from strategies.sequencing.swath_order import SearchedOrder, order_shares_in_pattern, search_order
+from strategies.sequencing.turn_table import TurnTable
+from strategies.service_stops.loaded_order import search_in_loads
+from vehicle.missions.plan import Plan
+
+BlockCost = Callable[[int, int], float]
+"""Seconds of the block of lines first..last - 1."""
+
+MIN_GAIN_S = 0.01
+MAX_BALANCE_ROUNDS = 50
+
+
+def cut_balanced_blocks(weights: Sequence[float], count: int) -> list[int]:
+    """Borders 0 = b0 < b1 < ... = n of `count` runs, the heaviest as light as possible; n must be at least `count`."""
+    low, high = max(weights), sum(weights)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if len(_pack_runs(weights, middle)) <= count else (middle, high)
+    sizes = _split_largest_runs(_pack_runs(weights, high), count)
+    borders = [0]
+    for size in sizes:
+        borders.append(borders[-1] + size)
+    return borders
+
+
+def _pack_runs(weights: Sequence[float], max_weight: float) -> list[int]:
+    """Sizes of the fewest runs none of which weighs more than `max_weight`."""
+    sizes, total = [0], 0.0
+    for weight in weights:
+        if sizes[-1] and total + weight > max_weight * (1 + 1e-12):
+            sizes.append(0)
+            total = 0.0
+        sizes[-1] += 1
+        total += weight
+    return sizes
+
+
+def _split_largest_runs(sizes: list[int], count: int) -> list[int]:
+    """Split the largest runs until there are `count` of them."""
+    sizes = list(sizes)
+    while len(sizes) < count:
+        largest = max(range(len(sizes)), key=lambda i: sizes[i])
+        half = sizes[largest] // 2
+        sizes[largest : largest + 1] = [sizes[largest] - half, half]
+    return sizes
+
+
+def balance_borders(borders: list[int], block_cost: BlockCost) -> list[int]:
+    """Move borders line by line while that makes the slower of two neighbouring blocks quicker."""
+    borders = list(borders)
+    for _ in range(MAX_BALANCE_ROUNDS):
+        has_moved = [_move_border(borders, number, block_cost) for number in range(1, len(borders) - 1)]
+        if not any(has_moved):
+            break
+    return borders
+
+
+def _move_border(borders: list[int], number: int, block_cost: BlockCost) -> bool:
+    """Move one border by a line if that helps; return whether it did."""
+    first, border, last = borders[number - 1 : number + 2]
+    before_s, after_s = block_cost(first, border), block_cost(border, last)
+    new_border = border - 1 if before_s > after_s else border + 1
+    if not first < new_border < last:
+        return False
+    if max(block_cost(first, new_border), block_cost(new_border, last)) >= max(before_s, after_s) - MIN_GAIN_S:
+        return False
+    borders[number] = new_border
+    return True
+
 
 NAME = "split-field"
 
 
-def split_field(job: Job) -> Plan:
+def plan_split_field(job: FieldJob) -> Plan:
     """One block of neighbouring lines per tractor, each in its quickest order; all start at once.
 
-    Blocks are balanced by these orders. With `job.jump` every block takes that pattern (1: one after another), and
-    blocks are of equal working time.
+    Blocks are balanced by these orders. With `job.jump` every block takes that pattern (1: one line after another) and
+    blocks have equal working times.
     """
-    lines = lines_of(job)
-    borders = cut([_weight(job, line) for line in lines], job.tractors)
+    lines = group_by_line(job)
+    borders = cut_balanced_blocks([_weigh_line(job, line) for line in lines], job.tractors)
     if job.jump is not None:
-        orders = patterned([_tracks(lines, *ends) for ends in pairwise(borders)], job, job.jump)
-        return plan_of(job, NAME, (mission_of(job, order) for order in orders))
-    shares = _quickest(job, lines, borders)
-    missions = (mission_in(job, number, share.order) for number, share in enumerate(shares))
-    if job.turned:  # the other way round an order takes a little more or less, and how good it is is not known
-        return plan_of(job, NAME, missions)
-    gap = max(share.gap_pct for share in shares)
-    return plan_of(job, NAME, missions, order_gap_pct=round(gap, 3))
+        orders = order_shares_in_pattern([_list_swaths(lines, *ends) for ends in pairwise(borders)], job, job.jump)
+        return make_strategy_plan(job, NAME, (build_mission(job, order) for order in orders))
+    shares = _get_quickest_blocks(job, lines, borders)
+    missions = (build_own_mission(job, number, share.order) for number, share in enumerate(shares))
+    if job.reversed_tractors:  # driven backwards, an order takes a little more or less: no gap is known
+        return make_strategy_plan(job, NAME, missions)
+    gap_pct = max(share.gap_pct for share in shares)
+    return make_strategy_plan(job, NAME, missions, order_gap_pct=round(gap_pct, 3))
 
 
-def _quickest(job: Job, lines: list[list[Track]], borders: list[int]) -> list[Searched]:
-    """The blocks of all tractors in their quickest orders, balanced by these; worked out once for a site."""
-    key = job.tractors, tuple(job.layout.tracks)
-    if key not in job.blocks:
-        job.blocks[key] = _balanced_blocks(job, lines, borders)
-    return job.blocks[key]  # type: ignore[no-any-return]
+def _get_quickest_blocks(job: FieldJob, lines: list[list[Swath]], borders: list[int]) -> list[SearchedOrder]:
+    """The blocks of all tractors in their quickest orders, balanced by these; cached for all jobs of a field."""
+    key = job.tractors, tuple(job.layout.swaths)
+    if key not in job.block_cache:
+        job.block_cache[key] = _balance_blocks(job, lines, borders)
+    return job.block_cache[key]  # type: ignore[no-any-return]
 
 
-def _balanced_blocks(job: Job, lines: list[list[Track]], borders: list[int]) -> list[Searched]:
-    table = TurnTable(job, list(job.layout.tracks))
-    known: dict[tuple[int, int], Searched] = {}
+def _balance_blocks(job: FieldJob, lines: list[list[Swath]], borders: list[int]) -> list[SearchedOrder]:
+    table = TurnTable(job, list(job.layout.swaths))
+    searched_blocks: dict[tuple[int, int], SearchedOrder] = {}
 
-    def block(first: int, last: int) -> Searched:
-        if (first, last) not in known:
-            best = searched(_tracks(lines, first, last), job, table)
-            known[first, last] = best if job.supply is None else searched_in_loads(best, job, table, job.supply)
-        return known[first, last]
+    def search_block(first: int, last: int) -> SearchedOrder:
+        if (first, last) not in searched_blocks:
+            searched = search_order(_list_swaths(lines, first, last), job, table)
+            searched_blocks[first, last] = (
+                searched if job.supply is None else search_in_loads(searched, job, table, job.supply)
+            )
+        return searched_blocks[first, last]
 
-    borders = balanced(borders, lambda first, last: block(first, last).seconds)
-    return [block(first, last) for first, last in pairwise(borders)]
-
-
-def _weight(job: Job, line: list[Track]) -> float:
-    """Length of a line with a turn for every piece (m)."""
-    return sum(track.length + job.manner.turn_s[1] * job.manner.work_speed_mps for track in line)
+    borders = balance_borders(borders, lambda first, last: search_block(first, last).seconds)
+    return [search_block(first, last) for first, last in pairwise(borders)]
 
 
-def _tracks(lines: list[list[Track]], first: int, last: int) -> list[Track]:
-    return [track for line in lines[first:last] for track in line]
+def _weigh_line(job: FieldJob, line: list[Swath]) -> float:
+    """Length of a line, plus one turn for every piece of it (m)."""
+    return sum(swath.length_m + job.driving_rules.turn_s[1] * job.driving_rules.work_speed_mps for swath in line)
 
 
-STRATEGY = Strategy(NAME, "one block of neighbouring tracks per tractor", split_field, takes_jump=True)
+def _list_swaths(lines: list[list[Swath]], first: int, last: int) -> list[Swath]:
+    return [swath for line in lines[first:last] for swath in line]
+
+
+STRATEGY = Strategy(NAME, "work one block of neighbouring swaths each", plan_split_field, takes_jump=True)

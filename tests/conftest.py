@@ -1,13 +1,13 @@
 """One thread for linear algebra on small matrices, and no time limit for a property.
 
-Several threads only wait for one another on a busy machine, and the first example may have to compile the simulator.
-With HEADLAND_TEST_SEED properties draw the same examples every time. Started in the background of a shell, tests would
-ignore interrupts, and so would all that they start: some of them interrupt and wait for the end.
+Several threads only wait for each other on a busy machine, and the first example may have to compile the simulator.
+With HEADLAND_TEST_SEED properties draw the same examples every time. Tests started in the background of a shell would
+ignore interrupts, and so would their processes, some of which are interrupted on purpose.
 
-Files are handed out whole, the long ones first, so that no worker is left with one of them at the end; a worker more
-than there are processors works while the tests of the service wait. All processes take the sources of this folder, also
-where the package is installed beside them, so that one compiled simulator serves them all; before the whole suite
-starts on several workers it is compiled once.
+Files are handed out whole, the long ones first, so that no worker is left with one of them at the end; one worker more
+than processors works while tests of the service wait. All processes use the sources of this folder, even if the package
+is installed as well, so that they share one compiled simulator; before the whole suite starts on several workers it is
+compiled once.
 """
 
 import gc
@@ -28,13 +28,15 @@ ROOT = Path(__file__).parents[1]
 LONG = (
     "test_readme", "test_determinism", "test_commands", "test_jobs", "test_invariance", "test_damaged", "test_plan",
     "test_conventions", "test_whole_field", "test_slope", "test_naming", "test_restarts", "test_replanning",
-    "test_logs", "test_pool", "test_pages", "test_golden_maps", "test_second_reference", "test_many", "test_jit",
+    "test_logs", "test_executors", "test_pages", "test_golden_maps", "test_second_reference", "test_many",
+    "test_many_fields", "test_jit",
     "test_replanned_refills", "test_contract", "test_trials", "test_day", "test_formations", "test_refusals",
-    "test_mending", "test_outputs", "test_headland", "test_refills", "test_files", "test_browser", "test_fuzz_logs",
-    "test_layout", "test_learning", "test_solve", "test_fences", "test_patches", "test_access", "test_study",
+    "test_mending", "test_outputs", "test_headland", "test_service_stops", "test_files", "test_browser",
+    "test_fuzz_logs",
+    "test_layout", "test_learning", "test_solve", "test_fences", "test_grip_patches", "test_access", "test_study",
     "test_long_logs", "test_pages_live", "test_page", "test_reverse", "test_asking", "test_field", "test_entrance",
 )  # fmt: skip
-"""Names of the files that take longest, the longest first; those that wait for much beside it sooner."""
+"""Names of the slowest files, the slowest first; files that mostly wait come earlier."""
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
@@ -62,7 +64,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, Any, Any]:
-    """Collect without looking for garbage, of which there is little: what is imported stays."""
+    """Collect without garbage collection: there is little garbage, as imports stay."""
     gc.disable()
     try:
         return (yield)

@@ -1,9 +1,8 @@
-"""The simulator compiled once, before tests start that would each compile it at the same time.
+"""Compiles the simulator once, before tests start that would each compile it at the same time.
 
-Two processes share the work, about half of it each: one the world, trials, and what plans of a field with every
-strategy need; one twins, diagnosis, and what searches for routes and for loads. Neither starts others, which would
-compile the same again, and what both need one of them compiles before the other comes to it. Where all is compiled
-already they take some seconds.
+Two processes share the work: one compiles the world, trials, and what plans with every strategy need; the other twins,
+diagnosis, and the searches for routes and loads. Neither starts further processes. If everything is compiled already
+they take some seconds.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ LONGEST_S = 600.0
 ROUTES = """
 import numpy as np
 import shapely
-from strategies.ways.connect import Connector, TurnCosts
+from strategies.path_planning.connector import Connector, TurnCosts
 free = shapely.box(0, 0, 90, 60) - shapely.box(40, 10, 50, 50)
 costs = TurnCosts(1.5, 1.0, 4.0)
 routes, onward = Connector(free, 4.3, costs), Connector(free, 4.3, costs, ("u", "omega"))
@@ -24,20 +23,20 @@ begin, end = (10.0, 30.0, 0.0), (80.0, 30.0, 0.0)
 """
 PLANS = f"""{ROUTES}
 import sys
-from planner.main import main
-from planner.warmup import run_once
-from strategies.orders.bounds import bound_by_ends
-from vehicle.missions import Leg, Mission
-from vehicle.tractor import Implement, load_tractor
-from vehicle.trials.sheets.catalogue import validate
-from vehicle.twin.stepper import Stepper
-routes.direct_costs(np.array([begin]), np.array([end]), np.array([[0, 0]]))
-run_once()
+from planner.cli.main import main
+from planner.pipeline.worker_tasks import warm_up_simulation
+from strategies.sequencing.tour_bounds import bound_by_end_prices
+from vehicle.missions.plan import Leg, Mission
+from vehicle.model.tractor import Implement, load_tractor
+from vehicle.trials.sheets.catalogue import run_experiments
+from vehicle.twin.robot_tractor import RobotTractor
+routes.compute_direct_costs(np.array([begin]), np.array([end]), np.array([[0, 0]]))
+warm_up_simulation()
 mission = Mission((Leg(np.array([[0.0, 0.0], [9.0, 0.0]]), 1.4),))
-Stepper(mission, load_tractor("eg105"), Implement()).advance(1.0)
-validate(("fixed", "zigzag"))
+RobotTractor(mission, load_tractor("eg105"), Implement()).advance(1.0)
+run_experiments(("fixed", "zigzag"))
 seconds = np.ones((12, 12))
-bound_by_ends(seconds, seconds[0], seconds[0], 1e9)
+bound_by_end_prices(seconds, seconds[0], seconds[0], 1e9)
 words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
 sys.argv = ["headland", *words.split()]
 main()
@@ -45,16 +44,15 @@ main()
 DRIVES = f"""{ROUTES}
 import sys
 from pathlib import Path
-from planner.main import main
-from planner.service.links.warming import warm
-from strategies.refilling.loads import Task
-from strategies.refilling.search import in_loads
+from planner.cli.main import main
+from planner.fleet.session.fleet_twins import warm_up
+from strategies.service_stops.load_search import LoadOrderingTask, order_in_loads
 from tests.truth.drives import three_speeds_programme
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
-warm()
+warm_up()
 seconds = np.ones((12, 12))
-in_loads(Task(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
+order_in_loads(LoadOrderingTask(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
 routes.connect(begin, end)
 onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
 second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
@@ -67,7 +65,7 @@ main()
 
 
 def warm() -> None:
-    """Compile what most tests need, for ten minutes at most; a fault here is not told, as tests will show it."""
+    """Compile what most tests need, for at most ten minutes; faults are ignored here, as tests will show them."""
     with tempfile.TemporaryDirectory() as place:
         silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": place}
         for process in [subprocess.Popen([sys.executable, "-c", code], **silent) for code in (DRIVES, PLANS)]:

@@ -1,15 +1,15 @@
-"""Refusals of this room.
+"""Errors of the vehicle package.
 
-    VehicleError(HeadlandError)    a parameter file or value that no tractor can have
-    ├── MissionError             a mission that no world can execute
-    └── LogError (measured)      a log that cannot be used as it is
+VehicleError(HeadlandError)    a parameter file or value that no tractor can have
+├── MissionError             a mission that no world can execute
+└── LogError (identification)   a log that cannot be used as it is
 """
 
 from fields.errors import HeadlandError
 
 
 class VehicleError(HeadlandError):
-    """A tractor, ground or implement that cannot be: the message names value, rule and fix."""
+    """A tractor, ground or implement that cannot exist: the message names value, rule and fix."""
 
 
 class MissionError(VehicleError):

@@ -1,6 +1,6 @@
-"""The one setting with which every formula of this room is compiled, and where the results are kept.
+"""How every formula of this package is compiled with numba, and the cache of compiled functions on disk.
 
-What is kept on disk only saves time: where it cannot be written or read back, functions are compiled again.
+The cache only saves time: where it cannot be written or read back, functions are compiled again.
 """
 
 from __future__ import annotations
@@ -19,33 +19,36 @@ from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-WITHOUT = (
-    "Note: the compiled simulator cannot be kept on disk ({}), so every run compiles anew; set NUMBA_CACHE_DIR to a "
-    "folder that takes files."
+LOOP_PACKAGES = ("control", "missions", "model", "sim")
+"""Packages beside this module whose constants are compiled into the loop."""
+
+NO_CACHE_NOTE = (
+    "Note: the compiled simulator cannot be stored on disk ({}), so every run compiles it again; set NUMBA_CACHE_DIR "
+    "to a folder that can be written to."
 )
-REBUILT = "Note: the compiled simulator on disk could not be read ({}) and is compiled anew."
+REBUILT_NOTE = "Note: the compiled simulator on disk could not be read ({}) and is compiled again."
 
 
-def compiled(function: Function) -> Function:
-    """Compile on first call and keep the result on disk; IEEE arithmetic, so that runs repeat bit for bit."""
+def compile_function(function: Function) -> Function:
+    """Compile on first call and store the result on disk; IEEE arithmetic, so that runs repeat bit for bit."""
     dispatcher: Any = numba.njit(error_model="numpy")(function)
     try:
-        dispatcher._cache = _Kept(function)
-    except (RuntimeError, OSError):  # no folder takes files: a read-only installation without a home
-        _remark(WITHOUT.format("no folder for it takes files"))
+        dispatcher._cache = _CheckedCache(function)
+    except (RuntimeError, OSError):  # a read-only installation without a home folder
+        _print_once(NO_CACHE_NOTE.format("no folder for it can be written to"))
     return cast(Function, dispatcher)
 
 
-def inlined(function: Function) -> Function:
-    """Written out wherever a compiled function calls it: loops over tractors are made of vectors only so."""
+def inline_function(function: Function) -> Function:
+    """Inlined wherever a compiled function calls it, without which loops over tractors do not vectorise."""
     return cast(Function, numba.njit(error_model="numpy", inline="always")(function))
 
 
-def _unowned(typingctx: Any, array: Any) -> Any:
-    """The same array without its owner, whom somebody else has to keep alive.
+def _emit_array_without_owner(typingctx: Any, array: Any) -> Any:
+    """The same array without its owner, which the caller has to keep alive.
 
-    Views of an array with an owner count it, with locked instructions: in a loop that takes one for every tractor and
-    step that was a third of all time.
+    Every view of an array with an owner counts references with locked instructions: a third of the time of a loop
+    that takes one for every tractor and step.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -57,36 +60,36 @@ def _unowned(typingctx: Any, array: Any) -> Any:
     return array(array), generate
 
 
-unowned: Any = intrinsic(_unowned)
+drop_owner: Any = intrinsic(_emit_array_without_owner)
 
 
-class _Kept(FunctionCache):
-    """The store of numba, which trusts its files, and does not see that a callee in another module has changed."""
+class _CheckedCache(FunctionCache):
+    """numba's cache, made safe: numba trusts its files and does not notice a changed callee in another module."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
         own = self._impl.locator.get_source_stamp()
         home = Path(function.__code__.co_filename).parent
-        self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _sources(home)))
+        self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _hash_sources(home)))
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
-        """The kept result, or None: a file that is cut off or garbage is forgotten."""
+        """The cached result, or None: a file that is truncated or corrupt is dropped."""
         try:
             return super().load_overload(signature, target_context)
         except Exception as error:
-            _remark(REBUILT.format(type(error).__name__))
-            self._forget()
+            _print_once(REBUILT_NOTE.format(type(error).__name__))
+            self._clear_cache()
             return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Keep a result, or go on without: the disk may be full."""
+        """Store a result, or continue without: the disk may be full."""
         try:
             super().save_overload(signature, result)
         except Exception as error:
             self.disable()
-            _remark(WITHOUT.format(getattr(error, "strerror", None) or type(error).__name__))
+            _print_once(NO_CACHE_NOTE.format(getattr(error, "strerror", None) or type(error).__name__))
 
-    def _forget(self) -> None:
+    def _clear_cache(self) -> None:
         try:
             self.flush()
         except OSError:
@@ -94,19 +97,19 @@ class _Kept(FunctionCache):
 
 
 @cache
-def _sources(home: Path) -> str:
-    """A digest of the modules that may be compiled in: this room's, and those at `home` that use it."""
-    room = Path(__file__).parent
-    texts = {path: path.read_bytes() for path in sorted({*room.rglob("*.py"), *home.glob("*.py")})}
+def _hash_sources(home: Path) -> str:
+    """Digest of the modules whose functions or constants may be compiled in: those of the loop, and their callers."""
+    package = Path(__file__).parent
+    texts = {path: path.read_bytes() for path in sorted({*package.rglob("*.py"), *home.glob("*.py")})}
     digest = hashlib.sha256()
     for path, text in texts.items():
-        if path.parent == room or b"vehicle.jit" in text:
+        if path.parent == package or path.parent.name in LOOP_PACKAGES or b"vehicle.jit" in text:
             digest.update(text)
     return digest.hexdigest()
 
 
 @cache
-def _remark(sentence: str) -> None:
-    """Say a sentence on standard error, once, and in the first process only."""
+def _print_once(sentence: str) -> None:
+    """Print a sentence on standard error, once, and in the main process only."""
     if multiprocessing.parent_process() is None:
         print(sentence, file=sys.stderr, flush=True)

@@ -1,7 +1,8 @@
-"""AgOpenGPS: a folder of text files in metres about the StartFix of Field.txt, in a plane of the program's own.
+"""AgOpenGPS: a folder of text files in metres about the StartFix of Field.txt; fields are read, guidance is written.
 
-The plane is that of `fields.plane`, not UTM. Numbers are written with a comma for a point where the computer's language
-does so.
+The plane is `fields.geometry.geodesy.LocalPlane`, not UTM. Depending on the language of the computer, numbers have
+decimal commas. Written points are as close as the program's own: it looks for the nearest one and offsets each by its
+heading.
 """
 
 from __future__ import annotations
@@ -9,221 +10,378 @@ from __future__ import annotations
 import itertools
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import PurePosixPath
 
-from fields.document import Document, Format
-from fields.errors import FieldError
-from fields.formats.archive import Members, members_around
-from fields.formats.features import Feature, document_of
-from fields.formats.vector import WGS84
-from fields.plane import Plane
-from fields.reading import some
+import numpy as np
+import shapely
 
-FIELD, BOUNDARY, HEADLAND = "field.txt", "boundary.txt", "headland.txt"
-TRACKS = ("tracklines.txt", "curvelines.txt", "ablines.txt")
+from fields.errors import FieldError
+from fields.formats.archive import ArchiveMembers, open_folder_or_archive
+from fields.formats.features import Feature, build_document
+from fields.formats.gdal import WGS84
+from fields.formats.guidance import (
+    DegreePoints,
+    FileContents,
+    GuidanceFormat,
+    PlanGuidance,
+    WorkLine,
+    build_folder_name,
+    simplify_to_ascii,
+)
+from fields.geometry.geodesy import LocalPlane
+from fields.raw_document import FieldDocument, FieldFormat
+from fields.text_files import count_noun
+
+FIELD_FILE, BOUNDARY_FILE, HEADLAND_FILE = "field.txt", "boundary.txt", "headland.txt"
+LINE_FILES = ("tracklines.txt", "curvelines.txt", "ablines.txt")
 AB_MODE, CURVE_MODE = 2, 4
-AB_LENGTH_M = 100.0
-UNNAMED = ("FieldNew", "XML Derived", "KML Derived")
-"""What the program writes for a name where it has none; the folder is called by it."""
-Track = tuple[str, list[tuple[float, float]]]
-"""Name and points in metres of a line of guidance."""
+AB_LINE_LENGTH_M = 100.0
+PLACEHOLDER_NAMES = ("FieldNew", "XML Derived", "KML Derived")
+"""Names that the program writes for unnamed fields; the folder's name is used instead."""
+NamedLine = tuple[str, list[tuple[float, float]]]
+"""Name and points in metres of a guidance line."""
 _SPACES = re.compile(r"\s+")
 
 
-def _read(path: str, label: str) -> Document:
-    members = members_around(path)
+def _read_fields(path: str, label: str) -> FieldDocument:
+    members = open_folder_or_archive(path)
     notes: list[str] = []
     features: list[Feature] = []
-    for name in [one for one in members if one.lower().split("/")[-1] == FIELD]:
-        features += _field(members, name, label, notes)
+    for name in [one for one in members if one.lower().split("/")[-1] == FIELD_FILE]:
+        features += _read_field_features(members, name, label, notes)
     if not features:
-        raise FieldError(f"{label} has no field with a boundary; draw one in AgOpenGPS, or name another folder.")
-    return document_of(features, label, crs=WGS84, source="AgOpenGPS", notes=tuple(notes))
+        raise FieldError(f"{label} has no field with a boundary; draw it in AgOpenGPS, or name another folder.")
+    return build_document(features, label, crs=WGS84, source="AgOpenGPS", notes=tuple(notes))
 
 
-def _field(members: Members, main: str, label: str, notes: list[str]) -> list[Feature]:
-    """Boundary and lines of the field whose Field.txt this is."""
-    lines = _lines(members[main])
-    plane = _plane(lines, label)
-    said = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
-    folder = PurePosixPath(main).parent.name or members.path.resolve().name
-    name = said if said and said not in UNNAMED else folder
-    outline = members.beside(main, BOUNDARY)
-    rings = [] if outline is None else _rings(_lines(outline), name, notes)
+def _read_field_features(members: ArchiveMembers, field_file: str, label: str, notes: list[str]) -> list[Feature]:
+    """Boundary, guidance lines and headland edges of the field with this Field.txt."""
+    lines = _split_lines(members[field_file])
+    plane = _parse_plane(lines, label)
+    stated_name = next((after for line, after in itertools.pairwise(lines) if line == "$FieldDir"), "")
+    folder = PurePosixPath(field_file).parent.name or members.path.resolve().name
+    name = stated_name if stated_name and stated_name not in PLACEHOLDER_NAMES else folder
+    outline = members.read_member_beside(field_file, BOUNDARY_FILE)
+    rings = [] if outline is None else _parse_rings(_split_lines(outline), name, notes)
     if not rings:
-        notes.append(f"'{name}' has no boundary and is left out.")
+        notes.append(f"'{name}' has no boundary and is skipped.")
         return []
-    coordinates = [[plane.degrees(*point) for point in ring] for ring in rings]
-    features = [_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
-    for file in TRACKS:
-        content = members.beside(main, file)
-        left: list[int] = []
-        found = [] if content is None else list(_tracks(_lines(content), file, left))
-        if left:
-            notes.append(f"Left out of '{name}': {some(sum(left), 'line')} of {file} that cannot be read.")
+    coordinates = [[plane.to_degrees(*point) for point in ring] for ring in rings]
+    features = [_build_feature("Polygon", coordinates, {"name": name, "role": "boundary"})]
+    for file in LINE_FILES:
+        content = members.read_member_beside(field_file, file)
+        unread_counts: list[int] = []
+        named_lines = [] if content is None else list(_parse_guidance_lines(_split_lines(content), file, unread_counts))
+        if unread_counts:
+            notes.append(f"Skipped in '{name}': {count_noun(sum(unread_counts), 'unreadable line')} of {file}.")
         features += [
-            _feature("LineString", [plane.degrees(*point) for point in points], {"name": title, "role": "guidance"})
-            for title, points in found
+            _build_feature(
+                "LineString", [plane.to_degrees(*point) for point in points], {"name": title, "role": "guidance"}
+            )
+            for title, points in named_lines
         ]
-    return [*features, *_headlands(members.beside(main, HEADLAND), plane)]
+    return [*features, *_read_headland_edges(members.read_member_beside(field_file, HEADLAND_FILE), plane)]
 
 
-def _headlands(content: bytes | None, plane: Plane) -> list[Feature]:
-    """Inner edges of headlands: rings as those of the boundary, of no points where a ring has none."""
-    rings = [] if content is None else _rings(_lines(content), "", [])
-    edges = [[plane.degrees(*point) for point in (*ring, ring[0])] for ring in rings]
-    return [_feature("LineString", edge, {"role": "headland"}) for edge in edges]
+def _read_headland_edges(content: bytes | None, plane: LocalPlane) -> list[Feature]:
+    """Inner edges of headlands, in the format of the boundary's rings; rings without a headland have no points."""
+    rings = [] if content is None else _parse_rings(_split_lines(content), "", [])
+    edges = [[plane.to_degrees(*point) for point in (*ring, ring[0])] for ring in rings]
+    return [_build_feature("LineString", edge, {"role": "headland"}) for edge in edges]
 
 
-def _plane(lines: list[str], label: str) -> Plane:
-    """The origin that stands below StartFix, latitude first."""
-    after = next((line for before, line in itertools.pairwise(lines) if before == "StartFix"), "")
-    numbers = _numbers(after, 2)
+def _parse_plane(lines: list[str], label: str) -> LocalPlane:
+    """The plane with the origin in the line below StartFix, latitude first."""
+    numbers_line = next((line for before, line in itertools.pairwise(lines) if before == "StartFix"), "")
+    numbers = _parse_numbers(numbers_line, 2)
     if numbers is None or abs(numbers[0]) > 90.0 or abs(numbers[1]) > 180.0:
         raise FieldError(f"Field.txt of {label} has no StartFix with latitude and longitude; save the field again.")
-    return Plane(numbers[1], numbers[0])
+    return LocalPlane(numbers[1], numbers[0])
 
 
-def _rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[float, float]]]:
-    """Rings of Boundary.txt, the outer one first: lines of True or False, a count, and so many points."""
-    rings, place, short = [], 0, 0
+def _parse_rings(lines: list[str], name: str, notes: list[str]) -> list[list[tuple[float, float]]]:
+    """Rings of Boundary.txt, the outer one first: lines of True or False, a count, and that number of points."""
+    rings, place, short_rings = [], 0, 0
     while place < len(lines):
-        count = _count(lines[place])
+        count = _parse_count(lines[place])
         if count is None:
             place += 1
             continue
-        points = [_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
-        whole = [(one[0], one[1]) for one in points if one is not None]
-        if len(whole) < count:
-            notes.append(f"A ring of '{name}' says {count} points and has {len(whole)}; those are taken.")
-        if len(set(whole)) >= 3:
-            rings.append(whole)
-        elif not rings and not short:
+        points = [_parse_numbers(line, 2) for line in lines[place + 1 : place + 1 + count]]
+        valid_points = [(one[0], one[1]) for one in points if one is not None]
+        if len(valid_points) < count:
+            notes.append(f"A ring of '{name}' has {len(valid_points)} points, not {count} as stated; these are used.")
+        if len(set(valid_points)) >= 3:
+            rings.append(valid_points)
+        elif not rings and not short_rings:
             return []  # without its outer ring a field has no boundary
         else:
-            short += 1
-        place += 1 + len(whole)
-    if short:
-        notes.append(f"Left out of '{name}': {some(short, 'ring')} with fewer than 3 points.")
+            short_rings += 1
+        place += 1 + len(valid_points)
+    if short_rings:
+        notes.append(f"Skipped in '{name}': {count_noun(short_rings, 'ring')} with fewer than 3 points.")
     return rings
 
 
-def _tracks(lines: list[str], file: str, left: list[int]) -> Iterator[Track]:
-    """Names and points of the lines of a file: TrackLines.txt of today, or the two files that came before it.
+def _parse_guidance_lines(lines: list[str], file: str, unread_counts: list[int]) -> Iterator[NamedLine]:
+    """Names and points of the lines of TrackLines.txt or of its two predecessors.
 
-    How many lines of guidance could not be read is put into `left`.
+    Numbers of unreadable lines are appended to `unread_counts`.
     """
     lines = lines[1:] if lines and lines[0].startswith("$") else lines
     if file == "ablines.txt":
-        yield from _old_ab(lines, left)
+        yield from _parse_old_ab_lines(lines, unread_counts)
     elif file == "curvelines.txt":
-        yield from _old_curves(lines, left)
+        yield from _parse_old_curves(lines, unread_counts)
     else:
-        yield from _track_lines(lines, left)
+        yield from _parse_track_lines(lines, unread_counts)
 
 
-def _track_lines(lines: list[str], left: list[int]) -> Iterator[Track]:
-    """Name, heading in radians, A, B, nudge, mode, visible, count and points, one after the other.
+def _parse_track_lines(lines: list[str], unread_counts: list[int]) -> Iterator[NamedLine]:
+    """TrackLines.txt: name, heading in radians, A, B, nudge, mode, visible, count and points, for every line.
 
-    After one that is garbled the next is looked for line by line.
+    After a garbled entry the next one is searched line by line.
     """
     place, garbled = 0, False
     while place < len(lines):
         head = lines[place : place + 8]
-        ends = [_numbers(line, 2) for line in head[2:4]]
-        mode, count = (_count(head[5]), _count(head[7])) if len(head) == 8 else (None, None)
+        ends = [_parse_numbers(line, 2) for line in head[2:4]]
+        mode, count = (_parse_count(head[5]), _parse_count(head[7])) if len(head) == 8 else (None, None)
         if count is None or mode is None or None in ends or head[6].lower() not in ("true", "false"):
-            left += [] if garbled else [1]
+            unread_counts += [] if garbled else [1]
             garbled, place = True, place + 1
             continue
         garbled, name = False, head[0]
-        points = [_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
+        points = [_parse_numbers(line, 2) for line in lines[place + 8 : place + 8 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if mode == CURVE_MODE and len(curve) > 1:
             yield name, curve
         elif mode == AB_MODE:
             yield name, [(one[0], one[1]) for one in ends if one is not None]
         else:
-            left.append(1)
+            unread_counts.append(1)
         place += 8 + count
 
 
-def _old_ab(lines: list[str], left: list[int]) -> Iterator[Track]:
-    """ABLines.txt: name, heading in degrees, easting and northing of a point, all in one line."""
+def _parse_old_ab_lines(lines: list[str], unread_counts: list[int]) -> Iterator[NamedLine]:
+    """ABLines.txt: name, heading in degrees, easting and northing of a point, in one line."""
     for line in lines:
-        name, _, rest = line.partition(",")
-        numbers = _numbers(rest, 3)
+        name, _, numbers_text = line.partition(",")
+        numbers = _parse_numbers(numbers_text, 3)
         if numbers is not None:
-            turn, east, north = math.radians(numbers[0]), numbers[1], numbers[2]
-            yield name, [(east, north), (east + AB_LENGTH_M * math.sin(turn), north + AB_LENGTH_M * math.cos(turn))]
+            heading_rad, east, north = math.radians(numbers[0]), numbers[1], numbers[2]
+            yield (
+                name,
+                [
+                    (east, north),
+                    (east + AB_LINE_LENGTH_M * math.sin(heading_rad), north + AB_LINE_LENGTH_M * math.cos(heading_rad)),
+                ],
+            )
         else:
-            left.append(1)
+            unread_counts.append(1)
 
 
-def _old_curves(lines: list[str], left: list[int]) -> Iterator[Track]:
-    """CurveLines.txt: name, heading in radians, count, points; what follows a garbled one is not looked for."""
+def _parse_old_curves(lines: list[str], unread_counts: list[int]) -> Iterator[NamedLine]:
+    """CurveLines.txt: name, heading in radians, count and points; reading ends at a garbled entry."""
     place = 0
     while place < len(lines):
-        count = _count(lines[place + 2]) if place + 2 < len(lines) else None
+        count = _parse_count(lines[place + 2]) if place + 2 < len(lines) else None
         if count is None:
-            left.append(1)
+            unread_counts.append(1)
             return
-        points = [_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
+        points = [_parse_numbers(line, 2) for line in lines[place + 3 : place + 3 + count]]
         curve = [(one[0], one[1]) for one in points if one is not None]
         if len(curve) > 1:
             yield lines[place], curve
         else:
-            left.append(1)
+            unread_counts.append(1)
         place += 3 + count
 
 
-def _numbers(line: str, least: int) -> list[float] | None:
-    """Numbers of a line between commas; where commas are also points of numbers, of pairs put together."""
+def _parse_numbers(line: str, min_count: int) -> list[float] | None:
+    """Numbers of a line, separated by commas; with decimal commas, pairs of parts are joined."""
     parts = [part for part in _SPACES.sub("", line).split(",") if part]
-    if len(parts) >= 2 * least and all("." not in part for part in parts):
+    if len(parts) >= 2 * min_count and all("." not in part for part in parts):
         parts = [f"{whole}.{rest}" for whole, rest in zip(parts[::2], parts[1::2], strict=False)]
     try:
         numbers = [float(part) for part in parts]
     except ValueError:
         return None
-    return numbers if len(numbers) >= least and all(map(math.isfinite, numbers)) else None
+    return numbers if len(numbers) >= min_count and all(map(math.isfinite, numbers)) else None
 
 
-def _count(line: str) -> int | None:
-    """A whole number of a few digits, None for anything else."""
+def _parse_count(line: str) -> int | None:
+    """An integer of up to 7 digits, None for anything else."""
     return int(line) if line.isascii() and line.isdecimal() and len(line) <= 7 else None
 
 
-def _lines(content: bytes) -> list[str]:
+def _split_lines(content: bytes) -> list[str]:
     text = content.decode("utf-8-sig", errors="replace")
     return [line.strip() for line in text.splitlines() if line.strip()]
 
 
-def _feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
+def _build_feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
-def plane_of(content: bytes, label: str) -> Plane:
+def read_plane(content: bytes, label: str) -> LocalPlane:
     """The plane that a Field.txt sets; raises FieldError."""
-    return _plane(_lines(content), label)
+    return _parse_plane(_split_lines(content), label)
 
 
-def outline_of(members: Members, main: str, plane: Plane) -> list[list[list[float]]]:
-    """Longitude and latitude of the rings of the field whose Field.txt is `main`; nothing without a boundary."""
-    content = members.beside(main, BOUNDARY)
-    rings = [] if content is None else _rings(_lines(content), "", [])
-    return [[plane.degrees(*point) for point in ring] for ring in rings]
+def read_boundary_degrees(members: ArchiveMembers, field_file: str, plane: LocalPlane) -> list[list[list[float]]]:
+    """Longitude and latitude of the rings of the field with this Field.txt; empty without a boundary."""
+    content = members.read_member_beside(field_file, BOUNDARY_FILE)
+    rings = [] if content is None else _parse_rings(_split_lines(content), "", [])
+    return [[plane.to_degrees(*point) for point in ring] for ring in rings]
 
 
-def lines_of(content: bytes) -> list[str]:
-    """The lines of a file of the program that hold anything."""
-    return _lines(content)
+def split_lines(content: bytes) -> list[str]:
+    """The lines of a file that are not empty."""
+    return _split_lines(content)
 
 
-def numbers_of(line: str, least: int) -> list[float] | None:
-    """Numbers of a line, with decimal points or commas; None for fewer than `least`."""
-    return _numbers(line, least)
+def parse_numbers(line: str, min_count: int) -> list[float] | None:
+    """Numbers of a line, with decimal points or commas; None for fewer than `min_count`."""
+    return _parse_numbers(line, min_count)
 
 
-FORMAT = Format("AgOpenGPS", (), _read, lambda names: FIELD in names)
+FIELD_FORMAT = FieldFormat("AgOpenGPS", (), _read_fields, lambda names: FIELD_FILE in names)
+
+
+RING_SPACING_M, CURVE_SPACING_M = 5.0, 2.0
+START_DECIMALS = 8
+FIRST_LINE = "Headland"
+"""First line of Field.txt, where the program writes the time of day but reads nothing."""
+
+MetrePoints = list[tuple[float, float]]
+
+
+def _write_agopengps(guidance: PlanGuidance) -> FileContents:
+    tractor = guidance.tractors[0]
+    name = build_folder_name(guidance.field, "Field") + (f" T{tractor.number}" if guidance.has_other_tractors else "")
+    plane = _build_plane(guidance)
+    rings = (
+        () if guidance.boundary is None else (*guidance.boundary.rings, *(one.rings[0] for one in guidance.obstacles))
+    )
+    files = {
+        "Field.txt": [
+            FIRST_LINE,
+            "$FieldDir",
+            name,
+            "$Offsets",
+            "0,0",
+            "Convergence",
+            "0",
+            "StartFix",
+            f"{plane.latitude_deg:.{START_DECIMALS}f},{plane.longitude_deg:.{START_DECIMALS}f}",
+        ],
+        "Boundary.txt": ["$Boundary", *(row for ring in rings for row in ("False", *_format_ring(plane, ring)))],
+        "Headland.txt": ["$Headland", *_format_headland(plane, guidance)],
+        "TrackLines.txt": ["$TrackLines", *(row for line in tractor.lines for row in _format_line(plane, line))],
+    }
+    return {f"{name}/{file}": "\r\n".join([*rows, ""]).encode("utf-8") for file, rows in files.items()}
+
+
+def _build_plane(guidance: PlanGuidance) -> LocalPlane:
+    """The plane about the middle of the boundary, or of the lines without a boundary."""
+    points = np.concatenate(
+        [guidance.boundary.rings[0]] if guidance.boundary is not None else [one.points for one in guidance.lines]
+    )
+    first_deg = points[0, 0]
+    east_deg = (points[:, 0] - first_deg + 180.0) % 360.0 - 180.0  # the shorter way across 180 degrees
+    longitude = math.remainder(first_deg + 0.5 * (east_deg.min() + east_deg.max()), 360.0)
+    latitude = 0.5 * (points[:, 1].min() + points[:, 1].max())
+    return LocalPlane(round(float(longitude), START_DECIMALS), round(float(latitude), START_DECIMALS))
+
+
+def _format_ring(plane: LocalPlane, ring: DegreePoints) -> list[str]:
+    """Count and points of a ring, each with the direction from the point before to the point after."""
+    corners = _convert_to_metres(plane, ring)
+    points = _insert_points([*corners, corners[0]], RING_SPACING_M)[:-1]
+    headings = [
+        _compute_heading_rad(points[place - 1], points[(place + 1) % len(points)]) for place in range(len(points))
+    ]
+    return _format_rows(points, headings)
+
+
+def _format_headland(plane: LocalPlane, guidance: PlanGuidance) -> list[str]:
+    """The headland edge of the outer ring of the boundary and of each inner one, 0 points without.
+
+    The program has one edge per ring; if the headland divides the field, it is that of the largest part.
+    """
+    if guidance.boundary is None or not guidance.headland_interior:
+        return []
+    edges = max(guidance.headland_interior, key=lambda one: _compute_area_m2(plane, one.rings[0])).rings
+    holes = [*guidance.boundary.rings[1:], *(one.rings[0] for one in guidance.obstacles)]
+    rings = [_format_ring(plane, edges[0])]
+    for hole in holes:
+        surrounding = next((edge for edge in edges[1:] if _is_within(hole[0], edge)), None)
+        rings.append(["0"] if surrounding is None else _format_ring(plane, surrounding))
+    return [row for rows in rings for row in rows]
+
+
+def _compute_area_m2(plane: LocalPlane, ring: DegreePoints) -> float:
+    """Area within a ring, square metres."""
+    return float(shapely.Polygon(_convert_to_metres(plane, ring)).area)
+
+
+def _is_within(point: DegreePoints, ring: DegreePoints) -> bool:
+    """Whether a point is within a ring (crossings of a ray)."""
+    (x, y), ends = point, np.roll(ring, -1, axis=0)
+    spans = (ring[:, 1] > y) != (ends[:, 1] > y)
+    starts, ends = ring[spans], ends[spans]
+    cuts = starts[:, 0] + (y - starts[:, 1]) / (ends[:, 1] - starts[:, 1]) * (ends[:, 0] - starts[:, 0])
+    return int((cuts > x).sum()) % 2 == 1
+
+
+def _format_line(plane: LocalPlane, line: WorkLine) -> list[str]:
+    """Name, heading in radians, A, B, nudge, mode, visible, and the points of a curve with their headings."""
+    ends = _convert_to_metres(plane, line.points)
+    name = simplify_to_ascii(line.name)
+    head = [
+        name,
+        f"{_compute_heading_rad(ends[0], ends[-1]):.8f}",
+        _format_point(ends[0]),
+        _format_point(ends[-1]),
+        "0",
+    ]
+    if line.is_straight:
+        return [*head, str(AB_MODE), "True", "0"]
+    points = _insert_points(ends, CURVE_SPACING_M)
+    headings = [_compute_heading_rad(one, other) for one, other in pairwise(points)]
+    return [*head, str(CURVE_MODE), "True", *_format_rows(points, [*headings, headings[-1]])]
+
+
+def _convert_to_metres(plane: LocalPlane, points: DegreePoints) -> MetrePoints:
+    return [plane.to_metres(longitude, latitude) for longitude, latitude in points.tolist()]
+
+
+def _insert_points(points: MetrePoints, spacing_m: float) -> MetrePoints:
+    """The points with intermediate points inserted, at most `spacing_m` apart."""
+    dense = [points[0]]
+    for (x, y), (to_x, to_y) in pairwise(points):
+        parts = max(1, math.ceil(math.hypot(to_x - x, to_y - y) / spacing_m - 1e-9))
+        dense += [(x + k / parts * (to_x - x), y + k / parts * (to_y - y)) for k in range(1, parts + 1)]
+    return dense
+
+
+def _compute_heading_rad(start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Direction clockwise from north, radians from 0 to 2 pi."""
+    return math.atan2(end[0] - start[0], end[1] - start[1]) % (2.0 * math.pi)
+
+
+def _format_rows(points: MetrePoints, headings: Sequence[float]) -> list[str]:
+    rows = [f"{_format_point(point)},{heading:.5f}" for point, heading in zip(points, headings, strict=True)]
+    return [str(len(points)), *rows]
+
+
+def _format_point(point: tuple[float, float]) -> str:
+    return f"{point[0]:.3f},{point[1]:.3f}"
+
+
+GUIDANCE_FORMAT = GuidanceFormat(
+    "agopengps", "AgOpenGPS", _write_agopengps, per_tractor=True, names_tractors=True, unsupported_parts=("entrance",)
+)

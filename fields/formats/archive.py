@@ -1,4 +1,4 @@
-"""Folders and ZIP archives of field files: what is in them, read without trusting their names or sizes."""
+"""Files in folders and ZIP archives, read without trusting their names or sizes."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
 from fields.errors import FieldError
-from fields.reading import MOST_BYTES, reason, shown
+from fields.text_files import MAX_BYTES, explain_error, quote_path
 
-MOST_FILES = 20_000
-DEEPEST = 4
-"""Folders below the one that was named are looked through so far down."""
+MAX_FILES = 20_000
+MAX_FOLDER_DEPTH = 4
+"""Levels of subfolders that are searched."""
 
 
 def is_archive(path: str | Path) -> bool:
-    """Whether a file begins as a ZIP archive does; a pipe is never looked into, as it can be read only once."""
+    """Whether a file begins like a ZIP archive; pipes are not opened, as they can be read only once."""
     try:
         if not os.path.isfile(path):
             return False
@@ -27,35 +27,39 @@ def is_archive(path: str | Path) -> bool:
         return False
 
 
-class Members(Mapping[str, bytes]):
-    """The files of a folder or ZIP archive by their path in it, with forward slashes, in the order of the names.
+class ArchiveMembers(Mapping[str, bytes]):
+    """The files of a folder or ZIP archive by their relative path with forward slashes, sorted by name.
 
-    Folders in a folder are looked through `deepest` down. Nothing is read before it is asked for, and nothing is ever
-    written. Raises FieldError for an archive that cannot be opened, that holds names leading out of it, or more than
-    256 MB when unpacked.
+    Subfolders are searched `max_depth` levels down. Files are read on access only, and nothing is written. Raises
+    FieldError for an archive that cannot be opened, contains paths outside itself, or exceeds 256 MB unpacked.
     """
 
-    def __init__(self, path: str | Path, deepest: int = DEEPEST) -> None:
+    def __init__(self, path: str | Path, max_depth: int = MAX_FOLDER_DEPTH) -> None:
         self.path = Path(path)
-        self._archive = None if self.path.is_dir() else _opened(self.path)
-        self._unpacked = 0
-        self._names = _in_folder(self.path, deepest) if self._archive is None else _in_archive(self._archive, self.path)
+        self._archive = None if self.path.is_dir() else _open_archive(self.path)
+        self._unpacked_bytes = 0
+        self._names = (
+            _list_folder_members(self.path, max_depth)
+            if self._archive is None
+            else _list_archive_members(self._archive, self.path)
+        )
 
     def __getitem__(self, name: str) -> bytes:
         if name not in self._names:
             raise KeyError(name)
         try:
             if self._archive is None:
-                return _bytes(self.path / name)
+                return _read_limited(self.path / name)
             with self._archive.open(self._names[name]) as stream:
-                content = stream.read(min(MOST_BYTES - self._unpacked, MOST_BYTES) + 1)
+                content = stream.read(min(MAX_BYTES - self._unpacked_bytes, MAX_BYTES) + 1)
         except (OSError, RuntimeError, NotImplementedError, zipfile.BadZipFile, zlib.error, EOFError) as error:
             raise FieldError(
-                f"{name} in {shown(self.path)} cannot be read ({reason(error)}); make the folder or archive again."
+                f"{name} in {quote_path(self.path)} cannot be read ({explain_error(error)}); create the folder or "
+                "archive again."
             ) from None
-        self._unpacked += len(content)
-        if self._unpacked > MOST_BYTES:
-            raise FieldError(_too_much(self.path))
+        self._unpacked_bytes += len(content)
+        if self._unpacked_bytes > MAX_BYTES:
+            raise FieldError(_explain_too_large(self.path))
         return content
 
     def __iter__(self) -> Iterator[str]:
@@ -64,99 +68,103 @@ class Members(Mapping[str, bytes]):
     def __len__(self) -> int:
         return len(self._names)
 
-    def named(self, name: str) -> list[str]:
-        """The paths of all files of this name, whatever their case and folder, in order."""
-        wanted = name.lower()
-        return [one for one in self if PurePosixPath(one).name.lower() == wanted]
+    def find_paths_by_name(self, name: str) -> list[str]:
+        """The paths of all files with this name in any folder; case is ignored."""
+        lower_name = name.lower()
+        return [one for one in self if PurePosixPath(one).name.lower() == lower_name]
 
-    def beside(self, path: str, name: str) -> bytes | None:
-        """A file of the same folder as another, whatever its case; None without one."""
-        folder, wanted = PurePosixPath(path).parent, name.lower()
-        for one in self:
-            place = PurePosixPath(one)
-            if place.parent == folder and place.name.lower() == wanted:
-                return self[one]
+    def read_member_beside(self, path: str, name: str) -> bytes | None:
+        """The content of a file in the same folder as another, None without it; case is ignored."""
+        folder, lower_name = PurePosixPath(path).parent, name.lower()
+        for member in self:
+            member_path = PurePosixPath(member)
+            if member_path.parent == folder and member_path.name.lower() == lower_name:
+                return self[member]
         return None
 
 
-def members_around(path: str | Path) -> Members:
-    """What is in a folder or ZIP archive; for any other file, what stands in the same folder."""
+def open_folder_or_archive(path: str | Path) -> ArchiveMembers:
+    """The files of a folder or ZIP archive; for any other file those of its folder."""
     if os.path.isdir(path) or is_archive(path):
-        return Members(path)
-    return Members(Path(path).parent, 0)
+        return ArchiveMembers(path)
+    return ArchiveMembers(Path(path).parent, 0)
 
 
-def file_beside(path: Path, name: str) -> bytes | None:
-    """A file of the same folder as another, whatever its case; None without one."""
+def read_file_beside(path: Path, name: str) -> bytes | None:
+    """The content of a file in the same folder as another, None without it; case is ignored."""
     try:
-        near = next((one for one in sorted(path.parent.iterdir()) if one.name.lower() == name.lower()), None)
-        return None if near is None or not near.is_file() else _bytes(near)
+        neighbour = next((one for one in sorted(path.parent.iterdir()) if one.name.lower() == name.lower()), None)
+        return None if neighbour is None or not neighbour.is_file() else _read_limited(neighbour)
     except OSError as error:
-        raise FieldError(f"{shown(path.parent)} cannot be looked through ({reason(error)}); copy the folder.") from None
+        raise FieldError(
+            f"The folder {quote_path(path.parent)} cannot be read ({explain_error(error)}); copy it to another place."
+        ) from None
 
 
-def names_in(path: str | Path) -> frozenset[str]:
-    """Names of the files in a folder or archive, lower case, without folders; none for any other file."""
+def list_names(path: str | Path) -> frozenset[str]:
+    """Names of the files in a folder or archive, lower case, without folders; empty for any other file."""
     if not (os.path.isdir(path) or is_archive(path)):
         return frozenset()
-    return frozenset(PurePosixPath(name).name.lower() for name in Members(path))
+    return frozenset(PurePosixPath(name).name.lower() for name in ArchiveMembers(path))
 
 
-def _opened(path: Path) -> zipfile.ZipFile:
+def _open_archive(path: Path) -> zipfile.ZipFile:
     try:
         return zipfile.ZipFile(path)
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError) as error:
-        raise FieldError(f"{shown(path)} is no archive that can be opened ({reason(error)}); pack it again.") from None
+        raise FieldError(
+            f"The archive {quote_path(path)} cannot be opened ({explain_error(error)}); pack it again."
+        ) from None
 
 
-def _in_archive(archive: zipfile.ZipFile, path: Path) -> dict[str, str]:
-    """Members by clean name; refuses what would unpack to too much and names that lead out."""
-    files = [one for one in archive.infolist() if not one.is_dir()]
-    if len(files) > MOST_FILES:
-        raise FieldError(f"{shown(path)} holds {len(files)} files; a farm's archive has {MOST_FILES} at most.")
-    if sum(one.file_size for one in files) > MOST_BYTES:
-        raise FieldError(_too_much(path))
-    clean = {}
-    for one in files:
-        parts = PurePosixPath(one.filename.replace("\\", "/"))
-        if parts.is_absolute() or ".." in parts.parts or ":" in one.filename:
+def _list_archive_members(archive: zipfile.ZipFile, path: Path) -> dict[str, str]:
+    """Members by normalised name; refuses archives that are too large and names outside the archive."""
+    files = [entry for entry in archive.infolist() if not entry.is_dir()]
+    if len(files) > MAX_FILES:
+        raise FieldError(f"{quote_path(path)} contains {len(files)} files; at most {MAX_FILES} are allowed.")
+    if sum(entry.file_size for entry in files) > MAX_BYTES:
+        raise FieldError(_explain_too_large(path))
+    names = {}
+    for entry in files:
+        parts = PurePosixPath(entry.filename.replace("\\", "/"))
+        if parts.is_absolute() or ".." in parts.parts or ":" in entry.filename:
             raise FieldError(
-                f"{shown(path)} holds the name {shown(one.filename)}, which leads out of it; pack it again "
-                "with names only."
+                f"{quote_path(path)} contains {quote_path(entry.filename)}, a path outside the archive; pack it again "
+                "with relative paths."
             )
-        if not _hidden(parts):
-            clean[str(parts)] = one.filename
-    return dict(sorted(clean.items()))
+        if not _is_system_artefact(parts):
+            names[str(parts)] = entry.filename
+    return dict(sorted(names.items()))
 
 
-def _too_much(path: Path) -> str:
-    return f"{shown(path)} unpacks to more than {MOST_BYTES >> 20} MB; give an archive with less in it."
+def _explain_too_large(path: Path) -> str:
+    return f"{quote_path(path)} unpacks to more than {MAX_BYTES >> 20} MB; give an archive with less in it."
 
 
-def _in_folder(folder: Path, deepest: int) -> dict[str, str]:
-    """Regular files of a folder and its folders; hidden ones and links to folders are left out."""
-    found: dict[str, str] = {}
+def _list_folder_members(folder: Path, max_depth: int) -> dict[str, str]:
+    """Regular files of a folder and its subfolders, without hidden files and links to folders."""
+    files_by_path: dict[str, str] = {}
     for base, folders, files in os.walk(folder):
-        below = PurePosixPath(Path(base).relative_to(folder).as_posix())
-        folders[:] = [] if len(below.parts) >= deepest else sorted(folders)
+        relative_folder = PurePosixPath(Path(base).relative_to(folder).as_posix())
+        folders[:] = [] if len(relative_folder.parts) >= max_depth else sorted(folders)
         for name in sorted(files):
-            if not _hidden(below / name) and os.path.isfile(os.path.join(base, name)):
-                found[str(below / name)] = name
-        if len(found) > MOST_FILES:
+            if not _is_system_artefact(relative_folder / name) and os.path.isfile(os.path.join(base, name)):
+                files_by_path[str(relative_folder / name)] = name
+        if len(files_by_path) > MAX_FILES:
             raise FieldError(
-                f"{shown(folder)} holds more than {MOST_FILES} files; name the folder of the field itself."
+                f"{quote_path(folder)} contains more than {MAX_FILES} files; name the folder of the field itself."
             )
-    return dict(sorted(found.items()))
+    return dict(sorted(files_by_path.items()))
 
 
-def _hidden(path: PurePosixPath) -> bool:
-    """Files that systems leave behind: ._names and __MACOSX."""
+def _is_system_artefact(path: PurePosixPath) -> bool:
+    """Whether a file is an artefact of the system: .name or __MACOSX."""
     return path.name.startswith(".") or "__MACOSX" in path.parts
 
 
-def _bytes(path: Path) -> bytes:
+def _read_limited(path: Path) -> bytes:
     with open(path, "rb") as stream:
-        content = stream.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
-        raise OSError(f"it is larger than {MOST_BYTES >> 20} MB")
+        content = stream.read(MAX_BYTES + 1)
+    if len(content) > MAX_BYTES:
+        raise OSError(f"it is larger than {MAX_BYTES >> 20} MB")
     return content

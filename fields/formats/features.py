@@ -1,26 +1,32 @@
-"""Features, as GeoJSON has them and other forms are turned into, sorted by what a field reads them as."""
+"""Features in the form of GeoJSON, into which all formats are converted, sorted into the parts of a field document."""
 
 from __future__ import annotations
 
 from collections import Counter
 from typing import Any
 
-from fields.document import Document, RawLine, RawObstacle, RawPolygon
 from fields.errors import FieldError
+from fields.raw_document import FieldDocument, RawLine, RawPolygon, RawShape
 
 Feature = dict[str, Any]
-BOUNDARY, ZONE, ENTRANCE, OBSTACLE, EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
+BOUNDARY, GROUND_ZONE, ENTRANCE, OBSTACLE, BOUNDARY_EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
 REFILL, GUIDANCE, HEADLAND = "refill", "guidance", "headland"
-NO_BOUNDARY = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
-"""Roles of polygons that are certainly no field."""
-LINES = ("LineString", "MultiLineString")
-KINDS_SHOWN, ROLE_SHOWN = 6, 30
-GEOMETRIES = (
-    "Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection",
-)  # fmt: skip
+NON_BOUNDARY_ROLES = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
+"""Roles of polygons that are not boundaries."""
+LINE_TYPES = ("LineString", "MultiLineString")
+MAX_KINDS_SHOWN, MAX_ROLE_CHARS = 6, 30
+GEOMETRY_TYPES = (
+    "Point",
+    "MultiPoint",
+    "LineString",
+    "MultiLineString",
+    "Polygon",
+    "MultiPolygon",
+    "GeometryCollection",
+)
 
 
-def document_of(
+def build_document(
     features: list[Feature],
     label: str,
     *,
@@ -29,144 +35,162 @@ def document_of(
     header: dict[str, Any] | None = None,
     source: str = "",
     notes: tuple[str, ...] = (),
-) -> Document:
-    """The document of a list of features; the keywords are those of Document.
+) -> FieldDocument:
+    """The document of a list of features; keywords as in FieldDocument.
 
     Raises:
-        FieldError: no feature is a boundary, or a geometry in several parts has none.
+        FieldError: no feature is a boundary, or a multi-part geometry has no coordinates.
     """
-    polygons, zones = _polygons(features, label)
+    polygons, zones = _collect_polygons(features, label)
     if not polygons:
-        raise FieldError(_nothing(features, zones, label))
-    return Document(
+        raise FieldError(_explain_no_boundary(features, zones, label))
+    return FieldDocument(
         polygons=polygons,
         zones=zones,
-        entrances=_points(features, ENTRANCE),
-        refills=_points(features, REFILL),
+        entrances=_collect_points(features, ENTRANCE),
+        service_points=_collect_points(features, REFILL),
         crs=crs,
         frame=frame,
         header=header or {},
         source=source,
-        unused=_unused(features),
-        obstacles=_parts_of(features, OBSTACLE, label),
-        edges=_parts_of(features, EDGE, label),
-        lines=tuple(RawLine(one.coordinates, one.keys) for one in _parts_of(features, GUIDANCE, label)),
-        headlands=_edges(features, label),
+        unused_counts=_count_unused(features),
+        obstacles=_collect_role_shapes(features, OBSTACLE, label),
+        boundary_edges=_collect_role_shapes(features, BOUNDARY_EDGE, label),
+        guidance_lines=tuple(
+            RawLine(one.coordinates, one.keys) for one in _collect_role_shapes(features, GUIDANCE, label)
+        ),
+        headland_edges=_collect_headland_edges(features, label),
         notes=notes,
     )
 
 
-def _points(features: list[dict[str, Any]], use: str) -> tuple[Any, ...]:
-    """Coordinates of the points that are read as entrances, or as places to refill."""
-    return tuple(member(feature, "geometry").get("coordinates") for feature in features if _use(feature) == use)
+def _collect_points(features: list[dict[str, Any]], role: str) -> tuple[Any, ...]:
+    """Coordinates of the points with a role: entrances or service points."""
+    return tuple(
+        get_member_object(feature, "geometry").get("coordinates")
+        for feature in features
+        if _classify_feature(feature) == role
+    )
 
 
-def _polygons(features: list[dict[str, Any]], label: str) -> tuple[tuple[RawPolygon, ...], tuple[RawPolygon, ...]]:
-    """Boundaries and ground zones; the parts of a MultiPolygon stand one by one."""
+def _collect_polygons(
+    features: list[dict[str, Any]], label: str
+) -> tuple[tuple[RawPolygon, ...], tuple[RawPolygon, ...]]:
+    """Boundaries and ground zones; the parts of a MultiPolygon are separate."""
     polygons: list[RawPolygon] = []
     zones: list[RawPolygon] = []
     for feature in features:
-        geometry, properties = member(feature, "geometry"), member(feature, "properties")
-        kind, coordinates = geometry.get("type"), geometry.get("coordinates")
-        use = _use(feature)
-        if use not in (BOUNDARY, ZONE):
+        geometry, properties = get_member_object(feature, "geometry"), get_member_object(feature, "properties")
+        geometry_type, coordinates = geometry.get("type"), geometry.get("coordinates")
+        role = _classify_feature(feature)
+        if role not in (BOUNDARY, GROUND_ZONE):
             continue
-        if kind == "Polygon":
+        if geometry_type == "Polygon":
             parts = [coordinates]
         elif isinstance(coordinates, list):
             parts = coordinates
         else:
             raise FieldError(f"A MultiPolygon of {label} has no coordinates; give it a list of polygons.")
-        target = zones if use == ZONE else polygons
-        target.extend(RawPolygon(part, _keys(feature, properties), properties) for part in parts)
+        target = zones if role == GROUND_ZONE else polygons
+        target.extend(RawPolygon(part, _collect_choosable_names(feature, properties), properties) for part in parts)
     return tuple(polygons), tuple(zones)
 
 
-def _parts_of(features: list[dict[str, Any]], wanted: str, label: str) -> tuple[RawObstacle, ...]:
-    """Obstacles or edges; the parts of a geometry in several parts stand one by one."""
-    obstacles: list[RawObstacle] = []
+def _collect_role_shapes(features: list[dict[str, Any]], role: str, label: str) -> tuple[RawShape, ...]:
+    """Features with a role; the parts of a multi-part geometry are separate."""
+    shapes: list[RawShape] = []
     for feature in features:
-        if _use(feature) != wanted:
+        if _classify_feature(feature) != role:
             continue
-        geometry, properties = member(feature, "geometry"), member(feature, "properties")
-        form, coordinates = str(geometry["type"]), geometry.get("coordinates")
-        if not form.startswith("Multi"):
+        geometry, properties = get_member_object(feature, "geometry"), get_member_object(feature, "properties")
+        geometry_type, coordinates = str(geometry["type"]), geometry.get("coordinates")
+        if not geometry_type.startswith("Multi"):
             parts = [coordinates]
         elif isinstance(coordinates, list):
             parts = coordinates
         else:
-            raise FieldError(f"An {wanted} of {label}, a {form}, has no coordinates; give it a list of them.")
-        keys = _keys(feature, properties)
-        obstacles += [RawObstacle(form.removeprefix("Multi"), part, keys, properties) for part in parts]
-    return tuple(obstacles)
+            raise FieldError(
+                f"A {geometry_type} with role {role} of {label} has no coordinates; give it a list of them."
+            )
+        keys = _collect_choosable_names(feature, properties)
+        shapes += [RawShape(geometry_type.removeprefix("Multi"), part, keys, properties) for part in parts]
+    return tuple(shapes)
 
 
-def _edges(features: list[dict[str, Any]], label: str) -> tuple[RawLine, ...]:
+def _collect_headland_edges(features: list[dict[str, Any]], label: str) -> tuple[RawLine, ...]:
     """Edges of headlands: lines, and all rings of polygons."""
-    found = []
-    for one in _parts_of(features, HEADLAND, label):
-        rings = one.coordinates if one.form == "Polygon" else [one.coordinates]
-        found += [RawLine(ring, one.keys) for ring in (rings if isinstance(rings, list) else ())]
-    return tuple(found)
+    edges = []
+    for shape in _collect_role_shapes(features, HEADLAND, label):
+        rings = shape.coordinates if shape.geometry_type == "Polygon" else [shape.coordinates]
+        edges += [RawLine(ring, shape.keys) for ring in (rings if isinstance(rings, list) else ())]
+    return tuple(edges)
 
 
-def _use(feature: dict[str, Any]) -> str:
-    """What a feature is read as, "" for nothing. A polygon with a role of something else is no boundary."""
-    kind, properties = member(feature, "geometry").get("type"), member(feature, "properties")
+def _classify_feature(feature: dict[str, Any]) -> str:
+    """The use of a feature, "" for none. A polygon with another role is not a boundary."""
+    geometry_type, properties = (
+        get_member_object(feature, "geometry").get("type"),
+        get_member_object(feature, "properties"),
+    )
     role = properties.get("role")
-    if kind == "Point" and role in (ENTRANCE, REFILL):
+    if geometry_type == "Point" and role in (ENTRANCE, REFILL):
         return str(role)
-    if role == OBSTACLE and kind in GEOMETRIES and kind != "GeometryCollection":
+    if role == OBSTACLE and geometry_type in GEOMETRY_TYPES and geometry_type != "GeometryCollection":
         return OBSTACLE
-    if kind in LINES and properties.get("edge") is not None:
-        return EDGE
-    if role == HEADLAND and kind in (*LINES, "Polygon", "MultiPolygon"):
+    if geometry_type in LINE_TYPES and properties.get("edge") is not None:
+        return BOUNDARY_EDGE
+    if role == HEADLAND and geometry_type in (*LINE_TYPES, "Polygon", "MultiPolygon"):
         return HEADLAND
-    if kind in LINES and (role == GUIDANCE or (not role and text(properties.get("name")))):
+    if geometry_type in LINE_TYPES and (
+        role == GUIDANCE or (not role and convert_to_name_text(properties.get("name")))
+    ):
         return GUIDANCE
-    if kind not in ("Polygon", "MultiPolygon") or role in NO_BOUNDARY:
+    if geometry_type not in ("Polygon", "MultiPolygon") or role in NON_BOUNDARY_ROLES:
         return ""
-    return ZONE if text(properties.get("ground")) else BOUNDARY
+    return GROUND_ZONE if convert_to_name_text(properties.get("ground")) else BOUNDARY
 
 
-def _unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
-    """Features that are read as nothing, counted by geometry and role, and edges told of what has none."""
+def _count_unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
+    """Unused features, counted by geometry and role, and features whose ``edge`` has no meaning."""
     counts: Counter[str] = Counter()
     for feature in features:
-        kind = member(feature, "geometry").get("type")
-        role, edge = (text(member(feature, "properties").get(key))[:ROLE_SHOWN] for key in ("role", "edge"))
-        shape = kind if kind in GEOMETRIES else "feature without a known geometry"
-        if edge and _use(feature) not in (EDGE, BOUNDARY):
+        kind = get_member_object(feature, "geometry").get("type")
+        role, edge = (
+            convert_to_name_text(get_member_object(feature, "properties").get(key))[:MAX_ROLE_CHARS]
+            for key in ("role", "edge")
+        )
+        shape = kind if kind in GEOMETRY_TYPES else "feature without a known geometry"
+        if edge and _classify_feature(feature) not in (BOUNDARY_EDGE, BOUNDARY):
             counts[f"{shape} with edge '{edge}'"] += 1
-        elif not _use(feature):
+        elif not _classify_feature(feature):
             counts[f"{shape} with role '{role}'" if role else f"{shape}"] += 1
-    most = counts.most_common(KINDS_SHOWN)
-    rest = counts.total() - sum(count for _, count in most)
-    return (*most, *([("of other kinds", rest)] if rest else []))
+    most_common = counts.most_common(MAX_KINDS_SHOWN)
+    remaining = counts.total() - sum(count for _, count in most_common)
+    return (*most_common, *([("of other kinds", remaining)] if remaining else []))
 
 
-def _nothing(features: list[dict[str, Any]], zones: tuple[RawPolygon, ...], label: str) -> str:
-    """Why a file without a boundary was refused."""
-    kinds = Counter(str(member(feature, "geometry").get("type") or "no geometry") for feature in features)
-    found = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "nothing"
+def _explain_no_boundary(features: list[dict[str, Any]], zones: tuple[RawPolygon, ...], label: str) -> str:
+    """The refusal of a file without a boundary."""
+    kinds = Counter(str(get_member_object(feature, "geometry").get("type") or "no geometry") for feature in features)
+    found_kinds = ", ".join(f"{count} {kind}" for kind, count in kinds.items()) or "nothing"
     if zones:
-        found += ", all of its polygons ground zones"
-    return f"{label} holds no field boundary (found: {found}); it needs a Polygon or MultiPolygon."
+        found_kinds += ", all of its polygons ground zones"
+    return f"{label} contains no field boundary (found: {found_kinds}); it needs a Polygon or MultiPolygon."
 
 
-def _keys(feature: dict[str, Any], properties: dict[str, Any]) -> tuple[str, ...]:
+def _collect_choosable_names(feature: dict[str, Any], properties: dict[str, Any]) -> tuple[str, ...]:
     values = (feature.get("id"), properties.get("id"), properties.get("name"), properties.get("Name"))
-    return tuple(dict.fromkeys(text for text in map(text, values) if text))
+    return tuple(dict.fromkeys(text for text in map(convert_to_name_text, values) if text))
 
 
-def member(holder: dict[str, Any], key: str) -> dict[str, Any]:
-    """A member that should be an object; anything else counts as empty."""
+def get_member_object(holder: dict[str, Any], key: str) -> dict[str, Any]:
+    """A member that should be an object; empty for anything else."""
     value = holder.get(key)
     return value if isinstance(value, dict) else {}
 
 
-def text(value: Any) -> str:
-    """A name out of a file: text or a whole number, otherwise nothing."""
+def convert_to_name_text(value: Any) -> str:
+    """A name from a file: text or an integer; "" for anything else."""
     if isinstance(value, bool) or not isinstance(value, str | int):
         return ""
     return str(value).strip()

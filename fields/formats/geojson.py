@@ -1,52 +1,61 @@
-"""GeoJSON (RFC 7946): taken apart into a document, before any of its numbers are believed."""
+"""GeoJSON (RFC 7946): fields are read, guidance is written with the roles by which Headland reads fields."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
-from fields.document import LOCAL, WGS84, Document, Format
+import numpy as np
+
 from fields.errors import FieldError
-from fields.formats.features import GEOMETRIES, Feature, document_of, member, text
-from fields.reading import parse_fault, read_text
+from fields.formats.features import GEOMETRY_TYPES, Feature, build_document, convert_to_name_text, get_member_object
+from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
+from fields.nested_text import parse_json
+from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument, FieldFormat
+from fields.text_files import explain_parse_error, read_text
 
-HEADER = "headland"
-"""Foreign member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
+HEADER_KEY = "headland"
+"""Member (RFC 7946, section 6.1) with the frame of the file; written by ``write_field``."""
 
 
-def parse(content: str, label: str) -> Document:
-    """Take a GeoJSON text apart.
+def parse_geojson(content: str, label: str) -> FieldDocument:
+    """Parse a GeoJSON text.
 
     Args:
-        content: what the file holds.
-        label: how messages name the file.
+        content: text of the file.
+        label: name of the file in messages.
 
     Raises:
-        FieldError: it is not JSON, not GeoJSON, or holds no polygon.
+        FieldError: it is not JSON, not GeoJSON, or has no polygon.
     """
     try:
-        root = json.loads(content)
+        root = parse_json(content)
     except (ValueError, RecursionError) as error:
-        raise FieldError(f"{label} is not JSON ({parse_fault(error)}); give a GeoJSON file.") from error
+        raise FieldError(f"{label} is not JSON ({explain_parse_error(error)}); give a GeoJSON file.") from error
     if not isinstance(root, dict) or not isinstance(root.get("type"), str):
         raise FieldError(f"{label} is JSON without a 'type', so not GeoJSON; give a FeatureCollection or Polygon.")
-    features = _features(root, label)
-    header = member(root, HEADER)
-    return document_of(
-        features, label, crs=_crs(root, label), frame=_frame(header, label), header=header,
-        source=text(root.get("source")),
-    )  # fmt: skip
+    features = _collect_features(root, label)
+    header = get_member_object(root, HEADER_KEY)
+    return build_document(
+        features,
+        label,
+        crs=_parse_crs(root, label),
+        frame=_parse_frame(header, label),
+        header=header,
+        source=convert_to_name_text(root.get("source")),
+    )
 
 
-def _features(root: dict[str, Any], label: str) -> list[Feature]:
-    """Every feature; a bare geometry becomes one."""
-    kind = root["type"]
-    if kind in GEOMETRIES:
+def _collect_features(root: dict[str, Any], label: str) -> list[Feature]:
+    """All features; a bare geometry becomes a feature."""
+    root_type = root["type"]
+    if root_type in GEOMETRY_TYPES:
         return [{"type": "Feature", "properties": {}, "geometry": root}]
-    if kind == "Feature":
+    if root_type == "Feature":
         return [root]
-    if kind != "FeatureCollection":
-        raise FieldError(f"{label} has the type '{kind}'; give a FeatureCollection, a Feature or a Polygon.")
+    if root_type != "FeatureCollection":
+        raise FieldError(f"{label} has the type '{root_type}'; give a FeatureCollection, a Feature or a Polygon.")
     features = root.get("features")
     if not isinstance(features, list) or not all(isinstance(feature, dict) for feature in features):
         raise FieldError(f"{label} has no list of features; put every feature into 'features' as an object.")
@@ -55,26 +64,86 @@ def _features(root: dict[str, Any], label: str) -> list[Feature]:
     return features
 
 
-def _crs(root: dict[str, Any], label: str) -> str | None:
+def _parse_crs(root: dict[str, Any], label: str) -> str | None:
     """Name in the ``crs`` member of the GeoJSON format of 2008, section 3."""
     system = root.get("crs")
     if system is None:
         return None
-    name = member(system, "properties").get("name") if isinstance(system, dict) else None
+    name = get_member_object(system, "properties").get("name") if isinstance(system, dict) else None
     if not isinstance(name, str) or not name:
         raise FieldError(f"The 'crs' of {label} names no coordinate system; remove it or name an EPSG code.")
     return name
 
 
-def _frame(header: dict[str, Any], label: str) -> str | None:
+def _parse_frame(header: dict[str, Any], label: str) -> str | None:
     frame = header.get("frame")
-    if frame not in (None, LOCAL, WGS84):
-        raise FieldError(f"The frame {frame!r} of {label} is not known; use '{LOCAL}' or '{WGS84}'.")
+    if frame not in (None, LOCAL_METRES, WGS84):
+        raise FieldError(f"The frame {frame!r} of {label} is unknown; use '{LOCAL_METRES}' or '{WGS84}'.")
     return frame
 
 
-def _read(path: str, label: str) -> Document:
-    return parse(read_text(path, "a GeoJSON file", FieldError), label)
+def _read_geojson(path: str, label: str) -> FieldDocument:
+    return parse_geojson(read_text(path, "a GeoJSON file", FieldError), label)
 
 
-FORMAT = Format("GeoJSON", (".geojson", ".json"), _read)
+def _parse_bytes(content: bytes, label: str) -> FieldDocument:
+    try:
+        return parse_geojson(content.decode("utf-8-sig"), label)
+    except UnicodeDecodeError:
+        raise FieldError(f"{label} is not a text file in UTF-8; give a GeoJSON file.") from None
+
+
+FIELD_FORMAT = FieldFormat("GeoJSON", (".geojson", ".json"), _read_geojson, parse=_parse_bytes)
+
+
+DEGREE_DECIMALS = 9
+
+
+def _write_geojson(guidance: PlanGuidance) -> FileContents:
+    body = ",\n".join(json.dumps(one, ensure_ascii=False, allow_nan=False) for one in _build_features(guidance))
+    text = f'{{"type": "FeatureCollection", "features": [\n{body}\n]}}\n'
+    return {"guidance.geojson": text.encode("utf-8", "replace")}
+
+
+def _build_features(guidance: PlanGuidance) -> Iterator[dict[str, Any]]:
+    if guidance.boundary is not None:
+        yield _build_feature("Polygon", _build_rings(guidance.boundary), role="boundary", name=guidance.field)
+    for area in guidance.obstacles:
+        yield _build_feature("Polygon", _build_rings(area), role="obstacle", name=area.name)
+    if guidance.entrance is not None:
+        yield _build_feature("Point", _round_positions(np.array([guidance.entrance]))[0], role="entrance")
+    for area in guidance.headland_interior:
+        for ring in _build_rings(area):
+            yield _build_feature("LineString", ring, role="headland")
+    for line in guidance.lines:
+        yield _build_feature(
+            "LineString",
+            _round_positions(line.points),
+            role="guidance",
+            name=line.name,
+            tractor=line.tractor,
+            order=line.order,
+            kind=line.kind,
+            what=line.description,
+            straight=line.is_straight,
+            bearing_deg=round(line.bearing_deg, 6),
+            length_m=round(line.length_m, 3),
+        )
+
+
+def _build_feature(geometry_type: str, coordinates: Any, /, **properties: Any) -> dict[str, Any]:
+    geometry = {"type": geometry_type, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def _build_rings(area: GuidanceArea) -> list[Any]:
+    return [_round_positions(np.concatenate([ring, ring[:1]])) for ring in area.rings]
+
+
+def _round_positions(points: DegreePoints) -> list[list[float]]:
+    return [[round(float(x), DEGREE_DECIMALS), round(float(y), DEGREE_DECIMALS)] for x, y in points]
+
+
+GUIDANCE_FORMAT = GuidanceFormat(
+    "geojson", "GeoJSON", _write_geojson, extension=".geojson", media_type="application/geo+json"
+)

@@ -1,57 +1,112 @@
-"""GPX 1.1: a track walked or driven round a field is its boundary, any other track or route a guidance line."""
+"""GPX 1.1: fields are read, guidance is written. Closed tracks are boundaries, other tracks and routes guidance lines.
+
+A written file has the boundary as its only track, since closed tracks are read as boundaries, and lines as routes in
+driving order. It has no place for holes, obstacles and the headland, and there is a file for every tractor.
+"""
 
 from __future__ import annotations
+
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import shapely
 
-from fields.document import Document, Format
 from fields.errors import FieldError
-from fields.formats.features import BOUNDARY, Feature, document_of
-from fields.formats.markup import refuse_entities
-from fields.formats.vector import WGS84, named_lines, read_layers
-from fields.reading import read_bytes
+from fields.formats.features import BOUNDARY, Feature, build_document
+from fields.formats.gdal import GPX_DRIVER, WGS84, mark_guidance_lines, read_layers
+from fields.formats.guidance import DegreePoints, FileContents, GuidanceFormat, PlanGuidance
+from fields.formats.markup import add_child, check_xml_root, serialise_xml
+from fields.raw_document import FieldDocument, FieldFormat
+from fields.text_files import read_bytes
 
-CLOSED_SHARE = 0.05
-"""A track is closed when its ends are nearer than this share of its length: who walks round a field comes back."""
-LATE_SHARE = 0.75
-"""After this share of its length a track may be back at its start."""
+MAX_CLOSING_SHARE = 0.05
+"""A track is closed when its ends are nearer than this share of its length."""
+MIN_CLOSING_SHARE = 0.75
+"""Share of its length after which a track may be back at its start."""
 
 
-def _read(path: str, label: str) -> Document:
-    refuse_entities(read_bytes(path, "a GPX file", FieldError), label)
-    found = read_layers(path, label, "GPX", ("waypoints", "routes", "tracks"))
-    features = [closed(feature) for feature in found.features]
+def _read_gpx(path: str, label: str) -> FieldDocument:
+    return parse_gpx(read_bytes(path, "a GPX file", FieldError), label)
+
+
+def parse_gpx(content: bytes, label: str) -> FieldDocument:
+    """Parse a GPX text; raises FieldError."""
+    check_xml_root(content, label, "GPX", ("gpx",))
+    layers = read_layers(content, label, "GPX", (GPX_DRIVER,), ("waypoints", "routes", "tracks"))
+    features = [close_boundary_polygon(feature) for feature in layers.features]
     if features and not any(feature["geometry"].get("type") == "Polygon" for feature in features):
         raise FieldError(
-            f"{label} has no track that comes back to where it began, so no boundary; record one all round the field."
+            f"{label} has no track that returns to its start, so no boundary; record a track all round the field."
         )
-    return document_of(named_lines(features), label, crs=WGS84, source="GPX", notes=tuple(found.notes))
+    return build_document(mark_guidance_lines(features), label, crs=WGS84, source="GPX", notes=tuple(layers.notes))
 
 
-def closed(feature: Feature) -> Feature:
-    """A line that comes back to its start as a polygon; anything else as it is."""
+def close_boundary_polygon(feature: Feature) -> Feature:
+    """A line that returns to its start as a polygon; any other feature unchanged."""
     geometry = feature["geometry"]
     lines = {"LineString": [geometry.get("coordinates")], "MultiLineString": geometry.get("coordinates")}
     points = [point for line in lines.get(geometry.get("type", ""), ()) for point in line or ()]
     if len(points) < 4:
         return feature
-    points = _once_round(points)
-    way = shapely.LineString(points)
-    if shapely.distance(shapely.Point(points[0]), shapely.Point(points[-1])) > CLOSED_SHARE * way.length:
+    points = _cut_end_overlap(points)
+    track = shapely.LineString(points)
+    if shapely.distance(shapely.Point(points[0]), shapely.Point(points[-1])) > MAX_CLOSING_SHARE * track.length:
         return feature
     properties = {**feature["properties"], "role": BOUNDARY}
     return {**feature, "properties": properties, "geometry": {"type": "Polygon", "coordinates": [[*points, points[0]]]}}
 
 
-def _once_round(points: list[list[float]]) -> list[list[float]]:
-    """A track up to where it comes nearest to its start again: who walks round a field often goes on a little."""
+def _cut_end_overlap(points: list[list[float]]) -> list[list[float]]:
+    """The track up to where it is nearest to its start again, without the overlap at its end."""
     places = np.array(points)[:, :2]
     steps = np.hypot(*np.diff(places, axis=0).T)
-    gone = np.concatenate([[0.0], np.cumsum(steps)])
-    late = np.flatnonzero(gone >= LATE_SHARE * gone[-1])
-    away = np.hypot(*(places[late] - places[0]).T)
-    return points[: int(late[int(np.argmin(away))]) + 1]
+    travelled_m = np.concatenate([[0.0], np.cumsum(steps)])
+    late = np.flatnonzero(travelled_m >= MIN_CLOSING_SHARE * travelled_m[-1])
+    distance_deg = np.hypot(*(places[late] - places[0]).T)
+    return points[: int(late[int(np.argmin(distance_deg))]) + 1]
 
 
-FORMAT = Format("GPX", (".gpx",), _read)
+FIELD_FORMAT = FieldFormat("GPX", (".gpx",), _read_gpx, parse=parse_gpx)
+
+
+GPX_NAMESPACE = "http://www.topografix.com/GPX/1/1"
+DEGREE_DECIMALS = 9
+
+
+def _write_gpx(guidance: PlanGuidance) -> FileContents:
+    root = Element("gpx", {"xmlns": GPX_NAMESPACE, "version": "1.1", "creator": "Headland"})
+    add_child(add_child(root, "metadata"), "name", guidance.field)
+    if guidance.entrance is not None:
+        add_child(_add_point(root, "wpt", *guidance.entrance), "name", "Entrance")
+    for number, line in enumerate(guidance.lines, start=1):
+        route = add_child(root, "rte")
+        add_child(route, "name", line.name)
+        add_child(route, "desc", line.description)
+        add_child(route, "number", str(number))
+        _add_points(route, "rtept", line.points)
+    if guidance.boundary is not None:
+        ring = guidance.boundary.rings[0]
+        track = add_child(root, "trk")
+        add_child(track, "name", guidance.field)
+        _add_points(add_child(track, "trkseg"), "trkpt", np.concatenate([ring, ring[:1]]))
+    return {"guidance.gpx": serialise_xml(root)}
+
+
+def _add_points(parent: Element, tag: str, points: DegreePoints) -> None:
+    for longitude, latitude in points.tolist():
+        _add_point(parent, tag, longitude, latitude)
+
+
+def _add_point(parent: Element, tag: str, longitude: float, latitude: float) -> Element:
+    return add_child(parent, tag, lat=f"{latitude:.{DEGREE_DECIMALS}f}", lon=f"{longitude:.{DEGREE_DECIMALS}f}")
+
+
+GUIDANCE_FORMAT = GuidanceFormat(
+    "gpx",
+    "GPX",
+    _write_gpx,
+    extension=".gpx",
+    media_type="application/gpx+xml",
+    per_tractor=True,
+    unsupported_parts=("headland", "obstacles", "holes of the boundary"),
+)

@@ -1,8 +1,13 @@
-"""ISOXML (ISO 11783-10), versions 3 and 4: a TASKDATA folder or ZIP archive, external XFR files included.
+"""ISOXML (ISO 11783-10), versions 3 and 4: TASKDATA folders and archives are read, guidance is written.
 
-A partfield (PFD) holds polygons (PLN) of line strings (LSG) of points (PNT, latitude C and longitude D), and guidance
-patterns (GPN) in groups (GGP); version 3 has guidance lines as line strings of type 5 beside the polygons. The numbers
-of types are those of the standard's lists PolygonType, LineStringType, PointType and GuidancePatternType.
+A partfield (PFD) has polygons (PLN) of line strings (LSG) of points (PNT, latitude C and longitude D), and guidance
+patterns (GPN) in groups (GGP); version 3 has guidance lines as line strings of type 5 beside the polygons. Numbers of
+types are those of the standard's lists PolygonType, LineStringType, PointType and GuidancePatternType. External files
+(XFR) are read too.
+
+Written files have one partfield. In version 4 every tractor has a guidance group with a pattern for every line, in
+driving order; type 1 is AB, 3 a curve. Version 3 has neither groups nor headlands, so every tractor gets its own file.
+Both are valid against the schemas TaskFile V4-3 and V3-3 of the AEF.
 """
 
 from __future__ import annotations
@@ -11,144 +16,162 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
+from importlib.metadata import PackageNotFoundError, version
+from itertools import count
 from pathlib import Path, PurePosixPath
 from xml.etree.ElementTree import Element
 
 from shapely import Polygon
 
-from fields.document import Document, Format
 from fields.errors import FieldError
-from fields.formats.archive import Members, file_beside, is_archive
-from fields.formats.degrees import onwards, rings_area_m2
-from fields.formats.features import Feature, document_of
-from fields.formats.markup import root_of
-from fields.formats.vector import WGS84
-from fields.reading import read_bytes, some
+from fields.formats.archive import ArchiveMembers, is_archive, read_file_beside
+from fields.formats.features import Feature, build_document
+from fields.formats.gdal import WGS84
+from fields.formats.guidance import (
+    DegreePoints,
+    FileContents,
+    GuidanceArea,
+    GuidanceFormat,
+    PlanGuidance,
+    WorkLine,
+    build_designator,
+)
+from fields.formats.markup import add_child, parse_root, serialise_xml
+from fields.geometry.geodesy import compute_rings_area_m2, extend_position
+from fields.raw_document import FieldDocument, FieldFormat
+from fields.text_files import count_noun, read_bytes
 
-TASKDATA = "taskdata.xml"
-BOUNDARY, MAINFIELD, OBSTACLES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
-HEADLAND = "10"
-OUTER, INNER, GUIDANCE = "1", "2", "5"
-ENTRANCE, OBSTACLE_POINT = "3", "5"
-PATTERNS = {"1": "AB", "2": "A+", "3": "curve", "4": "pivot", "5": "spiral"}
-SHOWN = 5
-AREA_OFF = 1.2
-"""A stated area and the area of the ring that differ by more than this factor are worth a remark."""
+TASKDATA_FILE = "taskdata.xml"
+BOUNDARY_TYPE, MAINFIELD_TYPE, OBSTACLE_TYPES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
+HEADLAND_TYPE = "10"
+OUTER_RING, INNER_RING, GUIDANCE_LINE_TYPE = "1", "2", "5"
+ENTRANCE_TYPE, OBSTACLE_POINT_TYPE = "3", "5"
+PATTERN_TYPES = {"1": "AB", "2": "A+", "3": "curve", "4": "pivot", "5": "spiral"}
+MAX_SHOWN_NAMES = 5
+MAX_AREA_RATIO = 1.2
+"""If the stated area and the area of the ring differ by more than this factor, there is a remark."""
 
 
-def _read(path: str, label: str) -> Document:
+def _read_isoxml(path: str, label: str) -> FieldDocument:
     place = Path(path)
-    roots = list(_roots(Members(place), label) if place.is_dir() or is_archive(place) else _of_file(place, label))
+    roots = list(
+        _read_roots(ArchiveMembers(place), label)
+        if place.is_dir() or is_archive(place)
+        else _read_file_roots(place, label)
+    )
     features: list[Feature] = []
     notes: list[str] = []
     empty: list[str] = []
-    seen: Counter[str] = Counter()
-    for element in (one for root in roots for one in root.iter("PFD")):
-        seen[element.get("A") or ""] += 1
-        one = _partfield(element, notes)
-        features += one
-        empty += [] if one else [_name(element)]
-    twice = [name for name, count in seen.items() if name and count > 1]
-    if twice:
+    id_counts: Counter[str] = Counter()
+    for element in (partfield for root in roots for partfield in root.iter("PFD")):
+        id_counts[element.get("A") or ""] += 1
+        partfield_features = _read_partfield(element, notes)
+        features += partfield_features
+        empty += [] if partfield_features else [_get_partfield_name(element)]
+    repeated_ids = [name for name, count in id_counts.items() if name and count > 1]
+    if repeated_ids:
         notes.append(
-            f"{some(len(twice), 'id')} of partfields used twice or more (such as {twice[0]}); choose those by position."
+            f"{count_noun(len(repeated_ids), 'partfield id')} used more than once (such as {repeated_ids[0]}); choose "
+            "these fields by position."
         )
     if empty:
-        more = f" and {len(empty) - SHOWN} more" if len(empty) > SHOWN else ""
-        notes.append(f"Partfields without a boundary are left out: {', '.join(empty[:SHOWN])}{more}.")
+        remainder = f" and {len(empty) - MAX_SHOWN_NAMES} more" if len(empty) > MAX_SHOWN_NAMES else ""
+        notes.append(f"Partfields without a boundary are skipped: {', '.join(empty[:MAX_SHOWN_NAMES])}{remainder}.")
     if not features:
-        raise FieldError(f"{label} is ISOXML without a partfield that has points; export the fields with boundaries.")
-    return document_of(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
+        raise FieldError(f"{label} is ISOXML without a partfield with points; export the fields with boundaries.")
+    return build_document(features, label, crs=WGS84, source="ISOXML", notes=tuple(notes))
 
 
-def _roots(members: Members, label: str) -> Iterator[Element]:
-    """The root of every TASKDATA.XML and of every external file that they name and that is there."""
-    mains = members.named(TASKDATA)
+def _read_roots(members: ArchiveMembers, label: str) -> Iterator[Element]:
+    """The root of every TASKDATA.XML and of the existing external files that they name."""
+    mains = members.find_paths_by_name(TASKDATA_FILE)
     if not mains:
-        raise FieldError(f"{label} holds no TASKDATA.XML; name the folder or archive that has one.")
+        raise FieldError(f"{label} contains no TASKDATA.XML; name the folder or archive that does.")
     for main in mains:
-        yield from roots_of(members, main, label)
+        yield from read_taskdata_roots(members, main, label)
 
 
-def roots_of(members: Members, main: str, label: str) -> Iterator[Element]:
+def read_taskdata_roots(members: ArchiveMembers, taskdata_file: str, label: str) -> Iterator[Element]:
     """The root of one TASKDATA.XML of a folder or archive, and of the external files it names; raises FieldError."""
-    root = root_of(members[main], f"{PurePosixPath(main).name} of {label}")
+    root = parse_root(members[taskdata_file], f"{PurePosixPath(taskdata_file).name} of {label}")
     yield root
-    yield from _outside(root, label, partial(members.beside, main))
+    yield from _read_external_roots(root, label, partial(members.read_member_beside, taskdata_file))
 
 
-def rings_of(element: Element) -> list[list[list[float]]]:
-    """Longitude and latitude of the rings of a partfield's boundary, the outer one first; nothing without one."""
+def read_boundary_rings(element: Element) -> list[list[list[float]]]:
+    """Longitude and latitude of the rings of a partfield's boundary, the outer one first; empty without a boundary."""
     for polygon in element.findall("PLN"):
-        if polygon.get("A") in (BOUNDARY, MAINFIELD, None):
-            parts = _boundary(polygon, {"name": _name(element)}, [])
+        if polygon.get("A") in (BOUNDARY_TYPE, MAINFIELD_TYPE, None):
+            parts = _read_boundary(polygon, {"name": _get_partfield_name(element)}, [])
             if parts:
                 rings: list[list[list[float]]] = parts[0]["geometry"]["coordinates"]
                 return rings
     return []
 
 
-def _of_file(place: Path, label: str) -> Iterator[Element]:
-    """The root of one file, and of the external files that it names in its folder."""
-    root = root_of(read_bytes(place, "an ISOXML file", FieldError), label)
+def _read_file_roots(place: Path, label: str) -> Iterator[Element]:
+    """The root of one file, and of the external files that it names."""
+    root = parse_root(read_bytes(place, "an ISOXML file", FieldError), label)
     if root.tag != "ISO11783_TaskData":
         raise FieldError(f"{label} is XML but not ISOXML (its root is '{root.tag[:40]}'); give a TASKDATA.XML.")
     yield root
-    yield from _outside(root, label, partial(file_beside, place))
+    yield from _read_external_roots(root, label, partial(read_file_beside, place))
 
 
-def _outside(root: Element, label: str, beside: Callable[[str], bytes | None]) -> Iterator[Element]:
+def _read_external_roots(root: Element, label: str, read_beside: Callable[[str], bytes | None]) -> Iterator[Element]:
     for reference in root.iter("XFR"):
-        outside = f"{reference.get('A') or ''}.XML"
-        content = beside(outside)
+        external_file = f"{reference.get('A') or ''}.XML"
+        content = read_beside(external_file)
         if content is None and (reference.get("A") or "").upper().startswith("PFD"):
-            raise FieldError(f"{label} names the external file {outside}, which is not there; copy the whole folder.")
+            raise FieldError(
+                f"{label} names the external file {external_file}, which is missing; copy the whole folder."
+            )
         if content is not None:
-            yield root_of(content, f"{outside} of {label}")
+            yield parse_root(content, f"{external_file} of {label}")
 
 
-def _partfield(element: Element, notes: list[str]) -> list[Feature]:
+def _read_partfield(element: Element, notes: list[str]) -> list[Feature]:
     """Boundary, obstacles, entrance and lines of one partfield."""
-    name = _name(element)
-    facts = {"name": name, "id": (element.get("A") or "").strip()}
+    name = _get_partfield_name(element)
+    identity = {"name": name, "id": (element.get("A") or "").strip()}
     features: list[Feature] = []
     for kind, polygon in ((each.get("A"), each) for each in element.findall("PLN")):
-        if kind in (BOUNDARY, MAINFIELD, None):
-            features += _boundary(polygon, facts, notes)
-        elif kind in OBSTACLES:
-            rings = _rings(polygon, (OUTER, INNER), name, notes)
-            what = {"role": "obstacle", "kind": OBSTACLES[kind], "name": (polygon.get("B") or "").strip()}
-            features += [_feature("Polygon", rings, what)] if rings else []
-        elif kind == HEADLAND:
-            edges = _rings(polygon, (INNER,), name, notes) or _rings(polygon, (OUTER,), name, notes)
-            features += [_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
+        if kind in (BOUNDARY_TYPE, MAINFIELD_TYPE, None):
+            features += _read_boundary(polygon, identity, notes)
+        elif kind in OBSTACLE_TYPES:
+            rings = _read_rings(polygon, (OUTER_RING, INNER_RING), name, notes)
+            properties = {"role": "obstacle", "kind": OBSTACLE_TYPES[kind], "name": (polygon.get("B") or "").strip()}
+            features += [_build_feature("Polygon", rings, properties)] if rings else []
+        elif kind == HEADLAND_TYPE:
+            edges = _read_rings(polygon, (INNER_RING,), name, notes) or _read_rings(polygon, (OUTER_RING,), name, notes)
+            features += [_build_feature("LineString", [*edge, edge[0]], {"role": "headland"}) for edge in edges]
     boundaries = [one for one in features if one["properties"].get("role") == "boundary"]
     if not boundaries:
         return []
-    _compare(element, boundaries, name, notes)
+    _compare_areas(element, boundaries, name, notes)
     return [
-        *_once(boundaries),
+        *_remove_duplicates(boundaries),
         *(one for one in features if one not in boundaries),
-        *_points(element),
-        *_lines(element, name, notes),
+        *_read_points(element),
+        *_read_guidance_lines(element, name, notes),
     ]
 
 
-def _name(element: Element) -> str:
-    """What a partfield is called: its designator, else its id."""
+def _get_partfield_name(element: Element) -> str:
+    """The name of a partfield: its designator, else its id."""
     return (element.get("C") or "").strip() or (element.get("A") or "").strip()
 
 
-def _boundary(polygon: Element, facts: dict[str, str], notes: list[str]) -> list[Feature]:
-    """Boundaries of a polygon: of several outer rings each with the inner ones in it; exchanged rings are turned."""
-    outer = _rings(polygon, (OUTER,), facts["name"], notes)
-    inner = _rings(polygon, (INNER,), facts["name"], notes)
-    around = next((ring for ring in inner if outer and _around(ring, [*outer, *inner])), None)
-    if around is not None:
-        notes.append(f"The outer and the inner ring of '{facts['name']}' are exchanged; they are read the other way.")
-        outer, inner = [around], [ring for ring in (*outer, *inner) if ring is not around]
+def _read_boundary(polygon: Element, identity: dict[str, str], notes: list[str]) -> list[Feature]:
+    """Boundaries of a polygon: every outer ring with the inner rings in it; swapped rings are exchanged."""
+    outer = _read_rings(polygon, (OUTER_RING,), identity["name"], notes)
+    inner = _read_rings(polygon, (INNER_RING,), identity["name"], notes)
+    surrounding = next((ring for ring in inner if outer and _is_surrounding(ring, [*outer, *inner])), None)
+    if surrounding is not None:
+        notes.append(f"The outer and inner rings of '{identity['name']}' are swapped; this was corrected.")
+        outer, inner = [surrounding], [ring for ring in (*outer, *inner) if ring is not surrounding]
     if not outer and len(inner) == 1:
-        notes.append(f"'{facts['name']}' has an inner ring only; it is read as the boundary.")
+        notes.append(f"'{identity['name']}' has only an inner ring; it is read as the boundary.")
         outer, inner = inner, []
     shapes = [Polygon(ring) for ring in outer]
     parts = []
@@ -156,72 +179,74 @@ def _boundary(polygon: Element, facts: dict[str, str], notes: list[str]) -> list
     for ring, shape in zip(outer, shapes, strict=True):
         holes = [one for one in inner if len(outer) == 1 or (shape.is_valid and shape.contains(Polygon(one)))]
         placed += len(holes)
-        parts.append(_feature("Polygon", [ring, *holes], {**facts, "role": "boundary"}))
+        parts.append(_build_feature("Polygon", [ring, *holes], {**identity, "role": "boundary"}))
     if placed < len(inner):
         notes.append(
-            f"Left out of '{facts['name']}': {some(len(inner) - placed, 'inner ring')} in none of its outer rings."
+            f"Skipped in '{identity['name']}': {count_noun(len(inner) - placed, 'inner ring')} outside its outer rings."
         )
     return parts
 
 
-def _around(ring: list[list[float]], rings: list[list[list[float]]]) -> bool:
-    """Whether a ring has all others inside."""
+def _is_surrounding(ring: list[list[float]], rings: list[list[list[float]]]) -> bool:
+    """Whether a ring contains all others."""
     shape = Polygon(ring)
     return shape.is_valid and all(one is ring or (one != ring and shape.covers(Polygon(one))) for one in rings)
 
 
-def _once(boundaries: list[Feature]) -> list[Feature]:
-    """Boundaries without repetition: terminals write the same ring again into a guidance group."""
-    kept: list[Feature] = []
-    for one in boundaries:
-        if all(one["geometry"] != other["geometry"] for other in kept):
-            kept.append(one)
-    return kept
+def _remove_duplicates(boundaries: list[Feature]) -> list[Feature]:
+    """Boundaries without duplicates: terminals repeat the ring in a guidance group."""
+    unique: list[Feature] = []
+    for boundary in boundaries:
+        if all(boundary["geometry"] != other["geometry"] for other in unique):
+            unique.append(boundary)
+    return unique
 
 
-def _compare(element: Element, boundaries: list[Feature], name: str, notes: list[str]) -> None:
-    """A remark where the area that the file states for a partfield is not that of its boundary."""
+def _compare_areas(element: Element, boundaries: list[Feature], name: str, notes: list[str]) -> None:
+    """Add a note if the stated area of a partfield differs from that of its boundary."""
     try:
         stated_m2 = float(element.get("D") or 0.0)
-        area_m2 = sum(rings_area_m2(each["geometry"]["coordinates"]) for each in boundaries)
-        turned_m2 = sum(rings_area_m2(each["geometry"]["coordinates"], swap=True) for each in boundaries)
+        area_m2 = sum(compute_rings_area_m2(each["geometry"]["coordinates"]) for each in boundaries)
+        swapped_area_m2 = sum(
+            compute_rings_area_m2(each["geometry"]["coordinates"], swap_axes=True) for each in boundaries
+        )
     except ValueError:
         return
-    if stated_m2 <= 0.0 or area_m2 <= 0.0 or 1.0 / AREA_OFF < stated_m2 / area_m2 < AREA_OFF:
+    if stated_m2 <= 0.0 or area_m2 <= 0.0 or 1.0 / MAX_AREA_RATIO < stated_m2 / area_m2 < MAX_AREA_RATIO:
         return
-    swapped = turned_m2 > 0.0 and abs(stated_m2 / turned_m2 - 1.0) < 0.05
-    why = "; with latitude and longitude exchanged it would be right, so try swap" if swapped else ""
+    fits_swapped = swapped_area_m2 > 0.0 and abs(stated_m2 / swapped_area_m2 - 1.0) < 0.05
+    why = "; latitude and longitude seem to be swapped, so try the option swap axes" if fits_swapped else ""
     notes.append(f"'{name}' is {stated_m2 / 1e4:.2f} ha by its file and {area_m2 / 1e4:.2f} ha by its boundary{why}.")
 
 
-def _rings(polygon: Element, kinds: tuple[str, ...], name: str, notes: list[str]) -> list[list[list[float]]]:
-    """Rings of a polygon of these kinds; those with fewer than three points are left out and counted."""
-    found = []
-    short = 0
+def _read_rings(polygon: Element, kinds: tuple[str, ...], name: str, notes: list[str]) -> list[list[list[float]]]:
+    """Rings of a polygon of these kinds; rings with fewer than three points are skipped with a note."""
+    rings = []
+    short_rings = 0
     for line in polygon.findall("LSG"):
         if line.get("A") not in kinds:
             continue
-        points = _positions(line, notes, name)
+        points = _read_positions(line, notes, name)
         distinct = {tuple(point) for point in points}
         if len(distinct) < 3:
-            short += 1
+            short_rings += 1
         else:
-            found.append(points)
-    if short:
-        notes.append(f"Left out of '{name}': {some(short, 'ring')} with fewer than 3 points.")
-    return found
+            rings.append(points)
+    if short_rings:
+        notes.append(f"Skipped in '{name}': {count_noun(short_rings, 'ring')} with fewer than 3 points.")
+    return rings
 
 
-def _positions(line: Element, notes: list[str], name: str) -> list[list[float]]:
-    """Longitude and latitude of the points of a line; those that are no numbers are left out and counted."""
-    points = [_position(each) for each in line.findall("PNT")]
-    bad = sum(one is None for one in points)
-    if bad:
-        notes.append(f"Left out of '{name}': {some(bad, 'point')} without numbers for a position.")
+def _read_positions(line: Element, notes: list[str], name: str) -> list[list[float]]:
+    """Longitude and latitude of the points of a line; points without numbers are skipped with a note."""
+    points = [_parse_position(each) for each in line.findall("PNT")]
+    bad_points = sum(one is None for one in points)
+    if bad_points:
+        notes.append(f"Skipped in '{name}': {count_noun(bad_points, 'point')} without a valid position.")
     return [one for one in points if one is not None]
 
 
-def _position(point: Element) -> list[float] | None:
+def _parse_position(point: Element) -> list[float] | None:
     try:
         place = [float(point.get("D") or ""), float(point.get("C") or "")]
     except ValueError:
@@ -229,67 +254,188 @@ def _position(point: Element) -> list[float] | None:
     return place if all(map(math.isfinite, place)) else None
 
 
-def _points(element: Element) -> list[Feature]:
-    """The entrance and obstacles that are points."""
+def _read_points(element: Element) -> list[Feature]:
+    """Point features: the entrance and obstacles."""
     features = []
     for point in element.findall("PNT"):
-        place = _position(point)
-        if place is not None and point.get("A") == ENTRANCE:
-            features.append(_feature("Point", place, {"role": "entrance"}))
-        elif place is not None and point.get("A") == OBSTACLE_POINT:
+        place = _parse_position(point)
+        if place is not None and point.get("A") == ENTRANCE_TYPE:
+            features.append(_build_feature("Point", place, {"role": "entrance"}))
+        elif place is not None and point.get("A") == OBSTACLE_POINT_TYPE:
             features.append(
-                _feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
+                _build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
             )
     return features
 
 
-def _lines(element: Element, field: str, notes: list[str]) -> list[Feature]:
-    """Guidance lines: AB, A+ with its heading, and curves; others are counted and left out."""
-    plain = [one for one in element.findall("LSG") if one.get("A") == GUIDANCE]
-    features = [_line(line, line.get("B") or f"line {place + 1}") for place, line in enumerate(plain)]
+def _read_guidance_lines(element: Element, field: str, notes: list[str]) -> list[Feature]:
+    """Guidance lines: AB, A+ with its heading, and curves; others are skipped with a note."""
+    plain_lines = [one for one in element.findall("LSG") if one.get("A") == GUIDANCE_LINE_TYPE]
+    features = [_read_line(line, line.get("B") or f"line {place + 1}") for place, line in enumerate(plain_lines)]
     for pattern in element.iter("GPN"):
-        kind = PATTERNS.get(pattern.get("C") or "", "")
-        line = next((one for one in pattern.findall("LSG") if one.get("A") == GUIDANCE), None)
+        kind = PATTERN_TYPES.get(pattern.get("C") or "", "")
+        line = next((one for one in pattern.findall("LSG") if one.get("A") == GUIDANCE_LINE_TYPE), None)
         if line is None or kind in ("pivot", "spiral"):
             features.append(None)
             continue
         name = (pattern.get("B") or "").strip() or (pattern.get("A") or "line")
-        feature = _line(line, name)
+        feature = _read_line(line, name)
         if kind == "A+" and feature is None:
-            feature = _from_heading(line, pattern, name)
+            feature = _build_line_from_heading(line, pattern, name)
         features.append(feature)
-    found = [one for one in features if one is not None]
-    if len(found) < len(features):
-        left = len(features) - len(found)
-        notes.append(f"Left out of '{field}': {some(left, 'guidance pattern')} (pivots, spirals, or without points).")
-    return found
+    lines = [one for one in features if one is not None]
+    if len(lines) < len(features):
+        unread = len(features) - len(lines)
+        notes.append(
+            f"Skipped in '{field}': {count_noun(unread, 'guidance pattern')} (pivots, spirals, or without points)."
+        )
+    return lines
 
 
-def _line(line: Element, name: str) -> Feature | None:
-    points = [one for one in (_position(each) for each in line.findall("PNT")) if one is not None]
+def _read_line(line: Element, name: str) -> Feature | None:
+    points = [one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None]
     if len(points) < 2:
         return None
-    return _feature("LineString", points, {"role": "guidance", "name": name})
+    return _build_feature("LineString", points, {"role": "guidance", "name": name})
 
 
-def _from_heading(line: Element, pattern: Element, name: str) -> Feature | None:
-    """An A+ line: its point A, and a second one 100 m on by its heading (attribute G, degrees from north)."""
+def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feature | None:
+    """An A+ line: point A and a point 100 m away in its heading (attribute G, degrees from north)."""
     try:
         heading_deg = float(pattern.get("G") or "")
     except ValueError:
         return None
-    start = next((one for one in (_position(each) for each in line.findall("PNT")) if one is not None), None)
+    start = next((one for one in (_parse_position(each) for each in line.findall("PNT")) if one is not None), None)
     if start is None:
         return None
-    return _feature("LineString", [start, onwards(start, heading_deg, 100.0)], {"role": "guidance", "name": name})
+    return _build_feature(
+        "LineString", [start, extend_position(start, heading_deg, 100.0)], {"role": "guidance", "name": name}
+    )
 
 
-def _feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
+def _build_feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 
-def _holds(names: frozenset[str]) -> bool:
-    return TASKDATA in names
+def _has_taskdata_file(names: frozenset[str]) -> bool:
+    return TASKDATA_FILE in names
 
 
-FORMAT = Format("ISOXML", (".xml",), _read, _holds)
+FIELD_FORMAT = FieldFormat("ISOXML", (".xml",), _read_isoxml, _has_taskdata_file)
+
+
+TASKDATA_PATH = "TASKDATA/TASKDATA.XML"
+SOFTWARE_NAME = "Headland"
+PLN_BOUNDARY, PLN_OBSTACLE, PLN_HEADLAND = "1", "6", "10"
+LSG_OUTER, LSG_INNER, LSG_GUIDANCE = "1", "2", "5"
+PNT_OTHER, PNT_ENTRANCE, PNT_A, PNT_B, PNT_BETWEEN = "2", "3", "6", "7", "9"
+GPN_AB, GPN_CURVE = "1", "3"
+GPN_BOTH_SIDES, GPN_BOTH_ENDS, GPN_DESKTOP = "1", "1", "16"
+"""Extension of a pattern to both sides and ends; origin of its points (not measured)."""
+DEGREE_DECIMALS = 9
+FALLBACK_NAME = "Field"
+
+
+def _write_version_4(guidance: PlanGuidance) -> FileContents:
+    root, partfield = _build_partfield(guidance, "4")
+    if guidance.boundary is not None and guidance.headland_interior:
+        headland = add_child(partfield, "PLN", A=PLN_HEADLAND, B="Headland")
+        _add_ring(headland, LSG_OUTER, guidance.boundary.rings[0])
+        for area in guidance.headland_interior:
+            _add_ring(headland, LSG_INNER, area.rings[0])
+    if guidance.entrance is not None:
+        _add_point(partfield, PNT_ENTRANCE, *guidance.entrance, name="Entrance")
+    patterns = count(1)
+    for tractor in guidance.tractors:
+        if tractor.lines:
+            group = add_child(partfield, "GGP", A=f"GGP{tractor.number}", B=f"T{tractor.number}")
+            for line in tractor.lines:
+                _add_pattern(group, f"GPN{next(patterns)}", line)
+    return {TASKDATA_PATH: serialise_xml(root)}
+
+
+def _write_version_3(guidance: PlanGuidance) -> FileContents:
+    root, partfield = _build_partfield(guidance, "3")
+    for line in guidance.lines:
+        _add_line(partfield, line, (PNT_OTHER, PNT_OTHER, PNT_OTHER), B=build_designator(line.name, FALLBACK_NAME))
+    return {TASKDATA_PATH: serialise_xml(root)}
+
+
+def _build_partfield(guidance: PlanGuidance, major: str) -> tuple[Element, Element]:
+    """The root and its partfield with boundary and obstacles."""
+    attributes = {
+        "VersionMajor": major,
+        "VersionMinor": "3",
+        "ManagementSoftwareManufacturer": SOFTWARE_NAME,
+        "ManagementSoftwareVersion": _find_software_version(),
+        "DataTransferOrigin": "1",
+    }
+    root = Element("ISO11783_TaskData", attributes)
+    partfield = add_child(
+        root, "PFD", A="PFD1", C=build_designator(guidance.field, FALLBACK_NAME), D=f"{guidance.area_m2:.0f}"
+    )
+    if guidance.boundary is not None:
+        _add_polygon(partfield, PLN_BOUNDARY, guidance.boundary)
+    for area in guidance.obstacles:
+        _add_polygon(partfield, PLN_OBSTACLE, area)
+    return root, partfield
+
+
+def _find_software_version() -> str:
+    """The installed version of Headland."""
+    try:
+        return version("headland")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def _add_polygon(partfield: Element, kind: str, area: GuidanceArea) -> None:
+    polygon = add_child(partfield, "PLN", A=kind, B=build_designator(area.name, FALLBACK_NAME))
+    for place, ring in enumerate(area.rings):
+        _add_ring(polygon, LSG_INNER if place else LSG_OUTER, ring)
+
+
+def _add_ring(polygon: Element, kind: str, ring: DegreePoints) -> None:
+    """A ring that ends where it begins."""
+    line = add_child(polygon, "LSG", A=kind)
+    for longitude, latitude in (*ring.tolist(), ring[0].tolist()):
+        _add_point(line, PNT_OTHER, longitude, latitude)
+
+
+def _add_pattern(group: Element, key: str, line: WorkLine) -> None:
+    pattern = add_child(
+        group,
+        "GPN",
+        A=key,
+        B=build_designator(line.name, key),
+        C=GPN_AB if line.is_straight else GPN_CURVE,
+        E=GPN_BOTH_SIDES,
+        F=GPN_BOTH_ENDS,
+        G=f"{line.bearing_deg % 360.0:.6f}",
+        I=GPN_DESKTOP,
+    )
+    _add_line(pattern, line, (PNT_A, PNT_BETWEEN, PNT_B))
+
+
+def _add_line(parent: Element, line: WorkLine, kinds: tuple[str, str, str], **attributes: str) -> None:
+    """A line with these kinds of its first point, intermediate points and last point."""
+    element = add_child(parent, "LSG", A=LSG_GUIDANCE, **attributes)
+    last = len(line.points) - 1
+    for place, (longitude, latitude) in enumerate(line.points.tolist()):
+        _add_point(element, kinds[0] if place == 0 else kinds[2] if place == last else kinds[1], longitude, latitude)
+
+
+def _add_point(parent: Element, kind: str, longitude: float, latitude: float, name: str | None = None) -> None:
+    place = {"C": f"{latitude:.{DEGREE_DECIMALS}f}", "D": f"{longitude:.{DEGREE_DECIMALS}f}"}
+    add_child(parent, "PNT", A=kind, **({} if name is None else {"B": name}), **place)
+
+
+GUIDANCE_FORMAT_4 = GuidanceFormat("isoxml4", "ISOXML version 4", _write_version_4, takes_curves=False)
+GUIDANCE_FORMAT_3 = GuidanceFormat(
+    "isoxml3",
+    "ISOXML version 3",
+    _write_version_3,
+    per_tractor=True,
+    takes_curves=False,
+    unsupported_parts=("headland", "entrance"),
+)

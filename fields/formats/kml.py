@@ -1,43 +1,151 @@
-"""KML (OGC 12-007) and KMZ: always in longitude and latitude."""
+"""KML 2.2 (OGC 12-007) and KMZ, always in longitude and latitude: fields are read, guidance is written.
+
+Written files have a folder for the field and one for every tractor in its colour.
+"""
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path, PurePosixPath
+from pathlib import PurePosixPath
+from xml.etree.ElementTree import Element
 
-from fields.document import Document, Format
+import numpy as np
+
 from fields.errors import FieldError
-from fields.formats.archive import Members, is_archive
-from fields.formats.features import document_of
-from fields.formats.markup import refuse_entities
-from fields.formats.vector import WGS84, named_lines, read_layers
-from fields.reading import read_bytes
+from fields.formats.archive import ArchiveMembers, is_archive
+from fields.formats.features import build_document
+from fields.formats.gdal import KML_DRIVERS, WGS84, mark_guidance_lines, read_layers
+from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, PlanGuidance, WorkLine
+from fields.formats.markup import add_child, check_xml_root, serialise_xml
+from fields.raw_document import FieldDocument, FieldFormat
+from fields.text_files import read_bytes
 
-ROOT = "doc.kml"
+MAIN_DOCUMENT = "doc.kml"
+ROOT_TAGS = ("kml", "Document", "Folder", "Placemark")
 
 
-def _read(path: str, label: str) -> Document:
-    texts = _unpacked(path, label) if is_archive(path) else [read_bytes(path, "a KML file", FieldError)]
+def _read_kml(path: str, label: str) -> FieldDocument:
+    if is_archive(path):
+        return _build_kml_document(_unpack_kmz(path, label), label)
+    return parse_kml(read_bytes(path, "a KML file", FieldError), label)
+
+
+def parse_kml(content: bytes, label: str) -> FieldDocument:
+    """Parse a KML text; links are not followed. Raises FieldError."""
+    return _build_kml_document([content], label)
+
+
+def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
     features, notes = [], []
     for content in texts:
-        refuse_entities(content, label)
-        with tempfile.TemporaryDirectory() as folder:
-            place = Path(folder) / "fields.kml"
-            place.write_bytes(content)
-            found = read_layers(place, label, "KML")
-        features += found.features
-        notes += found.notes
-    return document_of(named_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
+        check_xml_root(content, label, "KML", ROOT_TAGS)
+        layers = read_layers(content, label, "KML", KML_DRIVERS)
+        features += layers.features
+        notes += layers.notes
+    return build_document(mark_guidance_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
 
 
-def _unpacked(path: str, label: str) -> list[bytes]:
-    """Every document of a KMZ, the one that viewers show first."""
-    members = Members(path)
+def _unpack_kmz(path: str, label: str) -> list[bytes]:
+    """Every document of a KMZ, the main document first."""
+    members = ArchiveMembers(path)
     names = [name for name in members if name.lower().endswith(".kml")]
     if not names:
-        raise FieldError(f"{label} holds no KML; give a KMZ with a doc.kml in it.")
-    names.sort(key=lambda name: PurePosixPath(name).name.lower() != ROOT)
+        raise FieldError(f"{label} contains no KML; give a KMZ with a doc.kml in it.")
+    names.sort(key=lambda name: PurePosixPath(name).name.lower() != MAIN_DOCUMENT)
     return [members[name] for name in names]
 
 
-FORMAT = Format("KML", (".kml", ".kmz"), _read, lambda names: ROOT in names)
+FIELD_FORMAT = FieldFormat("KML", (".kml", ".kmz"), _read_kml, lambda names: MAIN_DOCUMENT in names, parse_kml)
+
+
+KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
+DEGREE_DECIMALS = 9
+BOUNDARY_STYLE, HEADLAND_STYLE = "boundary", "headland"
+LINE_STYLES = {BOUNDARY_STYLE: ("ff404040", "3"), HEADLAND_STYLE: ("ff909090", "2")}
+
+
+def _write_kml(guidance: PlanGuidance) -> FileContents:
+    root = Element("kml", {"xmlns": KML_NAMESPACE})
+    top = add_child(root, "Document")
+    add_child(top, "name", guidance.field)
+    _add_styles(top, guidance)
+    _add_field(top, guidance)
+    for tractor in guidance.tractors:
+        folder = add_child(top, "Folder")
+        add_child(folder, "name", f"T{tractor.number}")
+        for line in tractor.lines:
+            _add_line(folder, line)
+    return {"guidance.kml": serialise_xml(root)}
+
+
+def _add_styles(top: Element, guidance: PlanGuidance) -> None:
+    tractors = {f"T{one.number}": (_convert_colour(one.colour), "2") for one in guidance.tractors}
+    for name, (colour, width) in {**LINE_STYLES, **tractors}.items():
+        style = add_child(top, "Style", id=name)
+        stroke = add_child(style, "LineStyle")
+        add_child(stroke, "color", colour)
+        add_child(stroke, "width", width)
+        add_child(add_child(style, "PolyStyle"), "fill", "0")
+
+
+def _convert_colour(colour: str) -> str:
+    """A colour in KML's order: opacity, blue, green, red."""
+    red, green, blue = (colour[at : at + 2] for at in (1, 3, 5))
+    return f"ff{blue}{green}{red}".lower()
+
+
+def _add_field(top: Element, guidance: PlanGuidance) -> None:
+    folder = add_child(top, "Folder")
+    add_child(folder, "name", "Field")
+    if guidance.boundary is not None:
+        _add_polygon(folder, guidance.field, BOUNDARY_STYLE, guidance.boundary)
+    for area in guidance.obstacles:
+        _add_polygon(folder, area.name, "obstacle", area)
+    for area in guidance.headland_interior:
+        for ring in area.rings:
+            mark = _add_placemark(folder, "inside of the headland", HEADLAND_STYLE, role=HEADLAND_STYLE)
+            _add_positions(add_child(mark, "LineString"), _close_ring(ring))
+    if guidance.entrance is not None:
+        mark = _add_placemark(folder, "Entrance", None, role="entrance")
+        _add_positions(add_child(mark, "Point"), np.array([guidance.entrance]))
+
+
+def _add_polygon(folder: Element, name: str, role: str, area: GuidanceArea) -> None:
+    mark = _add_placemark(folder, name, BOUNDARY_STYLE, role=role)
+    polygon = add_child(mark, "Polygon")
+    for place, ring in enumerate(area.rings):
+        inside = add_child(polygon, "innerBoundaryIs" if place else "outerBoundaryIs")
+        _add_positions(add_child(inside, "LinearRing"), _close_ring(ring))
+
+
+def _add_line(folder: Element, line: WorkLine) -> None:
+    values = {"tractor": str(line.tractor), "order": str(line.order), "what": line.description}
+    mark = _add_placemark(folder, line.name, f"T{line.tractor}", role="guidance", **values)
+    _add_positions(add_child(mark, "LineString"), line.points)
+
+
+def _add_placemark(folder: Element, name: str, style: str | None, **values: str) -> Element:
+    mark = add_child(folder, "Placemark")
+    add_child(mark, "name", name)
+    if style is not None:
+        add_child(mark, "styleUrl", f"#{style}")
+    data = add_child(mark, "ExtendedData")
+    for key, value in values.items():
+        add_child(add_child(data, "Data", name=key), "value", value)
+    return mark
+
+
+def _close_ring(ring: DegreePoints) -> DegreePoints:
+    return np.concatenate([ring, ring[:1]])
+
+
+def _add_positions(geometry: Element, points: DegreePoints) -> None:
+    add_child(
+        geometry,
+        "coordinates",
+        " ".join(f"{x:.{DEGREE_DECIMALS}f},{y:.{DEGREE_DECIMALS}f}" for x, y in points.tolist()),
+    )
+
+
+GUIDANCE_FORMAT = GuidanceFormat(
+    "kml", "KML", _write_kml, extension=".kml", media_type="application/vnd.google-earth.kml+xml"
+)

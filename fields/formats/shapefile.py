@@ -1,76 +1,220 @@
-"""Shapefiles: one file, a folder or a ZIP archive of them; where no .prj says the system, it must be given."""
+"""Shapefiles: files, folders and ZIP archives are read, guidance is written, one Shapefile for each kind of feature.
+
+Without a .prj the user must name the coordinate system. Written files are in EPSG:4326 with column names of at most ten
+letters, as dBASE requires.
+"""
 
 from __future__ import annotations
 
+import io
 import tempfile
-from collections.abc import Sequence
+import zipfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePosixPath
+from typing import Any
 
-from fields.document import UNKNOWN, Document, Format
+import numpy as np
+import shapely
+
 from fields.errors import FieldError
-from fields.formats.archive import Members, members_around
-from fields.formats.features import document_of
-from fields.formats.vector import Layers, named_lines, read_layers
+from fields.formats.archive import ArchiveMembers, open_folder_or_archive
+from fields.formats.features import build_document
+from fields.formats.gdal import (
+    SHAPEFILE_DRIVER,
+    LayerFeatures,
+    UnknownCrsError,
+    mark_guidance_lines,
+    read_layers,
+    restrict_gdal_drivers,
+)
+from fields.formats.guidance import FileContents, GuidanceArea, GuidanceFormat, PlanGuidance
+from fields.formats.markup import remove_forbidden
+from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
 
-PARTS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
+FORMAT_NAME = "a Shapefile"
+PART_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
+SHAPEFILE_MAGIC = (9994).to_bytes(4, "big")
+"""First bytes of geometry and index (ESRI Shapefile Technical Description, 1998)."""
 
 
-def _read(path: str, label: str) -> Document:
+def _read_shapefiles(path: str, label: str) -> FieldDocument:
     place = Path(path)
-    members, names = shapefiles_at(place)
+    members, names = find_shapefiles(place)
     if members.path != place:
-        _complete(members, place.stem, label)
-    found = _of_members(members, names, label)
-    return document_of(
-        named_lines(found.features), label, crs=found.crs or UNKNOWN, source="Shapefile", notes=tuple(found.notes)
+        _check_complete(members, place.stem, label)
+    layers = _read_members(members, names, label)
+    return build_document(
+        mark_guidance_lines(layers.features),
+        label,
+        crs=layers.crs or UNKNOWN_CRS,
+        source="Shapefile",
+        notes=tuple(layers.notes),
     )
 
 
-def shapefiles_at(place: Path) -> tuple[Members, list[str]]:
-    """The .shp files of a folder or archive, or the one of this name, whatever its case, with what is beside them."""
-    members = members_around(place)
+def find_shapefiles(place: Path) -> tuple[ArchiveMembers, list[str]]:
+    """Members and .shp files of a folder or archive, or the .shp file of this name; case is ignored."""
+    members = open_folder_or_archive(place)
     names = [one for one in members if one.lower().endswith(".shp")]
     if members.path != place:
         names = [one for one in names if PurePosixPath(one).stem.lower() == place.stem.lower()]
     return members, names
 
 
-def _of_members(members: Members, names: Sequence[str], label: str) -> Layers:
-    """Features of these Shapefiles of a folder or archive, copied to a place that is removed again."""
-    whole = Layers()
+def _read_members(members: ArchiveMembers, names: Sequence[str], label: str) -> LayerFeatures:
+    """Features of these Shapefiles of a folder or archive."""
+    layers = LayerFeatures()
     systems = set()
     for name in names:
-        stem = PurePosixPath(name).stem
-        if members.beside(name, f"{stem}.shx") is None:
-            raise _lacks([f"{stem}.shx"], label)
-        with tempfile.TemporaryDirectory() as folder:
-            for ending in PARTS:
-                content = members.beside(name, stem + ending)
-                if content is not None:
-                    (Path(folder) / f"fields{ending}").write_bytes(content)
-            found = read_layers(Path(folder) / "fields.shp", label, "a Shapefile")
-        whole.features += found.features
-        whole.notes += found.notes
-        systems.add(found.crs)
+        member_layers = _read_shapefile_features(find_component_files(members, name, label), label)
+        layers.features += member_layers.features
+        layers.notes += member_layers.notes
+        systems.add(member_layers.crs)
     if len(systems) > 1:
-        raise FieldError(f"{label} holds Shapefiles in different coordinate systems; name one of them alone.")
-    whole.crs = systems.pop() if systems else None
-    return whole
+        raise FieldError(f"{label} contains Shapefiles in different coordinate systems; name one of them.")
+    layers.crs = systems.pop() if systems else None
+    return layers
 
 
-def _complete(members: Members, stem: str, label: str) -> None:
+def _read_shapefile_features(parts: Mapping[str, bytes], label: str) -> LayerFeatures:
+    """Features of one Shapefile; a .prj that cannot be parsed is ignored with a note."""
+    try:
+        return read_layers(pack_component_files(parts), label, FORMAT_NAME, (SHAPEFILE_DRIVER,))
+    except UnknownCrsError:
+        if ".prj" not in parts:
+            raise
+    other_parts = {ending: content for ending, content in parts.items() if ending != ".prj"}
+    layers = read_layers(pack_component_files(other_parts), label, FORMAT_NAME, (SHAPEFILE_DRIVER,))
+    layers.notes.append("The .prj cannot be parsed and is ignored.")
+    return layers
+
+
+def find_component_files(members: ArchiveMembers, name: str, label: str) -> dict[str, bytes]:
+    """The parts of a Shapefile by their extensions.
+
+    Raises:
+        FieldError: its index is missing, or its geometry or index has wrong first bytes.
+    """
+    stem = PurePosixPath(name).stem
+    contents = {ending: members.read_member_beside(name, stem + ending) for ending in PART_EXTENSIONS}
+    parts = {ending: content for ending, content in contents.items() if content is not None}
+    if ".shx" not in parts:
+        raise _build_missing_error([f"{stem}.shx"], label)
+    for ending in (".shp", ".shx"):
+        if not parts.get(ending, b"").startswith(SHAPEFILE_MAGIC):
+            raise FieldError(
+                f"{label} cannot be read as {FORMAT_NAME} (the first bytes of {stem}{ending} are wrong); save it again "
+                f"as {FORMAT_NAME}."
+            )
+    return parts
+
+
+def pack_component_files(parts: Mapping[str, bytes]) -> bytes:
+    """The parts of a Shapefile as an in-memory archive, so that GDAL sees no other files and cannot write."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_STORED) as archive:
+        for ending, content in parts.items():
+            archive.writestr(f"fields{ending}", content)
+    return buffer.getvalue()
+
+
+def _check_complete(members: ArchiveMembers, stem: str, label: str) -> None:
     """Refuse a Shapefile without its geometry or its index."""
-    missing = [stem + ending for ending in (".shp", ".shx") if not members.named(stem + ending)]
+    missing = [stem + ending for ending in (".shp", ".shx") if not members.find_paths_by_name(stem + ending)]
     if missing:
-        raise _lacks(missing, label)
+        raise _build_missing_error(missing, label)
 
 
-def _lacks(missing: list[str], label: str) -> FieldError:
+def _build_missing_error(missing: list[str], label: str) -> FieldError:
     return FieldError(
-        f"{label} lacks {' and '.join(missing)}; a Shapefile is .shp, .shx, .dbf and .prj together in one folder."
+        f"{label} lacks {' and '.join(missing)}; keep .shp, .shx, .dbf and .prj of a Shapefile together in one folder."
     )
 
 
-FORMAT = Format(
-    "Shapefile", (".shp", ".shx", ".dbf", ".prj"), _read, lambda names: any(n.endswith(".shp") for n in names)
+FIELD_FORMAT = FieldFormat(
+    "Shapefile",
+    (".shp", ".shx", ".dbf", ".prj"),
+    _read_shapefiles,
+    lambda names: any(n.endswith(".shp") for n in names),
 )
+
+
+WRITTEN_EXTENSIONS = (".shp", ".shx", ".dbf", ".prj", ".cpg")
+FIXED_DATE = "1980-01-01"
+"""Date in dBASE tables, fixed so that the same plan gives the same bytes."""
+MAX_TEXT_BYTES = 254
+"""The longest text of a dBASE table."""
+
+Columns = Mapping[str, Sequence[Any]]
+
+
+def _write_shapefiles(guidance: PlanGuidance) -> FileContents:
+    files: dict[str, bytes] = {}
+    if guidance.boundary is not None:
+        files |= _write_layer(
+            "boundary", [_build_polygon(guidance.boundary)], {"name": [guidance.field], "role": ["boundary"]}
+        )
+    if guidance.obstacles:
+        names = [area.name for area in guidance.obstacles]
+        areas = [_build_polygon(area) for area in guidance.obstacles]
+        files |= _write_layer("obstacles", areas, {"name": names, "role": ["obstacle"] * len(names)})
+    edges = [shapely.linestrings(np.concatenate([r, r[:1]])) for area in guidance.headland_interior for r in area.rings]
+    if edges:
+        files |= _write_layer("headland", edges, {"role": ["headland"] * len(edges)})
+    if guidance.entrance is not None:
+        files |= _write_layer("entrance", [shapely.Point(guidance.entrance)], {"role": ["entrance"]})
+    return files | _write_lines(guidance)
+
+
+def _write_lines(guidance: PlanGuidance) -> dict[str, bytes]:
+    lines = guidance.lines
+    if not lines:
+        return {}
+    columns: dict[str, list[Any]] = {
+        "name": [line.name for line in lines],
+        "role": ["guidance" for _ in lines],
+        "tractor": [line.tractor for line in lines],
+        "order": [line.order for line in lines],
+        "kind": [line.kind for line in lines],
+        "what": [line.description for line in lines],
+        "bearing": [round(line.bearing_deg, 6) for line in lines],
+        "length_m": [round(line.length_m, 3) for line in lines],
+    }
+    return _write_layer("lines", [shapely.linestrings(line.points) for line in lines], columns)
+
+
+def _build_polygon(area: GuidanceArea) -> shapely.Polygon:
+    return shapely.Polygon(area.rings[0], area.rings[1:])
+
+
+def _write_layer(name: str, shapes: Sequence[shapely.Geometry], columns: Columns) -> dict[str, bytes]:
+    """The files of one Shapefile."""
+    from pyogrio.raw import write
+
+    with tempfile.TemporaryDirectory() as folder, restrict_gdal_drivers(SHAPEFILE_DRIVER):
+        place = Path(folder) / f"{name}.shp"
+        write(
+            place,
+            shapely.to_wkb(np.array(shapes, dtype=object)),
+            [_build_column(values) for values in columns.values()],
+            list(columns),
+            geometry_type=shapes[0].geom_type,
+            crs="EPSG:4326",
+            driver=SHAPEFILE_DRIVER,
+            encoding="UTF-8",
+            DBF_DATE_LAST_UPDATE=FIXED_DATE,
+        )
+        parts = [place.with_suffix(ending) for ending in WRITTEN_EXTENSIONS]
+        return {part.name: part.read_bytes() for part in parts if part.exists()}
+
+
+def _build_column(values: Sequence[Any]) -> Any:
+    kind = type(values[0])
+    if kind is str:
+        values = [
+            remove_forbidden(value).encode("utf-8")[:MAX_TEXT_BYTES].decode("utf-8", "ignore") for value in values
+        ]
+    return np.array(values, dtype={int: np.int32, float: np.float64}.get(kind, object))
+
+
+GUIDANCE_FORMAT = GuidanceFormat("shapefile", "Shapefile", _write_shapefiles)

@@ -1,124 +1,160 @@
-"""Where the fields and the yard are, and how far it is from one to another."""
+"""Places of a day: fields and yard, the roads between them, and sunrise and sunset."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import date
 
 import numpy as np
 import numpy.typing as npt
 
-from fields.field import Field
-from fields.projection import project
-from planner.day.file import YARD, DayField, DayFile, Road
-from planner.errors import ScenarioError, nearest
-from planner.farm.file import FarmFile
-from planner.transport import FARTHEST_KM, end_of_road
+from fields.geometry.field import Field
+from fields.geometry.geodesy import project
+from planner.day.input_file import YARD, DayField, DayFile, DayRoad
+from planner.errors import RequestError, suggest_name
+from planner.farm.inventory import FarmFile
+from planner.farm.workday import MAX_ROAD_KM, locate_road_end
+from planner.request.option_texts import DAY_S
+
+ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
+MINUTES_PER_DAY = 1440
+
+
+def compute_sun_hours(day: date, lon: float, lat: float, utc_offset_h: float) -> tuple[int, int] | None:
+    """Sunrise and sunset as seconds of the day in local time, to the minute; None if the sun does not set.
+
+    They are those of the upper edge with refraction, good to a minute or two between latitudes of 65 degrees.
+    Declination and equation of time are by the Fourier series of Spencer (1971). If the sun does not rise, both are at
+    noon.
+    """
+    year_angle = 2.0 * math.pi * (day.timetuple().tm_yday - 1 + 0.5) / 365.0
+    angle, double_angle, triple_angle = (number * year_angle for number in (1, 2, 3))
+    declination = (
+        0.006918 - 0.399912 * math.cos(angle) + 0.070257 * math.sin(angle) - 0.006758 * math.cos(double_angle)
+        + 0.000907 * math.sin(double_angle) - 0.002697 * math.cos(triple_angle) + 0.00148 * math.sin(triple_angle)
+    )  # fmt: skip
+    equation_min = 229.18 * (
+        0.000075 + 0.001868 * math.cos(angle) - 0.032077 * math.sin(angle) - 0.014615 * math.cos(double_angle)
+        - 0.040849 * math.sin(double_angle)
+    )  # fmt: skip
+    latitude = math.radians(lat)
+    height = math.cos(math.radians(ZENITH_DEG)) - math.sin(latitude) * math.sin(declination)
+    reach = height / max(math.cos(latitude) * math.cos(declination), 1e-9)
+    if reach <= -1.0:
+        return None
+    half_min = 4.0 * math.degrees(math.acos(min(reach, 1.0)))
+    noon_min = MINUTES_PER_DAY / 2 - 4.0 * lon - equation_min + 60.0 * utc_offset_h
+    rise_s, set_s = (60 * round(noon_min + sign * half_min) % DAY_S for sign in (-1.0, 1.0))
+    return rise_s, set_s
+
 
 M_PER_KM = 1000.0
 Array = npt.NDArray[np.float64]
-Degrees = tuple[float, float]
+LonLat = tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Spot:
-    """A place with its name; `at` are its longitude and latitude in degrees, None where nobody said."""
+class DayPlace:
+    """A place with its name and its longitude and latitude in degrees, None if unknown."""
 
     name: str
-    at: Degrees | None
+    lon_lat: LonLat | None
 
 
-def spots(day: DayFile, fields: Sequence[Field]) -> tuple[Spot, ...]:
-    """The fields in their order; the yard as the last where anybody said where it is or how far.
+def locate_fields(day: DayFile, fields: Sequence[Field]) -> tuple[DayPlace, ...]:
+    """The places of the fields, in order; raises RequestError for two fields with the same name."""
+    places = [
+        DayPlace(field.name, _locate_field(day_field, field))
+        for day_field, field in zip(day.fields, fields, strict=True)
+    ]
+    names = [place.name for place in places]
+    duplicate = next((name for name in names if names.count(name) > 1), None)
+    if duplicate is not None:
+        raise RequestError(f"Two fields of the day are called {duplicate!r}; give each a unique name.")
+    return tuple(places)
 
-    Raises ScenarioError for two fields of one name.
-    """
-    found = [Spot(one.name, _position(said, one)) for said, one in zip(day.fields, fields, strict=True)]
-    names = [spot.name for spot in found]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise ScenarioError(f"Two fields of the day are called {twice!r}; give each a name of its own.")
-    return tuple(found)
 
-
-def yard_of(day: DayFile, farm: FarmFile) -> Spot | None:
-    """The yard; None where neither file places it and no road leads to it."""
+def locate_yard(day: DayFile, farm: FarmFile) -> DayPlace | None:
+    """The yard; None if neither file gives its place and no road leads to it."""
     yard = day.yard or farm.yard
     if yard.lon is not None and yard.lat is not None:
-        return Spot(YARD, (yard.lon, yard.lat))
-    return Spot(YARD, None) if any(YARD in road.between for road in day.roads) else None
+        return DayPlace(YARD, (yard.lon, yard.lat))
+    return DayPlace(YARD, None) if any(YARD in road.between for road in day.roads) else None
 
 
-def road_km(day: DayFile, places: Sequence[Spot], road_factor: float) -> Array:
+def compute_road_km(day: DayFile, places: Sequence[DayPlace], road_factor: float) -> Array:
     """Kilometres of road between all places, (n, n): as given, else straight lines times a factor.
 
-    Raises ScenarioError for a road to nowhere, two lengths of one road, a pair with neither road nor places, and a
-    yard farther from a field than anybody would drive.
+    Raises RequestError for a road to an unknown place, two lengths of one road, a pair with neither road nor places,
+    and a yard farther than MAX_ROAD_KM from a field.
     """
-    given = _given(day.roads, [place.name for place in places])
+    lengths_km = _collect_road_lengths(day.roads, [place.name for place in places])
     km = np.zeros((len(places), len(places)))
-    for a, one in enumerate(places):
-        for b, other in enumerate(places[:a]):
-            length = given.get(frozenset((one.name, other.name)))
-            km[a, b] = km[b, a] = _straight_km(one, other) * road_factor if length is None else length
+    for a, start in enumerate(places):
+        for b, end in enumerate(places[:a]):
+            length_km = lengths_km.get(frozenset((start.name, end.name)))
+            km[a, b] = km[b, a] = _measure_straight_km(start, end) * road_factor if length_km is None else length_km
     return km
 
 
-def on_map(places: Sequence[Spot]) -> list[tuple[float, float] | None]:
-    """Metres east and north of the middle of all places; None for a place that nobody said."""
-    known = [place.at for place in places if place.at is not None]
-    if not known:
+def project_places(places: Sequence[DayPlace]) -> list[tuple[float, float] | None]:
+    """Metres east and north of the middle of all places; None for an unknown place."""
+    known_lon_lat = [place.lon_lat for place in places if place.lon_lat is not None]
+    if not known_lon_lat:
         return [None] * len(places)
-    lon, lat = np.asarray(known).mean(axis=0).tolist()
-    metres = iter(project(np.asarray(known), "EPSG:4326", f"+proj=aeqd +lat_0={lat!r} +lon_0={lon!r}").tolist())
-    return [None if place.at is None else (lambda xy: (xy[0], xy[1]))(next(metres)) for place in places]
+    lon, lat = np.asarray(known_lon_lat).mean(axis=0).tolist()
+    metres = iter(project(np.asarray(known_lon_lat), "EPSG:4326", f"+proj=aeqd +lat_0={lat!r} +lon_0={lon!r}").tolist())
+    return [None if place.lon_lat is None else (lambda xy: (xy[0], xy[1]))(next(metres)) for place in places]
 
 
-def _position(said: DayField, field: Field) -> Degrees | None:
-    if said.lon is not None and said.lat is not None:
-        return said.lon, said.lat
+def _locate_field(day_field: DayField, field: Field) -> LonLat | None:
+    if day_field.lon is not None and day_field.lat is not None:
+        return day_field.lon, day_field.lat
     if field.crs is None:
         return None
-    lon, lat = field.to_wgs84([end_of_road(field)])[0].tolist()
+    lon, lat = field.to_wgs84([locate_road_end(field)])[0].tolist()
     return lon, lat
 
 
-def _given(roads: Sequence[Road], names: Sequence[str]) -> dict[frozenset[str], float]:
+def _collect_road_lengths(roads: Sequence[DayRoad], names: Sequence[str]) -> dict[frozenset[str], float]:
     lengths: dict[frozenset[str], float] = {}
     for road in roads:
         for name in road.between:
             if name not in names:
-                known = [*names, YARD] if YARD not in names else names
-                raise ScenarioError(
-                    f"A road of the day leads to {name!r}, which is no field of it{nearest(name, known)}; use one of: "
-                    f"{', '.join(known)}."
+                known_names = [*names, YARD] if YARD not in names else names
+                raise RequestError(
+                    f"A road of the day leads to {name!r}, which is not one of its fields"
+                    f"{suggest_name(name, known_names)}; use one of: {', '.join(known_names)}."
                 )
         pair = frozenset(road.between)
-        one, other = road.between
-        if one == other:
-            raise ScenarioError(f"A road of the day leads from {one!r} to {one!r}; name two places.")
+        start, end = road.between
+        if start == end:
+            raise RequestError(f"A road of the day leads from {start!r} to {start!r}; name two places.")
         if lengths.setdefault(pair, road.km) != road.km:
-            raise ScenarioError(
-                f"The road between {one!r} and {other!r} is {lengths[pair]:g} km and {road.km:g} km; keep one of them."
+            raise RequestError(
+                f"The road between {start!r} and {end!r} is given twice, as {lengths[pair]:g} km and {road.km:g} km; "
+                "keep one of them."
             )
     return lengths
 
 
-def _straight_km(one: Spot, other: Spot) -> float:
+def _measure_straight_km(start: DayPlace, end: DayPlace) -> float:
     from pyproj import Geod
 
-    for place in (one, other):
-        if place.at is None:
-            where = "lon and lat of the yard" if place.name == YARD else f"lon and lat of {place.name!r}"
-            raise ScenarioError(
-                f"The road between {other.name!r} and {one.name!r} is missing; give it under [[roads]], or {where}."
+    for place in (start, end):
+        if place.lon_lat is None:
+            wanted = "lon and lat of the yard" if place.name == YARD else f"lon and lat of {place.name!r}"
+            raise RequestError(
+                f"The road between {end.name!r} and {start.name!r} is missing; give it under [[roads]], or {wanted}."
             )
-    (lon, lat), (to_lon, to_lat) = one.at or (0.0, 0.0), other.at or (0.0, 0.0)
+    (lon, lat), (to_lon, to_lat) = start.lon_lat or (0.0, 0.0), end.lon_lat or (0.0, 0.0)
     km = float(Geod(ellps="WGS84").inv(lon, lat, to_lon, to_lat)[2]) / M_PER_KM
-    if km > FARTHEST_KM and YARD in (one.name, other.name):
-        field = other.name if one.name == YARD else one.name
-        raise ScenarioError(
-            f"The yard of the day is {km:.0f} km from field {field!r} by the straight line; use {FARTHEST_KM:g} km or "
-            "less, or give the road between them under [[roads]]."
+    if km > MAX_ROAD_KM and YARD in (start.name, end.name):
+        field = end.name if start.name == YARD else start.name
+        raise RequestError(
+            f"The yard of the day is {km:.0f} km from field {field!r} in a straight line; at most {MAX_ROAD_KM:g} km "
+            "are allowed, so correct its place, or give the road under [[roads]]."
         )
     return km

@@ -1,4 +1,4 @@
-"""A day file from beginning to end: field times simulated, fields given to fleets in the best order, how sure it is."""
+"""Planning of a day: simulated field times, the best assignment of fields to fleets, its probability, advice."""
 
 from __future__ import annotations
 
@@ -11,264 +11,429 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from fields.errors import about
-from fields.field import Field
-from fields.read import read_field
-from planner.chance.answer import DRAWS
-from planner.day.build import Frame, chances_of, frame_of, job_seed, problem_of, terms_of
-from planner.day.cache import Cache
-from planner.day.file import YARD, DayFile, machines_of
-from planner.day.insertion import Routes
-from planner.day.odds import Chain, Stop, chained, rain_draws
-from planner.day.places import Spot, on_map, road_km, spots, yard_of
-from planner.day.problem import Problem
-from planner.day.solve import Day, solved
-from planner.day.times import FieldTime, Table, Task, field_times, tasks_of, unknown
-from planner.day.words import Why, advice_of, why_left
-from planner.farm.file import FarmFile
-from planner.pool import SerialExecutor
-from planner.tasks import Progress
-from planner.transport import end_of_road
-from reports.day_results import DayJob, DayResult, FleetDay, MapPlace, NotDone
+from fields.documents.reader import read_field
+from fields.errors import attach_parameter
+from fields.geometry.field import Field
+from planner.day.field_times import (
+    FieldTime,
+    FieldTimeCache,
+    FieldTimeTable,
+    FieldTimeTask,
+    build_field_time_tasks,
+    compute_field_times,
+    count_uncached_field_times,
+)
+from planner.day.formulation import (
+    DayHours,
+    FleetDaySamples,
+    PlannedRouteField,
+    build_day_hours,
+    build_fleet_prices,
+    build_problem,
+    convert_rain_onsets,
+    derive_job_seed,
+    get_field_uncertainty,
+    sample_fleet_day,
+)
+from planner.day.input_file import YARD, DayFile, get_fleet_machines
+from planner.day.optimization.problem import DayProblem, Routes, find_insertions
+from planner.day.optimization.solver import DaySolution, solve_day
+from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
+from planner.farm.inventory import FarmFile
+from planner.farm.workday import locate_road_end
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.worker_tasks import Progress
+from planner.request.option_texts import DAY_S, format_clock
+from planner.risk.monte_carlo import DEFAULT_SAMPLES
+from planner.risk.plan_choice import format_hours, format_percent
+from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
 
-NOT_KEPT = "Field times could not be kept, so the next run simulates them anew; --cache names another folder."
+MAX_REASONS = 3  # skipped fields with their reason in the advice
+
+
+@dataclass(frozen=True)
+class NotDoneReason:
+    """Why a field is not done: the sentence, and how far it is from being done (kind, then seconds or money)."""
+
+    reason: str
+    nearness: tuple[int, float]
+
+
+def format_time_of_day(seconds: float) -> str:
+    """hh:mm, with the day if it is another one."""
+    rounded = 60 * round(seconds / 60.0)
+    days = rounded // DAY_S
+    return format_clock(rounded) + ("" if days == 0 else " of the next day" if days == 1 else f" {days} days later")
+
+
+def explain_not_done(
+    problem: DayProblem, routes: Routes, field: int, refusals: Sequence[str], names: Sequence[str]
+) -> NotDoneReason:
+    """Why a field is not done. `refusals` are of the fleets without a plan for it, `names` of all fleets."""
+    able_fleets = [fleet for fleet in range(problem.fleet_count) if problem.work_s[fleet][field] is not None]
+    if not able_fleets:
+        return NotDoneReason(f"no fleet can work it: {_format_first_refusal(refusals)}", (3, 0.0))
+    if not problem.windows[field]:
+        return NotDoneReason("its windows are outside the working hours or the daylight", (2, 0.0))
+    options = find_insertions(problem, routes, field)
+    if options:
+        return NotDoneReason(
+            f"doing it costs {options[0].added_cost:.2f} more than skipping it", (0, options[0].added_cost)
+        )
+    late_s, fleet = min((_compute_lateness_s(problem, fleet, field), fleet) for fleet in able_fleets)
+    if late_s > 0:
+        sentence = f"even if {names[fleet]} goes there first, it is {format_hours(max(late_s, 60))} too late"
+        return NotDoneReason(sentence, (1, float(late_s)))
+    return NotDoneReason("no fleet has time for it besides the other fields", (0, 0.0))
+
+
+def _format_first_refusal(refusals: Sequence[str]) -> str:
+    text = next((text for text in refusals if text), "every plan was refused")
+    return text.rstrip(".")
+
+
+def _compute_lateness_s(problem: DayProblem, fleet: int, field: int) -> int:
+    """Seconds by which a fleet that works this field only misses the best window or the end of the day, at least 0."""
+    work_s, depot = problem.work_s[fleet][field] or 0, problem.field_count
+    arrives_s = problem.begin_s + problem.travel_s[fleet][depot][field]
+
+    def find_lateness_s(window: tuple[int, int]) -> int:
+        end_s = max(arrives_s, window[0]) + work_s
+        return max(end_s - window[1], end_s + problem.travel_s[fleet][field][depot] - problem.home_by_s, 0)
+
+    return min(find_lateness_s(window) for window in problem.windows[field])
+
+
+def write_advice(
+    jobs: Sequence[DayJob], not_done: Sequence[UnworkedField], all_probability: float | None, cost: float, currency: str
+) -> str:
+    """The advice for a day, in a few sentences."""
+    if not jobs:
+        return "No field can be done on this day."
+    total = len(jobs) + len(not_done)
+    count = (
+        f"All {total} fields are"
+        if not not_done and total > 1
+        else f"{len(jobs)} of {total} fields {_choose_is_or_are(len(jobs))}"
+    )
+    end_text = format_time_of_day(max(job.end_s for job in jobs))
+    certainty = "" if all_probability is None else f" ({format_percent(all_probability)} in time)"
+    machines = dict.fromkeys(job.machine for job in jobs)
+    shares = "; ".join(
+        f"{machine}: {', then '.join(job.field for job in jobs if job.machine == machine)}" for machine in machines
+    )
+    sentences = [f"{count} done by {end_text}{certainty}: {shares}.", f"Expected cost {cost:.2f} {currency}."]
+    weakest = min(jobs, key=lambda job: (round(job.finish_probability, 6), job.end_s))
+    if len(jobs) > 1 and all_probability is not None and weakest.finish_probability < 0.995:
+        sentences.append(f"Least certain: {weakest.field}, {format_percent(weakest.finish_probability)} in time.")
+    sentences += [f"{skipped.field} is skipped: {skipped.reason}." for skipped in not_done[:MAX_REASONS]]
+    unnamed_count = len(not_done) - MAX_REASONS
+    sentences += [f"{unnamed_count} more {_choose_is_or_are(unnamed_count)} skipped."] if unnamed_count > 0 else []
+    return " ".join(sentences)
+
+
+def _choose_is_or_are(count: int) -> str:
+    return "is" if count == 1 else "are"
+
+
+CACHE_FAILED = "Field times could not be cached, so the next run simulates them again; try another folder (--cache)."
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Ready:
-    """A day that is read and checked, before anything is simulated. `km` (n + 1, n + 1) has the yard last."""
+class PreparedDay:
+    """A day after reading and checking, before simulation. `road_km` (n + 1, n + 1) has the yard last."""
 
     day: DayFile
     farm: FarmFile
     fields: tuple[Field, ...]
-    places: tuple[Spot, ...]
-    km: Array
-    frame: Frame
-    tasks: list[list[Task | None]]
+    places: tuple[DayPlace, ...]
+    road_km: Array
+    frame: DayHours
+    tasks: list[list[FieldTimeTask | None]]
 
-    def unknown(self, cache: Cache) -> int:
-        """How many field times a cache does not know."""
-        return unknown(self.tasks, cache)
+    def count_uncached_field_times(self, cache: FieldTimeCache) -> int:
+        """Number of field times that are not in the cache."""
+        return count_uncached_field_times(self.tasks, cache)
 
 
 @dataclass(frozen=True, eq=False)
-class _Found:
-    """What the search found, with the draws of every fleet."""
+class _SolvedDay:
+    """The solution of a day, with the samples of every fleet."""
 
-    ready: Ready
-    table: Table
-    problem: Problem
-    best: Day
-    chains: tuple[Chain, ...]
-    draws: int
+    prepared: PreparedDay
+    table: FieldTimeTable
+    problem: DayProblem
+    solution: DaySolution
+    fleet_samples: tuple[FleetDaySamples, ...]
+    samples: int
     seed: int
 
 
-def prepare_day(day: DayFile, farm: FarmFile) -> Ready:
-    """Read the fields of a day and lay out its roads and hours; raises HeadlandError."""
-    with about("field"):
+def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
+    """Read the fields of a day and compute its roads and hours; raises HeadlandError."""
+    with attach_parameter("field"):
         fields = tuple(
-            read_field(said.file, local=said.local, name=said.name, crs=said.crs, swap=said.swap) for said in day.fields
+            read_field(
+                day_field.file,
+                local=day_field.local,
+                name=day_field.name,
+                crs=day_field.crs,
+                swap_axes=day_field.swap_axes,
+            )
+            for day_field in day.fields
         )
-    own = spots(day, fields)
-    yard = yard_of(day, farm)
-    km = np.zeros((len(own) + 1, len(own) + 1))
-    places = own if yard is None else (*own, yard)
-    km[: len(places), : len(places)] = road_km(day, places, farm.times.road_factor)
-    return Ready(day, farm, fields, places, km, frame_of(day, farm, _sun_at(places)), tasks_of(day, farm, fields))
+    field_places = locate_fields(day, fields)
+    yard = locate_yard(day, farm)
+    road_km = np.zeros((len(field_places) + 1, len(field_places) + 1))
+    places = field_places if yard is None else (*field_places, yard)
+    road_km[: len(places), : len(places)] = compute_road_km(day, places, farm.times.road_factor)
+    return PreparedDay(
+        day,
+        farm,
+        fields,
+        places,
+        road_km,
+        build_day_hours(day, farm, _find_sun_place(places)),
+        build_field_time_tasks(day, farm, fields),
+    )
 
 
-def _sun_at(places: Sequence[Spot]) -> tuple[float, float] | None:
-    """Where the sun is looked for: the yard, else the last field that is somewhere."""
-    return next((place.at for place in reversed(places) if place.at is not None), None)
+def _find_sun_place(places: Sequence[DayPlace]) -> tuple[float, float] | None:
+    """The place for sunrise and sunset: the yard, else the last field with a known place."""
+    return next((place.lon_lat for place in reversed(places) if place.lon_lat is not None), None)
 
 
 def plan_day(
-    ready: Ready,
+    prepared: PreparedDay,
     *,
-    cache: Cache | None = None,
+    cache: FieldTimeCache | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
-    draws: int = DRAWS,
+    samples: int = DEFAULT_SAMPLES,
     seed: int = 1,
 ) -> DayResult:
-    """Simulate what the cache does not know, give the fields to the fleets, and draw how sure that is.
+    """Simulate missing field times, assign fields to fleets, and estimate probabilities by Monte Carlo.
 
-    The answer depends neither on the executor nor on the cache. `progress` is called with (done, all) field times.
+    The result depends neither on the executor nor on the cache. `progress` is called with (done, all) field times.
     """
-    table, kept = field_times(ready.tasks, cache or Cache(None), executor or SerialExecutor(), progress)
-    problem = problem_of(ready.day, ready.farm, ready.fields, ready.km, table, ready.frame, seed)
-    best = solved(problem, seed=seed)
-    chains = _chains(ready, table, problem, best.routes, draws, seed)
-    return _result(_Found(ready, table, problem, best, chains, draws, seed), kept)
+    table, is_cached = compute_field_times(
+        prepared.tasks, cache or FieldTimeCache(None), executor or SerialExecutor(), progress
+    )
+    problem = build_problem(prepared.day, prepared.farm, prepared.fields, prepared.road_km, table, prepared.frame, seed)
+    solution = solve_day(problem, seed=seed)
+    fleet_samples = _sample_fleet_days(prepared, table, problem, solution.routes, samples, seed)
+    return _build_result(_SolvedDay(prepared, table, problem, solution, fleet_samples, samples, seed), is_cached)
 
 
-def _chains(
-    ready: Ready, table: Table, problem: Problem, routes: Routes, draws: int, seed: int
-) -> tuple[Chain, ...]:
-    """The draws of every fleet's day."""
-    frame, onset = ready.frame, ready.frame.onset
-    dry = np.full(draws, math.inf)
-    rain = dry if onset is None else rain_draws(onset.draw(draws, seed), frame.start_s, frame.clock)
+def _sample_fleet_days(
+    prepared: PreparedDay, table: FieldTimeTable, problem: DayProblem, routes: Routes, samples: int, seed: int
+) -> tuple[FleetDaySamples, ...]:
+    """Samples of the day of every fleet."""
+    frame, onset = prepared.frame, prepared.frame.onset
+    dry = np.full(samples, math.inf)
+    rain = dry if onset is None else convert_rain_onsets(onset.draw_onsets(samples, seed), frame.start_s, frame.clock)
+    uncertainty = get_field_uncertainty(prepared.farm, with_late_start=True)
     return tuple(
-        chained(
-            _stops(ready, table, problem, fleet, route, seed), chances_of(ready.farm, late=True), frame.start_s, rain,
-            seed=seed, fleet=ready.day.fleets[fleet].name,
+        sample_fleet_day(
+            _build_route_stops(prepared, table, problem, fleet, route, seed),
+            uncertainty,
+            frame.start_s,
+            rain,
+            seed=seed,
+            fleet=prepared.day.fleets[fleet].name,
         )
         for fleet, route in enumerate(routes)
-    )  # fmt: skip
+    )
 
 
-def _stops(
-    ready: Ready, table: Table, problem: Problem, fleet: int, route: Sequence[int], seed: int
-) -> list[Stop]:
-    """The fields of a route with the windows they are planned in."""
-    stops, starts = [], problem.starts(fleet, route) or []
-    for (a, b), start in zip(pairwise((problem.fields, *route)), starts, strict=True):
-        found = table[fleet][b]
-        graph = None if found is None else found.graph
+def _build_route_stops(
+    prepared: PreparedDay, table: FieldTimeTable, problem: DayProblem, fleet: int, route: Sequence[int], seed: int
+) -> list[PlannedRouteField]:
+    """The fields of a route with the windows in which they are planned."""
+    stops, starts = [], problem.schedule_starts(fleet, route) or []
+    for (start_place, end_place), start_s in zip(pairwise((problem.field_count, *route)), starts, strict=True):
+        field_time = table[fleet][end_place]
+        graph = None if field_time is None else field_time.graph
         assert graph is not None
-        opens, closes = next(window for window in problem.windows[b] if window[0] <= start < window[1])
-        name, machine = ready.fields[b].name, ready.day.fleets[fleet].name
-        terms = terms_of(ready.day, ready.farm, fleet)
-        seeded = job_seed(seed, name, machine)
-        stops.append(Stop(graph, problem.move_s[fleet][a][b], opens, closes, terms, problem.stake[b], seeded))
+        opens, closes = next(window for window in problem.windows[end_place] if window[0] <= start_s < window[1])
+        name, machine = prepared.fields[end_place].name, prepared.day.fleets[fleet].name
+        terms = build_fleet_prices(prepared.day, prepared.farm, fleet)
+        job_seed = derive_job_seed(seed, name, machine)
+        stops.append(
+            PlannedRouteField(
+                graph,
+                problem.travel_s[fleet][start_place][end_place],
+                opens,
+                closes,
+                terms,
+                problem.value_at_risk[end_place],
+                job_seed,
+            )
+        )
     return stops
 
 
-def _result(found: _Found, kept: bool) -> DayResult:
-    ready, problem, best, frame = found.ready, found.problem, found.best, found.ready.frame
+def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
+    prepared, problem, solution, frame = solved.prepared, solved.problem, solved.solution, solved.prepared.frame
     jobs = [
-        _job(found, fleet, place)
-        for fleet, route in enumerate(best.routes) for place in range(len(route))
-    ]  # fmt: skip
-    left = _left(found)
-    together = [chain.in_time.all(axis=0) for chain in found.chains if len(chain.in_time)]
-    sure = float(np.logical_and.reduce(together).mean()) if together else None
-    cost = _cost(found)
-    not_done, whys = [one for one, _ in left], [why for _, why in left]
-    currency = ready.farm.prices.currency
+        _build_job(solved, fleet, position)
+        for fleet, route in enumerate(solution.routes)
+        for position in range(len(route))
+    ]
+    skipped = _list_not_done(solved)
+    in_time_by_fleet = [chain.in_time.all(axis=0) for chain in solved.fleet_samples if len(chain.in_time)]
+    all_probability = float(np.logical_and.reduce(in_time_by_fleet).mean()) if in_time_by_fleet else None
+    cost = _estimate_cost(solved)
+    not_done, reasons = [entry for entry, _ in skipped], [reason for _, reason in skipped]
+    currency = prepared.farm.prices.currency
     onset = frame.onset
-    times = () if onset is None else tuple(zip(onset.onset_s, onset.shares, strict=True))
+    times = () if onset is None else tuple(zip(onset.onsets_s, onset.probabilities, strict=True))
     return DayResult(
-        start_s=frame.start_s, end_s=frame.end_s, jobs=tuple(jobs), not_done=tuple(not_done),
-        fleets=tuple(_fleet(found, fleet) for fleet in range(problem.fleets)), gap_pct=best.gap_pct, cost=cost,
-        all_probability=sure, currency=currency, draws=found.draws, seed=found.seed,
-        advice=advice_of(jobs, not_done, sure, cost, currency),
-        remarks=(*_remarks(found), *([] if kept else [NOT_KEPT])),
-        fields=tuple(field.name for field in ready.fields),
-        windows=tuple(_shown(frame, windows) for windows in problem.windows),
-        breaks=frame.breaks(),
+        start_s=frame.start_s,
+        end_s=frame.end_s,
+        jobs=tuple(jobs),
+        unworked_fields=tuple(not_done),
+        fleets=tuple(_build_fleet_day(solved, fleet) for fleet in range(problem.fleet_count)),
+        gap_pct=solution.gap_pct,
+        cost=cost,
+        finish_probability=all_probability,
+        currency=currency,
+        samples=solved.samples,
+        seed=solved.seed,
+        advice=write_advice(jobs, not_done, all_probability, cost, currency),
+        remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
+        fields=tuple(field.name for field in prepared.fields),
+        windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
+        breaks=frame.list_breaks(),
         rain=tuple((frame.start_s + seconds, share) for seconds, share in times),
-        certainty_pct=ready.day.certainty_pct, places=_map(ready), closest="" if jobs else _closest(not_done, whys),
-    )  # fmt: skip
+        certainty_pct=prepared.day.certainty_pct,
+        places=_build_map_places(prepared),
+        closest_field="" if jobs else _describe_nearly_done_field(not_done, reasons),
+    )
 
 
-def _job(found: _Found, fleet: int, place: int) -> DayJob:
-    ready, problem, chain = found.ready, found.problem, found.chains[fleet]
-    route, frame = found.best.routes[fleet], found.ready.frame
-    number, before = route[place], (problem.fields, *route)[place]
-    starts = problem.starts(fleet, route) or []
-    work, plan = problem.work_s[fleet][number] or 0, found.table[fleet][number]
+def _build_job(solved: _SolvedDay, fleet: int, position: int) -> DayJob:
+    prepared, problem, fleet_samples = solved.prepared, solved.problem, solved.fleet_samples[fleet]
+    route, frame = solved.solution.routes[fleet], solved.prepared.frame
+    number, previous_place = route[position], (problem.field_count, *route)[position]
+    starts = problem.schedule_starts(fleet, route) or []
+    work, plan = problem.work_s[fleet][number] or 0, solved.table[fleet][number]
     assert plan is not None
-    probability, interval = chain.probability(place)
-    p50, p95 = (frame.end(float(value)) for value in np.quantile(chain.end_s[place], (0.5, 0.95)))
+    probability, interval = fleet_samples.estimate_in_time_probability(position)
+    p50, p95 = (
+        frame.get_end_clock_s(float(value)) for value in np.quantile(fleet_samples.end_s[position], (0.5, 0.95))
+    )
     return DayJob(
-        field=ready.fields[number].name, machine=ready.day.fleets[fleet].name, strategy=plan.strategy,
-        tractors=plan.tractors, area_ha=ready.fields[number].area_ha,
-        leaves_s=frame.begin(_leaves(problem, fleet, route, place)), km=float(ready.km[before, number]),
-        start_s=frame.begin(starts[place]), end_s=frame.end(starts[place] + work), time_s=plan.time_s,
-        finish_probability=probability, finish_probability_interval=interval, p50_end_s=p50, p95_end_s=p95,
-        cost=float(chain.paid[place]), lost_cost=float(chain.lost[place]), worked_pct=plan.worked_pct,
+        field=prepared.fields[number].name,
+        machine=prepared.day.fleets[fleet].name,
+        strategy=plan.strategy,
+        tractors=plan.tractors,
+        area_ha=prepared.fields[number].area_ha,
+        leaves_s=frame.get_begin_clock_s(_compute_departure_s(problem, fleet, route, position)),
+        km=float(prepared.road_km[previous_place, number]),
+        start_s=frame.get_begin_clock_s(starts[position]),
+        end_s=frame.get_end_clock_s(starts[position] + work),
+        time_s=plan.time_s,
+        finish_probability=probability,
+        finish_probability_interval=interval,
+        p50_end_s=p50,
+        p95_end_s=p95,
+        cost=float(fleet_samples.work_cost[position]),
+        lost_cost=float(fleet_samples.lost_cost[position]),
+        worked_pct=plan.worked_pct,
         refills=plan.refills,
-    )  # fmt: skip
+    )
 
 
-def _leaves(problem: Problem, fleet: int, route: Sequence[int], place: int) -> int:
-    """When the way to a field begins: from the yard so that nobody waits, else when the field before is done."""
-    starts = problem.starts(fleet, route) or []
-    if place == 0:
-        return starts[0] - problem.move_s[fleet][problem.fields][route[0]]
-    return starts[place - 1] + (problem.work_s[fleet][route[place - 1]] or 0)
+def _compute_departure_s(problem: DayProblem, fleet: int, route: Sequence[int], position: int) -> int:
+    """The departure to a field: from the yard without waiting on arrival, else after the field before."""
+    starts = problem.schedule_starts(fleet, route) or []
+    if position == 0:
+        return starts[0] - problem.travel_s[fleet][problem.field_count][route[0]]
+    return starts[position - 1] + (problem.work_s[fleet][route[position - 1]] or 0)
 
 
-def _fleet(found: _Found, fleet: int) -> FleetDay:
-    ready, problem, route = found.ready, found.problem, found.best.routes[fleet]
-    said, frame = ready.day.fleets[fleet], ready.frame
-    tractor, implement = machines_of(said, ready.farm)
-    words = f"{said.count} x {tractor.name}, {implement.name}"
+def _build_fleet_day(solved: _SolvedDay, fleet: int) -> FleetDay:
+    prepared, problem, route = solved.prepared, solved.problem, solved.solution.routes[fleet]
+    day_fleet, frame = prepared.day.fleets[fleet], prepared.frame
+    tractor, implement = get_fleet_machines(day_fleet, prepared.farm)
+    description = f"{day_fleet.count} x {tractor.name}, {implement.name}"
     if not route:
-        return FleetDay(said.name, words, None, None, 0.0)
-    starts = problem.starts(fleet, route) or []
-    last = starts[-1] + (problem.work_s[fleet][route[-1]] or 0)
-    home = frame.end(last + problem.move_s[fleet][route[-1]][problem.fields])
-    km = sum(float(ready.km[a, b]) for a, b in pairwise((problem.fields, *route, problem.fields)))
-    leaves = frame.begin(_leaves(problem, fleet, route, 0))
-    return FleetDay(said.name, words, leaves, home, km, problem.ways_cost(fleet, route))
+        return FleetDay(day_fleet.name, description, None, None, 0.0)
+    starts = problem.schedule_starts(fleet, route) or []
+    last_end_s = starts[-1] + (problem.work_s[fleet][route[-1]] or 0)
+    home = frame.get_end_clock_s(last_end_s + problem.travel_s[fleet][route[-1]][problem.field_count])
+    km = sum(float(prepared.road_km[a, b]) for a, b in pairwise((problem.field_count, *route, problem.field_count)))
+    leaves = frame.get_begin_clock_s(_compute_departure_s(problem, fleet, route, 0))
+    return FleetDay(day_fleet.name, description, leaves, home, km, problem.compute_travel_cost(fleet, route))
 
 
-def _left(found: _Found) -> list[tuple[NotDone, Why]]:
-    """Fields that are left, each with its reason."""
-    ready, problem, routes = found.ready, found.problem, found.best.routes
-    done = {field for route in routes for field in route}
-    names = [fleet.name for fleet in ready.day.fleets]
-    left = []
-    for number, field in enumerate(ready.fields):
-        if number not in done:
-            why = why_left(problem, routes, number, _refusals(found.table, number), names)
-            left.append((NotDone(field.name, field.area_ha, problem.put_off[number], why.reason), why))
-    return left
+def _list_not_done(solved: _SolvedDay) -> list[tuple[UnworkedField, NotDoneReason]]:
+    """Skipped fields, each with its reason."""
+    prepared, problem, routes = solved.prepared, solved.problem, solved.solution.routes
+    worked_fields = {field for route in routes for field in route}
+    names = [fleet.name for fleet in prepared.day.fleets]
+    skipped = []
+    for number, field in enumerate(prepared.fields):
+        if number not in worked_fields:
+            reason = explain_not_done(problem, routes, number, _list_refusals(solved.table, number), names)
+            skipped.append((UnworkedField(field.name, field.area_ha, problem.skip_cost[number], reason.reason), reason))
+    return skipped
 
 
-def _refusals(table: Table, field: int) -> list[str]:
-    found: list[FieldTime] = [one for row in table if (one := row[field]) is not None]
-    return [one.reason for one in found]
+def _list_refusals(table: FieldTimeTable, field: int) -> list[str]:
+    field_times: list[FieldTime] = [field_time for row in table if (field_time := row[field]) is not None]
+    return [field_time.reason for field_time in field_times]
 
 
-def _closest(left: Sequence[NotDone], whys: Sequence[Why]) -> str:
-    """The field that is nearest to being done, with its reason."""
-    place = min(range(len(left)), key=lambda number: (whys[number].near, number))
-    return f"{left[place].field}: {left[place].reason}"
+def _describe_nearly_done_field(not_done: Sequence[UnworkedField], reasons: Sequence[NotDoneReason]) -> str:
+    """The skipped field that is nearest to being done, with its reason."""
+    position = min(range(len(not_done)), key=lambda number: (reasons[number].nearness, number))
+    return f"{not_done[position].field}: {not_done[position].reason}"
 
 
-def _cost(found: _Found) -> float:
-    """The expected cost of the day by its draws: work, ways, what the rain takes, what is left."""
-    problem, routes = found.problem, found.best.routes
-    done = {field for route in routes for field in route}
-    ways = sum(problem.ways_cost(fleet, route) for fleet, route in enumerate(routes))
-    drawn = sum(float(chain.paid.sum() + chain.lost.sum()) for chain in found.chains)
-    return ways + drawn + sum(cost for field, cost in enumerate(problem.put_off) if field not in done)
+def _estimate_cost(solved: _SolvedDay) -> float:
+    """The expected cost of the day by its samples: work, travel, losses by rain, skipped fields."""
+    problem, routes = solved.problem, solved.solution.routes
+    worked_fields = {field for route in routes for field in route}
+    travel_cost = sum(problem.compute_travel_cost(fleet, route) for fleet, route in enumerate(routes))
+    sampled_cost = sum(float(chain.work_cost.sum() + chain.lost_cost.sum()) for chain in solved.fleet_samples)
+    return (
+        travel_cost
+        + sampled_cost
+        + sum(cost for field, cost in enumerate(problem.skip_cost) if field not in worked_fields)
+    )
 
 
-def _remarks(found: _Found) -> list[str]:
-    """What a reader should know: fleets that came with fewer tractors, ground left open, what the fields' files say."""
-    said = []
-    for fleet, route in enumerate(found.best.routes):
+def _list_remarks(solved: _SolvedDay) -> list[str]:
+    """Remarks on fields where only a part of a fleet can work, and on an unknown yard."""
+    remarks = []
+    for fleet, route in enumerate(solved.solution.routes):
         for number in route:
-            plan, name = found.table[fleet][number], found.ready.fields[number].name
-            wanted = found.ready.day.fleets[fleet].count
-            if plan is not None and plan.tractors < wanted:
-                said.append(f"On {name} only {plan.tractors} of {wanted} tractors of the fleet can work together.")
-    if len(found.ready.places) == len(found.ready.fields):
-        said.append("Nobody says where the yard is, so the day begins at the first field of every fleet.")
-    return said
+            plan, name = solved.table[fleet][number], solved.prepared.fields[number].name
+            fleet_size = solved.prepared.day.fleets[fleet].count
+            if plan is not None and plan.tractors < fleet_size:
+                remarks.append(f"On {name}, only {plan.tractors} of {fleet_size} tractors can work together.")
+    if len(solved.prepared.places) == len(solved.prepared.fields):
+        remarks.append("The place of the yard is unknown, so every fleet starts at its first field.")
+    return remarks
 
 
-def _shown(frame: Frame, windows: Sequence[tuple[int, int]]) -> tuple[tuple[float, float], ...]:
-    return tuple((frame.begin(opens), frame.end(closes)) for opens, closes in windows)
+def _convert_windows_to_clock(frame: DayHours, windows: Sequence[tuple[int, int]]) -> tuple[tuple[float, float], ...]:
+    return tuple((frame.get_begin_clock_s(opens), frame.get_end_clock_s(closes)) for opens, closes in windows)
 
 
-def _map(ready: Ready) -> tuple[MapPlace, ...]:
-    """Places that somebody placed; fields with their outline round it."""
-    found = []
-    for number, (place, at) in enumerate(zip(ready.places, on_map(ready.places), strict=True)):
-        if at is None:
+def _build_map_places(prepared: PreparedDay) -> tuple[MapPlace, ...]:
+    """Places with known coordinates, fields with their outline."""
+    map_places = []
+    for number, (place, position_m) in enumerate(zip(prepared.places, project_places(prepared.places), strict=True)):
+        if position_m is None:
             continue
         outline = None
         if place.name != YARD:
-            ground = ready.fields[number].boundary
-            middle = np.asarray(end_of_road(ready.fields[number]))
-            outline = np.asarray(ground.exterior.coords)[:, :2] - middle + np.asarray(at)
-        found.append(MapPlace(place.name, at[0], at[1], outline))
-    return tuple(found)
+            ground = prepared.fields[number].boundary
+            middle = np.asarray(locate_road_end(prepared.fields[number]))
+            outline = np.asarray(ground.exterior.coords)[:, :2] - middle + np.asarray(position_m)
+        map_places.append(MapPlace(place.name, position_m[0], position_m[1], outline))
+    return tuple(map_places)

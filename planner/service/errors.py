@@ -1,13 +1,14 @@
-"""Refusals of the service: each is one sentence, with the status that HTTP has for it.
+"""Refusals of the service: each is one sentence, with its HTTP status.
 
-    ServiceError                 a request that cannot be done as it stands (422)
-    ├── TokenError               no token, or one that is not known (401)
-    ├── ScopeError               a token that may not do this (403)
-    ├── MissingError             nothing of that name (404)
-    ├── TakenError               a name or a state that stands in the way (409)
-    ├── SizeError                more bytes than are taken (413)
-    ├── BusyError                more requests or jobs than are taken (429)
-    └── DatabaseError            a database that cannot be used (503)
+ServiceError                 a request that cannot be fulfilled (422)
+├── TokenError               no token, or an unknown one (401)
+├── ScopeError               a token without the right (403)
+├── NotFoundError            nothing of that name (404)
+├── ConflictError            a name that is taken, or a state that does not allow it (409)
+├── TooLargeError            too many bytes (413)
+├── BusyError                too many requests or jobs (429)
+├── DatabaseError            a database that cannot be used (503)
+└── StorageError             no room left on the disk (507)
 """
 
 from __future__ import annotations
@@ -16,48 +17,55 @@ from planner.errors import HeadlandError
 
 
 class ServiceError(HeadlandError):
-    """A request that cannot be done as it stands."""
+    """A request that cannot be fulfilled."""
 
-    http = 422
+    http_status = 422
 
 
 class TokenError(ServiceError):
-    """No token where one is needed, or one that is not known."""
+    """No token where one is needed, or an unknown one."""
 
-    http = 401
+    http_status = 401
 
 
 class ScopeError(ServiceError):
-    """A token that may not do what is asked, or a page of another site that asks."""
+    """A token without the right, or a request from a page of another site."""
 
-    http = 403
+    http_status = 403
 
 
-class MissingError(ServiceError):
+class NotFoundError(ServiceError):
     """Nothing of that name."""
 
-    http = 404
+    http_status = 404
 
 
-class TakenError(ServiceError):
-    """A name that is taken, or a state in which this cannot be done."""
+class ConflictError(ServiceError):
+    """A name that is taken, or a state that does not allow the request."""
 
-    http = 409
+    http_status = 409
 
 
-class SizeError(ServiceError):
-    """More bytes than are taken."""
+class TooLargeError(ServiceError):
+    """Too many bytes."""
 
-    http = 413
+    http_status = 413
 
 
 class BusyError(ServiceError):
-    """More requests, or more jobs, than are taken."""
+    """Too many requests or jobs."""
 
-    http = 429
+    http_status = 429
 
 
 class DatabaseError(ServiceError):
     """A database that cannot be used."""
 
-    http = 503
+    http_status = 503
+
+
+class StorageError(ServiceError):
+    """No room left on the disk; commands exit with status 1, as the request itself was fine."""
+
+    http_status = 507
+    status = 1

@@ -1,9 +1,10 @@
-"""What a service is told when it starts."""
+"""Settings of a service: address, data folder, database and limits."""
 
 from __future__ import annotations
 
 import ipaddress
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,59 +12,69 @@ from pathlib import Path
 from planner.service.errors import ServiceError
 
 DEFAULT_HOST, DEFAULT_PORT = "127.0.0.1", 8765
-FILE = "headland.db"
-MEGABYTE = 2**20
+DATABASE_FILE = "headland.db"
+MEGABYTE_BYTES = 2**20
 HIGHEST_PORT = 65_535
+PUBLIC_URL = re.compile(r"https?://[^/\s?#@]+")
 
 
-def default_data() -> Path:
-    """Where a service of this user keeps what it has: $HEADLAND_DATA, else a folder of the user's data."""
-    given = os.environ.get("HEADLAND_DATA")
-    if given:
-        return Path(given)
+def find_default_data() -> Path:
+    """The default data folder: $HEADLAND_DATA, else a folder among the user's data."""
+    configured = os.environ.get("HEADLAND_DATA")
+    if configured:
+        return Path(configured)
     base = os.environ.get("LOCALAPPDATA" if os.name == "nt" else "XDG_DATA_HOME")
     return (Path(base) if base else Path.home() / ".local" / "share") / "headland"
 
 
-def cores() -> int:
+def count_cores() -> int:
     """Cores of this machine."""
     return os.cpu_count() or 1
 
 
 @dataclass(frozen=True)
-class Settings:
-    """Where a service listens, keeps what it has, and what it takes at most.
+class ServiceSettings:
+    """Address, data folder and limits of a service.
 
-    `database` is a URL of SQLAlchemy, "" for a file of SQLite in the folder `data`. `workers` are jobs at a time,
-    `processes` those that one job may use. A job whose worker does not report for `lease_s` is given to another, and
-    fails once `tries` were begun. `kinds` names more kinds of jobs, by functions as of planner.service.jobs.work.
-    Raises ServiceError.
+    `database` is a URL of SQLAlchemy, "" for an SQLite file in the folder `data`. `workers` jobs run at a time, with
+    `processes` each. A job whose worker does not report for `lease_s` is given to another, and fails after `tries`
+    attempts. Files and results that would leave less than `reserve_mb` free on the disk are refused. `public_url` is
+    the address for browsers behind a proxy, "" without one. `job_functions` adds kinds of jobs by name
+    (planner.service.jobs.job_requests.JobFunction). Raises ServiceError.
     """
 
-    data: Path = field(default_factory=default_data)
+    data: Path = field(default_factory=find_default_data)
     database: str = ""
     host: str = DEFAULT_HOST
     port: int = DEFAULT_PORT
+    public_url: str = ""
     upload_mb: int = 64
+    reserve_mb: int = 50
     jobs_waiting: int = 200
     rate_per_minute: int = 1200
-    workers: int = field(default_factory=lambda: 2 if cores() > 3 else 1)
-    processes: int = field(default_factory=lambda: max(1, cores() // (2 if cores() > 3 else 1) - 1))
+    workers: int = field(default_factory=lambda: 2 if count_cores() > 3 else 1)
+    processes: int = field(default_factory=lambda: max(1, count_cores() // (2 if count_cores() > 3 else 1) - 1))
     lease_s: float = 15.0
     tries: int = 3
-    kinds: Mapping[str, object] = field(default_factory=dict)
+    job_functions: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not 0 <= self.port <= HIGHEST_PORT:
             raise ServiceError(f"The port is {self.port}; use 1 to {HIGHEST_PORT}.", parameter="port")
         if not self.host or any(mark in self.host for mark in "/ \t\n"):
-            raise ServiceError(f"The host {self.host!r} is no address; give one such as {DEFAULT_HOST}.")
+            raise ServiceError(f"The host {self.host!r} is not an address; give one such as {DEFAULT_HOST}.")
+        if self.public_url and not PUBLIC_URL.fullmatch(self.public_url):
+            raise ServiceError(
+                f"The public address is {self.public_url[:80]!r}; give only scheme, host and port, such as "
+                "https://farm.example.",
+                parameter="public_url",
+            )
 
     @property
     def url(self) -> str:
         """The database as a URL of SQLAlchemy."""
         if not self.database:
-            return f"sqlite:///{self.data / FILE}"
+            return f"sqlite:///{self.data / DATABASE_FILE}"
         for short in ("postgresql://", "postgres://"):
             if self.database.startswith(short):
                 return "postgresql+psycopg://" + self.database.removeprefix(short)
@@ -76,12 +87,12 @@ class Settings:
 
     @property
     def upload_bytes(self) -> int:
-        """The largest file that is taken, bytes."""
-        return self.upload_mb * MEGABYTE
+        """The largest upload, bytes."""
+        return self.upload_mb * MEGABYTE_BYTES
 
 
 def is_loopback(host: str) -> bool:
-    """Whether an address is one of this machine itself."""
+    """Whether an address is of this machine itself."""
     if host == "localhost":
         return True
     try:

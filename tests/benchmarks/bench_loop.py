@@ -1,11 +1,11 @@
-"""How fast the simulation is, beside a plain pymunk loop and beside the bare formulas, all measured in one run.
+"""Speed of the simulation, compared with a plain pymunk loop and with the bare formulas, all measured in one run.
 
     python -m tests.benchmarks.bench_loop            # about ten seconds
     python -m tests.benchmarks.bench_loop --quick    # two seconds, coarse
 
-Every variant drives the same plan: a formation in which each tractor keeps behind its neighbour by gates, with
-U-turns at the ends of the tracks. The variants take turns, and the best CPU time of each counts, so that a busy
-machine slows all of them or none.
+Every variant drives the same plan: a formation in which gates hold each tractor behind its neighbour, with U-turns at
+the ends of the swaths. The variants take turns, and the best CPU time of each counts, so that a busy machine slows all
+of them or none.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ import numpy.typing as npt
 
 from tests.benchmarks.bare_loop import BareWorld
 from tests.benchmarks.plain_pymunk import PlainWorld
-from vehicle.gnss import default_table
-from vehicle.ground import tyres_on
-from vehicle.layout import DT_S
-from vehicle.missions import TRACK, TURN, Gate, Leg, Mission, Plan, Task
-from vehicle.tractor import Implement, load_tractor
-from vehicle.trials.drive import compile_tyres
-from vehicle.world import World
+from vehicle.missions.plan import SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.model.gnss import load_default_error_table
+from vehicle.model.ground import get_tyres
+from vehicle.model.tractor import Implement, load_tractor
+from vehicle.records import DT_S
+from vehicle.sim.world import World
+from vehicle.trials.drive import build_tyre_ground_records
 
 SIZES = (1, 9, 25, 50)
 SPEED_MPS = 5.0 / 3.6
 FIELD_M, SHORT_M, WIDTH_M, STAGGER_M, RADIUS_M = 270.0, 12.0, 3.0, 8.0, 4.5
 PLAIN_SECONDS = 20.0
 LOOP, BARE, PLAIN = "headland", "bare formulas", "plain pymunk"
-FULL = "headland with tyre models and GNSS error"
-# By number of tractors, how many times faster than plain pymunk a loop is that cannot carry tyre models, GNSS errors
-# and measured effects at all: measured by this benchmark on one that could not (CHANGELOG), Python 3.11, pymunk 7.3.
-# The plain loop was the same, so the share of that speed left with all of them neutral can be told on any machine.
+FULL = "headland with tyre models and GNSS errors"
+# By number of tractors, the speed over that of plain pymunk of a loop without tyre models, GNSS errors and measured
+# effects, measured by this benchmark (see guide) with Python 3.11 and pymunk 7.3. The plain loop was the same, so that
+# the share of that speed with all of them neutral can be compared on any machine.
 WITHOUT_EFFECTS = {1: 31.9, 9: 31.8, 25: 30.0, 50: 29.8}
-LEAST_KEPT = 0.8
-LEAST_OF_BARE = 0.65
+MIN_SPEED_SHARE = 0.8
+MIN_BARE_SHARE = 0.65
 
 
 @dataclass(frozen=True)
@@ -61,29 +61,31 @@ class Timing:
         return 1e-6 * self.steps / self.seconds
 
 
-def formation_plan(tractors: int, length: float = FIELD_M, passes: int = 4) -> Plan:
-    """Tractor i works 3 m beside and 8 m behind tractor i - 1, and turns when that one is 6 m into its turn."""
+def build_formation_plan(tractors: int, length: float = FIELD_M, passes: int = 4) -> Plan:
+    """Tractor i works 3 m beside and 8 m behind tractor i - 1, and turns when i - 1 is 6 m into its turn."""
     shift = max(2 * RADIUS_M, WIDTH_M * tractors)
-    return Plan(tuple(Mission(_legs(i, shift, length, passes)) for i in range(tractors)))
+    return Plan(tuple(Mission(_build_legs(i, shift, length, passes)) for i in range(tractors)))
 
 
-def _legs(tractor: int, shift: float, length: float, passes: int) -> tuple[Leg, ...]:
+def _build_legs(tractor: int, shift: float, length: float, passes: int) -> tuple[Leg, ...]:
     legs: list[Leg] = []
     start = -STAGGER_M * tractor
     for number in range(passes):
         x = WIDTH_M * tractor + shift * number
         y, end = (start, length) if number % 2 == 0 else (length, 0.0)
         start = 0.0
-        gates = (Gate(tractor - 1, len(legs), 6.0),) if tractor else ()
-        legs.append(Leg(np.array([[x, y], [x, end]]), SPEED_MPS, implement=True, task=Task(TRACK), gates=gates))
+        gates = (LegGate(tractor - 1, len(legs), 6.0),) if tractor else ()
+        legs.append(Leg(np.array([[x, y], [x, end]]), SPEED_MPS, implement=True, task=LegTask(SWATH), gates=gates))
         if number < passes - 1:
-            gates = (Gate(tractor - 1, len(legs), 6.0),) if tractor else ()
-            legs.append(Leg(_u_turn(x, end, shift, up=number % 2 == 0), SPEED_MPS, task=Task(TURN), gates=gates))
+            gates = (LegGate(tractor - 1, len(legs), 6.0),) if tractor else ()
+            legs.append(
+                Leg(_build_u_turn(x, end, shift, up=number % 2 == 0), SPEED_MPS, task=LegTask(TURN), gates=gates)
+            )
     return tuple(legs)
 
 
-def _u_turn(x: float, y: float, shift: float, *, up: bool) -> npt.NDArray[np.float64]:
-    """Quarter circle, straight across, quarter circle to the track `shift` metres east."""
+def _build_u_turn(x: float, y: float, shift: float, *, up: bool) -> npt.NDArray[np.float64]:
+    """Quarter circle, straight across, quarter circle to the swath `shift` metres east."""
     angles = np.radians(np.arange(0.0, 91.0, 3.0))
     out = np.stack([RADIUS_M * (1 - np.cos(angles)), RADIUS_M * np.sin(angles)], axis=1)
     back = np.stack([shift - out[::-1, 0], out[::-1, 1]], axis=1)
@@ -91,25 +93,25 @@ def _u_turn(x: float, y: float, shift: float, *, up: bool) -> npt.NDArray[np.flo
     return np.array([x, y]) + points * np.array([1.0, 1.0 if up else -1.0])
 
 
-def new_world(tractors: int, length: float = FIELD_M) -> World:
+def build_world(tractors: int, length: float = FIELD_M) -> World:
     """A world at the start of the plan."""
-    return World(formation_plan(tractors, length), load_tractor("eg105"), Implement())
+    return World(build_formation_plan(tractors, length), load_tractor("eg105"), Implement())
 
 
-def full_world(tractors: int) -> World:
-    """The same world on shaped tyres with a friction circle, and with GNSS error."""
-    plan, tractor = formation_plan(tractors), load_tractor("eg105")
-    world = World(plan, tractor, Implement(), position_errors=default_table())
-    world.grounds = compile_tyres([tyres_on("asphalt", "nonlinear"), tyres_on("asphalt", "linear")])
+def build_full_world(tractors: int) -> World:
+    """The same world on shaped tyres with a friction circle, and with GNSS errors."""
+    plan, tractor = build_formation_plan(tractors), load_tractor("eg105")
+    world = World(plan, tractor, Implement(), position_errors=load_default_error_table())
+    world.grounds = build_tyre_ground_records([get_tyres("asphalt", "nonlinear"), get_tyres("asphalt", "linear")])
     return world
 
 
-def prepare(variant: str, tractors: int, seconds: float) -> tuple[Callable[[], None], Callable[[], int]]:
-    """What is timed, ready to start, and how many tractor-steps it took afterwards."""
-    world, steps = full_world(tractors) if variant == FULL else new_world(tractors), round(seconds / DT_S)
+def prepare_variant(variant: str, tractors: int, seconds: float) -> tuple[Callable[[], None], Callable[[], int]]:
+    """The function to time, ready to start, and one that gives the number of tractor-steps afterwards."""
+    world, steps = build_full_world(tractors) if variant == FULL else build_world(tractors), round(seconds / DT_S)
     if variant in (LOOP, FULL):
         # The world runs whole chunks of simulated time, so the steps are counted, not assumed.
-        return lambda: _checked(world, seconds), lambda: int(world.clock[0]) * tractors
+        return lambda: _run_checked(world, seconds), lambda: int(world.clock[0]) * tractors
     if variant == BARE:
         bare = BareWorld(world, steps)
         return lambda: bare.run(steps), lambda: steps * tractors
@@ -118,21 +120,21 @@ def prepare(variant: str, tractors: int, seconds: float) -> tuple[Callable[[], N
     return lambda: plain.run(steps), lambda: steps * tractors
 
 
-def _checked(world: World, seconds: float) -> None:
+def _run_checked(world: World, seconds: float) -> None:
     run = world.run(max_time_s=seconds)
     if run.contacts or run.outcome not in ("timeout", "done"):
-        raise RuntimeError(f"The benchmark plan went wrong: {run.outcome}, contacts {run.contacts}.")
+        raise RuntimeError(f"The benchmark plan failed: outcome {run.outcome}, contacts {run.contacts}.")
 
 
-def measure(sizes: tuple[int, ...], seconds: float, repeats: int) -> dict[tuple[str, int], Timing]:
+def measure_timings(sizes: tuple[int, ...], seconds: float, repeats: int) -> dict[tuple[str, int], Timing]:
     """Best timing per variant and size; the variants take turns."""
     best: dict[tuple[str, int], Timing] = {}
     for variant in (LOOP, FULL, BARE, PLAIN):
-        prepare(variant, 2, 1.0)[0]()  # compiles
+        prepare_variant(variant, 2, 1.0)[0]()  # compiles
     for _ in range(repeats):
         for tractors in sizes:
             for variant in (LOOP, FULL, BARE, PLAIN):
-                work, steps = prepare(variant, tractors, seconds)
+                work, steps = prepare_variant(variant, tractors, seconds)
                 start = time.process_time()
                 work()
                 found = Timing(time.process_time() - start, steps())
@@ -142,26 +144,26 @@ def measure(sizes: tuple[int, ...], seconds: float, repeats: int) -> dict[tuple[
     return best
 
 
-def difference(tractors: int, seconds: float) -> float:
+def compute_difference(tractors: int, seconds: float) -> float:
     """Largest difference (m, rad, m/s) between the records of the three variants over `seconds`.
 
-    The field is short, so that turns and waiting at gates are part of it; refuses a drive without turns.
+    The field is short, so that turns and waiting at gates are included. Raises RuntimeError for a drive without turns.
     """
     steps = round(seconds / DT_S)
     rows = steps // 6
-    record = new_world(tractors, SHORT_M).run(max_time_s=seconds).record[:rows, :, :6]
+    record = build_world(tractors, SHORT_M).run(max_time_s=seconds).record[:rows, :, :6]
     if np.abs(record[:, :, 3]).max() < math.radians(20.0):
-        raise RuntimeError("The tractors drove no turn in the time compared.")
-    bare = BareWorld(new_world(tractors, SHORT_M), steps)
+        raise RuntimeError("The tractors drove no turn in the compared time.")
+    bare = BareWorld(build_world(tractors, SHORT_M), steps)
     bare.run(steps)
-    plain = PlainWorld(new_world(tractors, SHORT_M))
+    plain = PlainWorld(build_world(tractors, SHORT_M))
     plain.run(steps)
     others = (bare.record[:rows, :, :6], np.array(plain.record).reshape(-1, tractors, 6)[:rows])
     return max(float(np.abs(other[: len(record)] - record).max()) for other in others)
 
 
-def report(best: dict[tuple[str, int], Timing], sizes: tuple[int, ...]) -> str:
-    """The table and the targets."""
+def format_report(best: dict[tuple[str, int], Timing], sizes: tuple[int, ...]) -> str:
+    """The table of timings and the targets."""
     lines = ["  tractors   M steps/s   us/step   bare us   x bare   plain us   x plain"]
     for n in sizes:
         loop, bare, plain = (best[variant, n] for variant in (LOOP, BARE, PLAIN))
@@ -180,25 +182,25 @@ def report(best: dict[tuple[str, int], Timing], sizes: tuple[int, ...]) -> str:
     gain = min(best[PLAIN, n].micros / best[LOOP, n].micros for n in sizes)
     targets.append(("times plain pymunk, at least", gain, 25.0, True))
     share = min(best[BARE, n].micros / best[LOOP, n].micros for n in sizes)
-    targets.append(("of the speed of the bare formulas, at least", share, LEAST_OF_BARE, True))
+    targets.append(("of the speed of the bare formulas, at least", share, MIN_BARE_SHARE, True))
     for n in sizes:
         if n in WITHOUT_EFFECTS:
             kept = best[PLAIN, n].micros / best[LOOP, n].micros / WITHOUT_EFFECTS[n]
-            targets.append((f"of the speed without effects, {n:2d}, at least", kept, LEAST_KEPT, True))
+            targets.append((f"of the speed without effects, {n:2d}, at least", kept, MIN_SPEED_SHARE, True))
     if 9 in sizes and 50 in sizes:
         growth = best[LOOP, 50].micros / best[LOOP, 9].micros
         targets.append(("cost at 50 over cost at 9, at most", growth, 1.5, False))
     for name, found, target, least in targets:
         met = found >= target if least else found <= target
         lines.append(f"  {name:44s} {target:5.2f}: {found:6.2f}   {'met' if met else 'MISSED'}")
-    exponent = _exponent(best, sizes)
+    exponent = _fit_exponent(best, sizes)
     if math.isfinite(exponent):
         lines.append(f"  cost of a step of the whole fleet grows as n^{exponent:.2f}")
     return "\n".join(lines)
 
 
-def _exponent(best: dict[tuple[str, int], Timing], sizes: tuple[int, ...]) -> float:
-    """Slope of log cost over log n for the whole fleet; nan for one size."""
+def _fit_exponent(best: dict[tuple[str, int], Timing], sizes: tuple[int, ...]) -> float:
+    """Slope of log cost over log n for the whole fleet; nan for a single size."""
     if len(sizes) < 2:
         return math.nan
     cost = [math.log(best[LOOP, n].micros * n) for n in sizes]
@@ -211,12 +213,12 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one small round, coarse figures")
     quick = parser.parse_args().quick
     sizes, seconds, repeats = ((1, 3), 20.0, 1) if quick else (SIZES, 600.0, 5)
-    apart = difference(3, 40.0)
-    print(f"All variants drive the same tracks: largest difference {apart:.1e} (m, rad, m/s)")
+    apart = compute_difference(3, 40.0)
+    print(f"All variants drive the same paths: largest difference {apart:.1e} (m, rad, m/s)")
     if apart > 1e-6:
-        raise SystemExit("The variants do not drive the same tracks; their times cannot be compared.")
+        raise SystemExit("The variants do not drive the same paths; their times cannot be compared.")
     print(f"Up to {seconds:.0f} s of a formation with U-turns and gates at 60 Hz, best CPU time of {repeats}")
-    print(report(measure(sizes, seconds, repeats), sizes))
+    print(format_report(measure_timings(sizes, seconds, repeats), sizes))
 
 
 if __name__ == "__main__":

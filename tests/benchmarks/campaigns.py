@@ -21,9 +21,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from planner.day.problem import Problem
-from planner.day.solve import solved
-from planner.farm.times import Times
+from planner.day.optimization.problem import DayProblem
+from planner.day.optimization.solver import solve_day
+from planner.farm.settings import FarmTimes
 
 PAUSE_S = 6 * 3600.0
 EPOCH = datetime(1980, 1, 1)
@@ -103,7 +103,7 @@ def metres(a: tuple[float, float], b: tuple[float, float]) -> float:
     return math.hypot(north, east)
 
 
-def change_s(straight_m: float, times: Times) -> float:
+def change_s(straight_m: float, times: FarmTimes) -> float:
     """Seconds from the end on one field to the beginning on the next."""
     return times.fold_s + times.unfold_s + straight_m * times.road_factor / (times.road_speed_kmh * KMH)
 
@@ -135,7 +135,7 @@ class Checked:
     gap_pct: float
 
 
-def check(jobs: Sequence[Job], others: Sequence[Sequence[Job]], times: Times) -> Checked:
+def check(jobs: Sequence[Job], others: Sequence[Sequence[Job]], times: FarmTimes) -> Checked:
     """A campaign beside its predictions."""
     on_fields = sum(job.ends_s - job.begins_s for job in jobs)
     straight = [metres(a.last, b.first) for a, b in pairwise(jobs)]
@@ -149,7 +149,7 @@ def check(jobs: Sequence[Job], others: Sequence[Sequence[Job]], times: Times) ->
     )  # fmt: skip
 
 
-def best_ways_s(jobs: Sequence[Job], times: Times) -> tuple[float, float]:
+def best_ways_s(jobs: Sequence[Job], times: FarmTimes) -> tuple[float, float]:
     """Least seconds of changes through all fields from the first on, each entered and left where it was."""
     rest = list(jobs[1:])
     count, whole = len(rest), 1 << 30
@@ -158,13 +158,13 @@ def best_ways_s(jobs: Sequence[Job], times: Times) -> tuple[float, float]:
         tuple(0 if b is jobs[0] or a is b else round(change_s(metres(a.last, b.first), times)) for b in stops)
         for a in stops
     )
-    problem = Problem(
-        work_s=((1,) * count,), paid=((0.0,) * count,), put_off=(1e6,) * count, stake=(0.0,) * count,
-        windows=(((0, whole),),) * count, move_s=(moves,),
-        move_cost=(tuple(tuple(float(seconds) for seconds in row) for row in moves),), begin_s=0, home_by_s=whole,
+    problem = DayProblem(
+        work_s=((1,) * count,), work_cost=((0.0,) * count,), skip_cost=(1e6,) * count, value_at_risk=(0.0,) * count,
+        windows=(((0, whole),),) * count, travel_s=(moves,),
+        travel_cost=(tuple(tuple(float(seconds) for seconds in row) for row in moves),), begin_s=0, home_by_s=whole,
     )  # fmt: skip
-    day = solved(problem)
-    return problem.ways_cost(0, day.routes[0]), day.gap_pct
+    day = solve_day(problem)
+    return problem.compute_travel_cost(0, day.routes[0]), day.gap_pct
 
 
 def clock(seconds: float) -> str:
@@ -190,7 +190,7 @@ def lines(found: Sequence[Checked]) -> Iterator[str]:
         )
 
 
-def checks(folder: Path, times: Times) -> list[Checked]:
+def checks(folder: Path, times: FarmTimes) -> list[Checked]:
     """Every campaign of a folder with two fields or more."""
     found = campaigns(read_jobs(folder))
     return [
@@ -201,4 +201,4 @@ def checks(folder: Path, times: Times) -> list[Checked]:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
-    print("\n".join(lines(checks(parser.parse_args().folder, Times()))))
+    print("\n".join(lines(checks(parser.parse_args().folder, FarmTimes()))))

@@ -1,6 +1,6 @@
 """Tracks in the best order, proven: a circuit model solved by constraint programming (OR-Tools CP-SAT).
 
-The oracle beside `strategies.orders`. A node is a pass, one of the two of every track is visited, and a node for start
+An oracle for `strategies.sequencing`. A node is a pass, one of the two of every track is visited, and a node for start
 and end closes the circuit. The effort is limited in the solver's deterministic time, never by the clock, so that the
 same input gives the same bytes.
 """
@@ -23,8 +23,8 @@ EFFORT = 1.0  # deterministic seconds; 12 tracks take about a third of that
 def circuit(turns: Floats, first: Floats, last: Floats, hint: Ints, limit_s: float) -> tuple[Ints, float] | None:
     """The best order of passes (n,) and its proven bound (s), or None when the effort brings no order.
 
-    `turns` (2 n, 2 n), `first` and `last` (2 n,) are as in `orders.tours`; steps of `limit_s` and more are left out.
-    `hint` is an order to begin with.
+    `turns` (2 n, 2 n), `first` and `last` (2 n,) are as in `sequencing.tour_search`; steps of `limit_s` or
+    more are not used. `hint` is an order to begin with.
     """
     from ortools.sat.python import cp_model
 

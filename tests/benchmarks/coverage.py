@@ -1,11 +1,11 @@
-"""Simulate every candidate on the parcels of a folder, and print what the quickest leave open and which have a plan.
+"""Simulate every candidate on the parcels of a folder; print what the quickest leave unworked and which have a plan.
 
     python -m tests.benchmarks.coverage FOLDER [--every 3] [--start 0] [--from-ha 1 --to-ha 60] [--reasons]
 
 GeoJSON files (also those ending in .json) and outlines in WKT (degrees) are taken from the folder and below it. No
-candidate is left out because another one beats its bound, so that feasible means driven to the end. A row has the
+candidate is pruned by a bound, so feasible means driven to the end. A row has the
 hectares, feasible plans of those tried per strategy (short names in the heading), the same per number of tractors, and
-of the quickest plan worked (%), missed (m2), path outside (m), outline outside (m), trampled (m2), least clearance (m).
+of the quickest plan worked (%), missed (m2), path outside (m), outline outside (m), wheel traffic (m2), clearance (m).
 The smallest come first; the last lines sum up.
 """
 
@@ -23,12 +23,13 @@ from pathlib import Path
 
 import shapely
 
-from fields.field import Field
-from fields.read import read_field
-from planner.planning import plan
-from planner.pool import SerialExecutor
-from planner.scenario import Scenario, parse_counts
-from reports.results import PlanResult, finish_s
+from fields.documents.reader import read_field
+from fields.geometry.field import Field
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.planning import plan
+from planner.request.option_texts import parse_counts
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult, get_finished_field_s
 from tests.benchmarks.parcels import kind, parcels
 
 ENDINGS = (".geojson", ".json", ".wkt")
@@ -48,7 +49,7 @@ class Row:
     @property
     def quickest(self) -> PlanResult | None:
         """The feasible plan that finishes the field first."""
-        return min((one for one in self.plans if one.feasible), key=finish_s, default=None)
+        return min((one for one in self.plans if one.feasible), key=get_finished_field_s, default=None)
 
     def share(self, **what: str | int) -> tuple[int, int]:
         """How many plans are feasible, of how many with these attributes."""
@@ -89,17 +90,17 @@ def _as_geojson(path: Path, space: Path) -> Path:
     return target
 
 
-def work(name: str, field: Field, scenario: Scenario) -> Row:
-    """Every plan of one parcel, each simulated."""
+def work(name: str, field: Field, scenario: PlanRequest) -> Row:
+    """All plans of one parcel, each simulated."""
     begun = time.process_time()
     try:
-        plans = plan(scenario, field=field, executor=SerialExecutor(), every=True).ranking.plans
+        plans = plan(scenario, field=field, executor=SerialExecutor(), simulate_all=True).ranking.plans
     except ValueError as refusal:
         return Row(name, field.area_ha, refused=str(refusal), cpu_s=time.process_time() - begun)
     return Row(name, field.area_ha, plans, time.process_time() - begun)
 
 
-def line(row: Row, scenario: Scenario) -> str:
+def line(row: Row, scenario: PlanRequest) -> str:
     """A row as it is printed."""
     shares = [row.share(strategy=name) for name in scenario.strategies]
     shares += [row.share(tractors=count) for count in scenario.tractors]
@@ -108,9 +109,9 @@ def line(row: Row, scenario: Scenario) -> str:
     if best is None:
         return " ".join([*parts, row.refused[:100] or "no feasible plan"])
     gap = "    -" if best.min_clearance_m is None else f"{best.min_clearance_m:5.2f}"
-    figures = (best.missed_m2, best.outside_m, best.outside_outline_m, best.trampled_m2)
-    told = " ".join(f"{value or 0.0:7.1f}" for value in figures)
-    return " ".join([*parts, f"{best.worked_pct or 0.0:6.2f} {told} {gap} {best.tractors} {best.strategy}"])
+    figures = (best.missed_m2, best.outside_m, best.outside_outline_m, best.wheel_traffic_m2)
+    cells = " ".join(f"{value or 0.0:7.1f}" for value in figures)
+    return " ".join([*parts, f"{best.worked_pct or 0.0:6.2f} {cells} {gap} {best.tractors} {best.strategy}"])
 
 
 def reasons(row: Row) -> Iterator[str]:
@@ -120,8 +121,8 @@ def reasons(row: Row) -> Iterator[str]:
             yield f"      {one.tractors} {one.strategy}: {one.reason}"
 
 
-def totals(rows: list[Row], scenario: Scenario) -> Iterator[str]:
-    """What holds over all parcels."""
+def totals(rows: list[Row], scenario: PlanRequest) -> Iterator[str]:
+    """Totals over all parcels."""
     best = [row.quickest for row in rows]
     worked = sorted((one.worked_pct or 0.0) if one else 0.0 for one in best)
     tenth = worked[len(worked) // 10]
@@ -135,7 +136,7 @@ def totals(rows: list[Row], scenario: Scenario) -> Iterator[str]:
         shares = [f"{_planned(rows, name, count)} for {count}" for count in scenario.tractors if count > 1]
         yield f"{name}: feasible on {', '.join(shares)}"
     yield f"outside by path {_sum(best, 'outside_m'):.1f} m, by outline {_sum(best, 'outside_outline_m'):.0f} m"
-    yield f"trampled {_sum(best, 'trampled_m2'):.0f} m2, missed {_sum(best, 'missed_m2'):.0f} m2"
+    yield f"wheel traffic {_sum(best, 'wheel_traffic_m2'):.0f} m2, missed {_sum(best, 'missed_m2'):.0f} m2"
     plans = [one for row in rows for one in row.plans]
     yield f"plans: {sum(one.feasible for one in plans)} of {len(plans)} feasible"
     yield f"CPU {sum(row.cpu_s for row in rows):.0f} s, worst parcel {max(row.cpu_s for row in rows):.0f} s"
@@ -172,21 +173,21 @@ def main() -> None:
     """One parcel after another in this process."""
     options = parsed()
     counts = parse_counts(options.tractors)
-    scenario = Scenario(width_m=options.width, headland_m=options.headland, tractors=counts)
+    scenario = PlanRequest(width_m=options.width, headland_m=options.headland, tractors=counts)
     wanted = [one for one in found(options.folder) if options.from_ha < one[1].area_ha <= options.to_ha]
     wanted = sorted(wanted[options.start :: options.every], key=lambda one: round(one[1].area_ha, 4))
     only = set(options.only.split(",")) - {""}
     heads = " ".join(f"{name[:3] + name[-1]:>5}" for name in scenario.strategies)
     print(f"{'parcel':18} {'ha':>6} {'CPU s':>7} {heads} {' '.join(f'{n:4} t' for n in counts)}"
-          "  worked  missed    path outline trample  gap", flush=True)  # fmt: skip
+          "  worked  missed    path outline traffic  gap", flush=True)  # fmt: skip
     rows = []
     for name, field in wanted:
         if only and name not in only:
             continue
         rows.append(work(name, field, scenario))
         print(line(rows[-1], scenario), flush=True)
-        for told in reasons(rows[-1]) if options.reasons else ():
-            print(told, flush=True)
+        for reason in reasons(rows[-1]) if options.reasons else ():
+            print(reason, flush=True)
     if rows:
         print("\n".join(totals(rows, scenario)))
 

@@ -14,10 +14,10 @@ import time
 
 from tests.truth.drives import Drive, circles, default_programme, drive, stairs, straight
 from tests.truth.model import Truth
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.measured.logs.record import Log
-from vehicle.tractor import load_tractor
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Log
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.model.tractor import load_tractor
 
 PROGRAMME_H = 0.26
 HIDDEN: tuple[dict[str, dict[str, float]], ...] = ({}, {"steering_offset": {"angle_deg": 1.5}})
@@ -28,7 +28,7 @@ def logs(effects: dict[str, dict[str, float]], drives: list[Drive], rate_hz: flo
     drop = () if wheel else ("steering_deg",)
     truth = Truth(effects, 31, rate_hz=rate_hz)
     frames = [(drive.name, truth.log(drive, index).drop(columns=list(drop))) for index, drive in enumerate(drives)]
-    return [log_from_frame(frame, f"{index} {name}") for index, (name, frame) in enumerate(frames)]
+    return [build_log(frame, f"{index} {name}") for index, (name, frame) in enumerate(frames)]
 
 
 def one_run(hours: float) -> Drive:
@@ -43,11 +43,11 @@ def measure(hours: float, rate_hz: float, wheel: bool, whole: bool) -> None:
     """Diagnose and print."""
     drives = [one_run(hours)] if whole else default_programme() * max(1, round(hours / PROGRAMME_H))
     tractor = load_tractor("eg105")
-    diagnose(logs({}, [straight(60.0, seconds=30.0), circles(1)], 10.0, wheel), tractor, "soil")
+    diagnose_logs(logs({}, [straight(60.0, seconds=30.0), circles(1)], 10.0, wheel), tractor, "soil")
     for effects in HIDDEN:
         data = logs(effects, drives, rate_hz, wheel)
         start = time.process_time()
-        answer = diagnose(data, tractor, "soil")
+        answer = diagnose_logs(data, tractor, "soil")
         seconds = time.process_time() - start
         memory_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
         print(

@@ -12,15 +12,15 @@ import tempfile
 import time
 from pathlib import Path
 
-from planner.service.jobs.worker import do_job
-from planner.service.links.hub import prepared_with
+from planner.service.fleets.fleet_sessions import prepare_with_files
+from planner.service.jobs.workers import run_and_store_job
 from tests.benchmarks.twins import rows
-from tests.service.doubting import Doubting
-from vehicle.missions import Plan
-from vehicle.plan_file import plan_to_json
-from vehicle.twin.motion import Noise
+from tests.service.doubting import DoubtedFleet
+from vehicle.missions.plan import Plan
+from vehicle.missions.plan_file import format_plan
+from vehicle.twin.step_motion import TractorNoise
 
-NOISE_M, ROWS, STEP_S = Noise().position_m, 6, 5.0
+NOISE_M, ROWS, STEP_S = TractorNoise().position_m, 6, 5.0
 SCENARIO = {"field": "mine", "tractor": "eg105", "width_m": 3.0}
 
 
@@ -30,32 +30,34 @@ def main() -> None:
     parser.add_argument("--effect", default="wheel_slip")
     parser.add_argument("--amount", type=float, default=0.1)
     arguments = parser.parse_args()
-    text = plan_to_json(Plan((rows(ROWS),)), crs=None, origin_m=(1000.0, 2000.0), scenario=SCENARIO)
+    text = format_plan(Plan((rows(ROWS),)), crs=None, origin_m=(1000.0, 2000.0), scenario=SCENARIO)
     with tempfile.TemporaryDirectory() as folder:
-        found = Doubting(Path(folder), prepared_with(text, {}), {arguments.effect: arguments.amount}, NOISE_M)
+        found = DoubtedFleet(Path(folder), prepare_with_files(text, {}), {arguments.effect: arguments.amount}, NOISE_M)
         try:
             watch(found)
         finally:
             found.close()
 
 
-def watch(fleet: Doubting) -> None:
+def watch(fleet: DoubtedFleet) -> None:
     """Drive until a diagnosis is asked for, do that, take it into the file, and drive on."""
     while 0 not in fleet.live.diagnoses and not fleet.robot.stepper.state.done:
         fleet.drive(STEP_S)
-    print(f"doubted at {fleet.live.doubted.get(0, float('nan')):.1f} s, diagnosis asked for by {fleet.now:.0f} s")
+    print(
+        f"doubted at {fleet.live.diagnosed_doubts.get(0, float('nan')):.1f} s, diagnosis asked for by {fleet.now:.0f} s"
+    )
     job = fleet.store.claim_job("bench")
     if job is None:
         return
     begun = time.process_time()
-    do_job(fleet.store, "bench", job)
+    run_and_store_job(fleet.store, "bench", job)
     print(f"diagnosed in {time.process_time() - begun:.1f} s of CPU")
     asyncio.run(fleet.look())
     print(f"named {fleet.live.findings[0]['named']}: {fleet.live.findings[0]['words']}")
     fleet.client.post("/api/v1/twins/f1/1/mend", json={"name": "mended"})
     fleet.drive(1000.0)
     twin = fleet.live.twins.items[0]
-    print(f"at {fleet.now:.0f} s the mended twin doubts: {None if twin is None else twin.doubt()}")
+    print(f"at {fleet.now:.0f} s the mended twin doubts: {None if twin is None else twin.find_mismatch()}")
 
 
 if __name__ == "__main__":

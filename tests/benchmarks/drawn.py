@@ -7,7 +7,7 @@ import random
 
 import shapely
 
-from fields.field import Field
+from fields.geometry.field import Field
 
 BIG = {"24": (24.0, 400, 0), "60": (60.0, 900, 2), "200": (200.0, 1600, 19)}
 """Hectares without the ponds, points of the outline, ponds."""

@@ -17,13 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.works.importing import imported
-from planner.works.metres import driven, stretched
-from planner.works.phases import Turn, phases
-from planner.works.reading import read_runs
-from planner.works.record import Driven
-from planner.works.summary import summary
-from reports.work_results import Figures
+from planner.task_logs.log_import import import_runs, read_task_logs
+from planner.task_logs.runs.phases import LoggedTurn, classify_phases, summarise_run
+from planner.task_logs.runs.run_records import ProjectedRun, project_run, scale_run_east_west
+from reports.task_logs.run_results import RunFigures
 
 NAMES = ("ha", "min", "stops min", "m/s", "active km", "inactive km", "lifts", "fuel l")
 DECIMALS = (2, 1, 1, 2, 2, 2, 0, 0)
@@ -41,7 +38,7 @@ def theirs(table: Path) -> dict[str, list[float]]:
     return rows
 
 
-def ours(run: Driven, what: Figures) -> list[float]:
+def ours(run: ProjectedRun, what: RunFigures) -> list[float]:
     """The same figures of one run."""
     return [
         (run.outline_m2 or 0.0) / 1e4, what.seconds / 60, what.stops_s / 60, what.working_mps or 0.0,
@@ -49,15 +46,15 @@ def ours(run: Driven, what: Figures) -> list[float]:
     ]  # fmt: skip
 
 
-def lines(runs: list[Driven], table: dict[str, list[float]]) -> Iterator[str]:
+def lines(runs: list[ProjectedRun], table: dict[str, list[float]]) -> Iterator[str]:
     """A line per run, and the largest differences."""
     yield "log  " + "".join(f"{name:>18s}" for name in NAMES) + "   counters against positions, %"
     off, apart = [], []
     for run in runs:
-        what = summary(run)
+        what = summarise_run(run)
         mine, other = ours(run, what), table.get(run.name[-2:])
         factor = 1.0 if run.outline is None or not run.outline_m2 else run.outline_m2 / run.outline.area
-        placed = summary(stretched(run, factor)).placed_m
+        placed = summarise_run(scale_run_east_west(run, factor)).placed_m
         share = 100.0 * (placed / what.counted_m - 1.0) if what.counted_m else float("nan")
         apart.append(share)
         cells = []
@@ -75,10 +72,10 @@ def lines(runs: list[Driven], table: dict[str, list[float]]) -> Iterator[str]:
     yield f"{near} of {len(apart)} runs within 3 %; the furthest {max(map(abs, apart)):.1f} %"
 
 
-def turn_lines(turns: list[Turn], width_m: float) -> Iterator[str]:
+def turn_lines(turns: list[LoggedTurn], width_m: float) -> Iterator[str]:
     """Turns back without a stop, by how many tracks they lead over."""
     for over in (1, 2, 3):
-        found = [one for one in turns if (over - 0.5) * width_m < one.apart_m <= (over + 0.5) * width_m]
+        found = [one for one in turns if (over - 0.5) * width_m < one.offset_m <= (over + 0.5) * width_m]
         if found:
             seconds = np.array([one.seconds for one in found])
             yield (
@@ -92,13 +89,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("table", type=Path)
-    asked = parser.parse_args()
-    runs = [driven(run) for run in read_runs(str(asked.folder)).runs]
-    print("\n".join(lines(runs, theirs(asked.table))))
-    turns = [turn for run in runs for turn in phases(run).turns if turn.is_u]
+    options = parser.parse_args()
+    runs = [project_run(run) for run in read_task_logs(str(options.folder)).runs]
+    print("\n".join(lines(runs, theirs(options.table))))
+    turns = [turn for run in runs for turn in classify_phases(run).turns if turn.is_u_turn]
     print(f"turns of 180 +- 30 degrees without a stop: {len(turns)}")
     print("\n".join(turn_lines(turns, runs[0].width_m or 3.0)))
-    print(f"rows {sum(len(run.time_s) for run in runs)} in {len(imported([str(asked.folder)]).runs)} runs")
+    print(f"rows {sum(len(run.time_s) for run in runs)} in {len(import_runs([str(options.folder)]).runs)} runs")
 
 
 if __name__ == "__main__":

@@ -18,16 +18,16 @@ from unittest.mock import patch
 import numpy as np
 from numpy.typing import NDArray
 
-from fields.field import Field
-from fields.layout import Track
-from planner.candidates.evaluate import Candidate, simulated
-from planner.scenario import Scenario
-from planner.site import Site, prepare
-from strategies.job import Job, Pass
-from strategies.legs import mission_of
-from strategies.record import Strategy
+from fields.geometry.field import Field
+from fields.layout.swaths import Swath
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.request.plan_request import PlanRequest
+from strategies.program.field_job import FieldJob, SwathPass
+from strategies.program.legs import build_mission
+from strategies.program.strategy_record import Strategy
 from strategies.registry import STRATEGIES
-from vehicle.missions import Plan
+from vehicle.missions.plan import Plan
 
 ALIGNED = math.cos(math.radians(20.0))
 APART_S = 20.0  # away from a strip for longer: another pass over it
@@ -76,14 +76,14 @@ def bearing_deg(done: Worked) -> float:
     return math.degrees(mean) % 180.0
 
 
-def taken(track: Track, done: Worked, width_m: float) -> tuple[float, int] | None:
+def taken(track: Swath, done: Worked, width_m: float) -> tuple[float, int] | None:
     """When a track was worked (mean, s) and in which direction; None where nobody was seen on it."""
-    along = (np.array(track.end) - track.start) / track.length
-    offset = done.points - np.array(track.start)
+    along = (np.array(track.end_m) - track.start_m) / track.length_m
+    offset = done.points - np.array(track.start_m)
     far, aside = offset @ along, offset @ np.array([-along[1], along[0]])
     ahead = done.steps @ along
     rows = np.flatnonzero(
-        (np.abs(aside) <= 0.5 * width_m) & (far >= 0.0) & (far <= track.length)
+        (np.abs(aside) <= 0.5 * width_m) & (far >= 0.0) & (far <= track.length_m)
         & (np.abs(ahead) >= ALIGNED * done.metres) & (done.metres > 0.0)
     )  # fmt: skip
     if not len(rows):
@@ -95,7 +95,7 @@ def taken(track: Track, done: Worked, width_m: float) -> tuple[float, int] | Non
     return float(done.time_s[best].mean()), 1 if ahead[best].sum() > 0.0 else -1
 
 
-def driven_order(tracks: Sequence[Track], done: Worked, width_m: float) -> list[Pass]:
+def driven_order(tracks: Sequence[Swath], done: Worked, width_m: float) -> list[SwathPass]:
     """The tracks in the order of the driver; one that nobody was seen on comes after its neighbour, driven back."""
     seen = {track: taken(track, done, width_m) for track in tracks}
     known = [track for track in tracks if seen[track] is not None]
@@ -104,15 +104,19 @@ def driven_order(tracks: Sequence[Track], done: Worked, width_m: float) -> list[
         near = min(known, key=lambda other: (abs(other.line - track.line), other.line), default=track)
         at, direction = seen[near] or (0.0, 1)
         away = abs(near.line - track.line)
-        keys.append((at, away, number, Pass(track, direction if away % 2 == 0 else -direction)))
+        keys.append((at, away, number, SwathPass(track, direction if away % 2 == 0 else -direction)))
     return [key[3] for key in sorted(keys, key=lambda key: key[:3])]
 
 
-def quickest_way(order: Sequence[Pass], seconds: Callable[[Pass, Pass], float]) -> list[Pass]:
+def quickest_way(order: Sequence[SwathPass], seconds: Callable[[SwathPass, SwathPass], float]) -> list[SwathPass]:
     """The same order with every track in the direction that makes the sum of `seconds` from pass to pass least."""
-    best = [(AGAINST_S * (way != order[0].direction), [Pass(order[0].track, way)]) for way in (1, -1)] if order else []
+    best = (
+        [(AGAINST_S * (way != order[0].direction), [SwathPass(order[0].swath, way)]) for way in (1, -1)]
+        if order
+        else []
+    )
     for one in order[1:]:
-        ways = [Pass(one.track, way) for way in (1, -1)]
+        ways = [SwathPass(one.swath, way) for way in (1, -1)]
         best = [
             min(
                 ((cost + seconds(so_far[-1], way) + AGAINST_S * (way.direction != one.direction), [*so_far, way])
@@ -124,30 +128,30 @@ def quickest_way(order: Sequence[Pass], seconds: Callable[[Pass, Pass], float]) 
     return min(best, key=lambda choice: choice[0])[1] if best else []
 
 
-def driven_again(field: Field, scenario: Scenario, done: Worked, interior: NDArray[np.bool_]) -> Driven | None:
+def driven_again(field: Field, scenario: PlanRequest, done: Worked, interior: NDArray[np.bool_]) -> Driven | None:
     """Plan a field along the driver's bearing in the driver's order and in the planner's; None where either cannot be
     driven. `interior` marks the rows that are off the headland."""
     inner = Worked(done.points[interior], done.steps[interior], done.time_s[interior])
-    site = prepare(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field)
+    site = prepare_context(replace(scenario, bearing_deg=round(bearing_deg(inner), 2)), field)
     width_m = scenario.width_m
 
-    def build(job: Job) -> Plan:
-        order = quickest_way(driven_order(job.layout.tracks, inner, width_m), job.turn_time)
-        return Plan((mission_of(job, order),), {"strategy": NAME, "tractors": 1})
+    def build(job: FieldJob) -> Plan:
+        order = quickest_way(driven_order(job.layout.swaths, inner, width_m), job.estimate_turn_time_s)
+        return Plan((build_mission(job, order),), {"strategy": NAME, "tractors": 1})
 
     with patch.dict(STRATEGIES, {NAME: Strategy(NAME, "as the driver drove", build)}):
         own = _simulated(site, NAME)
     planned = _simulated(site, PLANNED)
     if own is None or planned is None:
         return None
-    tracks = site.layout.tracks
-    found = sum(track.length for track in tracks if taken(track, inner, width_m))
-    return Driven(*own, *planned, found / sum(track.length for track in tracks))
+    tracks = site.layout.swaths
+    found = sum(track.length_m for track in tracks if taken(track, inner, width_m))
+    return Driven(*own, *planned, found / sum(track.length_m for track in tracks))
 
 
-def _simulated(site: Site, strategy: str) -> tuple[float, float] | None:
+def _simulated(site: PlanningContext, strategy: str) -> tuple[float, float] | None:
     """Seconds and metres off work of a plan for one tractor."""
-    one = simulated(site, Candidate(strategy, 1))
+    one = simulate_candidate(site, Candidate(strategy, 1))
     if one.run is None or not one.result.feasible or one.result.time_s is None:
         return None
     return one.result.time_s, sum(leg.length_m for leg in one.run.plan.missions[0].legs if not leg.implement)

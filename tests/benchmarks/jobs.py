@@ -20,9 +20,9 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from planner.service.settings import Settings
-from planner.service.store import Store
-from planner.service.store.jobs import DONE, OPEN
+from planner.service.settings import ServiceSettings
+from planner.service.store.job_queue import DONE, UNFINISHED_STATUSES
+from planner.service.store.service_store import Store
 from tests.service.kinds import made
 
 MARK = "HEADLAND_CAMPAIGN"
@@ -46,7 +46,7 @@ class Campaign:
 class Serving:
     """A service in a process of its own, started again where it was killed."""
 
-    def __init__(self, settings: Settings, whole: bool) -> None:
+    def __init__(self, settings: ServiceSettings, whole: bool) -> None:
         self.mark = secrets.token_hex(8)
         self._words = [str(settings.data), settings.database, str(settings.workers), "whole" if whole else "workers"]
         self.process = self._started()
@@ -101,11 +101,13 @@ def parent_of(pid: int) -> int:
     return int(after[1]) if len(after) > 1 else 0
 
 
-def campaign(settings: Settings, jobs: int, kills: int, seed: int, *, whole: bool, patience_s: float) -> Campaign:
+def campaign(
+    settings: ServiceSettings, jobs: int, kills: int, seed: int, *, whole: bool, patience_s: float
+) -> Campaign:
     """Do so many jobs while so many processes are killed, spread over the work: the server first, then by lot."""
     draw, began = random.Random(seed), time.monotonic()
     store, found = Store(settings), Campaign(jobs)
-    shared = store.blobs.put(b" and a file")
+    shared = store.blobs.put_bytes(b" and a file")
     ids = [
         store.add_job("tiny", f"job {number}", {"number": number, "step_s": STEP_S, "files": ["x"]}, {"x": shared}).id
         for number in range(jobs)
@@ -127,7 +129,7 @@ def campaign(settings: Settings, jobs: int, kills: int, seed: int, *, whole: boo
 
 def _wait(store: Store, ids: list[str], done: int, until: float) -> None:
     """Wait until so many are over."""
-    while sum(job.status not in OPEN for job in store.jobs("tiny") if job.id in set(ids)) < done:
+    while sum(job.status not in UNFINISHED_STATUSES for job in store.list_jobs("tiny") if job.id in set(ids)) < done:
         if time.monotonic() > until:
             raise TimeoutError(f"{done} jobs were not done in time")
         time.sleep(0.1)
@@ -146,8 +148,8 @@ def _kill_one(serving: Serving, found: Campaign, draw: random.Random, *, server:
 def _count(store: Store, ids: list[str], found: Campaign) -> None:
     """Which jobs are done once, with the bytes that they should have."""
     for number, id in enumerate(ids):
-        job = store.job(id)
-        results = [(each.name, store.blobs.get(each.sha256), each.media) for each in job.results]
+        job = store.get_job(id)
+        results = [(each.name, store.blobs.read_bytes(each.sha256), each.media) for each in job.results]
         found.begun += job.tries
         if job.status == DONE and results == made(number, b" and a file"):
             found.done += 1
@@ -165,7 +167,7 @@ def main() -> None:
     parser.add_argument("--database", default="")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        settings = Settings(
+        settings = ServiceSettings(
             data=Path(folder), database=given.database, workers=given.workers, lease_s=LEASE_S, jobs_waiting=given.jobs
         )
         found = campaign(settings, given.jobs, given.kills, given.seed, whole=True, patience_s=600.0)

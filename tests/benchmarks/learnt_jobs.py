@@ -18,29 +18,30 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from fields.field import Field
-from planner.asked import asked
-from planner.candidates.evaluate import Candidate, simulated
-from planner.farm.file import FarmFile, farm_from, load_farm
-from planner.scenario import Scenario
-from planner.site import prepare
-from planner.works.files import read_run
-from planner.works.importing import imported
-from planner.works.learning import learn
-from planner.works.metres import stretched
-from planner.works.record import Driven
-from planner.works.summary import summary
+from fields.geometry.field import Field
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.context import prepare_context
+from planner.farm.inventory import FarmFile, load_farm, parse_farm
+from planner.pipeline.farm_inputs import complete_request_by_farm
+from planner.request.plan_request import PlanRequest
+from planner.task_logs.farm_learning import learn_farm_values
+from planner.task_logs.log_import import import_runs
+from planner.task_logs.runs.phases import summarise_run
+from planner.task_logs.runs.run_files import load_imported_run
+from planner.task_logs.runs.run_records import ProjectedRun, scale_run_east_west
 
 
-def planned_s(run: Driven, farm: FarmFile) -> float:
+def planned_s(run: ProjectedRun, farm: FarmFile) -> float:
     """What one tractor of the farm takes for the field of a run by the plan."""
     assert run.outline is not None and run.outline_m2
-    outline = stretched(run, run.outline_m2 / run.outline.area).outline
+    outline = scale_run_east_west(run, run.outline_m2 / run.outline.area).outline
     west, south, _, _ = outline.bounds
     field = Field(name=run.name, boundary=shapely.transform(outline, lambda points: points - np.array([west, south])))
-    question = asked(Scenario(field=run.name, tractors=(1,), strategies=("split-field",), draws=0), farm, ("tractors",))
-    site = prepare(question.scenario, field, tractor=question.tractor, implement=question.implement)
-    time_s = simulated(site, Candidate("split-field", 1)).result.time_s
+    question = complete_request_by_farm(
+        PlanRequest(field=run.name, tractors=(1,), strategies=("split-field",), samples=0), farm, ("tractors",)
+    )
+    site = prepare_context(question.request, field, tractor=question.tractor, implement=question.implement)
+    time_s = simulate_candidate(site, Candidate("split-field", 1)).result.time_s
     return float("nan") if time_s is None else time_s
 
 
@@ -51,21 +52,21 @@ def main() -> None:
     parser.add_argument("farm", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        files = imported([str(options.folder)]).files
+        files = import_runs([str(options.folder)]).files
         for file, text in files.items():
             (Path(name) / file).write_text(text, encoding="utf-8")
         logs = [Path(name) / file for file in files if file.endswith(".csv")]
-        runs = {path: read_run(path) for path in logs}
+        runs = {path: load_imported_run(path) for path in logs}
         several = {one for one, count in Counter(run.field for run in runs.values()).items() if count > 1}
         jobs = [path for path in logs if runs[path].field not in several and runs[path].outline is not None]
         plain = load_farm(options.farm)
         errors = []
         print("job                                net min   as the file is       learnt")
         for half in (0, 1):
-            lesson = learn(jobs[1 - half :: 2], options.farm, replace_given=True)
-            taught = farm_from(lesson.text, "learnt", options.farm.parent)
+            lesson = learn_farm_values(jobs[1 - half :: 2], options.farm, replace_given=True)
+            taught = parse_farm(lesson.text, "learnt", options.farm.parent)
             for path in jobs[half::2]:
-                net = summary(runs[path]).net_s
+                net = summarise_run(runs[path]).without_stops_s
                 pair = [planned_s(runs[path], farm) / net - 1.0 for farm in (plain, taught)]
                 errors.append(pair)
                 cells = "".join(f"{net * (1.0 + off) / 60:10.1f} {100 * off:+4.0f} %" for off in pair)

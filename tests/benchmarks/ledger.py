@@ -1,6 +1,6 @@
-"""Where the CPU seconds of a plan go: functions of the planner are timed while a ledger is open.
+"""CPU seconds per part of planning: functions of the planner are timed while a ledger is open.
 
-Time belongs to the innermost of them that is running, so that the parts add up to the whole.
+Time is booked on the innermost of them that is running, so that the parts add up to the whole.
 """
 
 from __future__ import annotations
@@ -11,30 +11,35 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
-PARTS = ("layout", "order", "ways", "right of way", "simulation", "measuring", "rest")
+PARTS = ("layout", "order", "paths", "traffic", "simulation", "measuring", "other")
 PLACES = {
-    "layout": ("planner.site.prepare",),
+    "layout": ("planner.evaluation.context.prepare_context",),
     "order": (
-        "planner.candidates.evaluate._run_job",
-        "strategies.orders.table.TurnTable.__init__",
-        "strategies.orders.tours.searched",
-        "planner.candidates.evaluate.corners_by_promise",
+        "planner.evaluation.candidates.evaluate._run_job",
+        "strategies.sequencing.turn_table.TurnTable.__init__",
+        "strategies.sequencing.tour_search.search_tour",
+        "planner.evaluation.candidates.evaluate.rank_start_corners",
     ),
-    "ways": ("strategies.ways.connect.Connector.connect", "strategies.ways.connect.Connector.direct"),
-    "right of way": ("planner.candidates.evaluate.giving_way",),
-    "simulation": ("vehicle.rehearsal.Rehearsal.simulate", "vehicle.world.World.run"),
+    "paths": (
+        "strategies.path_planning.connector.Connector.connect",
+        "strategies.path_planning.connector.Connector.connect_directly",
+    ),
+    "traffic": ("planner.evaluation.candidates.evaluate.schedule_plan",),
+    "simulation": ("vehicle.sim.incremental.IncrementalSimulator.simulate", "vehicle.sim.world.World.run"),
     "measuring": (
-        *(f"planner.candidates.evaluate.{name}" for name in ("_measured", "_fault", "slips")),
+        "planner.evaluation.candidates.evaluate.measure_candidate",
+        "planner.evaluation.candidates.evaluate._find_fault",
+        "planner.evaluation.candidates.evaluate.find_turn_deviations",
     ),
-}  # fmt: skip
+}
 
 
 class Ledger:
-    """CPU seconds per part of PARTS since it was opened."""
+    """CPU seconds per part of PARTS since the ledger was opened."""
 
     def __init__(self) -> None:
         self.seconds = dict.fromkeys(PARTS, 0.0)
-        self._stack = ["rest"]
+        self._stack = ["other"]
         self._since = time.process_time()
 
     def _book(self) -> None:
@@ -43,8 +48,8 @@ class Ledger:
         self._since = now
 
     @contextmanager
-    def part(self, name: str) -> Iterator[None]:
-        """What runs inside is booked on a part."""
+    def book_part(self, name: str) -> Iterator[None]:
+        """Book the time inside on a part."""
         self._book()
         self._stack.append(name)
         try:
@@ -60,15 +65,15 @@ class Ledger:
         return sum(self.seconds.values())
 
 
-def _timed(ledger: Ledger, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
-    def around(*given: Any, **options: Any) -> Any:
-        with ledger.part(name):
+def _wrap_timed(ledger: Ledger, name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+    def call(*given: Any, **options: Any) -> Any:
+        with ledger.book_part(name):
             return function(*given, **options)
 
-    return around
+    return call
 
 
-def _owner(place: str) -> tuple[Any, str]:
+def _find_owner(place: str) -> tuple[Any, str]:
     """The module or class that holds a function, and the function's name there."""
     path, name = place.rsplit(".", 1)
     try:
@@ -79,17 +84,17 @@ def _owner(place: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def opened() -> Iterator[Ledger]:
-    """A ledger that books the functions of PLACES; they are as before afterwards."""
+def open_ledger() -> Iterator[Ledger]:
+    """A ledger that books the functions of PLACES, which are restored afterwards."""
     ledger = Ledger()
-    kept: list[tuple[Any, str, Any]] = []
+    originals: list[tuple[Any, str, Any]] = []
     try:
         for part, places in PLACES.items():
             for place in places:
-                owner, name = _owner(place)
-                kept.append((owner, name, getattr(owner, name)))
-                setattr(owner, name, _timed(ledger, part, getattr(owner, name)))
+                owner, name = _find_owner(place)
+                originals.append((owner, name, getattr(owner, name)))
+                setattr(owner, name, _wrap_timed(ledger, part, getattr(owner, name)))
         yield ledger
     finally:
-        for owner, name, function in reversed(kept):
+        for owner, name, function in reversed(originals):
             setattr(owner, name, function)

@@ -39,20 +39,21 @@ def serve(data: Path, tractors: int) -> None:
 
     import uvicorn
 
-    from planner.service.api import create_app
-    from planner.service.centre.rules import Rules
-    from planner.service.links.live import LiveFleet
-    from planner.service.settings import Settings
+    from planner.fleet.model.rules import FleetRules
+    from planner.fleet.session.fleet_session import FleetSession
+    from planner.service.api.apps import create_app
+    from planner.service.settings import ServiceSettings
     from tests.service.fleets import fleet_plan
 
-    app = create_app(Settings(data=data, workers=1), inline=True)
+    app = create_app(ServiceSettings(data=data, workers=1), reads_inline=True)
     store, hub = app.state.store, app.state.hub
     begin = time.time()
     store.save_fleet("bench", "bench", "{}", {"begin_s": begin, "times": 1.0, "way": "predict"})
-    fleet = LiveFleet("bench", "bench", fleet_plan(tractors, LEGS, apart_m=APART_M, length_m=LENGTH_M), Rules(),
-                      begin_s=begin)  # fmt: skip
+    fleet = FleetSession(
+        "bench", "bench", fleet_plan(tractors, LEGS, apart_m=APART_M, length_m=LENGTH_M), FleetRules(), begin_s=begin
+    )
     hub.add(fleet)
-    token = store.new_token("bench", "control")
+    token = store.create_token_text("bench", "admin")
     listening = socket.create_server(("127.0.0.1", 0))
     config = uvicorn.Config(app, log_level="warning", access_log=False, ws="websockets-sansio", ws_max_size=2**20)
     print(json.dumps({"port": listening.getsockname()[1], "token": token}), flush=True)
@@ -112,13 +113,27 @@ class Tractor:
         leg = min(int(sent.at_m // LENGTH_M), LEGS - 1)
         sent.sequence += 1
         now = datetime.now(UTC).isoformat(timespec="microseconds")
-        text = json.dumps({
-            "kind": "state", "id": f"t{self.number}", "sequence": sent.sequence, "time": now,
-            "easting_m": 1000.0 + APART_M * (self.number - 1), "northing_m": 2000.0 + sent.at_m, "heading_deg": 0.0,
-            "speed_mps": speed, "speed_command_mps": speed, "steering_command_deg": 0.0, "steering_deg": 0.0,
-            "shuttle": 1, "start": 1, "mode": "stopped" if sent.standing else "automatic", "leg": leg,
-            "leg_m": sent.at_m - leg * LENGTH_M, "implement": 1 - leg % 2,
-        })  # fmt: skip
+        text = json.dumps(
+            {
+                "kind": "state",
+                "id": f"t{self.number}",
+                "sequence": sent.sequence,
+                "time": now,
+                "easting_m": 1000.0 + APART_M * (self.number - 1),
+                "northing_m": 2000.0 + sent.at_m,
+                "heading_deg": 0.0,
+                "speed_mps": speed,
+                "speed_command_mps": speed,
+                "steering_command_deg": 0.0,
+                "steering_deg": 0.0,
+                "shuttle": 1,
+                "start": 1,
+                "mode": "stopped" if sent.standing else "automatic",
+                "leg": leg,
+                "leg_m": sent.at_m - leg * LENGTH_M,
+                "implement": 1 - leg % 2,
+            }
+        )
         sent.at[sent.sequence] = time.time()
         sent.waiting[sent.sequence] = text
         return text
@@ -126,7 +141,7 @@ class Tractor:
     async def linked(self) -> None:
         """Open a link and send again what is not acknowledged."""
         self.link = await connect(self.address, proxy=None, compression=None, max_size=2**24)
-        hello = {"kind": "hello", "role": "tractor", "tractor": self.number, "token": self.token, "version": 1}
+        hello = {"kind": "connect", "role": "tractor", "tractor": self.number, "token": self.token, "version": 1}
         await self.link.send(json.dumps(hello))
         welcome = json.loads(await self.link.recv())
         self.sent.rejoined_with.append((self.sent.acknowledged, welcome["last_sequence"]))
@@ -153,7 +168,7 @@ class Tractor:
         if kind == "ack":
             self._acknowledged(frame["sequence"])
         elif kind == "release":
-            self.sent.released = frame["released"]
+            self.sent.released = frame["base_end"]
         elif kind in ("stop", "resume"):
             self.sent.standing = kind == "stop"
             self.sent.stopped_at = time.time()
@@ -170,11 +185,11 @@ class Tractor:
             await self.link.send(self.state())
 
 
-async def watch(address: str, late: list[float], until_s: float) -> None:
+async def watch(address: str, token: str, late: list[float], until_s: float) -> None:
     """A viewer: how old every new state is when it is there."""
     seen: dict[int, str] = {}
     async with connect(address, proxy=None, compression=None, max_size=2**24) as link:
-        await link.send(json.dumps({"kind": "hello", "role": "viewer", "version": 1}))
+        await link.send(json.dumps({"kind": "connect", "role": "viewer", "token": token, "version": 1}))
         while time.monotonic() < until_s:
             frame = json.loads(await link.recv())
             now = time.time()
@@ -205,7 +220,7 @@ async def probe(late: list[float], until_s: float) -> None:
 async def operator(address: str, token: str) -> ClientConnection:
     """A link for control."""
     link = await connect(address, proxy=None, compression=None, max_size=2**24)
-    await link.send(json.dumps({"kind": "hello", "role": "control", "token": token, "version": 1}))
+    await link.send(json.dumps({"kind": "connect", "role": "control", "token": token, "version": 1}))
     return link
 
 
@@ -219,7 +234,7 @@ async def measure(pid: int, address: str, token: str, tractors: int, viewers: in
     reading = asyncio.create_task(_drained(orders))
     await orders.send('{"kind":"start"}')
     begin, late = time.monotonic(), list[float]()
-    watching = [asyncio.create_task(watch(address, late, begin + seconds)) for _ in range(viewers)]
+    watching = [asyncio.create_task(watch(address, token, late, begin + seconds)) for _ in range(viewers)]
     asleep = list[float]()
     probing = asyncio.create_task(probe(asleep, begin + seconds))
     driving = [asyncio.create_task(tractor.drive(begin + seconds)) for tractor in fleet]
@@ -326,8 +341,10 @@ async def fuzz(address: str, token: str, tractor: Tractor, count: int) -> None:
     good = tractor.sent.sequence - good_before
     alive = tractor.sent.acknowledged == tractor.sent.sequence
     passed = count - tractor.sent.refused
-    print(f"{count} malformed frames among {good} good ones: {passed} not refused; "
-          f"{'every good one is kept' if alive else 'the stream is BROKEN'}")  # fmt: skip
+    print(
+        f"{count} malformed frames among {good} good ones: {passed} not refused; "
+        f"{'every good one is kept' if alive else 'the stream is BROKEN'}"
+    )
     listening.cancel()
     await tractor.link.close()
 
@@ -349,16 +366,16 @@ def main() -> None:
         serve(given.serve, given.tractors)
         return
     with served(given.tractors) as (process, address, token):
-        asyncio.run(_ready(address))
+        asyncio.run(_ready(address, token))
         asyncio.run(_all(process.pid, address, token, given))
 
 
-async def _ready(address: str) -> None:
+async def _ready(address: str, token: str) -> None:
     """Wait until the service answers: the first time it compiles."""
     for _ in range(1200):
         try:
             async with connect(address, proxy=None) as link:
-                await link.send('{"kind":"hello","role":"viewer","version":1}')
+                await link.send(json.dumps({"kind": "connect", "role": "viewer", "token": token, "version": 1}))
                 await link.recv()
                 return
         except (OSError, ConnectionClosed, TimeoutError):

@@ -18,12 +18,11 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from strategies.orders.sequence import skip_pattern
-from strategies.orders.shares import balanced, cut
-from strategies.orders.tours import FAR_S, tour
-from strategies.refilling.loads import Task, split
-from strategies.refilling.search import in_loads
-from strategies.ways.words import MOST_PIECES, MOST_WORDS, forward_words
+from strategies.path_planning.primitives import MAX_PIECES, MAX_PRIMITIVES, add_forward_primitives
+from strategies.sequencing.swath_order import build_skip_pattern
+from strategies.sequencing.tour_search import UNREACHABLE_S, find_best_tour
+from strategies.service_stops.load_search import LoadOrderingTask, order_in_loads, split_into_loads
+from strategies.split_field import balance_borders, cut_balanced_blocks
 
 Floats = npt.NDArray[np.float64]
 
@@ -51,7 +50,7 @@ def turn_m(spacing: float, radius: float) -> float:
 def parallel(n: int, width: float, radius: float) -> Floats:
     """Turns between the passes of n equal tracks (2 n, 2 n)."""
     apart = np.abs(np.subtract.outer(np.arange(n), np.arange(n))) * width
-    turns = np.full((2 * n, 2 * n), FAR_S)
+    turns = np.full((2 * n, 2 * n), UNREACHABLE_S)
     for i, j in zip(*np.nonzero(apart), strict=True):
         turns[2 * i, 2 * j + 1] = turns[2 * i + 1, 2 * j] = turn_m(float(apart[i, j]), radius)
     return turns
@@ -60,7 +59,7 @@ def parallel(n: int, width: float, radius: float) -> Floats:
 def starts_for(n: int, width: float, radius: float) -> list[list[int]]:
     """One after another, and the two smallest jumps whose turns are wide."""
     wide = math.ceil(2.0 * radius / width)
-    return [list(range(n))] + [skip_pattern(n, jump) for jump in (wide, wide + 1) if 1 < jump < n]
+    return [list(range(n))] + [build_skip_pattern(n, jump) for jump in (wide, wide + 1) if 1 < jump < n]
 
 
 def proven_rows() -> None:
@@ -69,7 +68,7 @@ def proven_rows() -> None:
     for n, width, radius, proven in PROVEN:
         turns, free = parallel(n, width, radius), np.zeros(2 * n)
         begun = time.process_time()
-        best = tour(turns, free, free, starts_for(n, width, radius))
+        best = find_best_tour(turns, free, free, starts_for(n, width, radius))
         took = time.process_time() - begun
         above = 100.0 * (best.seconds / proven - 1.0)
         print(f"{n:4} {width:5.1f} {radius:7.4f} {proven:9.2f} {best.seconds:9.2f} {above:8.3f} {best.gap_pct:10.3f} "
@@ -80,8 +79,8 @@ def slanted(n: int) -> tuple[Floats, Floats]:
     """Working seconds (n,) and turning seconds (2 n, 2 n) of n tracks whose ends are slanted and bent."""
     i = np.arange(n)
     west, east, north = 0.75 * i, 252.0 + 0.225 * i + 30.0 * np.sin(i / 9.0), WIDTH_M * i
-    out, kinds = np.empty((MOST_WORDS, MOST_PIECES, 3)), np.empty(MOST_WORDS, np.int64)
-    turns = np.full((2 * n, 2 * n), FAR_S)
+    out, kinds = np.empty((MAX_PRIMITIVES, MAX_PIECES, 3)), np.empty(MAX_PRIMITIVES, np.int64)
+    turns = np.full((2 * n, 2 * n), UNREACHABLE_S)
     for a in range(n):
         for b in range(n):
             if a == b:
@@ -89,7 +88,7 @@ def slanted(n: int) -> tuple[Floats, Floats]:
             ends = ((2 * a, 2 * b + 1, east, 0.0, math.pi), (2 * a + 1, 2 * b, west, math.pi, 0.0))
             for p, q, side, leaving, entering in ends:
                 start, goal = np.array([side[a], north[a], leaving]), np.array([side[b], north[b], entering])
-                forward_words(start, goal, RADIUS_M, out, kinds, 0)
+                add_forward_primitives(start, goal, RADIUS_M, out, kinds, 0)
                 turns[p, q] = out[0, :, 0].sum() / TURN_MPS
     return (east - west) / WORK_MPS, turns
 
@@ -102,12 +101,12 @@ def fleet(work: Floats, turns: Floats, tractors: int) -> float:
         if (first, last) not in known:
             part = turns[2 * first : 2 * last, 2 * first : 2 * last]
             free = np.zeros(2 * (last - first))
-            order = tour(part, free, free, starts_for(last - first, WIDTH_M, RADIUS_M))
+            order = find_best_tour(part, free, free, starts_for(last - first, WIDTH_M, RADIUS_M))
             known[first, last] = float(work[first:last].sum()) + order.seconds
         return known[first, last]
 
     turn_s = float(turns.min())
-    borders = balanced(cut((work + turn_s).tolist(), tractors), cost)
+    borders = balance_borders(cut_balanced_blocks((work + turn_s).tolist(), tractors), cost)
     return max(cost(first, last) for first, last in pairwise(borders))
 
 
@@ -123,23 +122,23 @@ def fleet_rows() -> None:
         print(f"{n:4} {tractors:8} {bound:8.0f} {ours:8.0f} {ours / bound:12.4f} {took:6.2f}")
 
 
-def from_depot(n: int, load: int, depot_m: float) -> Task:
+def from_depot(n: int, load: int, depot_m: float) -> LoadOrderingTask:
     """n parallel tracks in loads; every load begins and ends at a depot on the lower headland (metres for seconds)."""
     turns = parallel(n, LOADS_WIDTH_M, LOADS_RADIUS_M)
     along = np.abs(LOADS_WIDTH_M * np.arange(n) - depot_m)
-    first, last = np.full(2 * n, FAR_S), np.full(2 * n, FAR_S)
+    first, last = np.full(2 * n, UNREACHABLE_S), np.full(2 * n, UNREACHABLE_S)
     first[0::2], last[1::2] = along, along
-    detours = np.minimum(last[:, None] + first[None, :] + STOP_S, FAR_S)
-    return Task(turns, detours, first, last, np.ones(n), float(load), float(load))
+    detours = np.minimum(last[:, None] + first[None, :] + STOP_S, UNREACHABLE_S)
+    return LoadOrderingTask(turns, detours, first, last, np.ones(n), float(load), float(load))
 
 
-def turned_only(radius: float) -> Task:
+def turned_only(radius: float) -> LoadOrderingTask:
     """24 tracks in loads of eight, the ways to the depot left out: the 21 turns within loads are compared."""
     turns, free = parallel(24, LOADS_WIDTH_M, radius), np.zeros(48)
-    return Task(turns, np.full((48, 48), STOP_S), free, free, np.ones(24), 8.0, 8.0)
+    return LoadOrderingTask(turns, np.full((48, 48), STOP_S), free, free, np.ones(24), 8.0, 8.0)
 
 
-def without_stops(seconds: float, task: Task) -> float:
+def without_stops(seconds: float, task: LoadOrderingTask) -> float:
     """What is driven between the tracks: the stops that cannot be spared taken out."""
     return seconds - STOP_S * (math.ceil(float(task.need.sum()) / task.capacity) - 1)
 
@@ -151,21 +150,22 @@ def loads_rows() -> None:
     for n, load, depot_m, stated, known in IN_LOADS:
         task, row = from_depot(n, load, depot_m), np.arange(n)
         begun = time.process_time()
-        ours = without_stops(in_loads(task, starts_for(n, LOADS_WIDTH_M, LOADS_RADIUS_M)).seconds, task)
+        ours = without_stops(order_in_loads(task, starts_for(n, LOADS_WIDTH_M, LOADS_RADIUS_M)).seconds, task)
         took = time.process_time() - begun
-        print(f"{n:4} {load:5} {depot_m:8.1f} {without_stops(split(row, task).seconds, task):9.2f} {stated:9.2f} "
-              f"{known:10.2f} {ours:9.2f} {100.0 * (ours / known - 1.0):8.3f} {took:6.2f}")  # fmt: skip
+        in_a_row = without_stops(split_into_loads(row, task).seconds, task)
+        print(f"{n:4} {load:5} {depot_m:8.1f} {in_a_row:9.2f} {stated:9.2f} {known:10.2f} {ours:9.2f} "
+              f"{100.0 * (ours / known - 1.0):8.3f} {took:6.2f}")  # fmt: skip
     print(f"\n{'n':>4} {'R m':>7} {'B*':>9} {'ours':>9} {'below %':>8}")
     for radius in (LOADS_RADIUS_M, 10.9):
         task = turned_only(radius)
-        printed = without_stops(split(np.array(B_STAR) - 1, task).seconds, task)
-        ours = without_stops(in_loads(task, starts_for(24, LOADS_WIDTH_M, radius)).seconds, task)
+        printed = without_stops(split_into_loads(np.array(B_STAR) - 1, task).seconds, task)
+        ours = without_stops(order_in_loads(task, starts_for(24, LOADS_WIDTH_M, radius)).seconds, task)
         print(f"{24:4} {radius:7.1f} {printed:9.2f} {ours:9.2f} {100.0 * (1.0 - ours / printed):8.2f}")
 
 
 if __name__ == "__main__":
     warm = np.zeros(10)
-    tour(parallel(5, 3.0, 4.0), warm, warm, [list(range(5))])
+    find_best_tour(parallel(5, 3.0, 4.0), warm, warm, [list(range(5))])
     proven_rows()
     fleet_rows()
     loads_rows()

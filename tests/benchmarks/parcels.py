@@ -4,7 +4,7 @@
     python -m tests.benchmarks.parcels --big 24,60,200 --tractors 1-5 --width 12
 
 Everything is compiled before the clock starts. A row says where the seconds go: field and layout, search of the order,
-ways between tracks, right of way, simulation, measuring, the rest. A plan counts as feasible or as refused with a
+paths between tracks, right of way, simulation, measuring, the rest. A plan counts as feasible or as refused with a
 reason; anything else is a fault. `--reasons` prints why plans are not feasible. The last lines sum up.
 """
 
@@ -19,16 +19,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from fields.field import Field
-from fields.read import read_field
-from planner.candidates.evaluate import Candidate, simulated
-from planner.candidates.rivals import hopeless, rivals, waves
-from planner.rank import candidates
-from planner.scenario import Scenario, parse_counts
-from planner.site import prepare
-from reports.results import PlanResult, finish_s
+from fields.documents.reader import read_field
+from fields.geometry.field import Field
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.candidates.incumbents import find_incumbents, order_candidates, prune_candidate
+from planner.evaluation.context import prepare_context
+from planner.pipeline.ranking import list_candidates
+from planner.request.option_texts import parse_counts
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult, get_finished_field_s
 from tests.benchmarks.drawn import BIG, big_field
-from tests.benchmarks.ledger import PARTS, Ledger, opened
+from tests.benchmarks.ledger import PARTS, Ledger, open_ledger
 
 
 @dataclass
@@ -50,7 +51,7 @@ class Row:
     @property
     def driven(self) -> list[PlanResult]:
         """Its feasible plans, the quickest to finish first."""
-        return sorted((plan for plan in self.plans if plan.feasible), key=finish_s)
+        return sorted((plan for plan in self.plans if plan.feasible), key=get_finished_field_s)
 
 
 def parcels(path: Path) -> list[str]:
@@ -61,7 +62,7 @@ def parcels(path: Path) -> list[str]:
 
 
 def chosen(options: argparse.Namespace) -> Iterator[tuple[str, Field | None, str]]:
-    """Name, field and refusal of everything that is asked for."""
+    """Name, field and refusal of every requested field."""
     for name in options.big.split(",") if options.big else []:
         yield f"drawn-{name}", big_field(name), ""
     names = [where for path in options.files for where in parcels(path)]
@@ -75,10 +76,10 @@ def chosen(options: argparse.Namespace) -> Iterator[tuple[str, Field | None, str
             yield Path(where).name, found, ""
 
 
-def work(name: str, where: Field, scenario: Scenario) -> Row:
+def work(name: str, where: Field, scenario: PlanRequest) -> Row:
     """All plans of one field."""
     row = Row(name, where.area_ha)
-    with opened() as ledger:
+    with open_ledger() as ledger:
         try:
             _plans(row, where, scenario, ledger)
         except ValueError as refusal:
@@ -90,19 +91,19 @@ def work(name: str, where: Field, scenario: Scenario) -> Row:
     return row
 
 
-def _plans(row: Row, where: Field, scenario: Scenario, ledger: Ledger) -> None:
-    with ledger.part("layout"):
-        site = prepare(scenario, where)
-    row.tracks = len(site.layout.tracks)
-    todo = candidates(scenario)
+def _plans(row: Row, where: Field, scenario: PlanRequest, ledger: Ledger) -> None:
+    with ledger.book_part("layout"):
+        site = prepare_context(scenario, where)
+    row.tracks = len(site.layout.swaths)
+    todo = list_candidates(scenario)
     results: dict[int, PlanResult] = {}
-    for wave in waves(site, todo):
-        known = rivals(results)
+    for wave in order_candidates(site, todo):
+        known = find_incumbents(results)
         for number in wave:
-            with ledger.part("order"):
-                rival = known.get(todo[number].tractors)
-                beaten = hopeless(site, todo[number], rival)
-            results[number] = beaten or simulated(site, todo[number], rival).result
+            with ledger.book_part("order"):
+                incumbent = known.get(todo[number].tractors)
+                pruned = prune_candidate(site, todo[number], incumbent)
+            results[number] = pruned or simulate_candidate(site, todo[number], incumbent).result
             row.plans.append(results[number])
 
 
@@ -110,7 +111,7 @@ def print_row(row: Row, counts: tuple[int, ...]) -> None:
     """One line: field, hectares, tracks, CPU seconds and their parts, feasible plans, best time per count."""
     best = []
     for count in counts[:6]:
-        times = [finish_s(plan) for plan in row.driven if plan.tractors == count]
+        times = [get_finished_field_s(plan) for plan in row.driven if plan.tractors == count]
         best.append(f"{min(times):6.0f}" if times else "     -")
     parts = " ".join(f"{row.seconds.get(part, 0.0):7.2f}" for part in PARTS)
     worked = f"{row.driven[0].worked_pct:5.1f}" if row.driven else "    -"
@@ -167,8 +168,8 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--to-ha", type=float, default=1e9)
     parser.add_argument("--strategies", default="", help="some of them only")
     group = parser.add_mutually_exclusive_group()
-    group.add_argument("--rounds", dest="tracks_only", action="store_false", default=False, help="headlands worked")
-    group.add_argument("--tracks-only", dest="tracks_only", action="store_true", help="headlands left")
+    group.add_argument("--headland", dest="no_headland", action="store_false", default=False, help="headlands worked")
+    group.add_argument("--no-headland", dest="no_headland", action="store_true", help="headlands unworked")
     parser.add_argument("--reasons", action="store_true")
     return parser.parse_args()
 
@@ -180,10 +181,10 @@ def main() -> None:
         options.big = "24"
     counts = parse_counts(options.tractors)
     more = {"strategies": tuple(options.strategies.split(","))} if options.strategies else {}
-    scenario = Scenario(width_m=options.width, tractors=counts, tracks_only=options.tracks_only, **more)
-    warm = prepare(Scenario(field="iwamizawa", tracks_only=options.tracks_only))
+    scenario = PlanRequest(width_m=options.width, tractors=counts, no_headland=options.no_headland, **more)
+    warm = prepare_context(PlanRequest(field="iwamizawa", no_headland=options.no_headland))
     for name in ("split-field", "row-by-row-optimised"):
-        simulated(warm, Candidate(name, 2))
+        simulate_candidate(warm, Candidate(name, 2))
     heads = " ".join(f"{part[:7]:>7}" for part in PARTS)
     print(f"{'field':20} {'ha':>6} lines    CPU s {heads}  feasible worked  quickest s per count")
     rows = []

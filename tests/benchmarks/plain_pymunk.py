@@ -12,8 +12,8 @@ from typing import Any
 
 import pymunk
 
-from vehicle.layout import DT_S
-from vehicle.world import World
+from vehicle.records import DT_S
+from vehicle.sim.world import World
 
 GRAVITY = 9.80665
 CREEP_MPS = 0.05
@@ -48,8 +48,8 @@ class PlainWorld:
     def __init__(self, world: World) -> None:
         program = world.program
         self.space = world.space
-        world.boxes.bring_all()
-        self.every = world.every
+        world.boxes.add_all()
+        self.every = world.steps_per_tick
         self.tractors = [PlainTractor(world, i) for i in range(len(world.bodies))]
         self.legs = [plain(leg) for leg in program.legs]
         self.gates = [(int(gate["tractor"]), float(gate["progress"])) for gate in program.gates]
@@ -206,7 +206,7 @@ def advance(
     forward: float, right: float, spin: float, tangent: float, drive: float, model: dict[str, Any],
     ground: dict[str, Any],
 ) -> tuple[float, float, float]:  # fmt: skip
-    """Tyre forces of four wheels and the implicit step of vehicle.chassis."""
+    """Tyre forces of four wheels and the implicit step of vehicle.sim.dynamics."""
     front, rear, half, mass, inertia = (
         model["front"],
         model["rear"],

@@ -22,13 +22,13 @@ import shapely
 from numpy.typing import NDArray
 from scipy import stats
 
-from fields.field import Field
-from planner.candidates.evaluate import Candidate, simulated
-from planner.chance.draws import draw
-from planner.chance.graph import Graph, graph_of
-from planner.chance.settings import Chances
-from planner.scenario import Scenario
-from planner.site import prepare
+from fields.geometry.field import Field
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.context import prepare_context
+from planner.request.plan_request import PlanRequest
+from planner.request.random_inputs import UncertaintySettings
+from planner.risk.leg_graph import LegGraph, build_leg_graph
+from planner.risk.monte_carlo import sample_outcomes
 from tests.benchmarks.driven_order import Driven, driven_again, worked
 from tests.benchmarks.time_logs import (
     ACTIVE_MM,
@@ -40,7 +40,7 @@ from tests.benchmarks.time_logs import (
     TimeLog,
     read_folder,
 )
-from vehicle.missions import ROUND
+from vehicle.missions.plan import HEADLAND_PASS
 
 STOP_S = 5.0
 STANDING_MPS, MOVING_MPS = 0.06, 0.2
@@ -65,7 +65,7 @@ class Job:
     rounds_s: float
     planned_active_m: float
     planned_inactive_m: float
-    graph: Graph
+    graph: LegGraph
     driven: Driven | None
 
 
@@ -93,16 +93,16 @@ def measured_job(parcel: Parcel, log: TimeLog, width_m: float) -> Job:
     moving = works & (speed > MOVING_MPS)
     working_mps = float(speed[moving].mean())
     field = Field(name=log.name, boundary=outline)
-    scenario = Scenario(
+    scenario = PlanRequest(
         field=log.name, width_m=width_m, speed_mps=working_mps, operation="harvest", tractors=(1,),
         strategies=("split-field",),
     )  # fmt: skip
-    site = prepare(scenario, field)
-    one = simulated(site, Candidate("split-field", 1))
+    site = prepare_context(scenario, field)
+    one = simulate_candidate(site, Candidate("split-field", 1))
     if one.run is None or not one.result.feasible or one.result.time_s is None:
         raise SystemExit(f"{log.name}: no plan ({one.result.reason})")
     legs = one.run.plan.missions[0].legs
-    outer = outline.difference(outline.buffer(-site.layout.rounds * width_m))
+    outer = outline.difference(outline.buffer(-site.layout.headland_passes * width_m))
     near = shapely.contains_xy(outer, points[:, 0], points[:, 1])
     return Job(
         name=log.name,
@@ -112,10 +112,10 @@ def measured_job(parcel: Parcel, log: TimeLog, width_m: float) -> Job:
         inactive_m=log.last(INACTIVE_MM) / 1e3,
         ratio=float(np.median(speed[moving & near]) / np.median(speed[moving & ~near])),
         planned_s=one.result.time_s,
-        rounds_s=sum(leg.length_m for leg in legs if leg.task.kind == ROUND) / working_mps,
+        rounds_s=sum(leg.length_m for leg in legs if leg.task.kind == HEADLAND_PASS) / working_mps,
         planned_active_m=sum(leg.length_m for leg in legs if leg.implement),
         planned_inactive_m=sum(leg.length_m for leg in legs if not leg.implement),
-        graph=graph_of(one.run),
+        graph=build_leg_graph(one.run),
         driven=driven_again(field, scenario, worked(points, log.time_s, moving), ~near[moving]),
     )
 
@@ -158,8 +158,8 @@ def predicted(job: Job, others: list[Job]) -> Prediction:
     nets = np.array([other.net_s for other in others])
     scale = factor(plans, nets)
     scatter = spread(np.log(nets / (scale * plans)))
-    laws = Chances(job_cv=scatter, slip_cv=0.0, stops_per_hour=0.0, breakdown_hours=0.0, start_delay_s=0.0)
-    drawn = draw(job.graph, laws, draws=DRAWS, seed=1).finish_s / job.planned_s
+    laws = UncertaintySettings(job_cv=scatter, slip_cv=0.0, stops_per_hour=0.0, breakdown_hours=0.0, start_delay_s=0.0)
+    drawn = sample_outcomes(job.graph, laws, samples=DRAWS, seed=1).finish_s / job.planned_s
     middle = scale * slowed_s(job, ratio)
     low, high = np.quantile(drawn / np.median(drawn), CENTRAL) * middle
     lengths = factor(
@@ -190,13 +190,13 @@ def report(jobs: list[Job]) -> list[str]:
     return [
         *lines,
         f"plan over net, nothing fitted      mean {shares.mean():.2f}, {shares.min():.2f} to {shares.max():.2f}",
-        f"net time, left out one at a time   mean error {100 * np.abs(net).mean():.1f} % (asked: 7), "
+        f"net time, left out one at a time   mean error {100 * np.abs(net).mean():.1f} % (target: 7), "
         f"worst {100 * np.abs(net).max():.0f} %",
-        f"active distance, likewise          mean error {100 * np.abs(active).mean():.1f} % (asked: 5), "
+        f"active distance, in the same way   mean error {100 * np.abs(active).mean():.1f} % (target: 5), "
         f"worst {100 * np.abs(active).max():.0f} %",
         f"inside the central 80 %            {sum(inside)} of {len(jobs)} (* is outside)",
         f"the planned order drives {saved / 1e3:.1f} km less off work than the drivers did, of "
-        f"{sum(job.inactive_m for job in jobs) / 1e3:.1f} km: up to the shortest ways, not what a driver may choose",
+        f"{sum(job.inactive_m for job in jobs) / 1e3:.1f} km: up to the shortest paths, not what a driver may choose",
     ]
 
 
@@ -236,9 +236,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--width", type=float, help="working width (m); by default as logged")
-    asked = parser.parse_args()
-    parcels, logs = read_folder(asked.folder)
-    jobs = [measured_job(parcels[log.field], log, asked.width or log.last(WIDTH) / 1e3) for log in logs]
+    options = parser.parse_args()
+    parcels, logs = read_folder(options.folder)
+    jobs = [measured_job(parcels[log.field], log, options.width or log.last(WIDTH) / 1e3) for log in logs]
     print("\n".join(report(jobs)))
 
 

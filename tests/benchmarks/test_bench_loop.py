@@ -1,4 +1,4 @@
-"""The benchmark runs and compares like with like; its figures are not judged here."""
+"""The benchmark runs and its variants drive the same; its figures are not judged here."""
 
 import re
 import subprocess

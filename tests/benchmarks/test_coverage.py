@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from planner.scenario import Scenario
-from reports.results import PlanResult
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult
 from tests.benchmarks.coverage import Row, found, totals
 
 SQUARE = [[10.0, 56.0], [10.002, 56.0], [10.002, 56.001], [10.0, 56.001], [10.0, 56.0]]
@@ -33,7 +33,7 @@ def test_outlines_in_wkt_are_read_beside_geojson(tmp_path: Path, capsys: Any) ->
 
 def test_totals_count_parcels_and_not_plans() -> None:
     """Of two parcels one has no col-by-col for two; the one without a plan counts as worked not at all."""
-    scenario = Scenario(tractors=(1, 2), strategies=("col-by-col", "split-field"))
+    scenario = PlanRequest(tractors=(1, 2), strategies=("col-by-col", "split-field"))
     good = (result("split-field", 1, 97.0, 200.0), result("split-field", 2, 99.0), result("col-by-col", 2, 98.0, 150.0))
     bad = (result("split-field", 2, 96.0), result("col-by-col", 2, None))
     rows = [Row("good", 2.0, good), Row("bad", 1.0, bad), Row("none", 1.0, (result("split-field", 2, None),))]

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 import shapely
 
-from fields.field import Field
-from fields.layout import Track
-from planner.candidates.evaluate import Candidate, simulated
-from planner.scenario import Scenario
-from planner.site import prepare
-from strategies.job import Pass
+from fields.geometry.field import Field
+from fields.layout.swaths import Swath
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.context import prepare_context
+from planner.request.plan_request import PlanRequest
+from strategies.program.field_job import SwathPass
 from tests.benchmarks.driven_order import Worked, bearing_deg, driven_order, quickest_way, taken, worked
 from tests.benchmarks.real_jobs import EARTH_M, factor, measured_job, report, spread, stops_s
 from tests.benchmarks.time_logs import ACTIVE_MM, INACTIVE_MM, SPEED, WIDTH, WORK_STATE, read_folder
@@ -57,13 +57,15 @@ def write_folder(folder: Path, xy: np.ndarray, values: np.ndarray, step_s: float
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Our own plan as a log: what is read from it must come back."""
-    scenario = Scenario(
+    scenario = PlanRequest(
         "own", width_m=9.0, speed_mps=1.6, operation="harvest", tractors=(1,), strategies=("split-field",)
     )
-    run = simulated(prepare(scenario, Field("own", shapely.Polygon(CORNERS))), Candidate("split-field", 1)).run
+    run = simulate_candidate(
+        prepare_context(scenario, Field("own", shapely.Polygon(CORNERS))), Candidate("split-field", 1)
+    ).run
     assert run is not None
     record, legs = run.record[: math.ceil(10.0 * run.duration_s), 0], run.plan.missions[0].legs
-    works = np.array([leg.implement for leg in legs])[np.minimum(run.leg(0)[: len(record)], len(legs) - 1)]
+    works = np.array([leg.implement for leg in legs])[np.minimum(run.get_leg_numbers(0)[: len(record)], len(legs) - 1)]
     steps = np.concatenate([[0.0], np.hypot(*np.diff(record[:, :2], axis=0).T)])
     speed = np.concatenate([steps[1:], [0.0]]) * 10.0
     columns = (
@@ -117,32 +119,32 @@ def to_and_fro(numbers: Sequence[int], length_m: float = 100.0) -> Worked:
 def test_the_order_of_the_driver_is_found_again_by_hand() -> None:
     numbers = [2, 0, 3, 1]
     done = to_and_fro(numbers)
-    tracks = [Track(number, 0, (0.0, 3.0 * number + 0.4), (100.0, 3.0 * number + 0.4)) for number in range(4)]
+    tracks = [Swath(number, 0, (0.0, 3.0 * number + 0.4), (100.0, 3.0 * number + 0.4)) for number in range(4)]
     assert bearing_deg(done) == pytest.approx(90.0, abs=1e-6)
     order = driven_order(tracks, done, 3.0)
-    assert [(one.track.line, one.direction) for one in order] == [(2, 1), (0, -1), (3, 1), (1, -1)]
-    beyond = Track(4, 0, (0.0, 12.4), (100.0, 12.4))
+    assert [(one.swath.line, one.direction) for one in order] == [(2, 1), (0, -1), (3, 1), (1, -1)]
+    beyond = Swath(4, 0, (0.0, 12.4), (100.0, 12.4))
     assert taken(beyond, done, 3.0) is None
     more = driven_order([*tracks, beyond], done, 3.0)
-    assert [(one.track.line, one.direction) for one in more] == [(2, 1), (0, -1), (3, 1), (4, -1), (1, -1)]
+    assert [(one.swath.line, one.direction) for one in more] == [(2, 1), (0, -1), (3, 1), (4, -1), (1, -1)]
 
 
 def test_directions_are_those_that_are_quickest_for_the_order_and_else_the_drivers() -> None:
-    tracks = [Track(number, 0, (0.0, 3.0 * number), (100.0, 3.0 * number)) for number in range(4)]
+    tracks = [Swath(number, 0, (0.0, 3.0 * number), (100.0, 3.0 * number)) for number in range(4)]
 
-    def seconds(a: Pass, b: Pass) -> float:
-        end = a.track.end if a.direction > 0 else a.track.start
-        return math.dist(end, b.track.start if b.direction > 0 else b.track.end)
+    def seconds(a: SwathPass, b: SwathPass) -> float:
+        end = a.swath.end_m if a.direction > 0 else a.swath.start_m
+        return math.dist(end, b.swath.start_m if b.direction > 0 else b.swath.end_m)
 
     for ways, best in (((1, 1, 1, 1), None), ((-1, 1, -1, 1), [-1, 1, -1, 1]), ((1, -1, 1, 1), [1, -1, 1, -1])):
-        found = quickest_way([Pass(track, way) for track, way in zip(tracks, ways, strict=True)], seconds)
-        assert [one.track for one in found] == tracks
+        found = quickest_way([SwathPass(track, way) for track, way in zip(tracks, ways, strict=True)], seconds)
+        assert [one.swath for one in found] == tracks
         assert sum(seconds(a, b) for a, b in pairwise(found)) == pytest.approx(9.0), "to and fro, 3 m apart"
         assert best is None or [one.direction for one in found] == best
 
 
 def test_work_across_a_track_and_a_short_visit_do_not_count() -> None:
-    track = Track(0, 0, (0.0, 0.0), (100.0, 0.0))
+    track = Swath(0, 0, (0.0, 0.0), (100.0, 0.0))
     across = worked(np.column_stack([np.full(20, 50.0), np.arange(20) - 10.0]), np.arange(20.0), np.ones(20, bool))
     assert taken(track, across, 3.0) is None
     done = to_and_fro([0])

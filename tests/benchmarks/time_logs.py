@@ -1,6 +1,6 @@
 """Time logs of ISO 11783-10 task data as the benchmarks need them: every value of a job by its DDI.
 
-Files are read by planner.works; here stand the jobs of a folder with their fields.
+Files are read by planner.task_logs; here stand the jobs of a folder with their fields.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from fields.formats.isoxml import rings_of
-from planner.works.forms.tlg import read_time_log
+from fields.formats.isoxml import read_boundary_rings
+from planner.task_logs.formats.isoxml_logs import parse_time_log
 
 WIDTH, ACTIVE_MM, INACTIVE_MM, ACTIVE_S, INACTIVE_S = "0043", "0075", "0076", "0077", "0078"
 WORK_STATE, SPEED, AREA_M2 = "008D", "EA7E", "0074"
@@ -48,7 +48,9 @@ def read_folder(folder: Path) -> tuple[dict[str, Parcel], list[TimeLog]]:
     """Fields by their id, and the logs of tasks that have just one, in the order of their names."""
     root = ElementTree.parse(next(each for each in folder.iterdir() if each.name.upper() == "TASKDATA.XML")).getroot()
     parcels = {
-        each.get("A", ""): Parcel(each.get("A", ""), float(each.get("D", "nan")), np.array(rings_of(each)[0]))
+        each.get("A", ""): Parcel(
+            each.get("A", ""), float(each.get("D", "nan")), np.array(read_boundary_rings(each)[0])
+        )
         for each in root.iter("PFD")
     }
     logs = []
@@ -61,6 +63,6 @@ def read_folder(folder: Path) -> tuple[dict[str, Parcel], list[TimeLog]]:
 
 def read_log(header: Path, field: str) -> TimeLog:
     """One log; `header` is its .xml file."""
-    log = read_time_log(header.read_bytes(), header.with_suffix(".bin").read_bytes(), header.stem)
+    log = parse_time_log(header.read_bytes(), header.with_suffix(".bin").read_bytes(), header.stem)
     values = {ddi: log.values[:, place] for place, (ddi, _) in enumerate(log.columns)}
-    return TimeLog(header.stem, field, log.time_s - log.time_s[0], log.lat, log.lon, values)
+    return TimeLog(header.stem, field, log.time_s - log.time_s[0], log.lat_deg, log.lon_deg, values)

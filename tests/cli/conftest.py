@@ -39,9 +39,9 @@ def polygon(*corners: tuple[float, float]) -> dict[str, Any]:
 @pytest.fixture(scope="session", autouse=True)
 def compiled_simulator() -> None:
     """Compile before the first test: the notice that this takes a while would stand among the lines on stderr."""
-    from planner.warmup import run_once
+    from planner.pipeline.worker_tasks import warm_up_simulation
 
-    run_once()
+    warm_up_simulation()
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -55,24 +55,22 @@ def built() -> Any:
     """The command line as typer makes it: made anew for every command, that would take longer than most of them."""
     from typer.main import get_command
 
-    from planner.main import app
+    from planner.cli.main import app
 
     return get_command(app)
 
 
 @pytest.fixture
-def headland(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, built: Any
-) -> Callable[..., Outcome]:
+def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, built: Any) -> Callable[..., Outcome]:
     """Run the command in this process, through the same entry as the installed script, as on a machine with one core.
 
     Where processes are the point they are asked for, or the command runs in its own.
     """
-    monkeypatch.setattr("planner.main.app", built)
+    monkeypatch.setattr("planner.cli.main.app", built)
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
 
     def run(*arguments: str | Path) -> Outcome:
-        from planner.main import main
+        from planner.cli.main import main
 
         monkeypatch.setattr(sys, "argv", ["headland", *map(str, arguments)])
         capfd.readouterr()
@@ -119,7 +117,7 @@ def headland_process(tmp_path: Path) -> Callable[..., Outcome]:
     return run
 
 
-COMMAND = [sys.executable, "-W", "error", "-c", "from planner.main import main; main()"]
+COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
 
 
 @pytest.fixture(scope="session")

@@ -39,7 +39,7 @@ road_speed_kmh = 36.0
 unfold_s = 60.0
 fold_s = 30.0
 
-[chances]
+[uncertainty]
 speed_cv = 0.0
 job_cv = 0.0
 slip_cv = 0.0
@@ -119,7 +119,7 @@ def test_two_fields_by_hand(headland: Headland, folder: Path) -> None:
     assert told["machines"][0]["km"] == pytest.approx(3.6 + 4.5 + 7.2)
     assert near["cost"] == pytest.approx(0.01 * near["time_s"], rel=0.01)
     ways = 0.01 * (360 + 60 + 30 + 450 + 60 + 30 + 720)
-    assert told["machines"][0]["ways_cost"] == pytest.approx(ways) and near["lost_cost"] == far["lost_cost"] == 0.0
+    assert told["machines"][0]["road_cost"] == pytest.approx(ways) and near["lost_cost"] == far["lost_cost"] == 0.0
     assert told["cost"] == pytest.approx(near["cost"] + far["cost"] + ways)
     assert near["finish_probability"] == far["finish_probability"] == 1.0
 
@@ -139,19 +139,24 @@ def test_a_window_and_the_rain_turn_the_order_round(headland: Headland, folder: 
 @pytest.mark.parametrize("rain", ["", 'rain = "09:00"'])
 def test_the_money_of_a_day_adds_up(headland: Headland, folder: Path, rain: str) -> None:
     """Work, ways, lost ground and a field that is not worth its way."""
-    poor = DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 1) + DAY[DAY.index("[[fields]]") :].split(
-        "[[fields]]"
-    )[2].split("[[fleets]]")[0].replace('name = "far"', '[[fields]]\nname = "beside"').lstrip()
+    poor = (
+        DAY.replace("value_per_ha = 1000.0", "value_per_ha = 1.0", 1)
+        + DAY[DAY.index("[[fields]]") :]
+        .split("[[fields]]")[2]
+        .split("[[fleets]]")[0]
+        .replace('name = "far"', '[[fields]]\nname = "beside"')
+        .lstrip()
+    )
     text = poor.replace('farm = "farm.toml"', f'farm = "farm.toml"\n{rain}') + "".join(
         f'\n[[roads]]\nbetween = ["beside", "{place}"]\nkm = 5.0\n' for place in ("near", "far", "yard")
     )
     told = planned(headland, text)
     lost = sum(job["lost_cost"] for job in told["jobs"])
     assert len(told["jobs"]) == 2 and len(told["not_done"]) == 1 and (lost > 1.0) == bool(rain)
-    parts = [job["cost"] for job in told["jobs"]] + [fleet["ways_cost"] for fleet in told["machines"]]
+    parts = [job["cost"] for job in told["jobs"]] + [fleet["road_cost"] for fleet in told["machines"]]
     parts += [lost] + [one["cost"] for one in told["not_done"]]
     assert min(parts) >= 0.0 and told["cost"] == pytest.approx(sum(parts), abs=1e-5)
-    assert "Ways of one" in headland("day", "other.toml", "--processes", 1).out
+    assert "Road of one" in headland("day", "other.toml", "--processes", 1).out
 
 
 @pytest.mark.parametrize("by_hour", [True, False])
@@ -173,7 +178,7 @@ def test_one_field_costs_what_its_plan_does(headland: Headland, folder: Path, br
     ), "--cache", "kept")  # fmt: skip
     told = headland(
         "plan", "one.geojson", "--farm", "farm.toml", "--implement", "harrow", "--tractors", 2, "--strategies",
-        "split-field", "--json", "--draws", 100, "--processes", 1,
+        "split-field", "--json", "--samples", 100, "--processes", 1,
     )  # fmt: skip
     assert told.status == 0, told.err
     assert day["cost"] == pytest.approx(json.loads(told.out)["best"]["paid_cost"], abs=1e-4)
@@ -208,7 +213,7 @@ def test_a_day_that_is_too_short_says_what_comes_closest(headland: Headland, fol
     short = DAY.replace('farm = "farm.toml"', 'farm = "farm.toml"\nlight = "08:00-08:20"')
     Path("short.toml").write_text(short, encoding="utf-8")
     told = headland("day", "short.toml")
-    assert told.status == 3 and "the closest is near: even one, going there first, would be" in told.err
+    assert told.status == 3 and "near: even if one goes there first, it is" in told.err
     assert len(told.sentences) == 1 and "No field can be done on this day." in told.out
 
 
@@ -245,7 +250,7 @@ def test_same_bytes_with_and_without_a_cache(headland: Headland, folder: Path) -
 def test_tables_pages_and_pictures(headland: Headland, folder: Path) -> None:
     told = headland("day", "day.toml", "--html", "day.html", "--png", "day.png", "--map", "map.png")
     assert told.status == 0 and "All 2 fields are done by" in told.out and "08:07" in told.out
-    assert "no map" in told.err, "nobody placed anything"
+    assert "There is no map" in told.err, "nobody placed anything"
     page = (folder / "day.html").read_text()
     assert "By machine" in page and "data:image/svg+xml" in page and "http://" not in page and "https://" not in page
     assert (folder / "day.png").read_bytes()[:4] == b"\x89PNG" and not (folder / "map.png").exists()
@@ -267,23 +272,27 @@ def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Pa
     ("old", "new", "words"),
     [
         ('name = "near"', 'name = "near"\nwindows = ["12:00-09:00"]', "'12:00-09:00' closes before it opens"),
-        ('name = "near"', 'name = "near"\nwindows = ["noon"]', "'noon' are no hours"),
+        ('name = "near"', 'name = "near"\nwindows = ["noon"]', "'noon' is not a range of hours"),
         ('name = "near"', 'name = "near"\nwindows = ["25:00-26:00"]', "is not a time of day"),
-        ('name = "near"', 'name = "near"\nimplement = "drill"', "no fleet fits 'near', which asks for the implement"),
-        ('name = "near"', 'name = "near"\noperation = "sow"', "no fleet fits 'near', which asks for the operation"),
+        ('name = "near"', 'name = "near"\nimplement = "drill"', "no fleet fits 'near', which requires the implement"),
+        ('name = "near"', 'name = "near"\noperation = "sow"', "no fleet fits 'near', which requires the operation"),
         ('name = "near"', 'name = "near"\nimplement = "dril"', "did you mean 'drill'?"),
-        ('name = "near"', 'name = "near"\nloss_per_ha = 3.0', "value_per_ha and loss_per_ha exclude each other"),
+        ('name = "near"', 'name = "near"\nloss_per_ha = 3.0', "value_per_ha and loss_per_ha cannot be given together"),
         ('name = "near"', 'name = "far"', "two fields have the name 'far'"),
         ('name = "near"', 'name = "yard"', "a field is called 'yard'"),
         ('file = "small.geojson"', 'file = "none.geojson"', "There is no field file 'none.geojson'"),
         ("value_per_ha = 1000.0", "value_per_ha = -1.0", "value_per_ha = -1.0: give a number from 0"),
         ('name = "one"', 'name = "one"\ntractor = "Carier"', "did you mean 'Carrier'?"),
-        ("count = 1", "count = 4", "the fleets have 4 x Carrier together, and the farm 3"),
+        ("count = 1", "count = 4", "the fleets have 4 x Carrier in total, but the farm only 3"),
         ("km = 4.5", "km = -4.5", "km = -4.5: give a number from 0"),
-        ('between = ["near", "far"]', 'between = ["near", "fart"]', "no field of it (did you mean 'far'?)"),
-        ('between = ["near", "far"]', 'between = ["yard", "far"]', "is 7.2 km and 4.5 km; keep one of them"),
+        ('between = ["near", "far"]', 'between = ["near", "fart"]', "not one of its fields (did you mean 'far'?)"),
+        (
+            'between = ["near", "far"]',
+            'between = ["yard", "far"]',
+            "is given twice, as 7.2 km and 4.5 km; keep one of them",
+        ),
         ('between = ["near", "far"]\nkm = 4.5', 'between = ["yard", "far"]\nkm = 7.2', "'near' and 'far' is missing"),
-        ("[[fleets]]", "[fleets]", "two brackets"),
+        ("[[fleets]]", "[fleets]", "double brackets"),
         ('farm = "farm.toml"', 'farm = "none.toml"', "There is no file"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nrain = "wet"', "--rain 'wet' is none of"),
         ('farm = "farm.toml"', 'farm = "farm.toml"\nstart = "7"', "is not a time of day"),
@@ -294,8 +303,8 @@ def test_the_example_is_printed_and_written_alike(headland: Headland, folder: Pa
         ('farm = "farm.toml"', 'farm = "farm.toml"\nhurry = true', "hurry is not known"),
         ("[[fleets]]", "[[fleet]]", "it lacks fleets"),
         ('name = "near"', 'name = "near"\nwindows = "12:00-13:00"', "give a list in brackets."),
-        ('name = "near"', 'name = "near"\nlon = 4.0', "lon and lat go together; give both in degrees, or neither."),
-        ('between = ["near", "far"]', 'between = ["far"]', "1 names are no road; give two."),
+        ('name = "near"', 'name = "near"\nlon = 4.0', "lon and lat belong together; give both in degrees, or neither."),
+        ('between = ["near", "far"]', 'between = ["far"]', "a road has two ends, not 1; give two names."),
     ],
 )
 def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, new: str, words: str) -> None:
@@ -310,11 +319,11 @@ def test_bad_input_is_one_sentence(headland: Headland, folder: Path, old: str, n
     [
         (("none.toml",), "There is no file 'none.toml'"),
         (("empty.toml",), "it lacks fields (one [[fields]] each), fleets"),
-        (("lists.toml",), "fields: write the heading of each with two brackets"),
+        (("lists.toml",), "fields: write the heading of each with double brackets"),
         (("bare.toml",), "fields is empty"),
         (("open.toml",), "The day has no start"),
         (("day.toml", "--json", "--csv"), "choose one"),
-        (("day.toml", "--draws", "0"), "--draws is 0"),
+        (("day.toml", "--samples", "0"), "--samples is 0"),
         (("day.toml", "--cache", "farm.toml"), "is a file"),
         (("day.toml", "--html", "day.toml"), "name the file day.html"),
         (("day.toml", "--png", "day.html"), "name the file day.png"),

@@ -40,7 +40,7 @@ def test_an_entrance_on_the_command_line_is_driven_to(headland: Headland, small:
 
 @pytest.mark.parametrize("command", ["plan", "field"])
 @pytest.mark.parametrize(("entrance", "words"), [
-    ("22,-80", "80 m outside of it"), ("22,40", "22 m inside of it"), ("22", "is no place"), ("nan,3", "two numbers"),
+    ("22,-80", "80 m outside;"), ("22,40", "22 m inside,"), ("22", "is not a place"), ("nan,3", "two numbers"),
 ])  # fmt: skip
 def test_entrances_that_cannot_be_used_are_refused(
     headland: Headland, small: Path, command: str, entrance: str, words: str
@@ -53,12 +53,12 @@ def test_entrances_that_cannot_be_used_are_refused(
 def test_the_day_of_a_farm_is_told_in_lines(headland: Headland, small: Path, tmp_path: Path) -> None:
     farm = tmp_path / "farm.toml"
     farm.write_text(FARM, encoding="utf-8")
-    words = ("plan", small, *PLAN, "--tractors", "1", "--tracks-only", "--farm", farm)
+    words = ("plan", small, *PLAN, "--tractors", "1", "--no-headland", "--farm", farm)
     result = planned(headland(*words, "--json"))
     assert result["transport_s"] == pytest.approx(150.0) and result["ready_s"] == 60.0
     assert result["done_s"] == pytest.approx(60.0 + result["time_s"], abs=1e-3)
-    late = headland(*words, "--start", "11:55", "--before", "10:00", "--draws", "0")
+    late = headland(*words, "--start", "11:55", "--deadline", "10:00", "--samples", "0")
     text = " ".join(late.out.split())
-    assert "The deadline at 10:00 is taken for 10:00 next day, as the start is at 11:55." in text
-    assert "The shift ends at 12:00 before all is done; it goes on at 07:00 next day." in text
+    assert "The deadline at 10:00 means 10:00 the next day, as the start is at 11:55." in text
+    assert "The shift ends at 12:00 before the work is done; it continues at 07:00 next day." in text
     assert "field work from 11:56 to 07:" in text

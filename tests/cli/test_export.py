@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 import shapely
 
-from fields.read import read_field
+from fields.documents.reader import read_field
 from tests.cli.conftest import Outcome, polygon
 from tests.planner.saved_plans import saved
-from vehicle.plan_file import plan_to_json
+from vehicle.missions.plan_file import format_plan
 
 Run = Callable[..., Outcome]
 TASKDATA = Path("TASKDATA", "TASKDATA.XML")
@@ -27,7 +27,7 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A plan made by hand, alone in the folder that is worked in."""
     monkeypatch.chdir(tmp_path)
     one = saved()
-    text = plan_to_json(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
+    text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
     Path("plan.json").write_text(text, encoding="utf-8")
     return Path("plan.json")
 
@@ -72,13 +72,13 @@ def test_the_table_tells_what_was_written_and_what_not(headland: Run, plan: Path
     done = headland("export", plan, "--to", "isoxml4")
     assert done.status == 0
     assert "Written as ISOXML version 4: plan-isoxml4/TASKDATA/TASKDATA.XML." in done.out
-    assert "Left out: curves (1): some terminals refuse them, and these have more than 8" in done.out
+    assert "Left out: curves (1): some terminals refuse curves, and these have more than 8" in done.out
     assert "Left out: turns (2)" in done.out
 
 
 def test_curves_come_with_a_warning(headland: Run, plan: Path) -> None:
     done = headland("export", plan, "--to", "isoxml4", "--curves")
-    assert done.status == 0 and len(done.sentences) == 1 and "some terminals refuse" in done.sentences[0]
+    assert done.status == 0 and len(done.sentences) == 1 and "terminals refuse" in done.sentences[0]
 
 
 def test_a_zip_holds_the_same_files(headland: Run, plan: Path) -> None:
@@ -99,7 +99,7 @@ def test_a_stick_gets_its_folder(headland: Run, plan: Path, target: str) -> None
 
 def test_one_tractor_is_one_file(headland: Run, plan: Path) -> None:
     assert headland("export", plan, "--to", "gpx", "--tractor", "2", "-o", "two.gpx").status == 0
-    assert {line.name for line in read_field("two.gpx").lines} == {"T2 01 track 2a", "T2 02 track 2b"}
+    assert {line.name for line in read_field("two.gpx").guidance_lines} == {"T2 01 track 2a", "T2 02 track 2b"}
 
 
 REFUSED: list[tuple[tuple[str, ...], str]] = [
@@ -109,16 +109,16 @@ REFUSED: list[tuple[tuple[str, ...], str]] = [
     (("plan.json", "--to", "kml", "--tractor", "3"), "--tractor is 3; the plan has tractors 1 to 2"),
     (("plan.json", "--to", "kml", "-o", "plan.json"), "does not end in .kml"),
     (("plan.json", "--to", "kml", "--force", "-o", "link.kml"), "link.kml would overwrite the plan"),
-    (("plan.json", "--to", "gpx", "-o", "all.gpx"), "one for each of the tractors"),
+    (("plan.json", "--to", "gpx", "-o", "all.gpx"), "one for each tractor"),
     (("plan.json", "--to", "isoxml4", "-o", "plan.json"), "is a file"),
     (("plan.json", "--to", "isoxml4", "-o", "none/stick"), "the folder none does not exist; make it first"),
     (("plan.json", "--to", "kml", "-o", "none/x.kml"), "the folder none does not exist; make it first"),
     (("plan.json", "--to", "isoxml4", "-o", "none/x.zip"), "the folder none does not exist; make it first"),
-    (("plan.json", "--to", "isoxml4", "-o", "there"), "there/TASKDATA/TASKDATA.XML is there already"),
+    (("plan.json", "--to", "isoxml4", "-o", "there"), "there/TASKDATA/TASKDATA.XML exists already"),
     (("local.json", "--to", "kml"), "in local metres, and guidance needs longitude and latitude"),
     (("kept.kml", "--to", "kml", "-o", "new.kml"), "is not JSON"),
-    (("plan.json", "--to", "kml", "-o", "kept.kml"), "kept.kml is there already; choose another name, or add --force"),
-    (("empty.json", "--to", "kml"), "needs at least one tractor"),
+    (("plan.json", "--to", "kml", "-o", "kept.kml"), "kept.kml exists already; choose another name, or add --force"),
+    (("empty.json", "--to", "kml"), "it needs at least one"),
     (("plan.json",), "Missing option '--to'"),
 ]
 
@@ -184,7 +184,7 @@ def test_a_plan_of_a_field_is_exported_with_it(headland: Run, tmp_path: Path, mo
     assert (
         field.name == "farm" and np.abs(field.to_wgs84(shapely.get_coordinates(field.boundary))[:4] - ring).max() < 1e-6
     )
-    lines = [one.line for one in field.lines]
+    lines = [one.line for one in field.guidance_lines]
     assert all(shapely.covers(field.boundary.buffer(0.01), line) for line in lines)
     swept = shapely.union_all([line.buffer(3.0, cap_style="flat") for line in lines])
     assert shapely.intersection(swept, field.boundary).area > 0.9 * field.boundary.area

@@ -70,11 +70,11 @@ def test_the_check_gives_every_value_with_its_source(headland: Headland, folder:
 
 def test_a_plan_is_made_with_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
     words = ("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--json")
-    scenario = asked(headland(*words, "--tracks-only"))
+    scenario = asked(headland(*words, "--no-headland"))
     assert (scenario["tractor"], scenario["width_m"]) == ("Carrier", 4.0)
     assert scenario["speed_kmh"] == pytest.approx(6.0)
     assert (scenario["price_per_hour"], scenario["price_per_tractor"]) == (30.0, 5.0)
-    other = asked(headland(*words, "--tracks-only", "--implement", "drill", "--width", 3.5, "--price-per-hour", 10))
+    other = asked(headland(*words, "--no-headland", "--implement", "drill", "--width", 3.5, "--price-per-hour", 10))
     assert (other["width_m"], other["operation"], other["price_per_hour"]) == (3.5, "sow", 10.0)
     assert scenario["radius_m"] == pytest.approx(other["radius_m"])  # that of the tractor, on soil
 
@@ -84,11 +84,11 @@ def test_a_plan_of_a_farm_is_shown_as_it_was_driven_and_its_shift_is_the_start(
 ) -> None:
     other = FARM.replace("hitch_m = 1.0", "hitch_m = 1.6") + '\n[times]\nshift_start = "07:30"\n'
     (folder / "farm.toml").write_text(other, encoding="utf-8")
-    words = ("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--tracks-only")
-    made = headland(*words, "--before", "12:00", "--draws", "100", "--json", "--save", "plan.json")
+    words = ("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--no-headland")
+    made = headland(*words, "--deadline", "12:00", "--samples", "100", "--json", "--save", "plan.json")
     assert made.status == 0, made.err
     content = json.loads(made.out)
-    assert (content["scenario"]["start"], content["scenario"]["before"]) == ("07:30", "12:00")
+    assert (content["scenario"]["start"], content["scenario"]["deadline"]) == ("07:30", "12:00")
     saved = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
     assert saved["scenario"]["machines"]["implement"]["hitch_m"] == 1.6
     shown = json.loads(headland("show", "plan.json", "--json").out)
@@ -100,7 +100,7 @@ def test_a_plan_of_a_farm_is_shown_as_it_was_driven_and_its_shift_is_the_start(
 
 
 def test_the_headline_names_the_farms_machines(headland: Headland, folder: Path, small: Path) -> None:
-    told = headland("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--tracks-only")
+    told = headland("plan", small, "--local", "--farm", "farm.toml", "--strategies", "split-field", "--no-headland")
     assert told.out.splitlines()[0] == "small, 0.36 ha, Carrier, harrow 4 m"
 
 
@@ -126,13 +126,13 @@ def test_a_tractor_of_the_farm_is_checked_by_its_name(headland: Headland, folder
         (("plan", "--farm", "farm.toml", "--tractors", "1-3"), "--tractors asks for 3, and the farm has 1 x Carrier"),
         (("plan", "--farm", "farm.toml", "--save", "farm.toml"), "would overwrite the farm file"),
         (("plan", "--farm", "bad.toml"), "prices.fuel_per_l = -1.0: give a number from 0"),
-        (("farm", "check", "bad.toml"), "chances.speed_cw is not known (did you mean 'speed_cv'?)"),
+        (("farm", "check", "bad.toml"), "uncertainty.speed_cw is not known (did you mean 'speed_cv'?)"),
         (("farm", "new", "farm.json"), "name the file farm.toml"),
         (("tractor", "check", "Fendt", "--farm", "farm.toml"), "no tractor 'Fendt'"),
     ],
 )
 def test_bad_input_is_one_sentence(headland: Headland, folder: Path, arguments: tuple[str, ...], words: str) -> None:
-    (folder / "bad.toml").write_text("[prices]\nfuel_per_l = -1.0\n[chances]\nspeed_cw = 1\n", encoding="utf-8")
+    (folder / "bad.toml").write_text("[prices]\nfuel_per_l = -1.0\n[uncertainty]\nspeed_cw = 1\n", encoding="utf-8")
     told = headland(*arguments)
     assert (told.status, told.out, len(told.sentences)) == (2, "", 1), told
     assert words in told.err

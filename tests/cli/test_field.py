@@ -11,7 +11,7 @@ import pytest
 
 @pytest.fixture
 def facts(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
-    outcome = headland("field", small, "--local", "--json", "--tracks-only")
+    outcome = headland("field", small, "--local", "--json", "--no-headland")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
     return found
@@ -20,16 +20,16 @@ def facts(headland: Callable[..., Any], small: Path) -> dict[str, Any]:
 def test_figures_of_a_rectangle(facts: dict[str, Any]) -> None:
     # 45 m by 80 m, worked along the long side: 15 lines of 3 m, shortened by the headland at both ends.
     assert (facts["name"], facts["area_ha"], facts["holes"]) == ("small", 0.36, 0)
-    assert facts["tracks"] == facts["most_tractors"] == 15
-    assert facts["interrupted_tracks"] == 0
+    assert facts["swaths"] == facts["max_tractors"] == 15
+    assert facts["interrupted_swaths"] == 0
     assert math.isclose(math.sin(math.radians(facts["bearing_deg"])), 0, abs_tol=1e-6)
     length = 80 - 2 * facts["headland_m"]
-    assert facts["longest_track_m"] == facts["shortest_track_m"] == pytest.approx(length, abs=0.1)
-    assert facts["track_length_m"] == pytest.approx(15 * length, abs=0.5)
+    assert facts["longest_swath_m"] == facts["shortest_swath_m"] == pytest.approx(length, abs=0.1)
+    assert facts["swath_length_m"] == pytest.approx(15 * length, abs=0.5)
 
 
 def test_turns_over_more_tracks_are_no_slower_once_a_u_turn_fits(facts: dict[str, Any]) -> None:
-    seconds = {int(lines): value for lines, value in facts["turns"]["seconds_over_tracks"].items()}
+    seconds = {int(lines): value for lines, value in facts["turns"]["turn_s_by_swaths"].items()}
     fitting = math.ceil(2 * facts["turning_radius_m"] / 3)
     assert seconds[fitting] < seconds[1]
     assert all(0 < value < 120 for value in seconds.values())
@@ -45,9 +45,9 @@ def test_samples_are_described(headland: Callable[..., Any], name: str) -> None:
 def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
     headland: Callable[..., Any], small: Path, facts: dict[str, Any]
 ) -> None:
-    wide = json.loads(headland("field", small, "--local", "--json", "--tracks-only", "--headland", "16").out)
-    assert wide["longest_track_m"] == pytest.approx(48, abs=0.1)
-    over = "fits_percent_of_ends_over_tracks"
+    wide = json.loads(headland("field", small, "--local", "--json", "--no-headland", "--headland", "16").out)
+    assert wide["longest_swath_m"] == pytest.approx(48, abs=0.1)
+    over = "fitting_pct_by_swaths"
     # 14 pairs of neighbours, two ways, two ends; an omega from an outer track swings out over the side of the field.
     narrow_pct, wide_pct = (one["turns"][over]["1"]["omega"] for one in (facts, wide))
     assert narrow_pct < wide_pct == pytest.approx(100 * 52 / 56, abs=0.05)
@@ -56,11 +56,11 @@ def test_a_wider_headland_shortens_tracks_and_lets_more_omegas_fit(
 
 
 def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) -> None:
-    fits = json.loads(headland("field", "netherlands", "--json", "--tracks-only").out)["turns"]
+    fits = json.loads(headland("field", "netherlands", "--json", "--no-headland").out)["turns"]
     words = ("plan", "netherlands", "--tractors", "2", "--strategies", "split-field", "--processes", "1")
-    words = (*words, "--tracks-only", "--json")
+    words = (*words, "--no-headland", "--json")
     used = {kind for plan in json.loads(headland(*words).out)["plans"] for kind in plan["turn"].split("+")}
-    said = {kind for kinds in fits["fits_percent_of_ends_over_tracks"].values() for kind in kinds}
+    said = {kind for kinds in fits["fitting_pct_by_swaths"].values() for kind in kinds}
     assert used <= said
     assert fits["omega_fits"] == ("omega" in said)
 
@@ -68,21 +68,21 @@ def test_turns_that_a_plan_uses_are_said_to_fit(headland: Callable[..., Any]) ->
 def test_where_no_turn_fits_the_estimate_stands_apart(headland: Callable[..., Any], small: Path) -> None:
     # In 4 m behind a cultivator no turn of radius 4.3 m has room; where a plan goes a long way round instead, it
     # reckons with two full circles at turn speed.
-    words = ("field", small, "--local", "--tracks-only", "--headland", "4")
+    words = ("field", small, "--local", "--no-headland", "--headland", "4")
     found = json.loads(headland(*words, "--json").out)
     circle = 2 * math.pi * found["turning_radius_m"] / (5 / 3.6)
-    estimates = found["turns"]["estimated_seconds_where_no_turn_fits"]
-    assert found["turns"]["seconds_over_tracks"] == {}
+    estimates = found["turns"]["estimated_turn_s_by_swaths"]
+    assert found["turns"]["turn_s_by_swaths"] == {}
     assert set(estimates) >= {"1", "2"}
     assert all(value == pytest.approx(2 * circle, abs=0.1) for value in estimates.values())
     text = headland(*words).out
-    assert "Estimated are ways where no turn fits: two full circles." in text
+    assert "Estimated: two full circles, where no turn fits." in text
     row = next(line.split() for line in text.split("\nTurns\n")[1].splitlines() if line.split()[:1] == ["1"])
     assert row[-1] == f"{estimates['1']:.6g}"
 
 
 def test_where_every_turn_fits_nothing_is_estimated(facts: dict[str, Any]) -> None:
-    assert facts["turns"]["estimated_seconds_where_no_turn_fits"] == {}
+    assert facts["turns"]["estimated_turn_s_by_swaths"] == {}
 
 
 def test_the_map_is_a_picture(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
@@ -106,15 +106,15 @@ def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: 
         return place
 
     # A circle is drawn with 64 corners: 32 r^2 sin(2 pi / 64) is 7.06 m2 for 1.5 m, 3.14 m2 for 1 m.
-    words = ("--local", "--json", "--tracks-only", "--margin", "0.5")
-    words = ("--local", "--json", "--tracks-only", "--margin", "0.5")
+    words = ("--local", "--json", "--no-headland", "--margin", "0.5")
+    words = ("--local", "--json", "--no-headland", "--margin", "0.5")
     told = json.loads(headland("field", saved(radius_m=1.5, name="mast"), *words).out)
     (mast,) = told["obstacles"]
     assert (mast["name"], mast["area_m2"], mast["radius_m"], mast["margin_m"]) == ("mast", 7.06, 1.5, 0.5)
     assert (mast["x_m"], mast["y_m"], mast["lon"]) == (30.0, 50.0, None)
-    assert told["holes"] == 1 and told["interrupted_tracks"] == 0 and mast["driven_round"]
+    assert told["holes"] == 1 and told["interrupted_swaths"] == 0 and mast["bypassed"]
     # What the margin takes of the field: circles of 2 m and 1.5 m, one less the other.
-    (taken,) = [one for one in told["not_worked"] if "margin" in one["why"]]
+    (taken,) = [one for one in told["unworked"] if "margin" in one["reason"]]
     assert taken["area_m2"] == pytest.approx(math.pi * (2.0**2 - 1.5**2), abs=0.1) and taken["pieces"] == 1
     assert told["area_ha"] == pytest.approx(0.6 - 1e-4 * math.pi * 1.5**2, abs=1e-4)
     outcome = headland("field", saved(kind="tree"), "--local")
@@ -127,30 +127,30 @@ def test_obstacles_are_told_and_cut_out(headland: Callable[..., Any], tmp_path: 
 
 
 def left_open(told: dict[str, Any]) -> dict[str, float]:
-    return {one["why"].split(",")[0].split(" (")[0]: one["area_m2"] for one in told["not_worked"]}
+    return {one["reason"].split(",")[0].split(" (")[0]: one["area_m2"] for one in told["unworked"]}
 
 
 def test_rounds_are_told_with_their_lengths(headland: Callable[..., Any], small: Path) -> None:
-    told = json.loads(headland("field", small, "--local", "--json", "--rounds").out)
+    told = json.loads(headland("field", small, "--local", "--json").out)
     count = told["headland_m"] / 3
     # Round k of a rectangle runs (k - 1/2) widths inside it: 2 (45 + 80) - 8 (3 k - 1.5).
     lengths = [2 * (45 + 80) - 8 * 3 * (k - 0.5) for k in range(1, round(count) + 1)]
-    assert [one["length_m"] for one in told["rounds"]] == pytest.approx(lengths, abs=0.1)
-    assert {(one["rings"], one["lines"], one["corners"]) for one in told["rounds"]} == {(1, 0, 4)}
-    assert told["covered_pct"] == pytest.approx(100.0, abs=0.05) and told["not_worked"] == []
+    assert [one["length_m"] for one in told["headland_passes"]] == pytest.approx(lengths, abs=0.1)
+    assert {(one["rings"], one["lines"], one["corners"]) for one in told["headland_passes"]} == {(1, 0, 4)}
+    assert told["covered_pct"] == pytest.approx(100.0, abs=0.05) and told["unworked"] == []
     # A round corner leaves the square less the quarter circle that the outer end of the bar drives.
-    told = json.loads(headland("field", small, "--local", "--json", "--rounds", "--corners", "round").out)
+    told = json.loads(headland("field", small, "--local", "--json", "--corners", "round").out)
     tip = (1 - math.pi / 4) * (told["turning_radius_m"] + 1.5) ** 2
-    corners = 4 * len(told["rounds"])
-    (left,) = told["not_worked"]
-    assert left["why"] == "estimate: tips of corners that are driven round" and left["pieces"] is None
+    corners = 4 * len(told["headland_passes"])
+    (left,) = told["unworked"]
+    assert left["reason"] == "estimate: tips of rounded corners" and left["pieces"] is None
     assert left["area_m2"] == pytest.approx(corners * tip, rel=0.01)
 
 
 def test_a_headland_for_turning_is_told_as_left(facts: dict[str, Any]) -> None:
-    assert facts["rounds"] == [] and facts["cells"][0]["tracks"] == 15
+    assert facts["headland_passes"] == [] and facts["cells"][0]["swaths"] == 15
     assert left_open(facts) == {"headland": pytest.approx(2 * 45 * facts["headland_m"], abs=1.0)}
-    assert facts["not_worked"][0]["pieces"] == 2
+    assert facts["unworked"][0]["pieces"] == 2
     assert facts["covered_pct"] == pytest.approx(100 * (1 - 2 * facts["headland_m"] / 80), abs=0.05)
 
 
@@ -167,11 +167,11 @@ def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any
         tmp_path, (0, 0), (60, 0), (60, 10), (70, 10), (70, 0), (90, 0), (90, 20), (70, 20), (70, 12), (60, 12),
         (60, 60), (90, 60), (90, 62), (60, 62), (60, 100), (0, 100),
     )  # fmt: skip
-    told = left_open(json.loads(headland("field", place, "--local", "--json", "--rounds").out))
+    told = left_open(json.loads(headland("field", place, "--local", "--json").out))
     assert told["narrower than the implement"] == pytest.approx(2 * 30 + 2 * 10, abs=1.5)
-    assert told["cut off: no way there is as wide as the machines"] == pytest.approx(400.0, abs=1.0)
-    text = headland("field", place, "--local", "--rounds").out
-    assert "Not worked" in text and "narrower than the implement (3 m)" in " ".join(text.split())
+    assert told["cut off: no passage as wide as the machines"] == pytest.approx(400.0, abs=1.0)
+    text = headland("field", place, "--local").out
+    assert "headland passes do not cover" in text and "narrower than the implement (3 m)" in " ".join(text.split())
 
 
 def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_path: Path) -> None:
@@ -183,10 +183,10 @@ def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_pa
     ]
     place = tmp_path / "ditch.geojson"
     place.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
-    told = json.loads(headland("field", place, "--local", "--json", "--rounds").out)
+    told = json.loads(headland("field", place, "--local", "--json").out)
     # North of the ditch are 60 m by 19 m; the margin takes 0.3 m on either side of it.
     behind = {why: area for why, area in left_open(told).items() if "obstacles" in why}
-    swing = behind.pop("beside obstacles: beyond the margin")
+    swing = behind.pop("beside obstacles: room beyond the margin for machines swinging out in turns")
     assert 0.0 < swing < 60 * 1.0, "on the side that is worked"
     assert behind["cut off by obstacles"] == pytest.approx(60 * 18.7, abs=25)
     assert sum(behind.values()) == pytest.approx(60 * 19 + 60 * 0.3, abs=1.0)
@@ -194,12 +194,12 @@ def test_pieces_behind_an_obstacle_are_told(headland: Callable[..., Any], tmp_pa
 
 
 def test_turns_stand_in_a_table(headland: Callable[..., Any], small: Path, facts: dict[str, Any]) -> None:
-    lines = headland("field", small, "--local", "--tracks-only").out.splitlines()
+    lines = headland("field", small, "--local", "--no-headland").out.splitlines()
     assert max(map(len, lines)) <= 80
     rows = [line.split() for line in lines[lines.index("Turns") + 2 :] if line[:1] == " " and line.strip()[0].isdigit()]
     turns = facts["turns"]
-    assert [row[0] for row in rows] == list(turns["fits_percent_of_ends_over_tracks"])
-    assert [float(row[-1]) for row in rows] == pytest.approx(list(turns["seconds_over_tracks"].values()))
+    assert [row[0] for row in rows] == list(turns["fitting_pct_by_swaths"])
+    assert [float(row[-1]) for row in rows] == pytest.approx(list(turns["turn_s_by_swaths"].values()))
 
 
 def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., Any], tmp_path: Path) -> None:
@@ -216,6 +216,6 @@ def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., 
     told = json.loads(outcome.out)
     assert told["cut_off_m2"] == pytest.approx((30 - 0.75 - 0.3) * 60, abs=0.1)
     assert "Obstacles cut off 1737 m2" in outcome.err
-    (row,) = [one for one in told["not_worked"] if one["why"] == "cut off by obstacles"]
+    (row,) = [one for one in told["unworked"] if one["reason"] == "cut off by obstacles"]
     assert row["area_m2"] == pytest.approx(told["cut_off_m2"], rel=0.02)
     assert picture.stat().st_size > 10_000

@@ -11,14 +11,14 @@ HEAVY = ("numba", "numpy", "pymunk", "shapely", "matplotlib", "pandas", "ortools
 
 
 def test_the_command_line_loads_nothing_heavy() -> None:
-    code = f"import planner.main, sys; print([m for m in {HEAVY!r} if m in sys.modules])"
+    code = f"import planner.cli.main, sys; print([m for m in {HEAVY!r} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=30)
     assert done.stdout.strip() == "[]"
 
 
 def commands() -> list[tuple[str, ...]]:
     """The words of all commands, of groups of them and of those in groups."""
-    from planner.main import app
+    from planner.cli.main import app
 
     def named(one: Any) -> str:
         return str(one.name or getattr(one.callback, "__name__", ""))
@@ -41,9 +41,9 @@ def test_help_shows_an_example(headland: Callable[..., Any], words: tuple[str, .
 
 def test_every_option_of_plan_is_explained(headland: Callable[..., Any]) -> None:
     text = headland("plan", "--help").out
-    for option in ("--width", "--tractors", "--strategies", "--turn", "--start", "--before", "--price-per-hour",
+    for option in ("--width", "--tractors", "--strategies", "--turn", "--start", "--deadline", "--price-per-hour",
                    "--html", "--png", "--save", "--json", "--csv", "--seed", "--processes", "--local", "--operation",
-                   "--headland-first", "--headland-last", "--corners", "--tracks-only", "--rounds"):  # fmt: skip
+                   "--headland-first", "--headland-last", "--corners", "--no-headland"):  # fmt: skip
         assert option in text
 
 

@@ -44,11 +44,11 @@ REFUSED = [
     ("replay run.html --html run.html", "would overwrite the log"),
     ("replay run.csv --png run.csv", "does not end in .png"),
     ("diagnose --demo --seed -1", "--seed -1 is negative; use 0 or more"),
-    ("diagnose run.csv --seed 3", "--seed 3 belongs to the demonstration; add --demo"),
-    ("diagnose run.csv --hide side_slip", "--hide side_slip belongs to the demonstration; add --demo"),
+    ("diagnose run.csv --seed 3", "--seed 3 needs the demonstration; add --demo"),
+    ("diagnose run.csv --hide side_slip", "--hide side_slip needs the demonstration; add --demo"),
     ("diagnose --demo --fix time-ms", "--fix converts log files; leave it out with --demo"),
-    ("diagnose run.csv --demo", "not both"),
-    ("diagnose", "not neither"),
+    ("diagnose run.csv --demo", "either log files or --demo"),
+    ("diagnose", "either log files or --demo"),
     ("diagnose x*.csv", "x*.csv matches no file"),
     ("replay nowhere.csv", "nowhere.csv does not exist"),
     ("replay run.*", "run.* does not exist"),
@@ -71,38 +71,41 @@ def test_a_replay_tells_what_it_left_out(headland: Run, folder: Path) -> None:
     frame.loc[[30, 40], "heading_deg"] = np.nan
     frame.to_csv("run.csv", index=False)
     text = " ".join(headland("replay", "run.csv").out.split())
-    assert "run: column 'speed_ms' is not known and was ignored; rename it speed_mps" in text
+    assert "run: column 'speed_ms' is unknown and was ignored; rename it speed_mps" in text
     assert "run: 2 rows left out: heading_deg missing or not a number (first in line 32)." in text
-    assert "No commanded speed was logged: the measured speed was replayed, none is simulated." in text
+    assert "No commanded speed was logged, so the measured speed was replayed and none is simulated." in text
     found = json.loads(headland("replay", "run.csv", "--json").out)
     assert found["rows_gated"] == 2 and len(found["notes"]) == 3
 
 
 def test_a_replay_draws_a_speed_only_where_it_simulated_one(headland: Run, folder: Path) -> None:
-    from planner.replaying import replay
-    from reports.replay_report import replay_figure
+    from planner.pipeline.diagnosis import replay
+    from reports.diagnosis.replay import draw_replay
 
     def labels(frame: pd.DataFrame) -> list[list[str]]:
         frame.to_csv("run.csv", index=False)
         found = replay("run.csv").replayed
-        return [[text.get_text() for text in axes.get_legend().get_texts()] for axes in replay_figure(found).axes[:3]]
+        return [[text.get_text() for text in axes.get_legend().get_texts()] for axes in draw_replay(found).axes[:3]]
 
     path, wheel, speed = labels(log())
-    assert path == ["measured", "simulated, laid on the first 5 s", "start"] and wheel == ["commanded", "simulated"]
+    assert path == ["measured", "simulated, aligned with the first 5 s", "start"] and wheel == [
+        "commanded",
+        "simulated",
+    ]
     assert speed == ["measured, replayed: no command was logged"]
     assert labels(log().assign(speed_command_mps=1.4))[2] == ["measured", "commanded", "simulated"]
 
 
 def test_a_run_that_starts_at_rest_is_laid_on_by_its_heading(folder: Path) -> None:
     """Six seconds at rest: the noise of the positions must not turn the picture."""
-    from planner.replaying import replay
+    from planner.pipeline.diagnosis import replay
 
     rng = np.random.default_rng(4)
     frame = log(800)
     for column in ("easting_m", "northing_m"):
         frame[column] += 0.01 * rng.standard_normal(len(frame))
     frame.to_csv("run.csv", index=False)
-    (stretch,) = replay("run.csv").replayed.stretches
+    (stretch,) = replay("run.csv").replayed.segments
     driven = stretch.antenna[-1] - stretch.antenna[0]
     assert np.degrees(np.arctan2(driven[0], driven[1])) == pytest.approx(45.0, abs=1.0)
     assert np.hypot(*(stretch.antenna[0] - [stretch.measured.east[0], stretch.measured.north[0]])) < 0.05
@@ -112,7 +115,7 @@ def test_a_replay_page_stands_alone_and_holds_the_remarks(headland: Run, folder:
     log().assign(comment="<b>").to_csv("run.csv", index=False)
     assert headland("replay", "run.csv", "--html", "page.html", "--png", "picture.png").status == 0
     text = (folder / "page.html").read_text(encoding="utf-8")
-    assert "column &#39;comment&#39; is not known and was ignored" in text and "<b>" not in text
+    assert "column &#39;comment&#39; is unknown and was ignored" in text and "<b>" not in text
     assert not re.search(r"""(?:src|href)=["'](?!data:|#)""", text)
     assert (folder / "picture.png").read_bytes().startswith(b"\x89PNG")
 
@@ -122,11 +125,12 @@ def test_a_replay_drives_with_the_rest_of_the_tractor_file(headland: Run, folder
 
     text = (resources.files("vehicle") / "data" / "eg105.toml").read_text(encoding="utf-8")
     rest = (
-        "\n[rest]\non = {}\nspeed_mps = [0.0, 3.0]\nangle_deg = [-35.0, 35.0]\namounts = {{ angle_by_speed = 2.0 }}\n"
+        "\n[discrepancy_model]\non = {}\nspeed_mps = [0.0, 3.0]\nangle_deg = [-35.0, 35.0]\n"
+        "amounts = {{ angle_by_speed = 2.0 }}\n"
     )
     found = []
     for on in ("true", "false"):
         (folder / "my.toml").write_text(text + rest.format(on), encoding="utf-8")
         found.append(json.loads(headland("replay", "run.csv", "--tractor", "my.toml", "--json").out))
-    assert [one["effects"] for one in found] == [["rest"], []]
+    assert [one["effects"] for one in found] == [["discrepancy_model"], []]
     assert found[0]["error"]["5"]["cross_cm"] > 10.0 * found[1]["error"]["5"]["cross_cm"]

@@ -32,12 +32,12 @@ def farm(tmp_path: Path) -> Path:
 def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: Path) -> None:
     outcome = headland("plan", f"{farm}#*", *QUICK, "--width", "3,4", "--csv")
     rows = list(csv.DictReader(io.StringIO(outcome.out)))
-    places = [(row["asked"].rpartition("#")[2], row["width_m"]) for row in rows]
+    places = [(row["requested_field"].rpartition("#")[2], row["width_m"]) for row in rows]
     assert places == [(name, width) for name in ("north", "tiny", "south") for width in ("3.0", "4.0")]
     assert outcome.status == 3  # one of them has no plan
     for row in rows:
-        whole = row["asked"].endswith("tiny") or None not in row.values()
-        assert whole and (row["feasible"] == "true") == (not row["asked"].endswith("tiny"))
+        whole = row["requested_field"].endswith("tiny") or None not in row.values()
+        assert whole and (row["feasible"] == "true") == (not row["requested_field"].endswith("tiny"))
     assert "at least 100 m2" in rows[2]["reason"]
     alone = headland("plan", f"{farm}#south", *QUICK, "--width", "4", "--csv")
     (same,) = csv.DictReader(io.StringIO(alone.out))
@@ -48,18 +48,54 @@ def test_answers_that_are_kept_are_not_worked_out_again(
     headland: Callable[..., Any], farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     kept = tmp_path / "kept.jsonl"
-    asked = ("plan", f"{farm}#*", *QUICK, "--keep", kept, "--json")
+    asked = ("plan", f"{farm}#*", *QUICK, "--checkpoint", kept, "--json")
     first = headland(*asked)
     lines = kept.read_text(encoding="utf-8")
-    assert [record["refused"] is None for record in json.loads(first.out)["fields"]] == [True, False, True]
+    assert [record["refusal"] is None for record in json.loads(first.out)["fields"]] == [True, False, True]
 
     kept.write_text("".join(lines.splitlines(keepends=True)[:2]) + '{"key": "cut o', encoding="utf-8")
     again = headland(*asked)
     assert again.out == first.out and kept.read_text(encoding="utf-8") == lines
 
-    monkeypatch.setattr("planner.many.batch.answered", lambda question: pytest.fail("worked out again"))
+    monkeypatch.setattr(
+        "planner.pipeline.many_fields.answer_question", lambda question: pytest.fail("worked out again")
+    )
     assert headland(*asked).out == first.out
     assert kept.read_text(encoding="utf-8") == lines
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda text: text.replace('"time_s": 1', '"time_s": 2', 1), "Line 1 of {keep} (--checkpoint) was changed"),
+        (lambda text: text.replace('"plans": [', '"plans": [[', 1), "Line 1 of {keep} (--checkpoint) is not an answer"),
+        (lambda text: text + "[" * 100_000 + "\n", "is not an answer of Headland"),
+        (lambda text: text + "[]\n", "is not an answer of Headland"),
+        (lambda text: text + "what somebody else wrote", "is not an answer of Headland"),
+        (lambda text: "a diary without a line end", "Line 1 of {keep} (--checkpoint) is not an answer"),
+        (lambda text: "\udcff" + text, "not a text file in UTF-8"),
+    ],
+)
+def test_a_damaged_file_of_answers_is_refused_before_anything_is_printed(
+    headland: Callable[..., Any], farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: Any, words: str
+) -> None:
+    keep = tmp_path / "kept.jsonl"
+    asked = ("plan", f"{farm}#north", *QUICK, "--checkpoint", keep, "--csv")
+    assert headland(*asked).status == 0
+    damaged = damage(keep.read_text(encoding="utf-8")).encode("utf-8", "surrogateescape")
+    keep.write_bytes(damaged)
+    monkeypatch.setattr("planner.cli.common.terminal.warm_up", lambda: pytest.fail("something was computed"))
+    outcome = headland(*asked)
+    assert (outcome.status, outcome.out, len(outcome.sentences)) == (2, "", 1)
+    assert words.format(keep=keep) in outcome.err
+    assert keep.read_bytes() == damaged
+
+
+def test_names_with_any_line_end_are_kept(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
+    odd = tmp_path / "odd\u2028place.geojson"
+    odd.write_bytes(farm.read_bytes())
+    asked = ("plan", f"{odd}#north", *QUICK, "--checkpoint", tmp_path / "kept.jsonl", "--json")
+    assert headland(*asked).out == headland(*asked).out != ""
 
 
 def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any], farm: Path) -> None:
@@ -71,19 +107,19 @@ def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--html", "page.html"), "is of one field"),
-        (("--png", "map.png"), "is of one field"),
-        (("--save", "plan.json"), "is of one field"),
+        (("--html", "page.html"), "is for one field"),
+        (("--png", "map.png"), "is for one field"),
+        (("--save", "plan.json"), "is for one field"),
         (("--width", "3,x"), "is not a width"),
-        (("--width", "3,-1"), "above 0"),
-        (("--keep", "answers.csv"), "does not end in .jsonl"),
+        (("--width", "3,-1"), "use more than 0"),
+        (("--checkpoint", "answers.csv"), "does not end in .jsonl"),
         (("--cluster", "nowhere"), "no Dask scheduler at 'nowhere'"),
     ],
 )
 def test_what_does_not_go_together_is_one_sentence(
     headland: Callable[..., Any], farm: Path, options: tuple[str, ...], words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.many.cluster.PATIENCE_S", 0.5)
+    monkeypatch.setattr("planner.pipeline.executors.PATIENCE_S", 0.5)
     monkeypatch.chdir(farm.parent)
     local = () if "--cluster" not in options else ("--local", "--tractors", "1")
     outcome = headland("plan", "farm.geojson#*", *(local or QUICK), *options)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from planner.commands.outputs import _same, write_results
+from planner.cli.common.outputs import _is_same_file, write_results
 
 Run = Callable[..., Any]
 POSIX = pytest.mark.skipif(os.name != "posix", reason="needs links and devices")
@@ -62,7 +62,7 @@ REFUSED_ON_POSIX = [
     ("plan soft.json --local --save good.geojson", "good.geojson would overwrite the field"),
     ("plan good.geojson --local --html later.html --save later.json", "would overwrite another result"),
     ("replay loop.json", "loop.json does not exist"),
-    ("plan good.geojson --local --save loop.json", "links that lead round in a circle"),
+    ("plan good.geojson --local --save loop.json", "its symbolic links form a loop"),
     ("plan good.geojson --local --save pipe.json", "pipe.json is a device or a pipe"),
     ("plan good.geojson --local --save /dev/full", "/dev/full is a device or a pipe"),
     ("plan good.geojson --local --save /dev/null", "/dev/null is a device or a pipe"),
@@ -95,8 +95,8 @@ def test_what_goes_to_standard_output_is_no_place_for_a_file(command: list[str],
 
 def test_folders_that_do_not_tell_capitals_apart(folder: Path) -> None:
     one, other = folder / "Plan.html", folder / "pLAN.HTML"
-    assert _same(one, other, capitals_alike=True) and not _same(one, other, capitals_alike=os.name == "nt")
-    assert _same(folder / "a\u0308", folder / "\u00c4", capitals_alike=True)
+    assert _is_same_file(one, other, ignores_case=True) and not _is_same_file(one, other, ignores_case=os.name == "nt")
+    assert _is_same_file(folder / "a\u0308", folder / "\u00c4", ignores_case=True)
 
 
 @POSIX
@@ -153,7 +153,7 @@ def test_what_was_written_is_named(headland: Run, folder: Path, monkeypatch: pyt
 
 
 def test_nothing_is_drafted_where_a_draft_cannot_be_made(tmp_path: Path) -> None:
-    from planner.commands.outputs import WriteError
+    from planner.cli.common.outputs import WriteError
 
     (tmp_path / "one").write_text("older")
     with pytest.raises(WriteError, match="nothing was written"):
@@ -184,12 +184,12 @@ def test_files_are_written_whatever_becomes_of_standard_output(command: list[str
 def test_an_interrupt_while_printing_names_what_was_written(
     headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import planner.commands.show
+    import planner.cli.common.terminal
 
     def interrupt(_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(planner.commands.show, "out", interrupt)
+    monkeypatch.setattr(planner.cli.common.terminal, "print_renderable", interrupt)
     outcome = headland("field", "good.geojson", "--local", "--png", "map.png")
     assert outcome.status == 130 and outcome.sentences == ["Error: Interrupted; map.png was written."]
     outcome = headland("field", "good.geojson", "--local")

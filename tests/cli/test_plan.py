@@ -24,7 +24,7 @@ QUICK = ("--tractors", "1-2", "--strategies", "split-field,interleaved", "--proc
 
 @pytest.fixture
 def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
-    outcome = once("plan", small, "--local", *QUICK, "--json", "--start", "8:00", "--before", "8:20", "--seed", "5")
+    outcome = once("plan", small, "--local", *QUICK, "--json", "--start", "8:00", "--deadline", "8:20", "--seed", "5")
     assert outcome.status == 0, outcome.err
     found: dict[str, Any] = json.loads(outcome.out)
     return found
@@ -32,7 +32,7 @@ def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
 
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
     assert list(answer) == [
-        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "draws",
+        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
         "unmet",
     ]  # fmt: skip
     assert answer["tractor_effects"] == {}
@@ -64,33 +64,43 @@ def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], sm
 
 
 def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path) -> None:
-    words = ("plan", small, "--local", *QUICK, "--start", "8:00", "--before", "8:05", "--json")
+    words = ("plan", small, "--local", *QUICK, "--start", "8:00", "--deadline", "8:05", "--json")
     outcome = headland(*words)
     answer = json.loads(outcome.out)
     times = [plan["time_s"] for plan in answer["plans"]]
     assert outcome.status == 3 and answer["best"]["time_s"] == min(times)
     assert not any(plan["meets_deadline"] for plan in answer["plans"])
     late = round(min(times) - 300)
-    assert f"the closest misses it by 0:{late // 60:02d}:{late % 60:02d}" in outcome.err
-    night = headland(*words[:-5], "--start", "23:50", "--before", "0:50", "--json")
+    assert f"the closest plan misses it by 0:{late // 60:02d}:{late % 60:02d}" in outcome.err
+    night = headland(*words[:-5], "--start", "23:50", "--deadline", "0:50", "--json")
     assert night.status == 0 and json.loads(night.out)["best"]["meets_deadline"] is True
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--rain", "8:05"), "No plan is done before the rain; the closest misses it by 0:"),
-        (("--rain", "8:02=50,8:04=50"), "No plan is done before the rain: the surest one is in 0 % of the draws."),
-        (("--budget", "1.5"), "No plan can be paid with 1.50 EUR; the closest comes to "),
+        (("--rain", "8:05"), "No plan finishes before the rain; the closest is 0:"),
+        (("--rain", "8:02=50,8:04=50"), "No plan finishes before the rain: the surest does in 0 % of the samples."),
+        (("--budget", "1.5"), "No plan is within the budget of 1.50 EUR; the cheapest costs "),
     ],
 )
 def test_what_no_plan_meets_is_3_with_the_closest_plan(
     headland: Callable[..., Any], small: Path, options: tuple[str, ...], words: str
 ) -> None:
-    quick = ("--tractors", "1-2", "--strategies", "split-field", "--tracks-only", "--processes", "1", "--draws", "200")
+    quick = (
+        "--tractors",
+        "1-2",
+        "--strategies",
+        "split-field",
+        "--no-headland",
+        "--processes",
+        "1",
+        "--samples",
+        "200",
+    )
     outcome = headland("plan", small, "--local", *quick, "--start", "8:00", *options)
     assert outcome.status == 3 and len(outcome.sentences) == 1 and outcome.err.startswith(words)
-    assert words in " ".join(outcome.out.split()) and "The closest: " in outcome.out
+    assert words in " ".join(outcome.out.split()) and "The closest plan: " in outcome.out
     assert max(map(len, outcome.out.splitlines())) <= 80
 
 
@@ -130,24 +140,24 @@ def test_files_are_written_and_valid(
     assert not re.search(r"""(?:src|href)\s*=\s*["']?(?:https?:)?//""", text), "the page loads something"
     assert all(word in text for word in ("split-field", "interleaved", "small"))
     assert picture.read_bytes().startswith(b"\x89PNG\r\n\x1a\n") and picture.stat().st_size > 5000
-    from vehicle.plan_file import plan_from_json
+    from vehicle.missions.plan_file import parse_plan
 
     best = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["best"]
-    plan = plan_from_json(plan_file.read_text(encoding="utf-8"))
+    plan = parse_plan(plan_file.read_text(encoding="utf-8"))
     assert plan.tractors == best["tractors"] and plan.notes["strategy"] == best["strategy"]
 
 
 def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
-    from vehicle.plan_file import plan_from_json
-    from vehicle.tractor import Implement, load_tractor
-    from vehicle.world import simulate
+    from vehicle.missions.plan_file import parse_plan
+    from vehicle.model.tractor import Implement, load_tractor
+    from vehicle.sim.world import simulate
 
     saved = tmp_path / "plan.json"
     only = ("--tractors", "2", "--strategies", "interleaved", "--processes", "1")
     best = json.loads(headland("plan", small, "--local", *only, "--json", "--save", saved).out)["best"]
-    plan = plan_from_json(saved.read_text(encoding="utf-8"))
+    plan = parse_plan(saved.read_text(encoding="utf-8"))
     run = simulate(plan, load_tractor("eg105"), Implement(width_m=3.0))
     assert run.duration_s == pytest.approx(best["time_s"], abs=1e-5)
 
@@ -190,13 +200,13 @@ def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_
 
 BEGINS = """
 import sys
-import planner.planning as planning
-from planner.main import main
-outcomes = planning.outcomes
+import planner.pipeline.planning as planning
+from planner.cli.main import main
+iter_outcomes = planning.iter_outcomes
 def told(*arguments):
     print("simulating", file=sys.stderr, flush=True)
-    return outcomes(*arguments)
-planning.outcomes = told
+    return iter_outcomes(*arguments)
+planning.iter_outcomes = told
 main()
 """
 """The command, which says on standard error that it begins to simulate."""
@@ -255,22 +265,22 @@ def test_a_strategy_named_twice_is_tried_once(headland: Callable[..., Any], smal
 
 
 def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
-    from vehicle.measured.answer.save import tractor_toml
-    from vehicle.tractor import EffectSetting, Rest, load_tractor
+    from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
+    from vehicle.model.tractor_writer import format_tractor_toml
 
     found = {"steering_offset": EffectSetting(value={"angle_deg": 1.25})}
-    rest = Rest(amounts={"angle_by_speed": 0.3}, speed_mps=(0.0, 3.0), angle_deg=(-30.0, 30.0))
+    rest = DiscrepancyModel(amounts={"angle_by_speed": 0.3}, speed_mps=(0.0, 3.0), angle_deg=(-30.0, 30.0))
     machine = tmp_path / "mine.toml"
     page = tmp_path / "plan.html"
-    words = "Simulated with what the tractor file has from measured logs: steering offset (steering_offset): 1.25 deg"
-    for one, last in ((rest, "; a rest told from data."), (rest.model_copy(update={"on": False}), ".")):
-        extended = load_tractor("eg105").model_copy(update={"effects": found, "rest": one})
-        machine.write_text(tractor_toml(extended), encoding="utf-8")
+    words = "Simulated with what measured logs showed of this tractor: steering offset (steering_offset): 1.25 deg"
+    for one, last in ((rest, "; a discrepancy model."), (rest.model_copy(update={"on": False}), ".")):
+        extended = load_tractor("eg105").model_copy(update={"effects": found, "discrepancy_model": one})
+        machine.write_text(format_tractor_toml(extended), encoding="utf-8")
         base = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--tractor", machine)
         told = " ".join(headland(*base, "--html", page).out.split())
         assert words + last in told
         assert words + last in page.read_text(encoding="utf-8")
         effects = json.loads(headland(*base, "--json").out)["tractor_effects"]
-        seen = {"rest": {"angle_by_speed": 0.3}} if one.on else {}
+        seen = {"discrepancy_model": {"angle_by_speed": 0.3}} if one.on else {}
         assert effects == {"steering_offset": {"angle_deg": 1.25}} | seen
     assert "measured logs" not in headland(*base[:-2]).out

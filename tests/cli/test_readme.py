@@ -1,4 +1,4 @@
-"""Every command and every example of the README runs as written; experiments where they are driven anyhow."""
+"""Every command of the README and the guide runs as written; experiments where they are driven anyhow."""
 
 from __future__ import annotations
 
@@ -10,23 +10,36 @@ from typing import Any
 
 import pytest
 
-from tests.cli.examples import EXPERIMENTS, README, commands, run_as_written
+from planner.guide.guide_pages import read_page
+from tests.cli.examples import (
+    EXPERIMENTS,
+    README,
+    SERVING,
+    list_guide_commands,
+    list_readme_commands,
+    run_as_written,
+)
 
-SERVING = ("headland serve", "headland demo", "headland robot")  # go on until ended; tests of the service start them
+MAX_README_LINES = 150
+LEFT_OUT = (*SERVING, EXPERIMENTS)
 
 
-def test_the_readme_shows_every_command() -> None:
-    from planner.main import app
+def test_the_readme_is_short() -> None:
+    assert len(README.read_text(encoding="utf-8").splitlines()) <= MAX_README_LINES
 
-    shown = {line.split()[1] for line in commands()}
+
+def test_readme_and_guide_show_every_command() -> None:
+    from planner.cli.main import app
+
+    shown = {line.split()[1] for line in (*list_readme_commands(), *list_guide_commands())}
     assert {info.name or info.callback.__name__ for info in app.registered_commands if info.callback} <= shown
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the files the README's commands name; what a service has is there as well."""
-    from fields.read import read_field
-    from fields.write import write_field
+    """A folder with the files that the commands name; what a service has is there as well."""
+    from fields.documents.reader import read_field
+    from fields.documents.writer import write_field
     from tests.truth.model import make_logs
 
     place = tmp_path_factory.mktemp("readme")
@@ -39,20 +52,42 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """All blocks as one script, as a reader would go through them; what is printed is what the comments say."""
+@pytest.mark.parametrize("line", [line for line in list_readme_commands() if not line.startswith(LEFT_OUT)])
+def test_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
-    blocks = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), flags=re.DOTALL)
+    run_as_written(line, folder, headland)
+
+
+def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """All blocks as one script, as a reader would go through them."""
+    monkeypatch.chdir(folder)
+    blocks = re.findall(r"```python\n(.*?)```", read_page("python").text, flags=re.DOTALL)
     assert len(blocks) >= 5
     names: dict[str, object] = {"__name__": "__main__"}
     for block in blocks:
-        exec(compile(block, "README.md", "exec"), names)
-    printed = capsys.readouterr().out
-    said = re.findall(r"print\(refusal.*?# (.*)", "".join(blocks))
-    assert said and all(line in printed.splitlines() for line in said)
+        exec(compile(block, "python.md", "exec"), names)
+    assert "width_m | " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("line", [line for line in commands() if not line.startswith((*SERVING, EXPERIMENTS))])
-def test_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.slow
+def test_the_first_answer_is_what_the_command_prints(headland: Callable[..., Any]) -> None:
+    text = README.read_text(encoding="utf-8")
+    shown = re.findall(r"```text\n(.*?)```", text, flags=re.DOTALL)[0]
+    command = next(line for line in list_readme_commands() if "--deadline" in line)
+    assert headland(*command.split()[1:]).out.startswith(shown)
+
+
+def write_files_of_readme(folder: Path, headland: Callable[..., Any]) -> None:
+    """Run the README's commands that write what the guide's commands take, where they have not run yet."""
+    writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
+    if not all((folder / line.split(" --save ")[-1].split()[0]).exists() for line in writing if " --save " in line):
+        for line in writing:
+            run_as_written(line, folder, headland)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", [line for line in list_guide_commands() if not line.startswith(LEFT_OUT)])
+def test_guide_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
+    write_files_of_readme(folder, headland)
     run_as_written(line, folder, headland)

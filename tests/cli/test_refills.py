@@ -34,7 +34,7 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, headland: Headland) ->
     (tmp_path / "field.geojson").write_text(json.dumps(collection), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     same = ("--local", "--farm", "farm.toml", "--strategies", "split-field", "--tractors", "1", "--processes", "1")
-    return lambda *options: headland("plan", "field.geojson", *same, "--tracks-only", *options)
+    return lambda *options: headland("plan", "field.geojson", *same, "--no-headland", *options)
 
 
 def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Headland) -> None:
@@ -72,7 +72,7 @@ def test_an_implement_that_carries_nothing_is_not_refilled(plan: Headland) -> No
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--refill", "gate"), "--refill 'gate' is no place; write headland, tender or x,y in metres"),
+        (("--refill", "gate"), "--refill 'gate' is not a place; write headland, tender or x,y in metres"),
         (("--refill", "500,0"), "The place to refill lies 440 m from the field"),
         (("--implement", "harrow", "--refill", "tender"), "no implement carries anything"),
     ],

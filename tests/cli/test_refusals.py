@@ -13,16 +13,16 @@ import pytest
 from tests.cli.refusals import SQUARE, assert_refused, feature, ring
 
 OPTIONS: list[tuple[str, tuple[str, ...]]] = [
-    ("--width 0", ("--width", "0", "above 0")),
+    ("--width 0", ("--width", "0", "more than 0")),
     ("--width -3", ("-3",)),
     ("--width nan", ("nan",)),
     ("--width inf", ("inf",)),
     ("--width 500", ("500 m", "narrower")),
-    ("--width 1e-9", ("20000 lines",)),
+    ("--width 1e-9", ("20000 tracks",)),
     ("--headland 0", ("--headland",)),
     ("--headland -2", ("-2",)),
     ("--headland nan", ("nan",)),
-    ("--headland 1e308", ("1e+308 m", "1000 m or less")),
+    ("--headland 1e308", ("1e+308 m", "at most 1000 m")),
     ("--headland 1000", ("1000 m", "smaller headland")),
     ("--bearing nan", ("bearing", "nan")),
     ("--bearing inf", ("inf",)),
@@ -36,17 +36,17 @@ OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--tractor inner", ("'inner'",)),
     ("--png nowhere/x.png", ("nowhere", "does not exist")),
     ("--png inner", ("inner is a folder",)),
-    ("--tractor=", ("An empty name is no file",)),
+    ("--tractor=", ("The file name is empty",)),
 ]
 PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--rain soon", ("--rain 'soon' is none of: a time",)),
     ("--rain 17:00", ("--rain at 17:00 needs a start", "--start")),
-    ("--rain 16:00=70,17:00=50 --start 8:00", ("add up to 120", "100 together")),
+    ("--rain 16:00=70,17:00=50 --start 8:00", ("add up to 120", "add up to 100")),
     ("--rain none.csv --start 8:00", ("no file 'none.csv'",)),
-    ("--prefer cheap", ("--prefer 'cheap' is unknown", "did you mean 'cheapest'")),
-    ("--draws 0 --prefer surest", ("--draws is 0", "--prefer")),
-    ("--draws 0 --rain 17:00 --start 8:00", ("--draws is 0", "--rain")),
-    ("--draws -1", ("--draws is -1", "0 to 1000000")),
+    ("--objective cheap", ("--objective 'cheap' is unknown", "did you mean 'cheapest'")),
+    ("--samples 0 --objective surest", ("--samples is 0", "--objective")),
+    ("--samples 0 --rain 17:00 --start 8:00", ("--samples is 0", "--rain")),
+    ("--samples -1", ("--samples is -1", "0 to 1,000,000")),
     ("--tractors 0", ("0 tractors", "1 to 50")),
     ("--tractors 51", ("51 tractors", "1 to 50")),
     ("--tractors 1-99999999999", ("1 to 50",)),
@@ -60,15 +60,15 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--strategies=", ("is unknown",)),
     ("--strategies split-field,", ("is unknown",)),
     ("--turn omegga", ("did you mean 'omega'",)),
-    ("--start 13:00 --before 13:00", ("13:00 is the start itself", "--before")),
-    ("--before 12:00", ("needs a start",)),
+    ("--start 13:00 --deadline 13:00", ("13:00 is the start itself", "--deadline")),
+    ("--deadline 12:00", ("needs a start",)),
     ("--start 25:00", ("'25:00' is not a time of day",)),
     ("--start noon", ("hh:mm",)),
-    ("--start 13:00 --before 7pm", ("--before '7pm'",)),
-    ("--price-per-hour -1", ("-1", "0 or more")),
+    ("--start 13:00 --deadline 7pm", ("--deadline '7pm'",)),
+    ("--price-per-hour -1", ("-1", "0 to 1,000,000,000")),
     ("--price-per-hour nan", ("nan",)),
     ("--price-per-tractor -0.5", ("--price-per-tractor is -0.5",)),
-    ("--speed-kmh 500", ("500 km/h", "30 km/h or less")),
+    ("--speed-kmh 500", ("500 km/h", "0.5 to 30 km/h")),
     ("--speed-kmh 0", ("--speed-kmh",)),
     ("--turn-speed-kmh 0", ("--turn-speed-kmh",)),
     ("--turn-speed-kmh inf", ("inf",)),
@@ -84,7 +84,7 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--save inner", ("is a folder",)),
     ("--html old.html --tractors 0", ("0 tractors",)),
     ("--save good.geojson", ("would overwrite the field",)),
-    ("--gnss-table=", ("An empty name is no file",)),
+    ("--gnss-table=", ("The file name is empty",)),
     ("--gnss-table inner", ("'inner' is a folder",)),
     (f"--tractors {'9' * 5000}", ("is not a count",)),
     ("--html new.html --save ./new.html", ("would overwrite another result",)),
@@ -106,14 +106,14 @@ def test_options_of_plan(headland: Callable[..., Any], folder: Path, options: st
 def test_an_unwritable_place_is_found_before_anything_is_simulated(
     headland: Callable[..., Any], folder: Path, option: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    import planner.warmup
-    import vehicle.world
+    import planner.pipeline.worker_tasks
+    import vehicle.sim.world
 
     def never(*_: Any, **__: Any) -> None:
         raise AssertionError("something was simulated")
 
-    monkeypatch.setattr(planner.warmup, "run_once", never)
-    monkeypatch.setattr(vehicle.world.World, "run", never)
+    monkeypatch.setattr(planner.pipeline.worker_tasks, "warm_up_simulation", never)
+    monkeypatch.setattr(vehicle.sim.world.World, "run", never)
     assert_refused(headland("plan", option, folder / "nowhere" / "x"), "nowhere")
 
 
@@ -150,7 +150,7 @@ def test_misuse_ends_with_2_and_names_the_word(
     headland: Callable[..., Any], folder: Path, arguments: tuple[str, ...]
 ) -> None:
     outcome = headland("plan", "good.geojson", "--local", *arguments)
-    assert_refused(outcome, arguments[0], "--help shows what there is")
+    assert_refused(outcome, arguments[0], "--help lists the options")
 
 
 def test_an_unknown_command(headland: Callable[..., Any], folder: Path) -> None:
@@ -158,6 +158,7 @@ def test_an_unknown_command(headland: Callable[..., Any], folder: Path) -> None:
     assert_refused(headland("farm", "new"), "'file'", "headland farm new --help")
 
 
+@pytest.mark.slow
 def test_in_a_process_of_its_own(headland_process: Callable[..., Any]) -> None:
     assert_refused(headland_process("plan", "--tractors", "51"), "51 tractors")
     assert_refused(headland_process("field", "nowhere.geojson"), "no field file")
@@ -195,12 +196,12 @@ class TestFaults:
         self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch, fault: Exception,
         status: int, words: str,
     ) -> None:  # fmt: skip
-        import planner.warmup
+        import planner.pipeline.worker_tasks
 
         def fail() -> None:
             raise fault
 
-        monkeypatch.setattr(planner.warmup, "run_once", fail)
+        monkeypatch.setattr(planner.pipeline.worker_tasks, "warm_up_simulation", fail)
         outcome = headland("field", "good.geojson", "--local")
         assert outcome.status == status and outcome.out == ""
         assert len(outcome.sentences) == 1 and outcome.sentences[0].startswith("Error: ") and words in outcome.err
@@ -208,12 +209,12 @@ class TestFaults:
     def test_the_place_of_a_fault_is_shown_on_demand(
         self, headland: Callable[..., Any], folder: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        import planner.warmup
+        import planner.pipeline.worker_tasks
 
         def fail() -> None:
             raise ZeroDivisionError("by nothing")
 
-        monkeypatch.setattr(planner.warmup, "run_once", fail)
+        monkeypatch.setattr(planner.pipeline.worker_tasks, "warm_up_simulation", fail)
         monkeypatch.setenv("HEADLAND_DEBUG", "1")
         outcome = headland("field", "good.geojson", "--local")
         assert outcome.status == 1 and "Traceback" in outcome.err and "in fail" in outcome.err
@@ -231,7 +232,7 @@ class TestTerminals:
         monkeypatch.setenv("COLUMNS", columns)
         text = headland("field", "good.geojson", "--local").out
         told = " ".join(text.split())
-        assert "Area (ha) 0.6 " in told and "tracks" in told.lower()
+        assert "Area (ha) 0.6 " in told and "swaths" in told.lower()
         assert max(map(len, text.splitlines())) <= widest
 
     @pytest.mark.parametrize("settings", [
@@ -262,7 +263,7 @@ class TestFieldFiles:
             path.unlink(missing_ok=True)
 
     def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
-        words = "Not used of the field file: 1 Point with role 'tree'"
+        words = "Features of the field file that are not used: 1 Point with role 'tree'"
         outcome = headland("field", "pond.geojson", "--local", "--json")
         assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
         assert json.loads(outcome.out)["area_ha"] == 0.6

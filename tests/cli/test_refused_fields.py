@@ -25,7 +25,7 @@ FIELD_FILES = [
     ("words", "is not a number"),
     ("degrees", "look like degrees; leave out --local"),
     ("tiny", "headland"),
-    ("narrow", "working width 3 m"),
+    ("narrow", "working width of 3 m"),
     ("huge", "100 km2"),
     ("several", "holds 2 fields; choose one"),
     ("ground", "'lava'"),
@@ -49,13 +49,13 @@ OBSTACLES: list[tuple[list[Any], tuple[str, ...]]] = [
     ([feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="cow")], ("'cow'", "'radius_m'")),
     ([feature(line((0, 0), (100, 0)), edge="wall")], ("'edge' of a line", "'wall'", "use 'fence' or 'open'")),
     ([feature(line((0, 0), (100, 0)), edge=3)], ("'edge' of a line", "is 3", "use 'fence' or 'open'")),
-    ([feature(line((20, 30), (80, 30)), edge="fence")], ("nowhere along the boundary", "20.0 m away")),
+    ([feature(line((20, 30), (80, 30)), edge="fence")], ("does not follow the boundary", "20.0 m away")),
     ([feature(line((20, 5), (80, 5)), edge="open", id="gap")], ("line 'gap' with edge 'open'", "5.0 m away")),
     (
         [feature({"type": "Point", "coordinates": [350, 30]}, role="obstacle", kind="pole", id="mast")],
         ("Obstacle 'mast' (pole)", "lies outside the field, 250 m away", "check the coordinates"),
     ),
-    ([feature(line((5, 5)), edge="fence")], ("fewer than 2 positions",)),
+    ([feature(line((5, 5)), edge="fence")], ("fewer than 2 distinct positions",)),
     ([feature(line((0, 0), (0, "x")), edge="fence")], ("is not a number",)),
 ]
 
@@ -81,9 +81,9 @@ def _with(headland: Callable[..., Any], folder: Path, command: str, features: li
 @pytest.mark.parametrize("command", ["plan", "field"])
 def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command: str) -> None:
     closed = [feature(SQUARE, edge="fence", name="pen")]
-    assert_refused(_with(headland, folder, command, closed), "fence round field 'pen' has no way in", "'entrance'")
+    assert_refused(_with(headland, folder, command, closed), "fence round field 'pen' has no opening", "'entrance'")
     gap = feature(line((40, 0), (42, 0)), edge="open")
-    assert_refused(_with(headland, folder, command, [*closed, gap]), "no way in", "3 m or more")
+    assert_refused(_with(headland, folder, command, [*closed, gap]), "no opening", "3 m or more")
     hedge = [feature(SQUARE, edge="hedge")]
     assert_refused(_with(headland, folder, command, hedge), "'edge' of the boundary", "'hedge'")
     gate = feature({"type": "Point", "coordinates": [50, 0]}, role="entrance")
@@ -98,7 +98,7 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
 def test_a_margin_that_leaves_no_room_for_any_plan(headland: Callable[..., Any], folder: Path) -> None:
     """A pole in the middle of 60 m with a margin of 29 m leaves a neck of 0.75 m on either side of it."""
     pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
-    options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--tracks-only", "--processes", "1")
+    options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     outcome = _with(headland, folder, "plan", [feature(SQUARE), pole], *options)
     assert_refused(outcome, "--margin) of 29 m leaves 5", "no plan works there", "smaller margin")
 
@@ -108,7 +108,7 @@ def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
 ) -> None:
     """A pole at the end of 100 m x 60 m with a margin of 60 m: some 43 m of the length are left."""
     pole = feature({"type": "Point", "coordinates": [0, 30]}, role="obstacle", kind="pole")
-    options = ("--tractors", "1", "--strategies", "split-field", "--tracks-only", "--processes", "1")
+    options = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     wide = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "60", *options)
     assert_refused(wide, "--margin) of 60 m leaves 4", "less than half", "smaller margin")
     assert _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "40", *options).status == 0
@@ -124,8 +124,8 @@ def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable
     assert outcome.status == 0
     assert json.loads(outcome.out)["fence_m"] == pytest.approx(130, abs=7), "it bends off gradually"
     told = " ".join(outcome.err.split())
-    assert "1 LineString with role 'drain', 1 Point;" in told
-    assert "Of 90 m of a line with edge 'fence'" in told and "the rest is not used" in told
+    assert "1 LineString with role 'drain', 1 Point." in told
+    assert "of 90 m of a line with edge 'fence'" in told and "the rest is not used" in told
 
 
 def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder: Path) -> None:
@@ -135,7 +135,7 @@ def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder:
     outcome = _with(headland, folder, "field", [feature(SQUARE), pole(50), pole(400, id="mast"), pole(105)], "--json")
     assert outcome.status == 0 and len(json.loads(outcome.out)["obstacles"]) == 2
     told = " ".join(outcome.err.split())
-    assert "Obstacle 'mast' (pole), 300 m away, lies outside the field and is left out." in told
+    assert "Obstacle 'mast' (pole), 300 m away, lies outside the field and is skipped." in told
     assert "An obstacle (pole) stands beside the field, not in it" in told
     several = [feature(SQUARE, id="a"), feature(ring((500, 0), (600, 0), (600, 60), (500, 60)), id="b"), pole(550)]
     place = folder / "many.geojson"
@@ -144,7 +144,7 @@ def test_obstacles_off_the_field_are_named(headland: Callable[..., Any], folder:
         told = headland("field", "many.geojson#a", "--local").err
     finally:
         place.unlink()
-    assert "An obstacle of 'many' lies away from this field and is left out." in " ".join(told.split())
+    assert "1 obstacle of 'many' is away from this field and is skipped." in " ".join(told.split())
 
 
 @pytest.mark.parametrize("command", ["plan", "field"])

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-WORDS = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--rounds", "--json")
+WORDS = ("--local", "--tractors", "2", "--strategies", "split-field", "--processes", "1", "--json")
 Run = Callable[..., Any]
 
 
@@ -31,7 +31,9 @@ def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: tuple[Pat
     assert told["time_s"] == pytest.approx(best["time_s"], abs=1e-6)
     ends = [own["legs"][-1]["from_s"] + own["legs"][-1]["seconds"] for own in told["tractors"]]
     assert max(ends) == pytest.approx(best["time_s"], abs=0.11)
-    assert {leg["round"] for own in told["tractors"] for leg in own["legs"]} >= set(range(1, best["rounds"] + 1))
+    assert {leg["headland_pass"] for own in told["tractors"] for leg in own["legs"]} >= set(
+        range(1, best["headland_passes"] + 1)
+    )
 
 
 def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
@@ -73,7 +75,7 @@ def test_what_cannot_be_shown_is_one_sentence(
     for entry, words in (
         ({"strange": 1}, "'strange', which is unknown"),
         ({"tractor": "gone.toml"}, "gone.toml"),
-        ({"tractor": "Fendt 724"}, "an older Headland saved no machines; plan anew"),
+        ({"tractor": "Fendt 724"}, "an older Headland that saved no machines; plan again"),
         ({"width_m": -1.0}, "--width"),
         ({"width_m": "wide"}, "--width is 'wide'"),
     ):
@@ -90,7 +92,7 @@ def test_a_plan_in_which_tractors_touch_is_remarked_on(
     other = {**leg, "points_m": [[40.0, 42.4], [10.0, 42.4]]}
     outcome = headland("show", changed(saved[0], tmp_path, tractors=[[leg], [other]]))
     assert outcome.status == 0
-    assert [line.split(" after ")[0] for line in outcome.sentences] == ["Note: Tractors 1 and 2 touch"]
+    assert [line.split(" after ")[0] for line in outcome.sentences] == ["Note: Tractors 1 and 2 collide"]
     assert "Tractor 1: 1 leg, " in outcome.out
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from vehicle.tractor import load_tractor
+from vehicle.model.tractor import load_tractor
 
 FENDT = ("--name", "Fendt 724", "--wheelbase", 2.78, "--width", 2.55, "--turning-radius", 5.5)
 Headland = Callable[..., Any]
@@ -24,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_datasheet_makes_a_file_that_holds_together(headland: Headland, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--mass", 8000)
-    assert (made.status, made.err) == (0, "") and "Turns on 5.50 m on asphalt" in made.out
+    assert (made.status, made.err) == (0, "") and "Turning radius 5.50 m on asphalt" in made.out
     tractor = load_tractor(folder / "my.toml")
     assert (tractor.name, tractor.mass_kg, tractor.width_m) == ("Fendt 724", 8000.0, 2.55)
     assert tractor.source["mass_kg"] == "given" and tractor.source["length_m"].startswith("assumed: ")
@@ -33,29 +33,29 @@ def test_a_datasheet_makes_a_file_that_holds_together(headland: Headland, folder
     answer = json.loads(told.out)
     assert answer["tractor"] == "Fendt 724" and answer["holds_together"] is True
     full = next(drive for drive in answer["drives"] if drive["drive"].startswith("circle right, full lock"))
-    assert full["ground"] == "asphalt" and full["driven"] == pytest.approx(5.5, rel=0.01)
-    assert full["asked"] == pytest.approx(5.5) and abs(full["difference_pct"]) < 1.0
+    assert full["ground"] == "asphalt" and full["achieved"] == pytest.approx(5.5, rel=0.01)
+    assert full["target"] == pytest.approx(5.5) and abs(full["difference_pct"]) < 1.0
     assert {"my.toml", "my.png", "my.html"} == {path.name for path in folder.iterdir()}
     assert "Circles on asphalt" in (folder / "my.html").read_text(encoding="utf-8")
 
 
 def test_the_check_says_in_words_what_does_not_go_together(headland: Headland, folder: Path) -> None:
-    assert "asks for 27.3" in headland("tractor", "new", "odd.toml", *FENDT, "--max-steering", 45).err
+    assert "need 27.3" in headland("tractor", "new", "odd.toml", *FENDT, "--max-steering", 45).err
     told = headland("tractor", "check", "odd.toml")
     words = " ".join(told.out.split())
-    assert told.status == 0 and "The file does not hold together" in words
+    assert told.status == 0 and "The values do not fit together" in words
     assert "Radius at full lock" in words and "look at [radius], max_steering_deg" in words
 
 
 def test_a_radius_of_the_outer_wheel_is_told_apart(headland: Headland, folder: Path) -> None:
     assert headland("tractor", "new", "my.toml", *FENDT, "--radius-of", "outer-wheel").status == 0
-    assert load_tractor(folder / "my.toml").smallest_radius_m("asphalt") == pytest.approx(3.89, abs=0.01)
+    assert load_tractor(folder / "my.toml").compute_smallest_radius_m("asphalt") == pytest.approx(3.89, abs=0.01)
 
 
 def test_what_is_missing_is_asked_for_on_a_terminal(
     headland: Headland, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.commands.asking.may_ask", lambda: True)
+    monkeypatch.setattr("planner.cli.machines.can_prompt", lambda: True)
     answers = iter(["Robot", "278", "wide", "2,78 m", "5.5"])
     monkeypatch.setattr("sys.stdin", StringIO("\n".join(answers) + "\n"))
     made = headland("tractor", "new", "my.toml", "--width", 2.55)
@@ -69,7 +69,7 @@ def test_what_is_missing_is_asked_for_on_a_terminal(
 def test_leaving_the_questions_writes_nothing(
     headland: Headland, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.commands.asking.may_ask", lambda: True)
+    monkeypatch.setattr("planner.cli.machines.can_prompt", lambda: True)
     left = headland("tractor", "new", "my.toml")
     assert left.status == 130 and left.sentences[-1] == "Error: Interrupted; nothing was written."
     assert list(folder.iterdir()) == []
@@ -90,7 +90,7 @@ def test_leaving_the_questions_writes_nothing(
         (("new", "my.toml", *FENDT, "--radius-of", "left"), "--radius-of 'left' is unknown"),
         (("new", "my.json", *FENDT), "name the file my.toml"),
         (("new", "nowhere/my.toml", *FENDT), "the folder nowhere does not exist"),
-        (("new", "there.toml", *FENDT), "there.toml is there already; choose another name, or add --force"),
+        (("new", "there.toml", *FENDT), "there.toml exists already; choose another name, or add --force"),
         (("check", "there.toml"), "it lacks mass_kg"),
         (("check", "none.toml"), "neither a file nor one of"),
         (("check", "eg105", "--png", "there.toml"), "does not end in .png"),

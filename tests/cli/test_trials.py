@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.cli.examples import EXPERIMENTS, commands, run_as_written
+from tests.cli.examples import EXPERIMENTS, list_guide_commands, run_as_written
 from vehicle.trials.sheets import catalogue
 
 Run = Callable[..., Any]
@@ -21,7 +21,7 @@ KEYS = {"experiment", "quantity", "unit", "thesis", "ours", "difference_pct", "n
 @pytest.fixture(scope="module")
 def driven() -> Iterator[None]:
     """Every experiment is driven once for all commands that show it."""
-    validate = catalogue.validate
+    validate = catalogue.run_experiments
 
     @cache
     def sheet(name: str, seed: int) -> Any:
@@ -31,10 +31,11 @@ def driven() -> Iterator[None]:
         return tuple(sheet(name, seed) for name in names)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(catalogue, "validate", known)
+        patch.setattr(catalogue, "run_experiments", known)
         yield
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("driven")
 def test_every_experiment_reports_numbers_as_promised(headland: Run) -> None:
     outcome = headland("validate", "--json")
@@ -56,7 +57,7 @@ def test_every_experiment_reports_numbers_as_promised(headland: Run) -> None:
 
 
 @pytest.mark.usefixtures("driven")
-@pytest.mark.parametrize("line", [line for line in commands() if line.startswith(EXPERIMENTS)])
+@pytest.mark.parametrize("line", [line for line in list_guide_commands() if line.startswith(EXPERIMENTS)])
 def test_a_command_of_the_readme(line: str, headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     run_as_written(line, tmp_path, headland)
@@ -106,6 +107,7 @@ def test_straight_on_has_no_radius_either(headland: Run) -> None:
     assert found["radius_m"] is None and found["stable"] is True
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("driven")
 @pytest.mark.parametrize("words", [
     ("validate", "slip"), ("validate", "zigzag"), ("validate", "navigation"), ("validate", "changing"),
@@ -141,7 +143,7 @@ def test_a_table_of_errors_from_fixes(headland: Run, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("words", "sentence"), [
     (("validate", "zigzak"), "The experiment 'zigzak' is unknown (did you mean 'zigzag'?); use one of: circles, step"),
     (("validate", "--png", "x.png"), "--png shows one experiment; name one of: circles"),
-    (("validate", "--seed", "-1"), "--seed -1 is negative"),
+    (("validate", "--seed", "-1"), "--seed is -1; use 0 or more"),
     (("design", "wheels"), "The study 'wheels' is unknown"),
     (("drive", "--steer", "36"), "36 degrees is beyond the stop; use 35 or less"),
     (("drive", "--steer", "nan"), "--steer is nan; give a number"),

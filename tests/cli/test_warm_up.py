@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 
-from planner.commands import show
+from planner.cli.common import terminal
 
 README = Path(__file__).parents[2] / "README.md"
 
@@ -27,9 +27,9 @@ class Asked(threading.Event):
 def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], misses: int, times: int) -> str:
     """What is said on standard error while a loop loads that was not found on disk so often."""
     loop = SimpleNamespace(stats=SimpleNamespace(cache_misses=dict.fromkeys(range(misses), 1)))
-    monkeypatch.setattr(show, "LOOPS", (("a_module", "a_loop"),))
-    monkeypatch.setitem(cast(dict[str, object], show.sys.modules), "a_module", SimpleNamespace(a_loop=loop))
-    show._tell_of_compiling(Asked(times))
+    monkeypatch.setattr(terminal, "COMPILED_LOOPS", (("a_module", "a_loop"),))
+    monkeypatch.setitem(cast(dict[str, object], terminal.sys.modules), "a_module", SimpleNamespace(a_loop=loop))
+    terminal._announce_compiling(Asked(times))
     return capsys.readouterr().err
 
 
@@ -37,10 +37,10 @@ def test_a_first_run_says_how_long_it_compiles(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     said = told(monkeypatch, capsys, misses=1, times=3)
-    assert said.splitlines() == [show.COMPILING], "once"
+    assert said.splitlines() == [terminal.COMPILING_MESSAGE], "once"
     readme = " ".join(README.read_text(encoding="utf-8").split())
     assert "first run only, about a minute" in said
-    assert "The first run compiles the simulator for the machine, which takes about a minute" in readme
+    assert "The first run compiles the simulator for your machine, which takes about a minute" in readme
 
 
 def test_of_a_loop_that_is_on_disk_nothing_is_said(

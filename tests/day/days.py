@@ -7,8 +7,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from planner.day.insertion import Routes
-from planner.day.problem import DRY, Problem, Rain
+from planner.day.optimization.problem import NO_RAIN, DayProblem, RainOnsets, Routes
 
 DAY = 86_400
 
@@ -16,25 +15,25 @@ DAY = 86_400
 def by_hand(
     work_s: Sequence[Sequence[int | None]], move_s: Sequence[Sequence[int]], *, put_off: Sequence[float],
     paid: Sequence[Sequence[float]] | None = None, windows: Sequence[Sequence[tuple[int, int]]] | None = None,
-    per_move_s: float = 0.0, stake: Sequence[float] | None = None, rain: Rain = DRY, home_by_s: int = DAY,
-) -> Problem:  # fmt: skip
+    per_move_s: float = 0.0, stake: Sequence[float] | None = None, rain: RainOnsets = NO_RAIN, home_by_s: int = DAY,
+) -> DayProblem:  # fmt: skip
     """A day that begins at 0; ways cost so much per second, work nothing unless said."""
     fields = len(put_off)
-    return Problem(
+    return DayProblem(
         work_s=tuple(map(tuple, work_s)),
-        paid=tuple(map(tuple, paid)) if paid else ((0.0,) * fields,) * len(work_s),
-        put_off=tuple(put_off),
-        stake=tuple(stake or (0.0,) * fields),
+        work_cost=tuple(map(tuple, paid)) if paid else ((0.0,) * fields,) * len(work_s),
+        skip_cost=tuple(put_off),
+        value_at_risk=tuple(stake or (0.0,) * fields),
         windows=tuple(map(tuple, windows)) if windows else (((0, DAY),),) * fields,
-        move_s=(tuple(map(tuple, move_s)),) * len(work_s),
-        move_cost=(tuple(tuple(per_move_s * seconds for seconds in row) for row in move_s),) * len(work_s),
+        travel_s=(tuple(map(tuple, move_s)),) * len(work_s),
+        travel_cost=(tuple(tuple(per_move_s * seconds for seconds in row) for row in move_s),) * len(work_s),
         begin_s=0,
         home_by_s=home_by_s,
         rain=rain,
     )
 
 
-def at_random(seed: int, fields: int, fleets: int) -> Problem:
+def at_random(seed: int, fields: int, fleets: int) -> DayProblem:
     """A day with windows, rain, fields that some fleets cannot take and some that are not worth their way."""
     random = np.random.default_rng(seed)
     at = random.uniform(0.0, 10_000.0, (fields + 1, 2))
@@ -58,19 +57,19 @@ def at_random(seed: int, fields: int, fleets: int) -> Problem:
         windows=windows,
         per_move_s=0.02,
         stake=random.uniform(0.0, 300.0, fields).tolist(),
-        rain=Rain(onsets),
+        rain=RainOnsets(onsets),
         home_by_s=40_000,
     )  # fmt: skip
 
 
-def every_day(problem: Problem) -> Iterator[Routes]:
+def every_day(problem: DayProblem) -> Iterator[Routes]:
     """Every way to leave fields or give them to fleets, in every order."""
-    for homes in product(range(-1, problem.fleets), repeat=problem.fields):
-        shares = [[field for field, home in enumerate(homes) if home == fleet] for fleet in range(problem.fleets)]
+    for homes in product(range(-1, problem.fleet_count), repeat=problem.field_count):
+        shares = [[field for field, home in enumerate(homes) if home == fleet] for fleet in range(problem.fleet_count)]
         yield from product(*(permutations(share) for share in shares))
 
 
-def least_cost(problem: Problem) -> float:
+def least_cost(problem: DayProblem) -> float:
     """What the best of all days costs."""
-    costs = (problem.cost(routes) for routes in every_day(problem))
+    costs = (problem.compute_day_cost(routes) for routes in every_day(problem))
     return min(cost for cost in costs if cost is not None)

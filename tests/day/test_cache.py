@@ -10,62 +10,78 @@ import numpy as np
 import pytest
 import shapely
 
-from fields.field import Field
-from planner.chance.graph import Graph, Link
-from planner.content import KINDS, ROOMS, _imported, code_version, digest
-from planner.day.cache import Cache, user_folder
-from planner.day.times import FieldTime, Task, field_times, packed, unknown
-from planner.pool import SerialExecutor
-from planner.scenario import Scenario
-from vehicle.tractor import Implement, load_tractor
+from fields.geometry.field import Field
+from planner.day.field_times import (
+    FieldTime,
+    FieldTimeCache,
+    FieldTimeTask,
+    compute_field_times,
+    count_uncached_field_times,
+    find_cache_folder,
+    pack_field_time,
+)
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
+from planner.request.plan_request import PlanRequest
+from planner.risk.leg_graph import LegGraph, WaitLink
+from vehicle.model.tractor import Implement, load_tractor
 
-GRAPH = Graph(
-    tractors=2, first=(0, 2), tractor=np.array([0, 0, 1]), driven_s=np.array([0.1, 1.0 / 3.0, 7e-9]),
-    group=np.array([0, 1, 0]), kind=np.array([0, 1, 0]), worked_m=np.array([10.0, 0.0, 1e6 / 7.0]), order=(0, 2, 1),
-    links=(Link(2, 1, 0.1 + 0.2, 1.0, at_end=True),), stand_s=np.array([0.0, 300.1, 0.0]),
+GRAPH = LegGraph(
+    tractors=2,
+    first_nodes=(0, 2),
+    tractor=np.array([0, 0, 1]),
+    driven_s=np.array([0.1, 1.0 / 3.0, 7e-9]),
+    group=np.array([0, 1, 0]),
+    kind=np.array([0, 1, 0]),
+    worked_m=np.array([10.0, 0.0, 1e6 / 7.0]),
+    order=(0, 2, 1),
+    links=(WaitLink(2, 1, 0.1 + 0.2, 1.0, at_end=True),),
+    stand_s=np.array([0.0, 300.1, 0.0]),
     leaving=np.array([False, True, False]),
-)  # fmt: skip
+)
 
 
 @pytest.fixture
-def task() -> Task:
+def task() -> FieldTimeTask:
     field = Field("one", shapely.box(0, 0, 40, 80))
-    return Task(field, Scenario(field="one", tractors=(1,)), load_tractor("eg105"), Implement())
+    return FieldTimeTask(field, PlanRequest(field="one", tractors=(1,)), load_tractor("eg105"), Implement())
 
 
-def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: Task) -> None:
-    cache = Cache(tmp_path / "deep" / "down")
+def test_what_is_kept_comes_back_to_the_last_bit(tmp_path: Path, task: FieldTimeTask) -> None:
+    cache = FieldTimeCache(tmp_path / "deep" / "down")
     kept = FieldTime("split-field", 2, 1.0 / 3.0, 99.1, None, GRAPH)
-    assert cache.write(task.key, packed(kept))
-    ((found,),), written = field_times([[task]], cache, SerialExecutor())
+    assert cache.write(task.key, pack_field_time(kept))
+    ((found,),), written = compute_field_times([[task]], cache, SerialExecutor())
     assert written and found is not None and found.graph is not None
-    assert packed(found) == packed(kept)
+    assert pack_field_time(found) == pack_field_time(kept)
     assert found.graph.links == GRAPH.links and found.graph.driven_s.tolist() == GRAPH.driven_s.tolist()
     assert [path.name for path in (tmp_path / "deep" / "down").iterdir()] == [f"{task.key}.json"]
 
 
-def test_the_name_is_that_of_the_content(task: Task) -> None:
+def test_the_name_is_that_of_the_content(task: FieldTimeTask) -> None:
     renamed = replace(task.field, name="two", crs="EPSG:32632", origin_m=(5.0, 6.0), remarks=("Hm.",))
     assert replace(task, field=renamed).key == task.key
-    assert replace(task, scenario=replace(task.scenario, field="two")).key == task.key
+    assert replace(task, request=replace(task.request, field="two")).key == task.key
     wider = replace(task, field=Field("one", shapely.box(0, 0, 40.001, 80)))
-    more = replace(task, scenario=replace(task.scenario, tractors=(2,)))
+    more = replace(task, request=replace(task.request, tractors=(2,)))
     other = replace(task, tractor=load_tractor("mr1000a"))
     longer = replace(task, implement=Implement(length_m=0.8))
     assert len({task.key, wider.key, more.key, other.key, longer.key}) == 5
-    assert digest("a", ["b"]) != digest("a", "b") and len(code_version()) == 64
+    assert hash_content("a", ["b"]) != hash_content("a", "b") and len(hash_code()) == 64
 
 
 def test_every_room_counts_with_its_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     root = Path(__file__).parents[2]
-    assert {path.parent.name for path in root.glob("*/__init__.py")} - {"tests"} == set(ROOMS)
-    monkeypatch.setattr("planner.content.__file__", str(tmp_path / "planner" / "content.py"))
-    found = [code_version.__wrapped__()]
-    for place in [f"{room}/deep/it{kind}" for room in ROOMS for kind in KINDS]:
+    assert {path.parent.name for path in root.glob("*/__init__.py")} - {"tests"} == set(PACKAGES)
+    monkeypatch.setattr(
+        "planner.pipeline.fingerprint.__file__", str(tmp_path / "planner" / "pipeline" / "fingerprint.py")
+    )
+    found = [hash_code.__wrapped__()]
+    for place in [f"{room}/deep/it{kind}" for room in PACKAGES for kind in FILE_SUFFIXES]:
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / place).write_text("x")
-        found.append(code_version.__wrapped__())
-    assert len({*found}) == 1 + len(KINDS) * len(ROOMS)
+        found.append(hash_code.__wrapped__())
+    assert len({*found}) == 1 + len(FILE_SUFFIXES) * len(PACKAGES)
 
 
 def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
@@ -88,11 +104,13 @@ def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
     for name, text in sources.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr("planner.content.__file__", str(tmp_path / "planner" / "content.py"))
-    first, unused = code_version.__wrapped__("planner.work"), set()
+    monkeypatch.setattr(
+        "planner.pipeline.fingerprint.__file__", str(tmp_path / "planner" / "pipeline" / "fingerprint.py")
+    )
+    first, unused = hash_code.__wrapped__("planner.work"), set()
     for name, text in sources.items():
         (tmp_path / name).write_text(text + "# changed\n")
-        if code_version.__wrapped__("planner.work") == first:
+        if hash_code.__wrapped__("planner.work") == first:
             unused.add(name)
         (tmp_path / name).write_text(text)
     assert unused == {"planner/ways/other.py", "planner/service/api.py"}
@@ -100,30 +118,36 @@ def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
 
 def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() -> None:
     root = Path(__file__).parents[2]
-    used = {path.relative_to(root).as_posix() for path in _imported(root, "planner.day.times")}
+    used = {path.relative_to(root).as_posix() for path in _find_imported_files(root, "planner.day.field_times")}
     assert used >= {
-        "planner/day/times.py", "planner/candidates/evaluate.py", "planner/chance/graph.py", "vehicle/loop.py",
-        "strategies/interleaved.py", "strategies/orders/sequence.py", "fields/layout.py", "planner/__init__.py",
-    }  # fmt: skip
+        "planner/day/field_times.py",
+        "planner/evaluation/candidates/evaluate.py",
+        "planner/risk/leg_graph.py",
+        "vehicle/sim/loop.py",
+        "strategies/interleaved.py",
+        "strategies/sequencing/swath_order.py",
+        "fields/layout/swaths.py",
+        "planner/__init__.py",
+    }
     assert not [path for path in used if path.startswith(("planner/service", "planner/commands", "planner/day/solve"))]
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"strategy": "x"}', '{"graph": {"first": 3}}', "\x00"])
-def test_what_is_not_whole_is_not_there(tmp_path: Path, task: Task, text: str) -> None:
+def test_what_is_not_whole_is_not_there(tmp_path: Path, task: FieldTimeTask, text: str) -> None:
     (tmp_path / f"{task.key}.json").write_text(text)
-    assert unknown([[task]], Cache(tmp_path)) == 1
+    assert count_uncached_field_times([[task]], FieldTimeCache(tmp_path)) == 1
 
 
 def test_a_folder_that_takes_no_files_only_costs_time(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
-    assert not Cache(blocked / "sub").write("name", {"a": 1})
-    assert Cache(blocked / "sub").read("name") is None
-    assert Cache(None).write("name", {}) and Cache(None).read("name") is None
+    assert not FieldTimeCache(blocked / "sub").write("name", {"a": 1})
+    assert FieldTimeCache(blocked / "sub").read("name") is None
+    assert FieldTimeCache(None).write("name", {}) and FieldTimeCache(None).read("name") is None
 
 
 def test_a_file_is_never_half_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    cache = Cache(tmp_path)
+    cache = FieldTimeCache(tmp_path)
     assert cache.write("name", {"a": 1})
 
     def full(*_: object) -> None:
@@ -141,7 +165,7 @@ def test_every_system_has_its_folder(system: str, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delenv("HEADLAND_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setenv("LOCALAPPDATA", str(tmp_path))
-    assert "headland" in user_folder().parts
-    assert system == "darwin" or tmp_path in user_folder().parents
+    assert "headland" in find_cache_folder().parts
+    assert system == "darwin" or tmp_path in find_cache_folder().parents
     monkeypatch.setenv("HEADLAND_CACHE", str(tmp_path / "own"))
-    assert user_folder() == tmp_path / "own"
+    assert find_cache_folder() == tmp_path / "own"

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from planner.farm.times import Times
+from planner.farm.settings import FarmTimes
 from tests.benchmarks.campaigns import METRES_PER_DEGREE, campaigns, checks, fitted, lines, read_jobs, read_log
 
 HEADER = '<TIM A="" D="4"><PTN A="" B="" D=""/><DLV A="0043" B="" C="DET-1"/><DLV A="0054" B="" C="DET-1"/></TIM>'
-TIMES = Times(fold_s=100.0, unfold_s=50.0, road_speed_kmh=36.0, road_factor=1.5)
+TIMES = FarmTimes(fold_s=100.0, unfold_s=50.0, road_speed_kmh=36.0, road_factor=1.5)
 
 
 def record(at_s: float, north_m: float, values: int) -> bytes:

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.day.build import frame_of
-from planner.day.file import day_from, example_text
-from planner.day.light import sun_hours
-from planner.errors import ScenarioError
+from planner.day.formulation import build_day_hours
+from planner.day.input_file import parse_day, read_example_day_text
+from planner.day.places import compute_sun_hours
+from planner.errors import RequestError
 
 MINUTE = 60
 
@@ -31,7 +31,7 @@ def clock(text: str) -> int:
     ],
 )
 def test_almanacs(day: date, lon: float, lat: float, offset: float, rise: str, sets: str) -> None:
-    found = sun_hours(day, lon, lat, offset)
+    found = compute_sun_hours(day, lon, lat, offset)
     assert found is not None
     if lat == 0.0:
         assert found[1] - found[0] == pytest.approx(12 * 3600 + 7 * MINUTE, abs=2 * MINUTE)
@@ -43,8 +43,9 @@ def test_almanacs(day: date, lon: float, lat: float, offset: float, rise: str, s
 @given(st.dates(date(2020, 1, 1), date(2040, 12, 31)), st.floats(-50.0, 50.0), st.floats(-180.0, 180.0))
 def test_light_north_and_south_adds_up_to_a_day(day: date, lat: float, lon: float) -> None:
     """Light north and south of the equator adds up to a day and what refraction and the sun's width add."""
+
     def light(where: float) -> int:
-        found = sun_hours(day, lon, where, lon / 15.0)
+        found = compute_sun_hours(day, lon, where, lon / 15.0)
         assert found is not None
         return found[1] - found[0]
 
@@ -52,22 +53,24 @@ def test_light_north_and_south_adds_up_to_a_day(day: date, lat: float, lon: floa
 
 
 def test_where_the_sun_does_not_set_or_rise() -> None:
-    assert sun_hours(date(2026, 6, 21), 20.0, 70.0, 2.0) is None
-    rise, sets = sun_hours(date(2026, 12, 21), 20.0, 70.0, 1.0) or (0, 1)
+    assert compute_sun_hours(date(2026, 6, 21), 20.0, 70.0, 2.0) is None
+    rise, sets = compute_sun_hours(date(2026, 12, 21), 20.0, 70.0, 1.0) or (0, 1)
     assert rise == sets
 
 
 def test_the_light_of_a_day() -> None:
-    text = example_text().replace('light = "06:10-20:40"', 'light = "sun"\ndate = "2026-05-01"\nutc_offset_h = 2.0')
-    day, farm = day_from(text, "day.toml")
-    frame = frame_of(day, farm, (4.55, 52.11))
-    assert frame.light == sun_hours(date(2026, 5, 1), 4.55, 52.11, 2.0)
+    text = read_example_day_text().replace(
+        'light = "06:10-20:40"', 'light = "sun"\ndate = "2026-05-01"\nutc_offset_h = 2.0'
+    )
+    day, farm = parse_day(text, "day.toml")
+    frame = build_day_hours(day, farm, (4.55, 52.11))
+    assert frame.daylight_s == compute_sun_hours(date(2026, 5, 1), 4.55, 52.11, 2.0)
     late = day.model_copy(update={"start": "23:00"})
-    assert frame_of(late, farm, (4.55, 52.11)).light == tuple(at + 86_400 for at in frame.light or ())
-    with pytest.raises(ScenarioError, match="needs a place on the earth"):
-        frame_of(day, farm)
+    assert build_day_hours(late, farm, (4.55, 52.11)).daylight_s == tuple(at + 86_400 for at in frame.daylight_s or ())
+    with pytest.raises(RequestError, match="needs a place on the earth"):
+        build_day_hours(day, farm)
     for lacks in ('date = "2026-05-01"\n', "utc_offset_h = 2.0"):
-        with pytest.raises(ScenarioError, match="needs a date and utc_offset_h"):
-            day_from(text.replace(lacks, ""), "day.toml")
-    with pytest.raises(ScenarioError, match="'1 May' is no date"):
-        day_from(text.replace("2026-05-01", "1 May"), "day.toml")
+        with pytest.raises(RequestError, match="needs a date and utc_offset_h"):
+            parse_day(text.replace(lacks, ""), "day.toml")
+    with pytest.raises(RequestError, match="'1 May' is not a date"):
+        parse_day(text.replace("2026-05-01", "1 May"), "day.toml")

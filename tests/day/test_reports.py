@@ -11,48 +11,96 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from reports.day_export import CSV_KEYS, JOB_KEYS, day_csv, day_json
-from reports.day_figures import gantt_figure, map_figure
-from reports.day_page import day_page
-from reports.day_results import DayJob, DayResult, FleetDay, MapPlace, NotDone
-from reports.day_table import at, day_table
-from reports.figures import png_bytes, to_svg
+from reports.day.page import draw_gantt, draw_road_map, render_day_page
+from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
+from reports.day.tables import (
+    DAY_CSV_KEYS,
+    JOB_KEYS,
+    build_day_table,
+    format_day_csv,
+    format_day_json,
+    format_time_of_day,
+)
+from reports.plan.map_figure import render_png, render_svg
 
 HOUR = 3600.0
 JOB = DayJob(
-    field="Home $1", machine="one", strategy="split-field", tractors=2, area_ha=2.5, leaves_s=8 * HOUR, km=3.0,
-    start_s=8.5 * HOUR, end_s=10 * HOUR, time_s=5300.0, finish_probability=0.975,
-    finish_probability_interval=(0.97, 0.98), p50_end_s=10.1 * HOUR, p95_end_s=11 * HOUR, cost=99.5, worked_pct=99.0,
-)  # fmt: skip
+    field="Home $1",
+    machine="one",
+    strategy="split-field",
+    tractors=2,
+    area_ha=2.5,
+    leaves_s=8 * HOUR,
+    km=3.0,
+    start_s=8.5 * HOUR,
+    end_s=10 * HOUR,
+    time_s=5300.0,
+    finish_probability=0.975,
+    finish_probability_interval=(0.97, 0.98),
+    p50_end_s=10.1 * HOUR,
+    p95_end_s=11 * HOUR,
+    cost=99.5,
+    worked_pct=99.0,
+)
 RING = np.array([[0.0, 0.0], [200.0, 0.0], [200.0, 100.0], [0.0, 100.0], [0.0, 0.0]])
 
 
 @pytest.fixture
 def result() -> DayResult:
     return DayResult(
-        start_s=8 * HOUR, end_s=26 * HOUR,
+        start_s=8 * HOUR,
+        end_s=26 * HOUR,
         jobs=(JOB, replace(JOB, field="night", start_s=23 * HOUR, end_s=25 * HOUR, p95_end_s=26 * HOUR)),
-        not_done=(NotDone("far", 1.0, 80.0, "doing it costs 3.10 more than leaving it"),),
+        unworked_fields=(UnworkedField("far", 1.0, 80.0, "doing it costs 3.10 more than leaving it"),),
         fleets=(FleetDay("one", "2 x A, harrow", 8 * HOUR, 25.5 * HOUR, 9.0), FleetDay("two", "B", None, None, 0.0)),
-        gap_pct=2.5, cost=321.0, all_probability=0.9, currency="EUR", draws=1000, seed=1, advice="Go.",
-        remarks=("A remark.",), fields=("night", "Home $1", "far"),
+        gap_pct=2.5,
+        cost=321.0,
+        finish_probability=0.9,
+        currency="EUR",
+        samples=1000,
+        seed=1,
+        advice="Go.",
+        remarks=("A remark.",),
+        fields=("night", "Home $1", "far"),
         windows=(((22 * HOUR, 26 * HOUR),), ((8 * HOUR, 12 * HOUR), (13 * HOUR, 18 * HOUR)), ()),
-        breaks=((12 * HOUR, 13 * HOUR),), rain=((15 * HOUR, 0.5),),
-        places=(MapPlace("Home $1", 0.0, 0.0, RING), MapPlace("far", 900.0, 50.0, RING + 900.0),
-                MapPlace("yard", -500.0, 0.0)),
-    )  # fmt: skip
+        breaks=((12 * HOUR, 13 * HOUR),),
+        rain=((15 * HOUR, 0.5),),
+        places=(
+            MapPlace("Home $1", 0.0, 0.0, RING),
+            MapPlace("far", 900.0, 50.0, RING + 900.0),
+            MapPlace("yard", -500.0, 0.0),
+        ),
+    )
 
 
 def test_keys_and_values(result: DayResult) -> None:
-    data = json.loads(day_json(result))
+    data = json.loads(format_day_json(result))
     assert list(data) == [
-        "jobs", "not_done", "gap_pct", "advice", "machines", "cost", "finish_probability", "currency", "draws", "seed",
-        "start_s", "end_s", "remarks", "certainty_pct",
-    ]  # fmt: skip
+        "jobs",
+        "not_done",
+        "gap_pct",
+        "advice",
+        "machines",
+        "cost",
+        "finish_probability",
+        "currency",
+        "samples",
+        "seed",
+        "start_s",
+        "end_s",
+        "remarks",
+        "certainty_pct",
+    ]
     assert all(list(job) == [*JOB_KEYS] for job in data["jobs"])
     assert list(JOB_KEYS[:7]) == [
-        "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
-    ]  # fmt: skip
+        "field",
+        "machine",
+        "strategy",
+        "tractors",
+        "start_s",
+        "end_s",
+        "finish_probability",
+    ]
     for key in JOB_KEYS:
         value = getattr(JOB, key)
         assert data["jobs"][0][key] == (list(value) if isinstance(value, tuple) else value)
@@ -60,13 +108,18 @@ def test_keys_and_values(result: DayResult) -> None:
         {"field": "far", "area_ha": 1.0, "cost": 80.0, "reason": "doing it costs 3.10 more than leaving it"}
     ]
     assert data["machines"][1] == {
-        "name": "two", "words": "B", "leaves_s": None, "home_s": None, "km": 0.0, "ways_cost": 0.0,
-    }  # fmt: skip
+        "name": "two",
+        "words": "B",
+        "leaves_s": None,
+        "home_s": None,
+        "km": 0.0,
+        "road_cost": 0.0,
+    }
 
 
 def test_csv_has_a_row_per_field(result: DayResult) -> None:
-    rows = list(csv.DictReader(io.StringIO(day_csv(result))))
-    assert [*rows[0]] == [*CSV_KEYS] and [row["field"] for row in rows] == ["Home $1", "night", "far"]
+    rows = list(csv.DictReader(io.StringIO(format_day_csv(result))))
+    assert [*rows[0]] == [*DAY_CSV_KEYS] and [row["field"] for row in rows] == ["Home $1", "night", "far"]
     assert rows[0]["start_s"] == "30600.0" and rows[2]["start_s"] == "" and rows[2]["reason"].startswith("doing it")
 
 
@@ -74,7 +127,7 @@ def test_csv_has_a_row_per_field(result: DayResult) -> None:
 def test_tables_hold_every_field(result: DayResult, width: int) -> None:
     console = Console(width=width, file=io.StringIO())
     with console.capture() as captured:
-        console.print(day_table(result))
+        console.print(build_day_table(result))
     text = captured.get()
     for words in ("Go.", "2.5 %", "Home $1", "night", "23:00", "01:00+1", "stays", "far", "A remark."):
         assert words in text
@@ -82,26 +135,32 @@ def test_tables_hold_every_field(result: DayResult, width: int) -> None:
 
 
 def test_clock_times() -> None:
-    assert [at(seconds) for seconds in (0.0, 59.9, 86_399.0, 90_000.0, None)] == [
-        "00:00", "00:01", "00:00+1", "01:00+1", "-",
-    ]  # fmt: skip
+    assert [format_time_of_day(seconds) for seconds in (0.0, 59.9, 86_399.0, 90_000.0, None)] == [
+        "00:00",
+        "00:01",
+        "00:00+1",
+        "01:00+1",
+        "-",
+    ]
 
 
 def test_pictures_and_page_repeat(result: DayResult) -> None:
-    gantt = to_svg(gantt_figure(result))
-    assert gantt == to_svg(gantt_figure(result))
-    for words in ("By machine", "By field", "night", "left", "rain 50 %", "22:00"):
+    gantt = render_svg(draw_gantt(result))
+    assert gantt == render_svg(draw_gantt(result))
+    for words in ("By machine", "By field", "night", "not done", "rain 50 %", "22:00"):
         assert words in gantt
-    drawn = map_figure(result)
-    assert drawn is not None and "yard" in to_svg(drawn) and "far (left)" in to_svg(drawn)
-    assert png_bytes(gantt_figure(result))[:4] == b"\x89PNG"
-    page = day_page(result)
-    assert page == day_page(result) and "http" not in page.replace("http-equiv", "") and "A remark." in page
+    drawn = draw_road_map(result)
+    assert drawn is not None and "yard" in render_svg(drawn) and "far (not done)" in render_svg(drawn)
+    assert render_png(draw_gantt(result))[:4] == b"\x89PNG"
+    page = render_day_page(result)
+    assert page == render_day_page(result) and "http" not in page.replace("http-equiv", "") and "A remark." in page
 
 
 def test_a_day_without_anything_has_a_picture_and_no_map(result: DayResult) -> None:
-    nothing = replace(result, jobs=(), fleets=(FleetDay("one", "", None, None, 0.0),), places=(), all_probability=None)
-    assert map_figure(nothing) is None and "left" in to_svg(gantt_figure(nothing))
-    assert "Fields and roads" not in day_page(nothing)
+    nothing = replace(
+        result, jobs=(), fleets=(FleetDay("one", "", None, None, 0.0),), places=(), finish_probability=None
+    )
+    assert draw_road_map(nothing) is None and "not done" in render_svg(draw_gantt(nothing))
+    assert "Fields and roads" not in render_day_page(nothing)
     one_place = replace(result, places=(MapPlace("a", 5.0, 5.0), MapPlace("b", 5.0, 5.0)))
-    assert map_figure(one_place) is not None
+    assert draw_road_map(one_place) is not None

@@ -10,19 +10,19 @@ import pytest
 import shapely
 
 from fields import read_field
-from fields.field import Field
-from planner.chance.draws import draw
-from planner.chance.settings import Chances, certain
-from planner.day.build import FEW_DRAWS, frame_of, means, problem_of
-from planner.day.file import DayFile, day_from
-from planner.day.solve import solved
-from planner.day.times import FieldTime, Task, work_out
-from planner.farm.file import FarmFile
-from planner.price.cost import hired
-from planner.scenario import Scenario
-from strategies.supply import Supply
+from fields.geometry.field import Field
+from planner.day.field_times import FieldTime, FieldTimeTask, compute_field_time
+from planner.day.formulation import PLANNING_SAMPLES, build_day_hours, build_problem, estimate_mean_time_and_cost
+from planner.day.input_file import DayFile, parse_day
+from planner.day.optimization.solver import solve_day
+from planner.farm.inventory import FarmFile
+from planner.request.plan_request import PlanRequest
+from planner.request.random_inputs import UncertaintySettings, build_certain_settings
+from planner.risk.costs import build_hire_terms
+from planner.risk.monte_carlo import sample_outcomes
+from strategies.program.supply import Supply
 from tests.day.test_odds import one_leg
-from vehicle.tractor import Implement, load_tractor
+from vehicle.model.tractor import Implement, load_tractor
 
 TEXT = """
 start = "08:00"
@@ -36,16 +36,16 @@ name = "one"
 
 def test_refills_count_in_the_time_of_a_field() -> None:
     field = Field("one", shapely.box(0, 0, 30, 70))
-    asked = Scenario(field="one", tractors=(1,), strategies=("split-field",), tracks_only=True, width_m=6.0)
-    dry = Task(field, asked, load_tractor("eg105"), Implement())
-    tank = replace(dry, supply=Supply(capacity=900.0, rate_per_m2=1.0, refill_s=100.0))
-    plain, carrying = work_out(dry), work_out(tank)
+    asked = PlanRequest(field="one", tractors=(1,), strategies=("split-field",), no_headland=True, width_m=6.0)
+    dry = FieldTimeTask(field, asked, load_tractor("eg105"), Implement())
+    tank = replace(dry, supply=Supply(capacity=900.0, rate_per_m2=1.0, stop_s=100.0))
+    plain, carrying = compute_field_time(dry), compute_field_time(tank)
     assert plain.refills is None and carrying.refills is not None and carrying.refills >= 1
     assert carrying.graph is not None and plain.graph is not None
     stops = carrying.refills
     assert float(carrying.graph.stand_s.sum()) == pytest.approx(100.0 * stops, abs=1.0)
     assert carrying.time_s >= plain.time_s + 100.0 * stops - 1.0
-    sample = draw(carrying.graph, certain(), draws=1, seed=1)
+    sample = sample_outcomes(carrying.graph, build_certain_settings(), samples=1, seed=1)
     assert float(sample.finish_s[0]) == pytest.approx(carrying.time_s, rel=0.01)
     assert len({dry.key, tank.key, replace(tank, supply=replace(tank.supply, capacity=800.0)).key}) == 3
 
@@ -63,31 +63,42 @@ def test_tanks_are_made_good_between_fields_and_not_before_the_first_or_after_th
     day = DayFile.model_validate(tomllib.loads(two))
     fields, found = (read_field("iwamizawa"), read_field("netherlands")), FieldTime("s", 1, 50.0, graph=one_leg(50.0))
     km = np.array([[0.0, 5.0, 2.5], [5.0, 0.0, 2.5], [2.5, 2.5, 0.0]])
-    problem = problem_of(day, farm, fields, km, ((found,) * 2,) * 2, frame_of(day, farm), 1)
-    assert problem.move_s[1] == ((0, 960, 480), (960, 0, 480), (480, 480, 0))
-    assert problem.move_s[0] == ((0, 1260, 480), (1260, 0, 480), (480, 480, 0))
-    tanks, dry = (np.array(problem.move_cost[fleet]) for fleet in (0, 1))
+    problem = build_problem(day, farm, fields, km, ((found,) * 2,) * 2, build_day_hours(day, farm), 1)
+    assert problem.travel_s[1] == ((0, 960, 480), (960, 0, 480), (480, 480, 0))
+    assert problem.travel_s[0] == ((0, 1260, 480), (1260, 0, 480), (480, 480, 0))
+    tanks, dry = (np.array(problem.travel_cost[fleet]) for fleet in (0, 1))
     assert (tanks - dry > 0.0).tolist() == [[False, True, False], [True, False, False], [False, False, False]]
-    first, second = problem.starts(0, (0, 1)) or (0, 0)
+    first, second = problem.schedule_starts(0, (0, 1)) or (0, 0)
     assert (first, second - first - (problem.work_s[0][0] or 0)) == (8 * 3600 + 480, 1260)
 
 
 class TestCertainty:
-    chances = Chances(**{**vars(certain()), "job_cv": 0.3})
+    uncertainty = UncertaintySettings(**{**vars(build_certain_settings()), "job_cv": 0.3})
     found = FieldTime("split-field", 1, 3600.0, graph=one_leg(3600.0))
 
     def test_so_many_of_the_draws_keep_the_planned_time(self) -> None:
-        sample = draw(self.found.graph, self.chances, draws=FEW_DRAWS, seed=5)
+        sample = sample_outcomes(self.found.graph, self.uncertainty, samples=PLANNING_SAMPLES, seed=5)
         for asked in (50.0, 80.0, 95.0):
-            seconds, paid = means(self.found, hired(36.0, 0.0), self.chances, 5, asked) or (0, 0.0)
-            assert float((sample.finish_s <= seconds).mean()) == pytest.approx(0.01 * asked, abs=2.0 / FEW_DRAWS)
-            assert paid == (means(self.found, hired(36.0, 0.0), self.chances, 5) or (0, 1.0))[1], "the mean price"
+            seconds, paid = estimate_mean_time_and_cost(
+                self.found, build_hire_terms(36.0, 0.0), self.uncertainty, 5, asked
+            ) or (
+                0,
+                0.0,
+            )
+            assert float((sample.finish_s <= seconds).mean()) == pytest.approx(0.01 * asked, abs=2.0 / PLANNING_SAMPLES)
+            assert (
+                paid
+                == (
+                    estimate_mean_time_and_cost(self.found, build_hire_terms(36.0, 0.0), self.uncertainty, 5)
+                    or (0, 1.0)
+                )[1]
+            ), "the mean price"
 
     def problem(self, text: str):
-        day, farm = day_from(text, "day.toml")
+        day, farm = parse_day(text, "day.toml")
         fields = (read_field("iwamizawa"),)
         table = ((self.found,),)
-        return problem_of(day, farm, fields, np.zeros((2, 2)), table, frame_of(day, farm), 1)
+        return build_problem(day, farm, fields, np.zeros((2, 2)), table, build_day_hours(day, farm), 1)
 
     def test_a_window_that_holds_the_mean_time_only_is_not_planned_for_with_certainty(self) -> None:
         mean = self.problem(TEXT).work_s[0][0]
@@ -95,11 +106,11 @@ class TestCertainty:
         closes = 8 * 3600 + 120 + mean + 60  # after unfolding
         window = f"08:00-{closes // 3600:02d}:{closes // 60 % 60:02d}"
         narrow = TEXT.replace('file = "iwamizawa"', f'file = "iwamizawa"\nwindows = ["{window}"]\nloss_per_ha = 1e6')
-        assert solved(self.problem(narrow)).routes == ((0,),)
+        assert solve_day(self.problem(narrow)).routes == ((0,),)
         sure = self.problem(f"certainty_pct = 80\n{narrow}")
-        assert solved(sure).routes == ((),)
+        assert solve_day(sure).routes == ((),)
         assert sure.begin_s > 8 * 3600 and (sure.work_s[0][0] or 0) > mean
 
     def test_the_file_and_the_option(self) -> None:
-        day, _ = day_from(TEXT, "day.toml", certainty_pct=90.0)
+        day, _ = parse_day(TEXT, "day.toml", certainty_pct=90.0)
         assert isinstance(day, DayFile) and day.certainty_pct == 90.0

@@ -10,10 +10,10 @@ from typing import Any
 from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import NEUTRAL, PLACES, scaled
 from tests.truth.model import make_logs
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.answer.verdict import EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.tractor import Tractor, load_tractor
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis
+from vehicle.model.tractor import Tractor, load_tractor
 
 BRIEF = ("straight_090", "straight_270", "circles_right", "circles_left", "steps", "speed_steps", "implement_straight")
 FLOOR_SLACK = 1.10
@@ -40,7 +40,7 @@ def diagnosed(
 ) -> Diagnosis:
     """The diagnosis of logs in which the truth model hid effects."""
     frames = make_logs(effects, seed, programme, **conditions)
-    return diagnose([log_from_frame(frame, frame.attrs["name"]) for frame in frames], eg105(), "soil")
+    return diagnose_logs([build_log(frame, frame.attrs["name"]) for frame in frames], eg105(), "soil")
 
 
 @dataclass(frozen=True)
@@ -86,6 +86,6 @@ def _close(one: Any, name: str, truth: dict[str, float]) -> bool:
 
 def at_floor(found: Diagnosis, horizon: float = 5.0) -> bool:
     """Whether the held-out error is within a tenth of the noise floor, of every kind."""
-    after, floor = found.after[horizon], found.floor[horizon]
+    after, floor = found.after[horizon], found.noise_floor[horizon]
     kinds = ("cross_cm", "along_cm", "heading_deg")
     return all(getattr(after, kind) <= FLOOR_SLACK * getattr(floor, kind) for kind in kinds)

@@ -19,10 +19,10 @@ import numpy as np
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, PLACES, scaled
 from tests.truth.second import TRACTORS, second_logs
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.answer.verdict import Diagnosis
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.tractor import load_tractor
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.model.tractor import load_tractor
 
 SIZES = {"clear": 1.0, "half": 0.5, "third": 1.0 / 3.0}
 BLOCKS = {
@@ -100,8 +100,8 @@ def diagnosed_set(one: LogSet) -> Diagnosis:
     """The diagnosis of a set, with the file of the tractor that drove it."""
     runs = [run.mirrored() if one.seed // 2 % 2 else run for run in three_speeds_programme()]
     frames = second_logs(one.effects(), one.seed, runs, one.tractor)
-    logs = [log_from_frame(frame, frame.attrs["name"]) for frame in frames]
-    return diagnose(logs, load_tractor(one.tractor), "soil")
+    logs = [build_log(frame, frame.attrs["name"]) for frame in frames]
+    return diagnose_logs(logs, load_tractor(one.tractor), "soil")
 
 
 def record_of(one: LogSet) -> dict[str, object]:

@@ -10,10 +10,10 @@ from tests.diagnosis.hiding import brief_programme, eg105
 from tests.truth.drives import three_speeds_programme
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.errors import LogError
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.tractor import load_tractor
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.model.tractor import load_tractor
 
 RNG = np.random.default_rng(5)
 RUNS = ("straight_090", "straight_270", "circles_right", "steps")
@@ -66,8 +66,8 @@ def frames() -> list[pd.DataFrame]:
 
 def named(frames: list[pd.DataFrame]) -> tuple[str, ...]:
     """What a diagnosis names in logs of the EG105."""
-    logs = [log_from_frame(one.reset_index(drop=True), f"run {k}") for k, one in enumerate(frames)]
-    return diagnose(logs, eg105(), "soil").named
+    logs = [build_log(one.reset_index(drop=True), f"run {k}") for k, one in enumerate(frames)]
+    return diagnose_logs(logs, eg105(), "soil").named
 
 
 @pytest.mark.parametrize("damage", REFUSED)
@@ -85,10 +85,10 @@ def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) ->
 @pytest.mark.parametrize("tractor, seed", [("eg105", 905), ("mr1000a", 906)])
 def test_positions_and_commands_alone_earn_no_name(tractor: str, seed: int) -> None:
     logs = [
-        log_from_frame(frame[["time_s", "easting_m", "northing_m", "steering_command_deg"]], frame.attrs["name"])
+        build_log(frame[["time_s", "easting_m", "northing_m", "steering_command_deg"]], frame.attrs["name"])
         for frame in second_logs({}, seed, three_speeds_programme(), tractor)
     ]
-    found = diagnose(logs, load_tractor(tractor), "soil")
+    found = diagnose_logs(logs, load_tractor(tractor), "soil")
     assert found.named == () and found.unexplained_share == 0.0
     assert not [one.id for one in found.findings if one.value is not None]
 

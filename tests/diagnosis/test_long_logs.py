@@ -5,11 +5,11 @@ import pytest
 from tests.diagnosis.hiding import eg105
 from tests.truth.drives import default_programme
 from tests.truth.model import Truth
-from vehicle.measured.answer import diagnose as module
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.measured.logs.record import Log
-from vehicle.measured.replay.part import balanced_part
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Log
+from vehicle.identification.replay.data_subset import select_balanced_subset
+from vehicle.identification.verdict import diagnose as module
+from vehicle.identification.verdict.diagnose import diagnose_logs
 
 HIDDEN = {"steering_offset": {"angle_deg": 1.5}}
 
@@ -18,14 +18,15 @@ def made() -> list[Log]:
     """The sixteen runs of the first reference with an offset of the steering."""
     world = Truth(HIDDEN, 31, rate_hz=5.0)
     drives = list(enumerate(default_programme()))
-    return [log_from_frame(world.log(one, run), f"{run} {one.name}") for run, one in drives]
+    return [build_log(world.log(one, run), f"{run} {one.name}") for run, one in drives]
 
 
+@pytest.mark.slow
 def test_a_cause_is_told_from_a_part_and_errors_of_all_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = made()
-    whole = diagnose(logs, eg105(), "soil")
-    monkeypatch.setattr(module, "balanced_part", lambda course: balanced_part(course, 480.0))
-    found = diagnose(logs, eg105(), "soil")
+    whole = diagnose_logs(logs, eg105(), "soil")
+    monkeypatch.setattr(module, "select_balanced_subset", lambda course: select_balanced_subset(course, 480.0))
+    found = diagnose_logs(logs, eg105(), "soil")
     assert found.named == whole.named == ("steering_offset",)
     spread = {}
     for told in (found, whole):
@@ -39,9 +40,9 @@ def test_a_cause_is_told_from_a_part_and_errors_of_all_logs(monkeypatch: pytest.
     assert found.before == whole.before, "errors are of all logs"
     for seconds, error in found.after.items():
         assert error.cross_cm == pytest.approx(whole.after[seconds].cross_cm, rel=0.05)
-        assert found.floor[seconds].cross_cm == pytest.approx(whole.floor[seconds].cross_cm, rel=0.15)
+        assert found.noise_floor[seconds].cross_cm == pytest.approx(whole.noise_floor[seconds].cross_cm, rel=0.15)
     assert found.unexplained_share == whole.unexplained_share == 0.0
     logs_told = found.tractor.effects["steering_offset"].logs
     assert set(logs_told) < set(whole.names), "the file has the logs that told it"
-    assert any("minutes, pieces from all over the logs" in note for note in found.notes)
-    assert not any("minutes, pieces" in note for note in whole.notes)
+    assert any("minutes, sampled from all logs" in note for note in found.notes)
+    assert not any("minutes, sampled" in note for note in whole.notes)

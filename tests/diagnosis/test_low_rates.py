@@ -3,21 +3,21 @@
 import pytest
 
 from tests.diagnosis.hiding import eg105
-from vehicle.measured.answer.demo import Hidden, demo_logs
-from vehicle.measured.answer.diagnose import diagnose
+from vehicle.identification.verdict.demo_logs import HiddenEffect, simulate_demo_logs
+from vehicle.identification.verdict.diagnose import diagnose_logs
 
 
 @pytest.mark.parametrize("rate_hz", [5.0, 2.0])
 def test_clean_logs_at_low_rates_get_no_name(rate_hz: float) -> None:
-    found = diagnose(demo_logs(None, eg105(), "soil", 41, rate_hz=rate_hz), eg105(), "soil")
+    found = diagnose_logs(simulate_demo_logs(None, eg105(), "soil", 41, rate_hz=rate_hz), eg105(), "soil")
     assert not found.named and found.unexplained_share == 0.0
     assert not any(one.named for one in found.tractor.effects.values())
 
 
 def test_slip_on_half_the_runs_is_told_with_its_runs() -> None:
-    slipping = demo_logs(Hidden("wheel_slip", {"ratio": 0.15}), eg105(), "soil", 41)[::2]
-    plain = demo_logs(None, eg105(), "soil", 41)[1::2]
-    found = diagnose([*slipping, *plain], eg105(), "soil")
+    slipping = simulate_demo_logs(HiddenEffect("wheel_slip", {"ratio": 0.15}), eg105(), "soil", 41)[::2]
+    plain = simulate_demo_logs(None, eg105(), "soil", 41)[1::2]
+    found = diagnose_logs([*slipping, *plain], eg105(), "soil")
     assert found.named == ("wheel_slip",)
     wet = next(one for one in found.grounds if abs(one.value["ratio"] - 0.15) < 0.02)
     assert set(wet.runs) <= {log.name for log in slipping} and len(wet.runs) >= 4

@@ -9,9 +9,9 @@ import pytest
 from tests.diagnosis.hiding import Verdict, diagnosed, hidden, judge
 from tests.truth.drives import one_way_programme
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
-from vehicle.measured.answer.demo import Hidden, demo_logs, draw_hidden
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.tractor import load_tractor
+from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.model.tractor import load_tractor
 
 pytestmark = pytest.mark.matrix
 SEEDS, NULL_SEEDS = 5, 20
@@ -138,8 +138,8 @@ def test_what_the_simulator_hides_it_finds() -> None:
     tractor, seed = load_tractor("eg105"), draw()
     missed = []
     for name in (None, *CLEAR_SIZES):
-        case: Hidden | None = None if name is None else draw_hidden(seed, tractor, name)
-        found = diagnose(demo_logs(case, tractor, "soil", seed), tractor, "soil")
+        case: HiddenEffect | None = None if name is None else draw_hidden_effect(seed, tractor, name)
+        found = diagnose_logs(simulate_demo_logs(case, tractor, "soil", seed), tractor, "soil")
         print(name, found.named, flush=True)
         if found.named != (() if name is None else (name,)):
             missed.append((name, found.named))

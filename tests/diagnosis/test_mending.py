@@ -1,30 +1,32 @@
 """Parts of the extension: two grounds, and what a tractor file gets."""
 
 import numpy as np
+import pytest
 
 from tests.diagnosis.hiding import eg105, hidden
 from tests.truth.drives import default_programme
 from tests.truth.model import make_logs
-from vehicle.measured.answer.demo import demo_logs, draw_hidden
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.measured.replay.windows import half_of
-from vehicle.tractor import EffectSetting
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.replay.drive_segments import compute_half_numbers
+from vehicle.identification.verdict.demo_logs import draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.model.tractor import EffectSetting
 
 FAST = ("fast_circles", "fast_steps", "speed_steps", "circles_right")
 
 
 def test_halves_change_every_twenty_seconds() -> None:
-    assert half_of(np.array([0.0, 19.9, 20.0, 39.9, 40.0])).tolist() == [0, 0, 1, 1, 0]
+    assert compute_half_numbers(np.array([0.0, 19.9, 20.0, 39.9, 40.0])).tolist() == [0, 0, 1, 1, 0]
 
 
+@pytest.mark.slow
 def test_two_grounds_are_told_apart() -> None:
     drives = [drive for drive in default_programme() if drive.name in FAST]
     logs = []
     for ground, limit, seed in (("dry", 0.16, 5), ("wet", 0.07, 6)):
         frames = make_logs({"side_slip": {"limit_g": limit}}, seed, drives)
-        logs += [log_from_frame(frame, f"{ground} {frame.attrs['name']}") for frame in frames]
-    found = diagnose(logs, eg105(), "soil")
+        logs += [build_log(frame, f"{ground} {frame.attrs['name']}") for frame in frames]
+    found = diagnose_logs(logs, eg105(), "soil")
     assert set(found.named) <= {"side_slip"}
     runs = [set(one.runs) for one in sorted(found.grounds, key=lambda one: one.value["limit_g"])]
     assert runs == [{"wet fast_circles", "wet fast_steps"}, {"dry fast_circles", "dry fast_steps"}]
@@ -32,13 +34,13 @@ def test_two_grounds_are_told_apart() -> None:
 
 
 def test_effects_of_the_file_count_before_and_are_fitted_anew() -> None:
-    hiding = draw_hidden(4, eg105(), "steering_offset")
+    hiding = draw_hidden_effect(4, eg105(), "steering_offset")
     known = EffectSetting(value=hiding.values)
     unseen = EffectSetting(value={"limit_g": 0.3})
     tractor = eg105().model_copy(update={"effects": {"steering_offset": known, "side_slip": unseen}})
-    straight = [log for log in demo_logs(hiding, eg105(), "soil", 4) if log.name.startswith("straight")]
-    found = diagnose(straight, tractor, "soil")
-    assert found.before[5.0].cross_cm < 1.1 * found.floor[5.0].cross_cm
+    straight = [log for log in simulate_demo_logs(hiding, eg105(), "soil", 4) if log.name.startswith("straight")]
+    found = diagnose_logs(straight, tractor, "soil")
+    assert found.before[5.0].cross_cm < 1.1 * found.noise_floor[5.0].cross_cm
     assert "steering_offset" in found.tractor.effects
     assert found.tractor.effects["side_slip"] == unseen
     assert any("already" in note for note in found.notes)
@@ -46,7 +48,7 @@ def test_effects_of_the_file_count_before_and_are_fitted_anew() -> None:
 
 def test_one_run_is_held_out_by_its_own_windows() -> None:
     frames = make_logs(hidden(["steering_offset"]), 3, [d for d in default_programme() if d.name == "figure_eight"])
-    found = diagnose([log_from_frame(frames[0], "only")], eg105(), "soil")
+    found = diagnose_logs([build_log(frames[0], "only")], eg105(), "soil")
     offset = next(one for one in found.findings if one.id == "steering_offset")
     assert offset.gain_pct is not None and offset.gain_pct > 0.0
     assert any("20 s windows" in note for note in found.notes)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.logs.reading import read_logs
-from vehicle.tractor import load_tractor
+from vehicle.identification.logs.reader import read_logs
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.model.tractor import load_tractor
 
 CAR = Path(__file__).parent / "data" / "dart.toml"
 LOGS = os.environ.get("HEADLAND_CAR_LOGS", "")
@@ -22,7 +22,7 @@ def test_the_car_can_be_simulated() -> None:
 def test_the_error_is_halved_and_the_two_grounds_are_told_apart() -> None:
     car = load_tractor(CAR)
     files = sorted(str(path) for path in Path(LOGS).glob("*.csv"))
-    found = diagnose(read_logs(files, wheelbase_m=car.wheelbase_m), car, "asphalt")
+    found = diagnose_logs(read_logs(files, wheelbase_m=car.wheelbase_m), car, "asphalt")
     for kind in ("cross_cm", "along_cm", "heading_deg"):
         assert getattr(found.after[1.0], kind) < 0.5 * getattr(found.before[1.0], kind)
     assert found.named == ("side_slip",)

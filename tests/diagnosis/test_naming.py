@@ -44,7 +44,7 @@ def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
     assert not found.named, f"seed {seed}: {found.named}"
     assert found.unexplained_share > 0.3
     assert any("direction of travel" in one for one in found.depends_on)
-    rest = found.tractor.rest
+    rest = found.tractor.discrepancy_model
     assert rest is not None and set(rest.amounts) == {"push_to_east", "push_to_north"}, f"seed {seed}: {rest}"
     bearing = math.degrees(math.atan2(rest.amounts["push_to_east"], rest.amounts["push_to_north"]))
     assert bearing == pytest.approx(60.0, abs=15.0)

@@ -11,63 +11,68 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from planner.commands import diagnose as diagnose_command
-from planner.main import app
+from planner.cli import diagnosis as diagnose_command
+from planner.cli.main import app
 from tests.diagnosis.hiding import eg105
 from tests.truth.drives import circles, straight
 from tests.truth.model import make_logs
-from vehicle.measured.answer.demo import demo_logs, draw_hidden
-from vehicle.measured.answer.save import tractor_toml
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.measured.replay.course import make_course
-from vehicle.measured.replay.horizons import anchored, errors_of, run_squares
-from vehicle.measured.replay.replaying import make_rig
-from vehicle.measured.surprise.bench import Bench, prepare
-from vehicle.measured.surprise.floor import floor_squares
-from vehicle.measured.surprise.noise import first_noise
-from vehicle.tractor import EffectSetting, load_tractor
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.horizon_errors import (
+    compute_anchored_errors,
+    compute_horizon_errors,
+    sum_squared_errors_by_run,
+)
+from vehicle.identification.replay.rig import build_rig
+from vehicle.identification.residuals.noise_floor import compute_noise_floor
+from vehicle.identification.residuals.noise_weights import estimate_first_noise
+from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
+from vehicle.identification.verdict.demo_logs import draw_hidden_effect, simulate_demo_logs
+from vehicle.model.tractor import EffectSetting, load_tractor
+from vehicle.model.tractor_writer import format_tractor_toml
 
 
 @pytest.fixture(scope="module")
-def bench() -> Bench:
+def residual_model() -> ResidualModel:
     frames = make_logs({}, 4, [straight(60.0, seconds=30.0), circles(1)])
-    course = make_course([log_from_frame(frame, frame.attrs["name"]) for frame in frames])
-    return prepare(course, make_rig(eg105(), "soil", course.origin), {})
+    course = build_dataset([build_log(frame, frame.attrs["name"]) for frame in frames])
+    return build_residual_model(course, build_rig(eg105(), "soil", course.origin), {})
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-500.0, 500.0), st.floats(-500.0, 500.0))
 @settings(max_examples=30)
-def test_a_rigid_motion_is_no_error(bench: Bench, turn: float, east: float, north: float) -> None:
-    stretch = bench.course.stretches[1]
+def test_a_rigid_motion_is_no_error(residual_model: ResidualModel, turn: float, east: float, north: float) -> None:
+    segment = residual_model.dataset.segments[1]
     c, s = math.cos(turn), math.sin(turn)
     moved = np.stack(
-        [c * stretch.east - s * stretch.north + east, s * stretch.east + c * stretch.north + north], axis=1
+        [c * segment.east - s * segment.north + east, s * segment.east + c * segment.north + north], axis=1
     )
-    errors = anchored(stretch, moved, stretch.heading + turn, slice(0, 200))
+    errors = compute_anchored_errors(segment, moved, segment.heading + turn, slice(0, 200))
     assert np.abs(errors).max() < 1e-9
 
 
-def test_a_longer_way_is_an_error_along_it(bench: Bench) -> None:
+def test_a_longer_way_is_an_error_along_it(residual_model: ResidualModel) -> None:
     """On a straight line, a simulation that drives 10 % too far is off by a uniform spread of 10 % of the way."""
-    stretch = bench.course.stretches[0]
+    segment = residual_model.dataset.segments[0]
     line = np.linspace(0.0, 10.0, 201)
-    plain = replace(stretch, east=line, north=0.0 * line, heading=0.0 * line)
-    errors = anchored(plain, np.stack([1.1 * line, 0.0 * line], axis=1), 0.0 * line, slice(0, 201))
+    plain = replace(segment, east=line, north=0.0 * line, heading=0.0 * line)
+    errors = compute_anchored_errors(plain, np.stack([1.1 * line, 0.0 * line], axis=1), 0.0 * line, slice(0, 201))
     assert np.sqrt(np.mean(errors[:, 1] ** 2)) == pytest.approx(1.0 / math.sqrt(12.0), rel=0.01)
     assert np.abs(errors[:, [0, 2]]).max() < 1e-9
 
 
-def test_surprises_of_a_true_model_are_white_and_of_size_one(bench: Bench) -> None:
-    found = bench.path_surprise(bench.path({}), {}).reshape(-1, 3)[20:]
+def test_residuals_of_a_true_model_are_white_and_of_size_one(residual_model: ResidualModel) -> None:
+    found = residual_model.compute_path_residuals(residual_model.simulate_increments({}), {}).reshape(-1, 3)[20:]
     assert found.std() == pytest.approx(1.0, abs=0.12)
     neighbours = [np.corrcoef(found[:-1, axis], found[1:, axis])[0, 1] for axis in range(3)]
     assert np.abs(neighbours).max() < 0.1
 
 
-def test_surprises_are_linear_in_the_motion(bench: Bench) -> None:
-    """Twice the change of a small effect gives twice the change of the surprises."""
+def test_residuals_are_linear_in_the_motion(residual_model: ResidualModel) -> None:
+    """Twice the change of a small effect gives twice the change of the residuals."""
     one, two = (
-        bench.path_surprise(bench.path(effect), effect) - bench.path_surprise(bench.path({}), {})
+        residual_model.compute_path_residuals(residual_model.simulate_increments(effect), effect)
+        - residual_model.compute_path_residuals(residual_model.simulate_increments({}), {})
         for effect in ({"antenna_right": {"distance_m": 1e-3}}, {"antenna_right": {"distance_m": 2e-3}})
     )
     assert np.abs(two - 2.0 * one).max() < 1e-6 + 1e-3 * np.abs(two).max()
@@ -76,17 +81,17 @@ def test_surprises_are_linear_in_the_motion(bench: Bench) -> None:
 def test_the_noise_floor_is_what_a_nominal_tractor_leaves() -> None:
     """In the mean of a line and of circles to both sides: a single run of soil is one draw."""
     frames = make_logs({}, 4, [straight(60.0), circles(1), circles(-1)])
-    course = make_course([log_from_frame(frame, frame.attrs["name"]) for frame in frames])
-    bench = prepare(course, make_rig(eg105(), "soil", course.origin), {})
+    course = build_dataset([build_log(frame, frame.attrs["name"]) for frame in frames])
+    residual_model = build_residual_model(course, build_rig(eg105(), "soil", course.origin), {})
     bare: dict[int, dict[str, dict[str, float]]] = {run: {} for run in range(3)}
-    found = errors_of(run_squares(course, bench.rig, bare))[5.0]
-    floor = errors_of(floor_squares(bench, bare))[5.0]
+    found = compute_horizon_errors(sum_squared_errors_by_run(course, residual_model.rig, bare))[5.0]
+    floor = compute_horizon_errors(compute_noise_floor(residual_model, bare))[5.0]
     assert found.cross_cm == pytest.approx(floor.cross_cm, rel=0.2)
     assert found.heading_deg == pytest.approx(floor.heading_deg, rel=0.2)
 
 
-def test_white_noise_is_told_from_the_path(bench: Bench) -> None:
-    noise = first_noise(bench.course)
+def test_white_noise_is_told_from_the_path(residual_model: ResidualModel) -> None:
+    noise = estimate_first_noise(residual_model.dataset)
     assert noise.position == pytest.approx(0.010, rel=0.15)
     assert noise.heading == pytest.approx(math.radians(0.12), rel=0.15)
 
@@ -101,13 +106,13 @@ def test_a_tractor_survives_its_file(tmp_path: Path) -> None:
     for name in ("eg105", "mr1000a"):
         tractor = load_tractor(name).model_copy(update={"effects": effects})
         path = tmp_path / "mine.toml"
-        path.write_text(tractor_toml(tractor), encoding="utf-8")
+        path.write_text(format_tractor_toml(tractor), encoding="utf-8")
         assert load_tractor(path) == tractor
 
 
 def test_the_demonstration_repeats_and_hides_what_it_says() -> None:
-    hidden = draw_hidden(5, eg105(), "wheel_slip")
-    one, two = (demo_logs(hidden, eg105(), "soil", 5) for _ in range(2))
+    hidden = draw_hidden_effect(5, eg105(), "wheel_slip")
+    one, two = (simulate_demo_logs(hidden, eg105(), "soil", 5) for _ in range(2))
     assert all(np.array_equal(a.easting_m, b.easting_m) for a, b in zip(one, two, strict=True))
     run = next(log for log in one if log.name == "straight_east")
     assert run.speed_mps is not None and run.speed_command_mps is not None

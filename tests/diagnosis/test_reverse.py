@@ -9,13 +9,13 @@ from tests.truth.drives import Drive, constant, reversing, three_speeds_programm
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.answer.verdict import Diagnosis
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.measured.replay.course import make_course
-from vehicle.measured.replay.horizons import errors_of, run_squares
-from vehicle.measured.replay.replaying import make_rig
-from vehicle.tractor import load_tractor
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.horizon_errors import compute_horizon_errors, sum_squared_errors_by_run
+from vehicle.identification.replay.rig import build_rig
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.model.tractor import load_tractor
 
 RUNS = ("there", "back", "right")
 
@@ -27,21 +27,24 @@ def in_reverse(drive: Drive) -> Drive:
 
 def told(frames: list[pd.DataFrame]) -> Diagnosis:
     """What a diagnosis says of logs of the EG105."""
-    return diagnose([log_from_frame(one, one.attrs["name"]) for one in frames], load_tractor("eg105"), "soil")
+    return diagnose_logs([build_log(one, one.attrs["name"]) for one in frames], load_tractor("eg105"), "soil")
 
 
 @pytest.mark.parametrize("reference", [make_logs, second_logs])
 def test_the_way_back_is_replayed_as_well_as_the_way_there(reference) -> None:  # type: ignore[no-untyped-def]
     """The across and heading errors of the tractor that the file describes, over 5 s, by gear."""
     (frame,) = reference({}, 5, [reversing()], rate_hz=10.0)
-    course = make_course([log_from_frame(frame, "reversing")])
-    assert [one.gear for one in course.stretches] == [1.0, -1.0, 1.0] and course.rows > 480
-    rig = make_rig(load_tractor("eg105"), "soil", course.origin)
+    course = build_dataset([build_log(frame, "reversing")])
+    assert [one.gear for one in course.segments] == [1.0, -1.0, 1.0] and course.rows > 480
+    rig = build_rig(load_tractor("eg105"), "soil", course.origin)
     there, back = (
-        errors_of(run_squares(replace(course, stretches=tuple(one for one in course.stretches if one.gear == gear)),
-                              rig, {0: {}}))[5.0]
+        compute_horizon_errors(
+            sum_squared_errors_by_run(
+                replace(course, segments=tuple(one for one in course.segments if one.gear == gear)), rig, {0: {}}
+            )
+        )[5.0]
         for gear in (1.0, -1.0)
-    )  # fmt: skip
+    )
     assert back.cross_cm < 1.5 * there.cross_cm < 2.5 and back.heading_deg < 1.5 * there.heading_deg < 0.6
 
 

@@ -12,10 +12,10 @@ from tests.diagnosis.sets import LogSet, diagnosed_set, size_of
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.second import Receiver, second_logs
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.answer.verdict import Diagnosis
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.tractor import load_tractor
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.model.tractor import load_tractor
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +29,8 @@ def diagnosed(tractor: str, seed: int, runs: tuple[str, ...], *names: str) -> Di
     """The diagnosis of some runs of the programme in which effects of a clear size are hidden."""
     drives = [drive for drive in three_speeds_programme() if drive.name in runs]
     frames = second_logs({name: CLEAR_SIZES[name] for name in names}, seed, drives, tractor)
-    logs = [log_from_frame(frame, frame.attrs["name"]) for frame in frames]
-    return diagnose(logs, load_tractor(tractor), "soil")
+    logs = [build_log(frame, frame.attrs["name"]) for frame in frames]
+    return diagnose_logs(logs, load_tractor(tractor), "soil")
 
 
 def test_another_steering_and_drive_line_are_no_causes(seed: int) -> None:
@@ -55,18 +55,20 @@ def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ..
     assert abs(truth - told.value[key]) <= high - low, f"seed {seed}: {told.value} {told.interval}"
 
 
+@pytest.mark.slow
 def test_a_name_that_falls_leaves_the_model() -> None:
-    """What the surprises told and the open-loop error did not bear out was asked for ever, as nobody took it out."""
+    """What the residuals told and the open-loop error did not bear out was asked for ever, as nobody took it out."""
     found = diagnosed_set(LogSet(600, ("steering_lag", "steering_deadband"), "clear", "mr1000a"))
     assert set(found.named) <= {"steering_lag", "steering_deadband"}
     assert set(found.named) <= set(found.tractor.effects)
 
 
+@pytest.mark.slow
 def test_play_reads_as_it_is_behind_a_noisy_sensor() -> None:
     """Noise of 0.2 degrees pushed the play before it: a degree read as 1.62 (1.31 to 1.92)."""
     effects = {"steering_backlash": {"angle_deg": 1.0}}
     frames = second_logs(effects, 520, three_speeds_programme(), "eg105", receiver=Receiver(wheel_deg=0.2))
-    found = diagnose([log_from_frame(frame, frame.attrs["name"]) for frame in frames], load_tractor("eg105"), "soil")
+    found = diagnose_logs([build_log(frame, frame.attrs["name"]) for frame in frames], load_tractor("eg105"), "soil")
     told = next(one for one in found.findings if one.id == "steering_backlash")
     assert found.named == ("steering_backlash",) and told.interval is not None
     low, high = told.interval["angle_deg"]

@@ -8,12 +8,12 @@ from tests.diagnosis.hiding import brief_programme, eg105
 from tests.truth.body import Ground
 from tests.truth.model import make_logs
 from tests.truth.sensors import Instruments
-from vehicle.kinds import PER_SLOPE
-from vehicle.measured.answer.diagnose import diagnose
-from vehicle.measured.answer.verdict import Diagnosis
-from vehicle.measured.logs.reading import log_from_frame
-from vehicle.measured.replay.course import make_course
-from vehicle.measured.replay.replaying import make_rig, replay
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.rig import build_rig, replay_segment
+from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.model.effect_kinds import PER_SLOPE
 
 HILLS = Ground(wave_m=0.6, length_m=45.0, drift=0.4)
 
@@ -31,7 +31,7 @@ def frames() -> list[pd.DataFrame]:
 
 def told(frames: list[pd.DataFrame]) -> Diagnosis:
     """What a diagnosis says of logs of the EG105."""
-    return diagnose([log_from_frame(one, f"run {k}") for k, one in enumerate(frames)], eg105(), "soil")
+    return diagnose_logs([build_log(one, f"run {k}") for k, one in enumerate(frames)], eg105(), "soil")
 
 
 def test_drift_per_slope_is_found_where_the_ground_is_no_plane(frames: list[pd.DataFrame]) -> None:
@@ -42,7 +42,7 @@ def test_drift_per_slope_is_found_where_the_ground_is_no_plane(frames: list[pd.D
     low, high = one.interval[PER_SLOPE]
     assert low <= HILLS.drift <= high and one.value[PER_SLOPE] == pytest.approx(HILLS.drift, rel=0.15)
     assert found.tractor.effects["cross_slope_drift"].value[PER_SLOPE] == pytest.approx(one.value[PER_SLOPE], rel=1e-4)
-    assert any("roll_deg gives the slope across the way" in note for note in found.notes)
+    assert any("roll_deg gives the slope across the direction of travel" in note for note in found.notes)
     # The same logs with roll taken away: no plane stands for these hills.
     assert "cross_slope_drift" not in told([one.drop(columns="roll_deg") for one in frames]).named
 
@@ -67,12 +67,12 @@ def test_a_slope_on_which_nothing_drifts_is_no_cause() -> None:
 def test_a_drift_per_slope_is_replayed_where_roll_is_and_as_a_plane_where_it_is_not(frames: list[pd.DataFrame]) -> None:
     drift = {"cross_slope_drift": {"ratio": 0.05, "bearing_deg": 90.0, PER_SLOPE: 0.4}}
     for columns, per_slope in ((frames, True), ([one.drop(columns="roll_deg") for one in frames], False)):
-        course = make_course([log_from_frame(one, f"run {k}") for k, one in enumerate(columns)])
-        rig, stretch = make_rig(eg105(), "soil", course.origin), course.stretches[0]
-        plain, on_slope = (replay(rig, stretch, one, from_sensor=True, from_speed=True) for one in ({}, drift))
+        course = build_dataset([build_log(one, f"run {k}") for k, one in enumerate(columns)])
+        rig, segment = build_rig(eg105(), "soil", course.origin), course.segments[0]
+        plain, on_slope = (replay_segment(rig, segment, one, from_sensor=True, from_speed=True) for one in ({}, drift))
         aside = np.sum((on_slope[-1, :2] - plain[-1, :2]) * [np.sin(plain[0, 2]), -np.cos(plain[0, 2])])
-        way = stretch.grids["speed"] / 60.0
-        across = 0.4 * stretch.grids["across"] if per_slope else 0.05 * np.sin(stretch.grids["heading"])
+        way = segment.grids["speed"] / 60.0
+        across = 0.4 * segment.grids["across"] if per_slope else 0.05 * np.sin(segment.grids["heading"])
         assert float(aside) == pytest.approx(float(np.sum(way * across)), abs=0.05)
 
 

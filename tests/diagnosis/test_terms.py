@@ -8,21 +8,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle import terms
-from vehicle.calibration import steering_tables
-from vehicle.compile import compile_grounds, compile_model
-from vehicle.driveline import propel, turn_wheels
-from vehicle.effects import CATALOGUE, NEUTRAL_FIELDS, check, effect_fields, neutral
 from vehicle.errors import VehicleError
-from vehicle.ground import ground_index
-from vehicle.layout import MODEL, STATE
-from vehicle.missions import Leg, Mission, Plan, Task
-from vehicle.run import DONE, Run
-from vehicle.tractor import EffectSetting, Implement, Rest, Tractor, load_tractor
-from vehicle.world import simulate
+from vehicle.missions.plan import Leg, LegTask, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.effects import CATALOGUE, NEUTRAL_FIELDS, check_effect, compute_effect_fields, get_neutral_values
+from vehicle.model.ground import find_ground_index
+from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Implement, Tractor, load_tractor
+from vehicle.records import MODEL, STATE
+from vehicle.sim import effect_terms
+from vehicle.sim.calibration import build_steering_tables
+from vehicle.sim.compile import build_ground_records, build_model_record
+from vehicle.sim.dynamics import step_speed_control, step_steering_system
+from vehicle.sim.world import simulate
 
 EG105 = load_tractor("eg105")
-SOIL = ground_index("soil")
+SOIL = find_ground_index("soil")
 
 
 def with_effect(name: str, **value: float) -> Tractor:
@@ -30,27 +30,27 @@ def with_effect(name: str, **value: float) -> Tractor:
 
 
 def model(tractor: Tractor) -> np.ndarray:
-    return np.array([compile_model(tractor, Implement())])[0]
+    return np.array([build_model_record(tractor, Implement())])[0]
 
 
 def tangent(tractor: Tractor, angle_deg: float, speed: float = 1.4, working: float = 0.0, **place: float) -> float:
-    table = steering_tables(EG105)[SOIL]
-    return terms.affected_tangent(
+    table = build_steering_tables(EG105)[SOIL]
+    return effect_terms.compute_affected_tangent(
         math.radians(angle_deg), speed, place.get("east", 0.0), place.get("north", 0.0), 1.0, 0.0,
         place.get("seconds", 0.0), working, table, model(tractor),
     )  # fmt: skip
 
 
-def drive(tractor: Tractor, length: float = 60.0, implement: bool = False) -> Run:
-    leg = Leg(np.array([[0.0, 0.0], [0.0, length]]), 1.4, implement=implement, task=Task("track"))
+def drive(tractor: Tractor, length: float = 60.0, implement: bool = False) -> SimulationRun:
+    leg = Leg(np.array([[0.0, 0.0], [0.0, length]]), 1.4, implement=implement, task=LegTask("track"))
     return simulate(Plan((Mission((leg,)),)), tractor, Implement())
 
 
 def test_every_field_of_an_effect_is_in_the_record_and_neutral_changes_nothing() -> None:
     assert set(NEUTRAL_FIELDS) <= set(MODEL.names or ())
     for entry in CATALOGUE:
-        values = neutral(entry.id, EG105.steering)
-        fields = effect_fields({entry.id: values})
+        values = get_neutral_values(entry.id, EG105.steering)
+        fields = compute_effect_fields({entry.id: values})
         assert set(fields) <= set(MODEL.names or ())
         tractor = with_effect(entry.id, **values)
         for angle in (-20.0, -1.0, 0.0, 3.0, 30.0):
@@ -83,15 +83,15 @@ def test_grip_belongs_to_its_place_and_its_time() -> None:
     assert tangent(patch, 10.0, east=16.0) == pytest.approx(base)
     drift = with_effect("grip_drift", per_minute=0.1)
     assert tangent(drift, 10.0, seconds=30.0) == pytest.approx(1.05 * base)
-    assert tangent(drift, 10.0, seconds=3600.0) == pytest.approx((1.0 + terms.DRIFT_LIMIT) * base)
+    assert tangent(drift, 10.0, seconds=3600.0) == pytest.approx((1.0 + effect_terms.DRIFT_LIMIT) * base)
 
 
 @given(st.floats(0.5, 3.0), st.floats(0.1, 6.0))
 def test_understeer_takes_its_angle_per_acceleration(speed: float, loss: float) -> None:
     """On a circle, what is lost must be the loss times the lateral acceleration of what is left."""
-    table = steering_tables(EG105)[SOIL]
+    table = build_steering_tables(EG105)[SOIL]
     record = model(with_effect("understeer", deg_per_mps2=loss))
-    left = terms.unstrained_angle(math.radians(12.0), speed, table, record)
+    left = effect_terms.solve_understeer(math.radians(12.0), speed, table, record)
     held = tangent(EG105, math.degrees(left))
     assert math.radians(12.0) - left == pytest.approx(
         math.radians(loss) * speed**2 * held / EG105.wheelbase_m, rel=0.02
@@ -101,7 +101,7 @@ def test_understeer_takes_its_angle_per_acceleration(speed: float, loss: float) 
 @given(st.floats(0.03, 0.3), st.floats(0.5, 5.0), st.floats(-30.0, 30.0))
 def test_side_force_has_a_limit(limit: float, speed: float, angle: float) -> None:
     held = tangent(with_effect("side_slip", limit_g=limit), angle, speed)
-    assert abs(held) * speed**2 / EG105.wheelbase_m <= limit * terms.GRAVITY_MPS2 * (1.0 + 1e-9)
+    assert abs(held) * speed**2 / EG105.wheelbase_m <= limit * effect_terms.GRAVITY_MPS2 * (1.0 + 1e-9)
     assert abs(held) <= abs(tangent(EG105, angle, speed)) + 1e-12
 
 
@@ -109,7 +109,7 @@ def test_side_force_has_a_limit(limit: float, speed: float, angle: float) -> Non
 def test_play_never_leaves_its_gap(angles: list[float], width: float) -> None:
     record, play = model(with_effect("steering_backlash", angle_deg=width)), 0.0
     for angle in angles:
-        before, play = play, float(terms.played(play, angle, record))
+        before, play = play, float(effect_terms.apply_play(play, angle, record))
         assert abs(play - angle) <= math.radians(width / 2.0) + 1e-12
         assert play == before or abs(abs(play - angle) - math.radians(width / 2.0)) < 1e-12
 
@@ -118,15 +118,17 @@ def test_delay_reads_between_steps() -> None:
     ring = np.zeros(8)
     for step in range(20):
         ring[step % 8] = step
-    assert terms.delayed(ring, 19, 2.25) == pytest.approx(16.75)
-    assert terms.delayed(ring, 19, 0.0) == 19.0
+    assert effect_terms.read_delayed(ring, 19, 2.25) == pytest.approx(16.75)
+    assert effect_terms.read_delayed(ring, 19, 0.0) == 19.0
 
 
 def test_a_slope_pushes_downhill_whichever_way_one_drives() -> None:
     record = model(with_effect("cross_slope_drift", ratio=0.05, bearing_deg=90.0))
-    assert terms.ground_drift(0.0, 2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx((0.0, 0.1))
-    assert terms.ground_drift(0.0, 2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx((0.0, -0.1))
-    assert terms.ground_drift(0.0, 2.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+    assert effect_terms.compute_ground_drift(0.0, 2.0, math.cos(math.pi / 2), 1.0, record) == pytest.approx((0.0, 0.1))
+    assert effect_terms.compute_ground_drift(0.0, 2.0, math.cos(-math.pi / 2), -1.0, record) == pytest.approx(
+        (0.0, -0.1)
+    )
+    assert effect_terms.compute_ground_drift(0.0, 2.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
 
 
 def test_wheel_slip_slows_the_plan_in_proportion() -> None:
@@ -143,9 +145,9 @@ def paced(lag_s: float, start: float, target: float, steps: int) -> np.ndarray:
     """Reference speed after each step of 1/60 s towards a target."""
     state, record, out = np.zeros(1, dtype=STATE), model(with_effect("speed_lag", time_s=lag_s)), np.empty(steps)
     state["reference_speed"], state["target_speed"] = start, target
-    ground = compile_grounds()[SOIL]
+    ground = build_ground_records()[SOIL]
     for step in range(steps):
-        propel(state[0], record, ground, float(state[0]["reference_speed"]), 1.0 / 60.0)
+        step_speed_control(state[0], record, ground, float(state[0]["reference_speed"]), 1.0 / 60.0)
         out[step] = state[0]["reference_speed"]
     return out
 
@@ -181,7 +183,7 @@ def first_move(dead_time_s: float) -> int:
     state, record = np.zeros(1, dtype=STATE), model(with_effect("steering_dead_time", time_s=dead_time_s))
     for step in range(180):
         state["command"] = math.radians(10.0) if step >= 60 else 0.0
-        turn_wheels(state[0], record, 1.0 / 60.0)
+        step_steering_system(state[0], record, 1.0 / 60.0)
         state["clock"] += 1
         if state[0]["steering"] != 0.0:
             return step
@@ -193,11 +195,13 @@ def test_dead_time_holds_the_wheels_back() -> None:
     assert first_move(0.5) == 90
 
 
-SEEN = Rest(amounts={"grip_by_speed": 0.1, "angle_by_square": 0.5}, speed_mps=(0.5, 2.5), angle_deg=(-20.0, 20.0))
+SEEN = DiscrepancyModel(
+    amounts={"grip_by_speed": 0.1, "angle_by_square": 0.5}, speed_mps=(0.5, 2.5), angle_deg=(-20.0, 20.0)
+)
 
 
-def with_rest(rest: Rest) -> Tractor:
-    return EG105.model_copy(update={"rest": rest})
+def with_rest(rest: DiscrepancyModel) -> Tractor:
+    return EG105.model_copy(update={"discrepancy_model": rest})
 
 
 def test_the_rest_follows_its_definition_where_it_was_seen() -> None:
@@ -208,7 +212,7 @@ def test_the_rest_follows_its_definition_where_it_was_seen() -> None:
 def test_the_rest_fades_and_ends_outside_of_what_was_seen() -> None:
     for angle, speed in ((10.0, 2.71), (24.1, 1.4), (-24.1, 1.4), (10.0, 0.29)):
         assert tangent(with_rest(SEEN), angle, speed) == pytest.approx(tangent(EG105, angle, speed), rel=1e-9)
-    half = terms.rest_trust(math.radians(22.0), 1.4, model(with_rest(SEEN)))
+    half = effect_terms.compute_discrepancy_trust(math.radians(22.0), 1.4, model(with_rest(SEEN)))
     assert half == pytest.approx(0.5)
 
 
@@ -218,11 +222,13 @@ def test_the_rest_can_be_switched_off() -> None:
 
 
 def test_a_push_carries_a_tractor_that_drives_and_no_other() -> None:
-    record = model(with_rest(Rest(amounts={"push_to_east": 0.1}, speed_mps=(0.0, 3.0), angle_deg=(-5.0, 5.0))))
-    assert terms.ground_drift(0.0, 1.4, 1.0, 0.0, record) == pytest.approx((0.1, 0.0))
-    assert terms.ground_drift(0.0, 1.4, 0.0, 1.0, record) == pytest.approx((0.0, 0.1))
-    assert terms.ground_drift(0.0, 0.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
-    assert terms.ground_drift(math.radians(30.0), 1.4, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+    record = model(
+        with_rest(DiscrepancyModel(amounts={"push_to_east": 0.1}, speed_mps=(0.0, 3.0), angle_deg=(-5.0, 5.0)))
+    )
+    assert effect_terms.compute_ground_drift(0.0, 1.4, 1.0, 0.0, record) == pytest.approx((0.1, 0.0))
+    assert effect_terms.compute_ground_drift(0.0, 1.4, 0.0, 1.0, record) == pytest.approx((0.0, 0.1))
+    assert effect_terms.compute_ground_drift(0.0, 0.0, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
+    assert effect_terms.compute_ground_drift(math.radians(30.0), 1.4, 1.0, 0.0, record) == pytest.approx((0.0, 0.0))
 
 
 @pytest.mark.parametrize(
@@ -232,7 +238,7 @@ def test_a_push_carries_a_tractor_that_drives_and_no_other() -> None:
 )  # fmt: skip
 def test_an_impossible_rest_is_refused(values: dict[str, Any], word: str) -> None:
     with pytest.raises((VehicleError, ValueError), match=word):
-        Rest(**({"amounts": {}, "speed_mps": (0.0, 3.0), "angle_deg": (-5.0, 5.0)} | values))
+        DiscrepancyModel(**({"amounts": {}, "speed_mps": (0.0, 3.0), "angle_deg": (-5.0, 5.0)} | values))
 
 
 @pytest.mark.parametrize(
@@ -242,4 +248,4 @@ def test_an_impossible_rest_is_refused(values: dict[str, Any], word: str) -> Non
 )  # fmt: skip
 def test_impossible_effects_are_refused(name: str, value: dict[str, float], word: str) -> None:
     with pytest.raises(VehicleError, match=word):
-        check(name, value)
+        check_effect(name, value)

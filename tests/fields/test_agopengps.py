@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from pyproj import Geod
 
+from fields.documents.reader import read_field
 from fields.errors import FieldError
-from fields.plane import Plane
-from fields.read import read_field
+from fields.geometry.geodesy import LocalPlane
 from tests.fields.farm_files import agopengps
 
 
@@ -20,15 +20,15 @@ def test_the_rectangle_and_its_ponds(tmp_path: Path, comma: bool) -> None:
     assert field.name == "Back forty" and field.crs == "EPSG:32615"
     assert field.boundary.area == pytest.approx(200 * 160 - 2 * 20 * 20, rel=1e-3)
     assert len(field.boundary.interiors) == 2
-    assert [one.name for one in field.lines] == ["AB north", "Bend"]
-    assert field.lines[0].line.length == pytest.approx(100.0, rel=1e-3)
-    assert field.lines[1].line.length == pytest.approx(np.hypot(20, 40) + np.hypot(30, 20), rel=1e-3)
+    assert [one.name for one in field.guidance_lines] == ["AB north", "Bend"]
+    assert field.guidance_lines[0].line.length == pytest.approx(100.0, rel=1e-3)
+    assert field.guidance_lines[1].line.length == pytest.approx(np.hypot(20, 40) + np.hypot(30, 20), rel=1e-3)
 
 
 def test_the_plane_is_that_of_the_program_and_true_to_the_earth() -> None:
-    plane, geod = Plane(-93.63, 42.03), Geod(ellps="WGS84")
+    plane, geod = LocalPlane(-93.63, 42.03), Geod(ellps="WGS84")
     for east, north in ((0.0, 1000.0), (1000.0, 0.0), (-700.0, 700.0)):
-        longitude, latitude = plane.degrees(east, north)
+        longitude, latitude = plane.to_degrees(east, north)
         azimuth, _, distance = geod.inv(-93.63, 42.03, longitude, latitude)
         assert distance == pytest.approx(np.hypot(east, north), rel=2e-4)
         assert azimuth % 360 == pytest.approx(np.degrees(np.arctan2(east, north)) % 360, abs=0.02)
@@ -39,7 +39,7 @@ def test_files_of_older_versions(tmp_path: Path) -> None:
     (folder / "TrackLines.txt").unlink()
     (folder / "ABLines.txt").write_text("Old AB,90.0,10.0,20.0\n")
     (folder / "CurveLines.txt").write_text("$CurveLines\nOld bend\n0.5\n2\n0.0,0.0,0.0\n0.0,30.0,0.0\n")
-    lines = {one.name: one for one in read_field(folder).lines}
+    lines = {one.name: one for one in read_field(folder).guidance_lines}
     assert lines["Old AB"].bearing_deg == pytest.approx(90.0, abs=1.0)  # grid north is up to a degree off here
     assert lines["Old bend"].line.length == pytest.approx(30.0, rel=1e-3)
 
@@ -50,7 +50,7 @@ def test_a_ring_cut_short_is_told(tmp_path: Path) -> None:
     (folder / "Boundary.txt").write_text(text)
     field = read_field(folder)
     assert len(field.boundary.interiors) == 2
-    assert "A ring of 'Back forty' says 9 points and has 4; those are taken." in field.remarks
+    assert "A ring of 'Back forty' has 4 points, not 9 as stated; these are used." in field.remarks
 
 
 @pytest.mark.parametrize(
@@ -98,8 +98,8 @@ def test_lines_that_cannot_be_read_are_counted_and_those_behind_them_kept(tmp_pa
     pivot = "Pivot\n0\n1.0,1.0\n2.0,2.0\n0\n64\nTrue\n0\n"
     (folder / "TrackLines.txt").write_text("$TrackLines\n" + odd + pivot + whole)
     field = read_field(folder)
-    assert [one.name for one in field.lines] == ["AB north", "Bend"]
-    assert "Left out of 'Back forty': 2 lines of tracklines.txt that cannot be read." in field.remarks
+    assert [one.name for one in field.guidance_lines] == ["AB north", "Bend"]
+    assert "Skipped in 'Back forty': 2 unreadable lines of tracklines.txt." in field.remarks
 
 
 def test_field_txt_stands_for_its_folder(tmp_path: Path) -> None:

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from fields import Field, FieldError, Layout, lay_tracks
-from fields.cutting import CELL_M, costs_m, divided
-from fields.lines import TURN_M
-from fields.options import effort_m, lay_options, with_bearings
+from fields import Field, FieldError, Layout, lay_swaths
+from fields.layout.cells import CELL_COST_M, divide_region, estimate_costs_m
+from fields.layout.options import estimate_layout_cost_m, list_layout_alternatives, replace_bearings
+from fields.layout.parallel_lines import TURN_COST_M
 
 EAST, NORTH = 0.0, math.pi / 2
 BOTH = np.array([EAST, NORTH])
@@ -31,125 +31,132 @@ SHAPES = {"L": L, "U": U, "comb": COMB, "donut": DONUT, "star": STAR}
 class TestCosts:
     def test_rectangle(self) -> None:
         """20 lines of 240 m, or 80 of 60 m; a turn for each."""
-        assert costs_m(shapely.box(0, 0, 240, 60), BOTH, 3.0) == pytest.approx([4800 + 20 * TURN_M, 4800 + 80 * TURN_M])
+        assert estimate_costs_m(shapely.box(0, 0, 240, 60), BOTH, 3.0) == pytest.approx(
+            [4800 + 20 * TURN_COST_M, 4800 + 80 * TURN_COST_M]
+        )
 
     def test_lines_are_whole(self) -> None:
         """61 m take 21 lines of 3 m."""
-        assert costs_m(shapely.box(0, 0, 240, 61), BOTH[:1], 3.0) == pytest.approx([21 * (240 + TURN_M)])
+        assert estimate_costs_m(shapely.box(0, 0, 240, 61), BOTH[:1], 3.0) == pytest.approx([21 * (240 + TURN_COST_M)])
 
     def test_slanted_ends_are_driven_out(self) -> None:
         """A parallelogram that leans by 60 m over 60 m: each of 20 swaths is 3 m longer than its centre line."""
         leaning = shapely.Polygon([(0, 0), (240, 0), (300, 60), (60, 60)])
-        assert costs_m(leaning, BOTH[:1], 3.0) == pytest.approx([20 * (240 + 3.0 + TURN_M)])
+        assert estimate_costs_m(leaning, BOTH[:1], 3.0) == pytest.approx([20 * (240 + 3.0 + TURN_COST_M)])
 
     @given(turn=st.floats(0, 360), name=st.sampled_from(sorted(SHAPES)))
     def test_turns_with_the_region(self, turn: float, name: str) -> None:
         other = affinity.rotate(SHAPES[name], turn, origin=(7, -3))
         bearings = np.array([0.0, 0.5, 2.0])
-        before, after = costs_m(SHAPES[name], bearings, 3.01), costs_m(other, bearings + math.radians(turn), 3.01)
+        before, after = (
+            estimate_costs_m(SHAPES[name], bearings, 3.01),
+            estimate_costs_m(other, bearings + math.radians(turn), 3.01),
+        )
         assert after == pytest.approx(before, rel=1e-9)
 
 
 class TestDivided:
     def test_l_has_an_arm_of_its_own(self) -> None:
         """One bearing: 8400 m and 80 turns. Two: as many metres and 40 turns, and one way between cells."""
-        assert costs_m(L, BOTH, 3.0) == pytest.approx([8400 + 80 * TURN_M] * 2)
-        parts = divided(L, BOTH, 3.0)
+        assert estimate_costs_m(L, BOTH, 3.0) == pytest.approx([8400 + 80 * TURN_COST_M] * 2)
+        parts = divide_region(L, BOTH, 3.0)
         assert sorted(round(part.region.area) for part in parts) == [10800, 14400]
         assert {part.bearing_rad for part in parts} == {EAST, NORTH}
-        assert sum(part.cost_m for part in parts) == pytest.approx(8400 + 40 * TURN_M)
-        assert 40 * TURN_M > CELL_M
+        assert sum(part.cost_m for part in parts) == pytest.approx(8400 + 40 * TURN_COST_M)
+        assert 40 * TURN_COST_M > CELL_COST_M
 
     def test_comb_has_teeth(self) -> None:
-        parts = divided(COMB, BOTH, 3.0)
+        parts = divide_region(COMB, BOTH, 3.0)
         assert sorted((round(part.region.area, -2), part.bearing_rad) for part in parts) == [
             (10800, NORTH), (10800, NORTH), (10800, NORTH), (18000, EAST),
         ]  # fmt: skip
 
     @pytest.mark.parametrize("shape", [shapely.box(0, 0, 100, 60), shapely.Point(0, 0).buffer(80)])
     def test_convex_is_not_cut(self, shape: shapely.Polygon) -> None:
-        assert len(divided(shape, np.linspace(-1.5, 1.5, 9), 3.0)) == 1
+        assert len(divide_region(shape, np.linspace(-1.5, 1.5, 9), 3.0)) == 1
 
     def test_parts_of_a_region_may_differ(self) -> None:
         apart = shapely.union_all([shapely.box(0, 0, 240, 30), shapely.box(300, 0, 330, 240)])
-        assert {part.bearing_rad for part in divided(apart, BOTH, 3.0)} == {EAST, NORTH}
+        assert {part.bearing_rad for part in divide_region(apart, BOTH, 3.0)} == {EAST, NORTH}
 
     def test_nothing_is_not_divided(self) -> None:
-        assert divided(shapely.Polygon(), BOTH, 3.0) == []
+        assert divide_region(shapely.Polygon(), BOTH, 3.0) == []
 
     @pytest.mark.parametrize("name", SHAPES)
     @given(turn=st.sampled_from([0.0, 17.0, 133.0]), width=st.sampled_from([2.0, 3.0, 6.0]))
     @settings(max_examples=5, deadline=None)
     def test_parts_are_the_region(self, name: str, turn: float, width: float) -> None:
         shape = affinity.rotate(SHAPES[name], turn, origin=(0, 0))
-        parts = [part.region for part in divided(shape, np.linspace(-1.4, 1.5, 12), width)]
+        parts = [part.region for part in divide_region(shape, np.linspace(-1.4, 1.5, 12), width)]
         assert math.fsum(part.area for part in parts) == pytest.approx(shape.area, rel=1e-6)
         assert shapely.union_all(parts, grid_size=1e-6).symmetric_difference(shape).area < 1e-3
 
 
 def swaths(layout: Layout, number: int) -> shapely.Geometry:
-    lines = [shapely.LineString([t.start, t.end]) for t in layout.tracks if t.cell == number]
+    lines = [shapely.LineString([t.start_m, t.end_m]) for t in layout.swaths if t.cell_number == number]
     return shapely.union_all(shapely.buffer(lines, 0.5 * layout.width_m, cap_style="flat"), grid_size=1e-6)
 
 
 def in_cells(shape: shapely.Polygon, rounds: int = 3) -> Layout | None:
-    plain = lay_tracks(Field("f", shape), 3.0, 0.0, rounds=rounds)
-    return next((option for option in lay_options(plain) if len(option.cells) > 1), None)
+    plain = lay_swaths(Field("f", shape), 3.0, 0.0, headland_passes=rounds)
+    return next((option for option in list_layout_alternatives(plain) if len(option.cells) > 1), None)
 
 
 class TestLayouts:
     def test_two_bearings_beat_one_on_an_l(self) -> None:
         """Inside three rounds arms are 42 m wide: 14 lines in each, 28 turns instead of 14 + 60."""
-        options = lay_options(lay_tracks(Field("l", L), 3.0, 0.0, rounds=3))
+        options = list_layout_alternatives(lay_swaths(Field("l", L), 3.0, 0.0, headland_passes=3))
         best, plain = options[0], next(option for option in options if len(option.cells) == 1)
-        assert (len(best.tracks), len(plain.tracks)) == (28, 74)
-        assert effort_m(best) == pytest.approx(effort_m(plain) - (74 - 28) * TURN_M + CELL_M, abs=1.0)
+        assert (len(best.swaths), len(plain.swaths)) == (28, 74)
+        assert estimate_layout_cost_m(best) == pytest.approx(
+            estimate_layout_cost_m(plain) - (74 - 28) * TURN_COST_M + CELL_COST_M, abs=1.0
+        )
 
     @pytest.mark.parametrize("name", SHAPES)
     def test_cells_cover_the_region_and_tracks_run_in_theirs(self, name: str) -> None:
         layout = in_cells(SHAPES[name])
         assert layout is not None
-        assert math.fsum(cell.area_m2 for cell in layout.cells) == pytest.approx(layout.inner.area, rel=1e-6)
+        assert math.fsum(cell.area_m2 for cell in layout.cells) == pytest.approx(layout.inner_region.area, rel=1e-6)
         assert [cell.number for cell in layout.cells] == list(range(1, len(layout.cells) + 1))
         for cell in layout.cells:
             left = shapely.difference(cell.region, swaths(layout, cell.number), grid_size=1e-6)
             assert left.buffer(-0.1).area < 0.25 * 3.0**2
-            for track in (track for track in layout.tracks if track.cell == cell.number):
-                ahead = np.subtract(track.end, track.start) / track.length
+            for track in (track for track in layout.swaths if track.cell_number == cell.number):
+                ahead = np.subtract(track.end_m, track.start_m) / track.length_m
                 assert ahead == pytest.approx((math.cos(cell.bearing_rad), math.sin(cell.bearing_rad)), abs=1e-9)
-                line = shapely.LineString([track.start, track.end])
-                assert track.length < 5.0 + 1e-6 or cell.region.buffer(0.5 * 3.0 + 1e-3).covers(line)
+                line = shapely.LineString([track.start_m, track.end_m])
+                assert track.length_m < 5.0 + 1e-6 or cell.region.buffer(0.5 * 3.0 + 1e-3).covers(line)
 
     @pytest.mark.parametrize("name", SHAPES)
     def test_a_line_number_is_used_in_one_cell(self, name: str) -> None:
         layout = in_cells(SHAPES[name])
         assert layout is not None
-        assert len({(track.line, track.piece) for track in layout.tracks}) == len(layout.tracks)
-        cells = {track.line: track.cell for track in layout.tracks}
+        assert len({(track.line, track.piece) for track in layout.swaths}) == len(layout.swaths)
+        cells = {track.line: track.cell_number for track in layout.swaths}
         assert [cells[line] for line in sorted(cells)] == sorted(cells.values())
-        assert all(cells[track.line] == track.cell for track in layout.tracks)
+        assert all(cells[track.line] == track.cell_number for track in layout.swaths)
 
     def test_a_bearing_is_given_to_a_cell(self) -> None:
         layout = in_cells(L)
         assert layout is not None
-        other = with_bearings(layout, {2: 30.0})
+        other = replace_bearings(layout, {2: 30.0})
         assert [round(cell.bearing_deg, 6) for cell in other.cells] == [round(layout.cells[0].bearing_deg, 6), 30.0]
         assert [cell.region for cell in other.cells] == [cell.region for cell in layout.cells]
-        assert [t for t in other.tracks if t.cell == 1] == [t for t in layout.tracks if t.cell == 1]
-        assert min(track.line for track in other.tracks if track.cell == 2) == 14
+        assert [t for t in other.swaths if t.cell_number == 1] == [t for t in layout.swaths if t.cell_number == 1]
+        assert min(track.line for track in other.swaths if track.cell_number == 2) == 14
 
     @pytest.mark.parametrize("rounds", [0, 3])
     def test_the_bearing_of_the_only_cell_is_that_of_the_field(self, rounds: int) -> None:
         field = Field("r", shapely.box(0, 0, 120, 80))
-        given = with_bearings(lay_tracks(field, 3.0, 9.0, rounds=rounds), {1: 20.0})
-        assert given.tracks == lay_tracks(field, 3.0, 9.0, 20.0, rounds=rounds).tracks
+        given = replace_bearings(lay_swaths(field, 3.0, 9.0, headland_passes=rounds), {1: 20.0})
+        assert given.swaths == lay_swaths(field, 3.0, 9.0, 20.0, headland_passes=rounds).swaths
 
     @pytest.mark.parametrize("number", [0, 3])
     def test_a_cell_that_does_not_exist(self, number: int) -> None:
         layout = in_cells(L)
         assert layout is not None
         with pytest.raises(FieldError, match=f"Cell {number} .* has 2 cells; use 1 to 2"):
-            with_bearings(layout, {number: 45.0})
+            replace_bearings(layout, {number: 45.0})
 
     @given(turn=st.floats(0, 360), mirrored=st.booleans())
     @settings(max_examples=10, deadline=None)
@@ -157,7 +164,10 @@ class TestLayouts:
         shape = shapely.Polygon([(0, 0), (200, 10), (190, 75), (70, 70), (64, 210), (5, 205)])
         other = affinity.rotate(affinity.scale(shape, -1 if mirrored else 1, 1), turn)
         before, after = (
-            [effort_m(option) for option in lay_options(lay_tracks(Field("f", one), 3.0, 0.0, rounds=2))]
+            [
+                estimate_layout_cost_m(option)
+                for option in list_layout_alternatives(lay_swaths(Field("f", one), 3.0, 0.0, headland_passes=2))
+            ]
             for one in (shape, other)
         )
         assert after[0] == pytest.approx(before[0], rel=2e-3)

@@ -10,7 +10,7 @@ import shapely
 from pyproj import Geod
 
 from fields import Field, FieldError, GroundZone, read_field
-from fields.projection import utm_crs
+from fields.geometry.geodesy import find_utm_crs
 
 
 def test_area_leaves_out_the_obstacles() -> None:
@@ -42,8 +42,8 @@ def test_outline_that_is_not_one_valid_polygon_is_refused(shape: shapely.Geometr
 
 def test_first_ground_zone_wins_and_edges_belong_to_it() -> None:
     zones = (GroundZone("asphalt", shapely.box(0, 0, 10, 10)), GroundZone("mud", shapely.box(5, 0, 20, 10)))
-    field = Field("a", shapely.box(0, 0, 100, 100), grounds=zones, default_ground="grass")
-    assert [field.ground_at(x, 5) for x in (5, 10, 10.001, 20, 20.001)] == [
+    field = Field("a", shapely.box(0, 0, 100, 100), ground_zones=zones, default_ground="grass")
+    assert [field.find_ground_at(x, 5) for x in (5, 10, 10.001, 20, 20.001)] == [
         "asphalt",
         "asphalt",
         "mud",
@@ -104,10 +104,10 @@ def test_distances_agree_with_the_ellipsoid(name: str) -> None:
     ],
 )
 def test_utm_zone(longitude: float, latitude: float, expected: str) -> None:
-    assert utm_crs(longitude, latitude) == expected
+    assert find_utm_crs(longitude, latitude) == expected
 
 
 @pytest.mark.parametrize("latitude", [84.5, -80.5])
 def test_no_utm_at_the_poles(latitude: float) -> None:
     with pytest.raises(FieldError, match="outside the UTM range"):
-        utm_crs(20.0, latitude)
+        find_utm_crs(20.0, latitude)

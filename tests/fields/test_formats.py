@@ -4,31 +4,34 @@ from pathlib import Path
 
 import pytest
 
-import fields.formats
 from fields import FieldError, list_fields, read_field
-from fields.document import Document, Format, RawPolygon
-from fields.formats import FOREIGN, FORMATS, format_of, geojson, shapefile
+from fields.documents import sources
+from fields.documents.sources import FIELD_FORMATS, FOREIGN_EXTENSIONS, find_field_format
+from fields.formats import geojson, shapefile
+from fields.raw_document import FieldDocument, FieldFormat, RawPolygon
 
 
-def squares(path: str, label: str) -> Document:
+def squares(path: str, label: str) -> FieldDocument:
     """A toy form: a side in metres a line, a square each."""
     sides = [float(line) for line in Path(path).read_text().split()]
     rings = [[[[0, 0], [side, 0], [side, side], [0, side], [0, 0]]] for side in sides]
     polygons = tuple(RawPolygon(ring, (f"square-{number}",), {}) for number, ring in enumerate(rings))
-    return Document(polygons, (), (), None, "local_metres", {}, "drawn")
+    return FieldDocument(polygons, (), (), None, "local_metres", {}, "drawn")
 
 
 def test_endings_are_told_apart() -> None:
-    endings = [ending for form in FORMATS for ending in form.endings]
-    assert len(set(endings)) == len(endings) and not set(endings) & set(FOREIGN)
+    endings = [ending for form in FIELD_FORMATS for ending in form.extensions]
+    assert len(set(endings)) == len(endings) and not set(endings) & set(FOREIGN_EXTENSIONS)
     assert all(ending.startswith(".") and ending == ending.lower() for ending in endings)
-    assert format_of("a/b.GeoJSON") is geojson.FORMAT and format_of("plain") is geojson.FORMAT
-    assert format_of("parcels.SHP") is shapefile.FORMAT and format_of("parcels.DXF") is None
+    assert (
+        find_field_format("a/b.GeoJSON") is geojson.FIELD_FORMAT and find_field_format("plain") is geojson.FIELD_FORMAT
+    )
+    assert find_field_format("parcels.SHP") is shapefile.FIELD_FORMAT and find_field_format("parcels.DXF") is None
 
 
 def test_a_new_form_is_a_record_and_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    toy = Format("squares", (".sq",), squares)
-    monkeypatch.setattr(fields.formats, "FORMATS", (*FORMATS, toy))
+    toy = FieldFormat("squares", (".sq",), squares)
+    monkeypatch.setattr(sources, "FIELD_FORMATS", (*FIELD_FORMATS, toy))
     place = tmp_path / "two.sq"
     place.write_text("30\n50\n")
     assert [one.area_ha for one in list_fields(place)] == [0.09, 0.25]
@@ -40,6 +43,6 @@ def test_a_foreign_form_is_named_with_a_way_out(tmp_path: Path) -> None:
     place = tmp_path / "parcels.dxf"
     place.write_bytes(b"")
     with pytest.raises(
-        FieldError, match=r"is DXF, and fields are read from GeoJSON, Shapefile, KML, .* and AgOpenGPS; convert it"
+        FieldError, match=r"is DXF, but fields are read from GeoJSON, Shapefile, KML, .* and AgOpenGPS; convert it"
     ):
         read_field(place)

@@ -10,7 +10,7 @@ import pytest
 
 from fields.errors import FieldError
 from fields.formats import agopengps, geojson, gpx, isoxml, kml
-from fields.formats.geojson import parse
+from fields.formats.geojson import parse_geojson
 from tests.fields.farm_files import agopengps as draw_agopengps
 from tests.fields.farm_files import partfield, pattern, points, polygon, taskdata, write_taskdata
 
@@ -82,7 +82,7 @@ def survey(read: Callable[[str], object], text: str) -> None:
 
 
 def test_geojson() -> None:
-    survey(lambda text: parse(text, "'x'"), GEOJSON)
+    survey(lambda text: parse_geojson(text, "'x'"), GEOJSON)
 
 
 def test_isoxml(tmp_path: Path) -> None:
@@ -91,7 +91,7 @@ def test_isoxml(tmp_path: Path) -> None:
 
     def read(text: str) -> object:
         (folder / "TASKDATA.XML").write_text(text, errors="replace")
-        return isoxml.FORMAT.read(str(folder), "'x'")
+        return isoxml.FIELD_FORMAT.read(str(folder), "'x'")
 
     survey(read, whole)
 
@@ -103,14 +103,14 @@ def test_agopengps(tmp_path: Path, file: str) -> None:
     draw = random.Random(20262)
     for _ in range(CASES // 3 + 1):
         (folder / file).write_text(damaged(whole, draw))
-        assert_read_or_refused(lambda: agopengps.FORMAT.read(str(folder), "'x'"))
+        assert_read_or_refused(lambda: agopengps.FIELD_FORMAT.read(str(folder), "'x'"))
 
 
 @pytest.mark.parametrize(("form", "text", "name"), [(kml, KML, "a.kml"), (gpx, GPX, "a.gpx")])
 def test_forms_that_gdal_reads(tmp_path: Path, form: object, text: str, name: str) -> None:
     def read(damage: str) -> object:
         (tmp_path / name).write_text(damage)
-        return form.FORMAT.read(str(tmp_path / name), "'x'")  # type: ignore[attr-defined]
+        return form.FIELD_FORMAT.read(str(tmp_path / name), "'x'")  # type: ignore[attr-defined]
 
     survey(read, text)
 
@@ -128,12 +128,12 @@ def test_archives(tmp_path: Path) -> None:
         for _ in range(draw.randint(1, 6)):
             content[draw.randrange(len(content))] = draw.randrange(256)
         path.write_bytes(bytes(content[: draw.choice([len(content), draw.randrange(len(content))])]))
-        assert_read_or_refused(lambda: isoxml.FORMAT.read(str(path), "'x'"))
+        assert_read_or_refused(lambda: isoxml.FIELD_FORMAT.read(str(path), "'x'"))
 
 
 def test_undamaged_files_are_read(tmp_path: Path) -> None:
-    assert geojson.parse(GEOJSON, "'x'").polygons
+    assert geojson.parse_geojson(GEOJSON, "'x'").polygons
     (tmp_path / "a.kml").write_text(KML)
-    assert kml.FORMAT.read(str(tmp_path / "a.kml"), "'x'").polygons
+    assert kml.FIELD_FORMAT.read(str(tmp_path / "a.kml"), "'x'").polygons
     (tmp_path / "a.gpx").write_text(GPX)
-    assert gpx.FORMAT.read(str(tmp_path / "a.gpx"), "'x'").polygons
+    assert gpx.FIELD_FORMAT.read(str(tmp_path / "a.gpx"), "'x'").polygons

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fields.handedness import handedness, onward
+from fields.layout.bearings import choose_longer_reach_direction, find_handedness
 
 L = np.array([(0, 0), (160, 0), (160, 45), (50, 45), (50, 150), (0, 150)], dtype=float)
 SLANTED = np.array([(0, 0), (150, 0), (190, 70), (40, 70)], dtype=float)
@@ -24,8 +24,8 @@ def test_moved_it_stays_and_mirrored_it_changes(
     moved = np.roll(outline, first, axis=0) @ turn.T + (east, 3.0)
     if closed:
         moved = np.concatenate([moved, moved[:1]])
-    assert handedness([moved]) == handedness([outline]) == -handedness([moved * MIRROR])
-    assert handedness([moved[::-1]]) == handedness([moved])
+    assert find_handedness([moved]) == find_handedness([outline]) == -find_handedness([moved * MIRROR])
+    assert find_handedness([moved[::-1]]) == find_handedness([moved])
 
 
 @pytest.mark.parametrize("outline", [L, TRIANGLE], ids=["L", "triangle"])
@@ -34,30 +34,33 @@ def test_a_line_points_the_same_way_on_a_field_that_is_moved(
     outline: np.ndarray, angle: float, along: float, east: float
 ) -> None:
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    points = onward(along, [outline])
+    points = choose_longer_reach_direction(along, [outline])
     assert math.remainder(points - along, math.pi) == pytest.approx(0.0, abs=1e-9)
     for given_rad in (along + angle, along + angle + math.pi):
-        moved = onward(math.remainder(given_rad, 2 * math.pi), [outline @ turn.T + (east, 3.0)])
+        moved = choose_longer_reach_direction(math.remainder(given_rad, 2 * math.pi), [outline @ turn.T + (east, 3.0)])
         assert math.remainder(moved - points - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-6)
-    mirrored = onward(-along, [outline * MIRROR])
+    mirrored = choose_longer_reach_direction(-along, [outline * MIRROR])
     assert math.remainder(mirrored + points, 2 * math.pi) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_line_points_where_the_outline_reaches_farther() -> None:
     wedge = np.array([(0, -20), (100, -2), (100, 2), (0, 20)], dtype=float)
-    assert onward(0.0, [wedge]) == onward(math.pi, [wedge]) == 0.0
+    assert choose_longer_reach_direction(0.0, [wedge]) == choose_longer_reach_direction(math.pi, [wedge]) == 0.0
     rectangle = np.array([(0, 0), (200, 0), (200, 80), (0, 80)], dtype=float)
-    assert (onward(0.5, [rectangle]), onward(-0.5, [rectangle])) == (0.5, -0.5)
+    assert (choose_longer_reach_direction(0.5, [rectangle]), choose_longer_reach_direction(-0.5, [rectangle])) == (
+        0.5,
+        -0.5,
+    )
 
 
 @pytest.mark.parametrize("outline", [[(0, 0), (200, 0), (200, 80), (0, 80)], [(0, 0), (100, 0), (50, 170)]])
 def test_what_is_symmetric_has_none(outline: list[tuple[float, float]]) -> None:
     ring = np.array(outline, dtype=float)
-    assert handedness([ring]) == handedness([ring * MIRROR]) == 1
+    assert find_handedness([ring]) == find_handedness([ring * MIRROR]) == 1
 
 
 def test_a_hole_or_an_entrance_gives_a_rectangle_a_hand() -> None:
     ring = np.array([(0, 0), (200, 0), (200, 80), (0, 80)], dtype=float)
     hole = np.array([(98, 35), (104, 35), (104, 37)], dtype=float)
-    assert handedness([ring, hole]) == -handedness([ring * MIRROR, hole * MIRROR])
-    assert handedness([ring], [(0.0, 0.0)]) == -handedness([ring], [(0.0, 80.0)])
+    assert find_handedness([ring, hole]) == -find_handedness([ring * MIRROR, hole * MIRROR])
+    assert find_handedness([ring], [(0.0, 0.0)]) == -find_handedness([ring], [(0.0, 80.0)])

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from fields.field import Field
-from fields.read import list_fields, read_field
-from fields.write import write_field
+from fields.documents.reader import list_fields, read_field
+from fields.documents.writer import write_field
+from fields.geometry.field import Field
 from tests.fields.farm_files import agopengps, partfield, place, points, polygon, taskdata, write_taskdata
 
 FIELD_M = ((0, 0), (300, 0), (300, 200), (0, 200))
@@ -31,8 +31,8 @@ def degrees(ring: tuple[tuple[float, float], ...]) -> list[list[float]]:
 
 
 def twelve_metres(field: Field) -> None:
-    (edge,) = field.headlands
-    assert edge.least_m == pytest.approx(12.0, abs=0.02) and edge.most_m == pytest.approx(12.0, abs=0.02)
+    (edge,) = field.headland_edges
+    assert edge.min_width_m == pytest.approx(12.0, abs=0.02) and edge.max_width_m == pytest.approx(12.0, abs=0.02)
     assert edge.line.length == pytest.approx(2 * (276 + 176), rel=1e-3)
     assert not [one for one in field.remarks if "headland" in one]
 
@@ -54,8 +54,10 @@ def test_of_agopengps(tmp_path: Path) -> None:
     edge = [(-85, -65), (85, -65), (85, 65), (-85, 65)]
     rows = "".join(f"{east},{north},0.0\n" for east, north in edge)
     (folder / "Headland.txt").write_text(f"$Headland\n4\n{rows}0\n0\n")
-    (found,) = read_field(folder).headlands
-    assert found.least_m < found.usual_m == pytest.approx(15.0, rel=1e-3)  # the ponds lie nearer to some places
+    (found,) = read_field(folder).headland_edges
+    assert (
+        found.min_width_m < found.median_width_m == pytest.approx(15.0, rel=1e-3)
+    )  # the ponds lie nearer to some places
 
 
 def test_lines_and_headlands_are_kept_when_a_field_is_written(tmp_path: Path) -> None:
@@ -64,5 +66,7 @@ def test_lines_and_headlands_are_kept_when_a_field_is_written(tmp_path: Path) ->
     once = read_field(folder)
     write_field(once, tmp_path / "again.geojson")
     again = read_field(tmp_path / "again.geojson")
-    assert [one.name for one in again.lines] == [one.name for one in once.lines] == ["AB north", "Bend"]
-    assert again.headlands[0].line.hausdorff_distance(once.headlands[0].line) < 1e-6
+    assert (
+        [one.name for one in again.guidance_lines] == [one.name for one in once.guidance_lines] == ["AB north", "Bend"]
+    )
+    assert again.headland_edges[0].line.hausdorff_distance(once.headland_edges[0].line) < 1e-6

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from fields.documents.reader import list_fields, read_field
+from fields.documents.sources import list_field_files
 from fields.errors import FieldError
-from fields.read import list_fields, read_field
-from fields.source import field_files
 from tests.fields.farm_files import (
     INNER,
     OUTER,
@@ -39,7 +39,7 @@ def test_a_partfield_with_a_hole_a_line_a_gate_and_obstacles(tmp_path: Path) -> 
     assert field.boundary.area == pytest.approx(AREA_M2, rel=1e-3)
     assert sorted((one.kind, one.name) for one in field.obstacles) == [("pole", "mast"), ("water", "pond")]
     assert field.entrance is not None
-    (line,) = field.lines
+    (line,) = field.guidance_lines
     assert (line.name, line.line.length) == ("Main", pytest.approx(200.0, rel=1e-3))
     assert line.bearing_deg % 180 == pytest.approx(0.0, abs=0.01) or line.bearing_deg % 180 > 179.9
     assert field.remarks == ()
@@ -48,14 +48,14 @@ def test_a_partfield_with_a_hole_a_line_a_gate_and_obstacles(tmp_path: Path) -> 
 def test_version_3_has_its_lines_beside_the_polygons(tmp_path: Path) -> None:
     line = f'<LSG A="5" B="Old line" C="3000">{points((0, 0), (300, 0))}</LSG>'
     field = read(tmp_path, partfield(line + polygon()), version=3)
-    assert field.lines[0].name == "Old line"
-    assert field.lines[0].bearing_deg == pytest.approx(90.0, abs=0.01)
+    assert field.guidance_lines[0].name == "Old line"
+    assert field.guidance_lines[0].bearing_deg == pytest.approx(90.0, abs=0.01)
 
 
 def test_a_line_by_point_and_heading(tmp_path: Path) -> None:
     field = read(tmp_path, partfield(polygon() + pattern("Plus", "2", points((10, 10), kind="6"), 'G="30"')))
-    assert field.lines[0].bearing_deg == pytest.approx(30.0, abs=0.01)
-    assert field.lines[0].line.length == pytest.approx(100.0, rel=1e-3)
+    assert field.guidance_lines[0].bearing_deg == pytest.approx(30.0, abs=0.01)
+    assert field.guidance_lines[0].line.length == pytest.approx(100.0, rel=1e-3)
 
 
 def test_archive_folder_and_file_are_the_same(tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_archive_folder_and_file_are_the_same(tmp_path: Path) -> None:
 
 def test_partfields_in_external_files(tmp_path: Path) -> None:
     folder = write_taskdata(tmp_path, taskdata('<XFR A="PFD00000" B="1"/><XFR A="DVC00000" B="1"/>'))
-    with pytest.raises(FieldError, match=r"PFD00000\.XML, which is not there"):
+    with pytest.raises(FieldError, match=r"PFD00000\.XML, which is missing"):
         read_field(folder)
     (folder / "pfd00000.xml").write_text(f"<XFC>{partfield(polygon())}</XFC>")
     assert read_field(folder).boundary.area == pytest.approx(AREA_M2, rel=1e-3)
@@ -78,13 +78,13 @@ def test_partfields_in_external_files(tmp_path: Path) -> None:
 def test_exchanged_rings_are_turned_and_told(tmp_path: Path) -> None:
     field = read(tmp_path, partfield(polygon(rings=(INNER, OUTER))))
     assert field.boundary.area == pytest.approx(AREA_M2, rel=1e-3)
-    assert any("outer and the inner ring of 'Long acre' are exchanged" in one for one in field.remarks)
+    assert any("outer and inner rings of 'Long acre' are swapped" in one for one in field.remarks)
 
 
 def test_rings_of_one_point_are_counted(tmp_path: Path) -> None:
     field = read(tmp_path, partfield(polygon(rings=(OUTER, INNER, ((5, 5),), ((6, 6), (7, 7))))))
     assert len(field.boundary.interiors) == 1
-    assert "Left out of 'Long acre': 2 rings with fewer than 3 points." in field.remarks
+    assert "Skipped in 'Long acre': 2 rings with fewer than 3 points." in field.remarks
 
 
 def test_several_outer_rings_are_several_fields(tmp_path: Path) -> None:
@@ -102,7 +102,7 @@ def test_fields_without_boundary_and_without_name(tmp_path: Path) -> None:
     second = partfield("", name="No ground", key="PFD2")
     field = read(tmp_path, partfield(polygon(), name=""), second)
     assert field.name == "PFD1"
-    assert "Partfields without a boundary are left out: No ground." in field.remarks
+    assert "Partfields without a boundary are skipped: No ground." in field.remarks
 
 
 def test_ids_that_stand_twice_are_told(tmp_path: Path) -> None:
@@ -110,14 +110,14 @@ def test_ids_that_stand_twice_are_told(tmp_path: Path) -> None:
     folder = write_taskdata(
         tmp_path, taskdata(partfield(polygon()), partfield(polygon(rings=(east,)), "Other", 60_000, "PFD1"))
     )
-    assert any("1 id of partfields used twice or more" in one for one in read_field(f"{folder}#1").remarks)
+    assert any("1 partfield id used more than once" in one for one in read_field(f"{folder}#1").remarks)
 
 
 def test_latitude_and_longitude_exchanged_are_told_by_the_stated_area(tmp_path: Path) -> None:
     text = taskdata(partfield(polygon())).replace(' C="4', ' X="4').replace(' D="1', ' C="1').replace(' X="', ' D="')
     field = read_field(write_taskdata(tmp_path, text))
-    assert any("latitude and longitude exchanged it would be right" in one for one in field.remarks)
-    right = read_field(write_taskdata(tmp_path, text), swap=True)
+    assert any("latitude and longitude seem to be swapped" in one for one in field.remarks)
+    right = read_field(write_taskdata(tmp_path, text), swap_axes=True)
     assert right.boundary.area == pytest.approx(AREA_M2, rel=1e-3)
 
 
@@ -125,11 +125,11 @@ def test_latitude_and_longitude_exchanged_are_told_by_the_stated_area(tmp_path: 
     ("text", "words"),
     [
         ("<a/>", "not ISOXML"),
-        ("<ISO11783_TaskData>", "not XML that can be read"),
-        (taskdata(), "without a partfield that has points"),
+        ("<ISO11783_TaskData>", "is not valid XML"),
+        (taskdata(), "without a partfield with points"),
         ('<!DOCTYPE x [<!ENTITY a "b">]><ISO11783_TaskData/>', "entities"),
-        ("<ISO11783_TaskData>" + "<PFD>" * 3000, "not XML"),
-        ("", "not XML"),
+        ("<ISO11783_TaskData>" + "<PFD>" * 3000, "not valid XML"),
+        ("", "not valid XML"),
     ],
 )
 def test_bad_files_are_one_sentence(tmp_path: Path, text: str, words: str) -> None:
@@ -151,20 +151,20 @@ def test_positions_without_numbers_are_counted(tmp_path: Path, number: str) -> N
     ring = points(*OUTER).replace('C="48.000000000"', f'C="{number}"', 1)
     text = taskdata(partfield(f'<PLN A="1"><LSG A="1">{ring}{points((0, 100))}</LSG></PLN>', area_m2=0))
     field = read_field(write_taskdata(tmp_path, text))
-    assert "Left out of 'Long acre': 1 point without numbers for a position." in field.remarks
+    assert "Skipped in 'Long acre': 1 point without a valid position." in field.remarks
 
 
 def test_what_is_no_line_is_counted(tmp_path: Path) -> None:
     field = read(tmp_path, partfield(polygon() + pattern("Round", "4", points((10, 10), kind="8"))))
-    assert "Left out of 'Long acre': 1 guidance pattern (pivots, spirals, or without points)." in field.remarks
+    assert "Skipped in 'Long acre': 1 guidance pattern (pivots, spirals, or without points)." in field.remarks
 
 
 def test_every_file_that_a_field_is_read_from_is_known(tmp_path: Path) -> None:
     folder = write_taskdata(tmp_path, taskdata('<XFR A="PFD00000" B="1"/>'))
     (folder / "PFD00000.XML").write_text(f"<XFC>{partfield(polygon())}</XFC>")
     both = (folder / "PFD00000.XML", folder / "TASKDATA.XML")
-    assert field_files(str(folder / "TASKDATA.XML")) == both == field_files(str(folder))
-    assert field_files("denmark") == ()
+    assert list_field_files(str(folder / "TASKDATA.XML")) == both == list_field_files(str(folder))
+    assert list_field_files("denmark") == ()
 
 
 def test_a_boundary_that_is_said_to_be_the_hole_of_its_holes(tmp_path: Path) -> None:
@@ -173,4 +173,4 @@ def test_a_boundary_that_is_said_to_be_the_hole_of_its_holes(tmp_path: Path) -> 
     text = taskdata(partfield(polygon("1", "2", (INNER, OUTER, other)), area_m2=56_800))
     field = read_field(write_taskdata(tmp_path, text))
     assert field.boundary.area == pytest.approx(56_800, rel=2e-3) and len(field.boundary.interiors) == 2
-    assert any("exchanged" in one for one in field.remarks)
+    assert any("swapped" in one for one in field.remarks)

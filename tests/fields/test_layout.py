@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from fields import Field, FieldError, Layout, lay_tracks, read_field, sample_names
-from fields.bearings import candidate_bearings
-from fields.lines import chords, positions
+from fields import Field, FieldError, Layout, lay_swaths, list_sample_names, read_field
+from fields.layout.bearings import list_candidate_bearings
+from fields.layout.parallel_lines import find_line_chords, space_lines
 
 
 def rectangle(length: float, width: float) -> Field:
@@ -22,27 +22,27 @@ def rectangle(length: float, width: float) -> Field:
 
 def swaths(layout: Layout) -> shapely.Geometry:
     """Everything the implement passes over."""
-    lines = [shapely.LineString([track.start, track.end]) for track in layout.tracks]
+    lines = [shapely.LineString([track.start_m, track.end_m]) for track in layout.swaths]
     return shapely.union_all(shapely.buffer(lines, layout.width_m / 2, cap_style="flat"), grid_size=1e-6)
 
 
 class TestRectangle:
     def test_the_field_of_the_thesis(self) -> None:
-        layout = lay_tracks(read_field("iwamizawa"), 3.0, 10.0)
+        layout = lay_swaths(read_field("iwamizawa"), 3.0, 10.0)
         assert layout.bearing_deg == 90.0
-        assert layout.lines == len(layout.tracks) == 24
-        assert [track.line for track in layout.tracks] == list(range(24))
-        assert all(track.length == pytest.approx(250.0, abs=1e-9) for track in layout.tracks)
-        y = [track.start[1] for track in layout.tracks]
+        assert layout.line_count == len(layout.swaths) == 24
+        assert [track.line for track in layout.swaths] == list(range(24))
+        assert all(track.length_m == pytest.approx(250.0, abs=1e-9) for track in layout.swaths)
+        y = [track.start_m[1] for track in layout.swaths]
         assert y == pytest.approx([1.5 + 67.0 / 23.0 * i for i in range(24)], abs=1e-6)
-        assert {(round(t.start[0], 9), round(t.end[0], 9)) for t in layout.tracks} == {(10.0, 260.0)}
-        assert layout.inner.hausdorff_distance(shapely.box(10, 1.5, 260, 68.5)) < 1e-5
+        assert {(round(t.start_m[0], 9), round(t.end_m[0], 9)) for t in layout.swaths} == {(10.0, 260.0)}
+        assert layout.inner_region.hausdorff_distance(shapely.box(10, 1.5, 260, 68.5)) < 1e-5
 
     @pytest.mark.parametrize(
         ("width", "expected"), [(69.0, 23), (69.04, 23), (69.999, 24), (70.0, 24), (71.9, 24), (72.1, 25)]
     )
     def test_number_of_lines(self, width: float, expected: int) -> None:
-        assert lay_tracks(rectangle(270, width), 3.0, 10.0).lines == expected
+        assert lay_swaths(rectangle(270, width), 3.0, 10.0).line_count == expected
 
     @given(
         length=st.floats(120, 400),
@@ -52,90 +52,90 @@ class TestRectangle:
     )
     @settings(max_examples=60, deadline=None)
     def test_closed_form(self, length: float, width: float, implement: float, headland: float) -> None:
-        layout = lay_tracks(rectangle(length, width), implement, headland, 90.0)
+        layout = lay_swaths(rectangle(length, width), implement, headland, 90.0)
         count = max(math.ceil((width - implement - 0.05) / implement), 0) + 1
         end = max(headland, implement / 2)
-        assert len(layout.tracks) == layout.lines == count
-        assert layout.total_m == pytest.approx(count * (length - 2 * end), rel=1e-9)
+        assert len(layout.swaths) == layout.line_count == count
+        assert layout.total_length_m == pytest.approx(count * (length - 2 * end), rel=1e-9)
 
     def test_covers_all_but_the_headland(self) -> None:
-        layout = lay_tracks(rectangle(270, 70), 3.0, 10.0)
+        layout = lay_swaths(rectangle(270, 70), 3.0, 10.0)
         assert swaths(layout).area == pytest.approx(250 * 70, rel=1e-9)
 
     def test_one_line_when_the_field_is_little_wider_than_the_implement(self) -> None:
-        layout = lay_tracks(rectangle(100, 3.04), 3.0, 10.0)
-        assert len(layout.tracks) == 1
-        assert layout.tracks[0].start == pytest.approx((10.0, 1.5), abs=1e-5)
+        layout = lay_swaths(rectangle(100, 3.04), 3.0, 10.0)
+        assert len(layout.swaths) == 1
+        assert layout.swaths[0].start_m == pytest.approx((10.0, 1.5), abs=1e-5)
 
     @pytest.mark.parametrize(
         ("bearing", "expected"), [(0, 0), (180, 0), (360, 0), (-90, 90), (270, 90), (450, 90), (30, 30)]
     )
     def test_bearing_is_kept_in_half_a_turn(self, bearing: float, expected: float) -> None:
-        layout = lay_tracks(rectangle(270, 70), 3.0, 10.0, bearing)
+        layout = lay_swaths(rectangle(270, 70), 3.0, 10.0, bearing)
         assert layout.bearing_deg == pytest.approx(expected, abs=1e-9)
 
     def test_best_bearing_is_along_the_long_side(self) -> None:
         for turn in (0, 17, 90, 163):
             field = Field("r", affinity.rotate(shapely.box(0, 0, 270, 70), -turn))
-            assert (lay_tracks(field, 3, 10).bearing_deg - 90 - turn + 1) % 180 == pytest.approx(1, abs=1e-6)
+            assert (lay_swaths(field, 3, 10).bearing_deg - 90 - turn + 1) % 180 == pytest.approx(1, abs=1e-6)
 
 
 class TestShapes:
     def test_obstacle_cuts_lines_in_two(self) -> None:
         """A 20 m square hole: every line within half a width of it keeps the headland on both sides."""
         field = Field("h", shapely.box(0, 0, 200, 60).difference(shapely.box(90, 20, 110, 40)))
-        layout = lay_tracks(field, 3.0, 10.0, 90.0)
-        cut = [track for track in layout.tracks if 18.5 < track.start[1] < 41.5]
+        layout = lay_swaths(field, 3.0, 10.0, 90.0)
+        cut = [track for track in layout.swaths if 18.5 < track.start_m[1] < 41.5]
         assert {track.piece for track in cut} == {0, 1}
-        assert {round(track.length, 6) for track in cut} == {70.0}
-        assert {round(track.length, 6) for track in layout.tracks if track not in cut} == {180.0}
-        assert len(layout.tracks) == layout.lines + len(cut) // 2
-        assert layout.tracks == tuple(sorted(layout.tracks, key=lambda t: (t.line, t.piece)))
+        assert {round(track.length_m, 6) for track in cut} == {70.0}
+        assert {round(track.length_m, 6) for track in layout.swaths if track not in cut} == {180.0}
+        assert len(layout.swaths) == layout.line_count + len(cut) // 2
+        assert layout.swaths == tuple(sorted(layout.swaths, key=lambda t: (t.line, t.piece)))
 
     def test_slanted_end_keeps_the_stated_offset(self) -> None:
         """Edge at 45 degrees: w/2 + (h - w/2) sin 45, measured square to the edge."""
         field = Field("t", shapely.Polygon([(0, 0), (200, 0), (140, 60), (0, 60)]))
-        layout = lay_tracks(field, 3.0, 10.0, 90.0)
+        layout = lay_swaths(field, 3.0, 10.0, 90.0)
         slant = shapely.LineString([(300, -100), (40, 160)])
-        offsets = [slant.distance(shapely.Point(track.end)) for track in layout.tracks]
+        offsets = [slant.distance(shapely.Point(track.end_m)) for track in layout.swaths]
         assert offsets == pytest.approx([1.5 + 8.5 * math.sqrt(0.5)] * len(offsets), abs=1e-5)
 
     def test_line_flush_with_an_inner_edge_runs_along_it(self) -> None:
         """An L whose step lies on the grid: the line there has room for the whole implement."""
         field = Field("l", shapely.Polygon([(0, 0), (200, 0), (200, 30), (100, 30), (100, 60), (0, 60)]))
-        lengths = [round(track.length, 6) for track in lay_tracks(field, 3.0, 10.0, 90.0).tracks]
+        lengths = [round(track.length_m, 6) for track in lay_swaths(field, 3.0, 10.0, 90.0).swaths]
         assert lengths == [180.0] * 10 + [80.0] * 10
 
     def test_small_bulge_does_not_cost_the_outer_line(self) -> None:
         """A side that bows out by 30 cm: the outer line stands off a little and keeps its length."""
         field = Field("b", shapely.Polygon([(0, 0), (150, -0.3), (300, 0), (300, 60), (0, 60)]))
-        layout = lay_tracks(field, 3.0, 10.0, 90.0)
-        assert len(layout.tracks) >= 20
-        assert min(track.length for track in layout.tracks) > 250.0
+        layout = lay_swaths(field, 3.0, 10.0, 90.0)
+        assert len(layout.swaths) >= 20
+        assert min(track.length_m for track in layout.swaths) > 250.0
 
     def test_short_pieces_are_left_out(self) -> None:
         field = Field("t", shapely.Polygon([(0, 0), (100, 0), (50, 80)]))
         for least in (5.0, 20.0, 40.0):
-            assert min(track.length for track in lay_tracks(field, 3, 4, 90, least).tracks) >= least - 1e-6
+            assert min(track.length_m for track in lay_swaths(field, 3, 4, 90, least).swaths) >= least - 1e-6
 
     def test_more_headland_never_gives_more_track(self) -> None:
         field = read_field("denmark")
-        totals = [lay_tracks(field, 3.0, headland, 100.0).total_m for headland in (0, 3, 6, 9, 12, 15)]
+        totals = [lay_swaths(field, 3.0, headland, 100.0).total_length_m for headland in (0, 3, 6, 9, 12, 15)]
         assert totals == sorted(totals, reverse=True)
 
-    @pytest.mark.parametrize("name", sample_names())
+    @pytest.mark.parametrize("name", list_sample_names())
     def test_samples_are_covered_without_leaving_the_field(self, name: str) -> None:
         field = read_field(name)
-        layout = lay_tracks(field, 3.0, 9.0)
+        layout = lay_swaths(field, 3.0, 9.0)
         worked = swaths(layout)
         assert worked.difference(field.boundary).area < 1e-3
         assert worked.area > 0.75 * field.area_m2
-        room = layout.inner.buffer(1e-3)
-        assert all(room.covers(shapely.LineString([track.start, track.end])) for track in layout.tracks)
+        room = layout.inner_region.buffer(1e-3)
+        assert all(room.covers(shapely.LineString([track.start_m, track.end_m])) for track in layout.swaths)
 
     def test_same_input_same_layout(self) -> None:
         field = read_field("denmark")
-        assert lay_tracks(field, 3.0, 9.0).tracks == lay_tracks(field, 3.0, 9.0).tracks
+        assert lay_swaths(field, 3.0, 9.0).swaths == lay_swaths(field, 3.0, 9.0).swaths
 
 
 @st.composite
@@ -164,7 +164,7 @@ def steps(draw: st.DrawFn) -> shapely.Polygon:
 
 def laid(shape: shapely.Polygon, bearing: float | None = None) -> Layout | None:
     try:
-        return lay_tracks(Field("p", shape), 3.0, 9.0, bearing)
+        return lay_swaths(Field("p", shape), 3.0, 9.0, bearing)
     except FieldError:
         return None
 
@@ -189,8 +189,8 @@ class TestProperties:
         before, after = laid(shape), laid(other)
         assert (before is None) == (after is None)
         if before is not None and after is not None:
-            assert (after.lines, len(after.tracks)) == (before.lines, len(before.tracks))
-            assert after.total_m == pytest.approx(before.total_m, rel=1e-6)
+            assert (after.line_count, len(after.swaths)) == (before.line_count, len(before.swaths))
+            assert after.total_length_m == pytest.approx(before.total_length_m, rel=1e-6)
 
     @given(shape=outlines(), bearing=st.floats(0, 180))
     @RELAXED
@@ -201,10 +201,10 @@ class TestProperties:
         assert swaths(layout).difference(shape).area < 1e-3
         along = np.array([math.cos(layout.bearing_rad), math.sin(layout.bearing_rad)])
         across = np.array([-along[1], along[0]])
-        ends = np.array([[track.start, track.end] for track in layout.tracks])
+        ends = np.array([[track.start_m, track.end_m] for track in layout.swaths])
         step = ends[:, 1] - ends[:, 0]
         assert step @ along == pytest.approx(np.hypot(*step.T)) and (step @ along >= 5.0 - 1e-6).all()
-        line = np.array([track.line for track in layout.tracks])
+        line = np.array([track.line for track in layout.swaths])
         lateral = ends[:, 0] @ across
         gap, lines = np.abs(np.diff(lateral)), np.diff(line)
         other = lines > 0
@@ -219,8 +219,8 @@ class TestProperties:
         assume(layout is not None)
         assert layout is not None
         reach = 7.5 * np.array([math.cos(layout.bearing_rad), math.sin(layout.bearing_rad)])
-        for track in layout.tracks:
-            longer = shapely.LineString([track.start - reach, track.end + reach]).buffer(1.5 - 1e-4)
+        for track in layout.swaths:
+            longer = shapely.LineString([track.start_m - reach, track.end_m + reach]).buffer(1.5 - 1e-4)
             assert shape.covers(longer)
 
     @given(shape=outlines() | steps(), bearing=st.floats(0, 180) | st.sampled_from([0.0, 90.0]))
@@ -229,11 +229,11 @@ class TestProperties:
         layout = laid(shape, bearing)
         assume(layout is not None)
         assert layout is not None
-        roomy, tight = layout.inner.buffer(1e-4), layout.inner.buffer(-1e-3)
+        roomy, tight = layout.inner_region.buffer(1e-4), layout.inner_region.buffer(-1e-3)
         nudge = 0.01 * np.array([math.cos(layout.bearing_rad), math.sin(layout.bearing_rad)])
-        for track in layout.tracks:
-            assert roomy.covers(shapely.LineString([track.start, track.end]))
-            assert not tight.intersects(shapely.MultiPoint([track.start - nudge, track.end + nudge]))
+        for track in layout.swaths:
+            assert roomy.covers(shapely.LineString([track.start_m, track.end_m]))
+            assert not tight.intersects(shapely.MultiPoint([track.start_m - nudge, track.end_m + nudge]))
 
     @given(shape=outlines())
     @settings(RELAXED, max_examples=25)
@@ -242,7 +242,7 @@ class TestProperties:
         best = laid(shape)
         assume(best is not None)
         assert best is not None
-        angles = candidate_bearings(shape)
+        angles = list_candidate_bearings(shape)
         assert min(abs((best.bearing_rad - angle + 1) % math.pi - 1) for angle in angles) < 1e-9
         others = [laid(shape, 90.0 - math.degrees(angle)) for angle in angles]
         assert effort(best) <= (1 + 1e-3) * min(effort(other) for other in others if other is not None)
@@ -251,50 +251,50 @@ class TestProperties:
 def effort(layout: Layout) -> float:
     """Driving on the tracks, 15 m a turn, and twice the length that the uncovered area would take."""
     uncovered = layout.field.area_m2 - swaths(layout).area
-    return layout.total_m + 15.0 * len(layout.tracks) + 2.0 * uncovered / layout.width_m
+    return layout.total_length_m + 15.0 * len(layout.swaths) + 2.0 * uncovered / layout.width_m
 
 
 class TestRefusals:
     @pytest.mark.parametrize("width", [0.0, -3.0, math.nan, math.inf])
     def test_width(self, width: float) -> None:
-        with pytest.raises(FieldError, match="Working width"):
-            lay_tracks(rectangle(100, 50), width, 5.0)
+        with pytest.raises(FieldError, match="The working width"):
+            lay_swaths(rectangle(100, 50), width, 5.0)
 
     @pytest.mark.parametrize("headland", [-1.0, math.nan, math.inf])
     def test_headland(self, headland: float) -> None:
-        with pytest.raises(FieldError, match="Headland"):
-            lay_tracks(rectangle(100, 50), 3.0, headland)
+        with pytest.raises(FieldError, match="The headland"):
+            lay_swaths(rectangle(100, 50), 3.0, headland)
 
     @pytest.mark.parametrize("options", [{"bearing_deg": math.nan}, {"min_length_m": 0.0}, {"min_length_m": math.nan}])
     def test_options(self, options: dict[str, float]) -> None:
-        with pytest.raises(FieldError, match="not usable"):
-            lay_tracks(rectangle(100, 50), 3.0, 5.0, **options)
+        with pytest.raises(FieldError, match=r"give degrees|give a length above 0 m"):
+            lay_swaths(rectangle(100, 50), 3.0, 5.0, **options)
 
     def test_millimetres_as_metres(self) -> None:
-        with pytest.raises(FieldError, match="more than 20000 lines"):
-            lay_tracks(rectangle(100, 50), 0.003, 5.0)
+        with pytest.raises(FieldError, match="more than 20000 tracks"):
+            lay_swaths(rectangle(100, 50), 0.003, 5.0)
 
     def test_implement_wider_than_the_field(self) -> None:
         with pytest.raises(FieldError, match="nowhere wider than the working width"):
-            lay_tracks(rectangle(100, 50), 50.1, 5.0)
+            lay_swaths(rectangle(100, 50), 50.1, 5.0)
 
     @pytest.mark.parametrize("bearing", [None, 0.0, 90.0])
     def test_field_too_small_for_its_headland(self, bearing: float | None) -> None:
         with pytest.raises(FieldError, match="No track"):
-            lay_tracks(rectangle(50, 50), 3.0, 23.0, bearing)
+            lay_swaths(rectangle(50, 50), 3.0, 23.0, bearing)
 
 
 class TestParts:
     def test_positions_by_hand(self) -> None:
-        assert positions(0.0, 7.0, 3.0).tolist() == pytest.approx([0.0, 7.0 / 3.0, 14.0 / 3.0, 7.0])
-        assert positions(0.0, 6.0, 3.0).tolist() == [0.0, 3.0, 6.0]
-        assert positions(2.0, 2.0, 3.0).tolist() == [2.0]
+        assert space_lines(0.0, 7.0, 3.0).tolist() == pytest.approx([0.0, 7.0 / 3.0, 14.0 / 3.0, 7.0])
+        assert space_lines(0.0, 6.0, 3.0).tolist() == [0.0, 3.0, 6.0]
+        assert space_lines(2.0, 2.0, 3.0).tolist() == [2.0]
 
     def test_chords_by_hand(self) -> None:
         """A triangle (0,0) (10,0) (5,10): at height q the chord runs from q/2 to 10 - q/2."""
         corners = np.array([(0.0, 0.0), (10.0, 0.0), (5.0, 10.0)])
         edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-        line, start, end = chords(edges, np.array([2.0, 6.0, 11.0]))
+        line, start, end = find_line_chords(edges, np.array([2.0, 6.0, 11.0]))
         assert line.tolist() == [0, 1]
         assert start == pytest.approx([1.0, 3.0]) and end == pytest.approx([9.0, 7.0])
 
@@ -310,14 +310,16 @@ class TestParts:
                 for a, b in edges.tolist()
                 if (a[1] <= q) != (b[1] <= q)
             ]
-            line, start, end = chords(edges, places)
+            line, start, end = find_line_chords(edges, places)
             assert [(n, s) for n, *ends in zip(line.tolist(), start, end, strict=True) for s in ends] == sorted(crossed)
 
     def test_candidates_of_a_right_triangle(self) -> None:
         """Legs 30 and 40: three edges; the two least rectangles lie along them as well."""
-        found = sorted(math.degrees(angle) for angle in candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)])))
+        found = sorted(
+            math.degrees(angle) for angle in list_candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)]))
+        )
         assert found == pytest.approx([0.0, 90.0, 180.0 - math.degrees(math.atan2(30, 40))])
 
     def test_candidates_of_a_curve_are_limited(self) -> None:
         circle = shapely.Point(0, 0).buffer(400, quad_segs=200)
-        assert len(candidate_bearings(circle)) <= 72
+        assert len(list_candidate_bearings(circle)) <= 72

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
-from fields.read import list_fields, read_field, sample_names
-from fields.samples_index import sample_text
+from fields.sample_fields import list_sample_names, read_sample_text
 
 KML = (
     '<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>{name}</name><Polygon><outerBoundaryIs>'
@@ -26,7 +26,7 @@ def archive(place: Path, **files: str) -> Path:
 
 
 def test_a_zipped_geojson_is_the_same_field(tmp_path: Path) -> None:
-    text = sample_text(sample_names()[0])
+    text = read_sample_text(list_sample_names()[0])
     (tmp_path / "field.geojson").write_text(text)
     alone = read_field(tmp_path / "field.geojson")
     packed = read_field(archive(tmp_path / "field.zip", farm__field_geojson=text, readme_txt="hello"))

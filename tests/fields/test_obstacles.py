@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fields import Field, FieldError, read_field, write_field
-from fields.obstacles import USUAL_RADIUS_M, USUAL_WIDTH_M, Obstacle
+from fields.geometry.obstacles import DEFAULT_RADIUS_M, DEFAULT_WIDTH_M, Obstacle
 from tests.fields.test_read import SQUARE_M, collection, feature, moved, polygon
 
 BOX = shapely.box(0, 0, 200, 100)
@@ -45,23 +45,23 @@ class TestReading:
             feature(polygon(moved(POND, 100, 30)), role="obstacle", kind="Pond"),
         )
         pole, strip, pond = field.obstacles
-        assert (pole.kind, pole.name, pole.half_m) == ("pole", "P1", 2.0)
-        assert (strip.kind, strip.half_m, pond.kind, pond.name) == ("line", 1.5, "pond", "")
+        assert (pole.kind, pole.name, pole.half_width_m) == ("pole", "P1", 2.0)
+        assert (strip.kind, strip.half_width_m, pond.kind, pond.name) == ("line", 1.5, "pond", "")
         assert pole.shape.area == pytest.approx(4 * math.pi, rel=0.01)
         assert strip.shape.area == pytest.approx(3.0 * (60 + 3.0)), "square ends, half the width beyond the line"
         assert pond.shape.area == pytest.approx(200)
         assert field.boundary.equals(BOX) and field.remarks == ()
 
     @pytest.mark.parametrize(("form", "key", "usual"), [
-        (point(50, 50), "radius_m", USUAL_RADIUS_M), (line([50, 50], [60, 60]), "width_m", USUAL_WIDTH_M),
+        (point(50, 50), "radius_m", DEFAULT_RADIUS_M), (line([50, 50], [60, 60]), "width_m", DEFAULT_WIDTH_M),
     ])  # fmt: skip
     def test_a_word_may_stand_for_the_size(self, tmp_path: Path, form: Any, key: str, usual: dict[str, float]) -> None:
         share = 1.0 if key == "radius_m" else 0.5
         for kind, size_m in usual.items():
             (one,) = with_square(tmp_path, feature(form, role="obstacle", kind=kind)).obstacles
-            assert one.half_m == share * size_m
+            assert one.half_width_m == share * size_m
             own = feature(form, role="obstacle", kind=kind, **{key: 7.0})
-            assert with_square(tmp_path, own).obstacles[0].half_m == share * 7.0
+            assert with_square(tmp_path, own).obstacles[0].half_width_m == share * 7.0
 
     def test_the_parts_of_a_geometry_stand_one_by_one(self, tmp_path: Path) -> None:
         several = [
@@ -77,8 +77,8 @@ class TestReading:
         for features in ((feature(polygon(SQUARE_M)), inner), (inner, feature(polygon(SQUARE_M)))):
             field = read(tmp_path, *features)
             assert [(one.kind, one.name) for one in field.obstacles] == [("area", "rock")]
-            assert field.remarks == ("A polygon of the field file inside the field is taken for obstacles.",)
-            assert field.clear_of_obstacles(0.0).area_m2 == pytest.approx(20_000 - 200)
+            assert field.remarks == ("1 polygon of the file inside the field is treated as an obstacle.",)
+            assert field.compute_ground_with_margin(0.0).area_m2 == pytest.approx(20_000 - 200)
 
     def test_polygons_side_by_side_are_fields(self, tmp_path: Path) -> None:
         blocks = [feature(polygon(moved(SQUARE_M, 300.0 * i)), name=f"plot {i}") for i in range(2)]
@@ -94,10 +94,10 @@ class TestReading:
 
     def test_a_point_with_an_edge_is_not_used_and_named(self, tmp_path: Path) -> None:
         field = with_square(tmp_path, feature(point(0, 0), edge="fence"))
-        assert field.remarks[0].startswith("Not used of the field file: 1 Point with edge 'fence';")
+        assert field.remarks[0].startswith("Features of the field file that are not used: 1 Point with edge 'fence'.")
 
     @pytest.mark.parametrize(("one", "words"), [
-        (feature(point(50, 50), role="obstacle"), "The Point of an obstacle of 'plot' has no 'radius_m'; give one, or"),
+        (feature(point(50, 50), role="obstacle"), "The Point of an obstacle of 'plot' has no 'radius_m'; give it, or"),
         (feature(point(50, 50), role="obstacle", kind="cow"), "Point of obstacle 'cow' of 'plot' has no 'radius_m'"),
         (feature(line([0, 0], [9, 9]), role="obstacle", kind="pole"), "has no 'width_m'; .*: ditch, "),
         (feature(point(50, 50), role="obstacle", radius_m=-1), "'radius_m' of .* is -1; it must be a number above 0"),
@@ -106,8 +106,8 @@ class TestReading:
         (feature(point(50, 50), role="obstacle", radius_m=1e9), "at most 1000"),
         (feature(point(50, 50), role="obstacle", radius_m=math.nan), "must be a number above 0"),
         (feature(line([0, 0]), role="obstacle", width_m=1), "has 1 positions; a LineString needs 2 or more"),
-        (feature(line([3, 3], [3, 3]), role="obstacle", width_m=1), "is not a clean LineString"),
-        (feature({"type": "MultiPoint"}, role="obstacle", radius_m=1), "a MultiPoint, has no coordinates"),
+        (feature(line([3, 3], [3, 3]), role="obstacle", width_m=1), "is not a valid LineString"),
+        (feature({"type": "MultiPoint"}, role="obstacle", radius_m=1), "A MultiPoint with role obstacle"),
         (feature({"type": "Point"}, role="obstacle", radius_m=1), "is not a pair"),
         (feature(polygon([[0, 0], [9, 9], [9, 0], [0, 9]]), role="obstacle"), "crosses itself"),
     ])  # fmt: skip
@@ -129,7 +129,7 @@ class TestReading:
         again = read_field(tmp_path / "again.geojson")
         assert [(one.kind, one.name) for one in again.obstacles] == [(one.kind, one.name) for one in obstacles]
         for one, other in zip(again.obstacles, obstacles, strict=True):
-            assert one.half_m == pytest.approx(other.half_m, abs=1e-9)
+            assert one.half_width_m == pytest.approx(other.half_width_m, abs=1e-9)
             assert one.geometry.equals_exact(other.geometry, 1e-5)
 
 
@@ -141,30 +141,32 @@ class TestGroundLeft:
             Obstacle("ditch", shapely.LineString([(40, 0), (60, 0)]), 1.0),
             Obstacle("pole", shapely.Point(20, 50), 0.7),
         )
-        left = Field("f", BOX, obstacles=obstacles).clear_of_obstacles(0.3)
+        left = Field("f", BOX, obstacles=obstacles).compute_ground_with_margin(0.3)
         expected = 20_000 - 10.6**2 - 1.3 * 22.6 - math.pi
-        assert left.ground.area == pytest.approx(expected, abs=0.05)
+        assert left.workable_region.area == pytest.approx(expected, abs=0.05)
         assert len(left.boundary.interiors) == 2 and left.obstacles == obstacles and left.remarks == ()
 
     def test_a_margin_is_kept_to_holes_of_the_boundary(self) -> None:
         donut = Field("f", shapely.Polygon(BOX.exterior, [shapely.box(50, 40, 60, 60).exterior.coords]))
-        assert donut.clear_of_obstacles(0.5).ground.area == pytest.approx(20_000 - 11 * 21)
-        assert donut.clear_of_obstacles(0.0) is donut
+        assert donut.compute_ground_with_margin(0.5).workable_region.area == pytest.approx(20_000 - 11 * 21)
+        assert donut.compute_ground_with_margin(0.0) is donut
 
     def test_a_margin_that_takes_nearly_all_is_refused_and_what_it_takes_is_known(self) -> None:
         """A pole in the middle of 200 m by 100 m: 45 m leave it in one piece, 55 m a piece of either side."""
         pole = Field("f", BOX, obstacles=(Obstacle("pole", shapely.Point(100, 50), 0.25),))
-        left = pole.clear_of_obstacles(45.0)
-        assert left.cut_off == () and left.without_margin_m2 == pytest.approx(20_000 - math.pi / 16, abs=0.01)
-        cut = pole.clear_of_obstacles(55.0)
-        (other,) = cut.cut_off
-        assert other.area == cut.cut_off_m2 == pytest.approx(cut.ground.area, rel=1e-6)
+        left = pole.compute_ground_with_margin(45.0)
+        assert left.cut_off_parts == () and left.area_without_margin_m2 == pytest.approx(
+            20_000 - math.pi / 16, abs=0.01
+        )
+        cut = pole.compute_ground_with_margin(55.0)
+        (other,) = cut.cut_off_parts
+        assert other.area == cut.cut_off_m2 == pytest.approx(cut.workable_region.area, rel=1e-6)
         with pytest.raises(FieldError, match=r"margin_m.* of 99 m is too wide for field 'f': it leaves"):
-            pole.clear_of_obstacles(99.0)
+            pole.compute_ground_with_margin(99.0)
 
     def test_without_obstacles_a_field_stays_as_it_is(self) -> None:
         field = Field("f", BOX)
-        assert field.clear_of_obstacles(5.0) is field
+        assert field.compute_ground_with_margin(5.0) is field
 
     def test_what_is_small_stays_in_the_boundary_and_is_no_ground(self) -> None:
         """12 m across is small under 12.1 m, margin or not; on the edge, or joined to something large, it is not."""
@@ -175,26 +177,36 @@ class TestGroundLeft:
             Obstacle("ditch", shapely.LineString([(152, 30), (152, 70)]), 0.5),
         )
         field = Field("f", BOX, obstacles=obstacles)
-        left = field.clear_of_obstacles(0.3, 12.1)
-        assert len(left.small) == 1 and left.small[0].symmetric_difference(obstacles[0].widened(0.3)).area < 1e-3
-        assert left.boundary.area - left.ground.area == pytest.approx(left.small[0].area)
-        assert left.ground.equals(field.clear_of_obstacles(0.3).boundary) and left.area_m2 > left.ground.area
-        assert field.clear_of_obstacles(0.3, 11.9).small == ()
+        left = field.compute_ground_with_margin(0.3, 12.1)
+        assert (
+            len(left.small_obstacles) == 1
+            and left.small_obstacles[0].symmetric_difference(obstacles[0].buffer_by(0.3)).area < 1e-3
+        )
+        assert left.boundary.area - left.workable_region.area == pytest.approx(left.small_obstacles[0].area)
+        assert (
+            left.workable_region.equals(field.compute_ground_with_margin(0.3).boundary)
+            and left.area_m2 > left.workable_region.area
+        )
+        assert field.compute_ground_with_margin(0.3, 11.9).small_obstacles == ()
 
     def test_a_small_hole_of_the_boundary_is_driven_round_as_well(self) -> None:
         donut = Field("f", shapely.Polygon(BOX.exterior, [shapely.box(50, 40, 52, 42).exterior.coords]))
-        left = donut.clear_of_obstacles(0.0, 12.0)
-        assert left.boundary.equals(BOX) and left.ground.equals(donut.boundary) and left.ground.area == 20_000 - 4
+        left = donut.compute_ground_with_margin(0.0, 12.0)
+        assert (
+            left.boundary.equals(BOX)
+            and left.workable_region.equals(donut.boundary)
+            and left.workable_region.area == 20_000 - 4
+        )
 
     def test_obstacles_that_overlap_count_once(self) -> None:
         ponds = tuple(Obstacle("pond", shapely.box(100 + x, 40, 110 + x, 50)) for x in (0, 4))
-        assert Field("f", BOX, obstacles=ponds).clear_of_obstacles(0.0).area_m2 == pytest.approx(20_000 - 140)
+        assert Field("f", BOX, obstacles=ponds).compute_ground_with_margin(0.0).area_m2 == pytest.approx(20_000 - 140)
 
     def test_a_field_cut_in_two_keeps_the_larger_piece_and_says_so(self) -> None:
         ditch = Obstacle("ditch", shapely.LineString([(50, -5), (50, 105)]), 1.0)
-        left = Field("f", BOX, obstacles=(ditch,)).clear_of_obstacles(0.0)
-        assert left.ground.area == pytest.approx(149 * 100)
-        assert left.remarks == ("Obstacles cut off 4900 m2 of the field, which are not worked.",)
+        left = Field("f", BOX, obstacles=(ditch,)).compute_ground_with_margin(0.0)
+        assert left.workable_region.area == pytest.approx(149 * 100)
+        assert left.remarks == ("Obstacles cut off 4900 m2 of the field; this part is not worked.",)
 
     @given(
         st.tuples(st.floats(0, 200), st.floats(0, 100)), st.floats(0.1, 10.0), st.floats(0.0, 3.0),
@@ -206,9 +218,9 @@ class TestGroundLeft:
         obstacles = (Obstacle("pole", shapely.Point(place), size_m),)
         if math.dist(place, end) > 0.1:
             obstacles += (Obstacle("ditch", shapely.LineString([place, end]), size_m / 2.0),)
-        left = Field("f", BOX, obstacles=obstacles).clear_of_obstacles(margin_m)
+        left = Field("f", BOX, obstacles=obstacles).compute_ground_with_margin(margin_m)
         for one in obstacles:
-            kept = left.boundary.distance(one.geometry) - one.half_m
+            kept = left.boundary.distance(one.geometry) - one.half_width_m
             assert kept > margin_m - 0.006 * (size_m + margin_m), "but for the corners of a circle drawn as a polygon"
 
     @pytest.mark.parametrize("obstacle", [
@@ -218,27 +230,29 @@ class TestGroundLeft:
     ])  # fmt: skip
     def test_obstacles_that_cover_the_field_are_refused(self, obstacle: Obstacle) -> None:
         with pytest.raises(FieldError, match=r"Obstacles with a margin \(margin_m\) of 4 m leave .* m2 of field 'f'"):
-            Field("f", BOX, obstacles=(obstacle,)).clear_of_obstacles(4.0)
+            Field("f", BOX, obstacles=(obstacle,)).compute_ground_with_margin(4.0)
 
     def test_a_margin_wider_than_the_field_is_refused(self) -> None:
         pole = Obstacle("pole", shapely.Point(100, 50), 0.2)
         with pytest.raises(FieldError, match=r"\(margin_m\) of 120 m leave 0 m2 .* use a smaller margin") as caught:
-            Field("f", BOX, obstacles=(pole,)).clear_of_obstacles(120.0)
+            Field("f", BOX, obstacles=(pole,)).compute_ground_with_margin(120.0)
         assert caught.value.parameter == "margin_m"
-        with pytest.raises(FieldError, match=r"\(margin_m\) is 100 m and field 'f' 100 m across; use a smaller margin"):
-            Field("f", BOX).clear_of_obstacles(100.0)
+        with pytest.raises(
+            FieldError, match=r"\(margin_m\) is 100 m, but field 'f' is only 100 m across; use a smaller margin"
+        ):
+            Field("f", BOX).compute_ground_with_margin(100.0)
 
     @pytest.mark.parametrize("margin_m", [-0.1, math.nan, math.inf])
     def test_a_margin_that_is_none_is_refused(self, margin_m: float) -> None:
         with pytest.raises(FieldError, match="it must be 0 or more"):
-            Field("f", BOX).clear_of_obstacles(margin_m)
+            Field("f", BOX).compute_ground_with_margin(margin_m)
 
     @pytest.mark.parametrize(("geometry", "half_m", "words"), [
         (shapely.MultiPoint([(0, 0), (1, 1)]), 1.0, "is a MultiPoint; give a Point"),
-        (shapely.Point(), 1.0, "not a clean Point"),
+        (shapely.Point(), 1.0, "not a valid Point"),
         (shapely.Point(0, 0), 0.0, "use 0.001 to 1000 m"),
         (shapely.Point(0, 0), math.nan, "use 0.001 to 1000 m"),
-        (shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)]), 0.0, "not a clean Polygon"),
+        (shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)]), 0.0, "not a valid Polygon"),
     ])  # fmt: skip
     def test_an_obstacle_that_is_none(self, geometry: Any, half_m: float, words: str) -> None:
         with pytest.raises(FieldError, match=words):

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
 
-from fields import Field, FieldError, GroundZone, read_field, sample_names, write_field
-from fields.projection import utm_crs
+from fields import Field, FieldError, GroundZone, list_sample_names, read_field, write_field
+from fields.geometry.geodesy import find_utm_crs
 from tests.fields.geojson import SQUARE_DEG, SQUARE_M, collection, feature, moved, polygon, refusal
 
 
@@ -56,8 +56,8 @@ class TestForms:
         tree = feature({"type": "Point", "coordinates": [50, 50]}, role="tree")
         field = read_field(saved(collection(zone, gate, tree, feature(polygon(SQUARE_M)))), local=True)
         assert field.entrance == (0.0, 0.0)
-        assert [zone.name for zone in field.grounds] == ["asphalt"]
-        assert (field.ground_at(0, -5), field.ground_at(50, 50)) == ("asphalt", "soil")
+        assert [zone.name for zone in field.ground_zones] == ["asphalt"]
+        assert (field.find_ground_at(0, -5), field.find_ground_at(50, 50)) == ("asphalt", "soil")
 
     def test_far_local_metres_get_an_origin(self, saved: Any) -> None:
         field = read_field(saved(polygon(moved(SQUARE_M, 500_000.25, 4_780_000.0))), local=True)
@@ -108,7 +108,7 @@ class TestEarth:
 
     @given(lon=st.floats(-179.9, 179.9), lat=st.floats(-79.0, 79.0))
     def test_there_and_back_within_a_millimetre(self, lon: float, lat: float) -> None:
-        crs = utm_crs(lon, lat)
+        crs = find_utm_crs(lon, lat)
         x, y = Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(lon, lat)
         field = Field("a", shapely.box(-50, -50, 50, 50), crs=crs, origin_m=(float(round(x)), float(round(y))))
         back = field.to_wgs84([[x - field.origin_m[0], y - field.origin_m[1]]])[0]
@@ -267,7 +267,7 @@ class TestRefusals:
 
 
 class TestRoundTrip:
-    @pytest.mark.parametrize("name", sample_names())
+    @pytest.mark.parametrize("name", list_sample_names())
     def test_samples(self, tmp_path: Path, name: str) -> None:
         field = read_field(name)
         write_field(field, tmp_path / "f.geojson")
@@ -286,7 +286,7 @@ class TestRoundTrip:
             GroundZone("asphalt", shapely.box(-5.5, 0, 5, 5)),
             GroundZone("mud", shapely.box(0, 0, 9, 9)),
         )
-        field = Field("ä ö", ring, entrance=(0.1, 0.2), grounds=zones, default_ground="mud", source="here")
+        field = Field("ä ö", ring, entrance=(0.1, 0.2), ground_zones=zones, default_ground="mud", source="here")
         write_field(field, tmp_path / "f.geojson")
         assert read_field(tmp_path / "f.geojson") == field
 
@@ -300,14 +300,14 @@ class TestRoundTrip:
             crs=f"EPSG:{(32700 if south else 32600) + zone}",
             origin_m=(500_012.0, 4_600_000.0),
             entrance=(x, y),
-            grounds=(GroundZone("asphalt", shapely.box(x, y, x + 20, y + 10)),),
+            ground_zones=(GroundZone("asphalt", shapely.box(x, y, x + 20, y + 10)),),
         )
         path = tmp_path_factory.getbasetemp() / "round.geojson"
         write_field(field, path)
         again = read_field(path)
         assert (again.crs, again.origin_m) == (field.crs, field.origin_m)
         assert again.entrance == pytest.approx((x, y), abs=1e-6)
-        assert again.grounds[0].polygon.hausdorff_distance(field.grounds[0].polygon) < 1e-6
+        assert again.ground_zones[0].polygon.hausdorff_distance(field.ground_zones[0].polygon) < 1e-6
 
     def test_unwritable_place(self, tmp_path: Path) -> None:
         with pytest.raises(FieldError, match="cannot be written"):
@@ -316,13 +316,13 @@ class TestRoundTrip:
 
 class TestSamples:
     def test_names(self) -> None:
-        assert sample_names() == ("denmark", "iwamizawa", "netherlands", "sweden")
+        assert list_sample_names() == ("denmark", "iwamizawa", "netherlands", "sweden")
 
     def test_iwamizawa_is_the_rectangle_of_the_thesis(self) -> None:
         field = read_field("iwamizawa")
         assert field.boundary.equals(shapely.box(0, 0, 270, 70))
         assert field.crs is None and field.entrance == (0.0, 0.0)
-        assert (field.ground_at(-5, -3), field.ground_at(135, 35)) == ("asphalt", "soil")
+        assert (field.find_ground_at(-5, -3), field.find_ground_at(135, 35)) == ("asphalt", "soil")
 
     @pytest.mark.parametrize(
         ("name", "hectares", "holes"),

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import shapely
 
-from fields import list_fields, read_field, sample_names
+from fields import list_fields, list_sample_names, read_field
 from tests.fields.geojson import SQUARE_M, collection, feature, moved, polygon, refusal
 
 
@@ -32,7 +32,7 @@ class TestManyPoints:
         ring = np.concatenate([a + share * (b - a) for a, b in itertools.pairwise(corners)]).tolist()
         field = read_field(saved(polygon(ring)), local=True)
         assert field.boundary.equals(shapely.box(0, 0, 200, 100))
-        assert "simplified to 1 cm: 5 of its 100001 points are left" in field.remarks[0]
+        assert "simplified to 1 cm: 5 of its 100001 points remain" in field.remarks[0]
 
     @pytest.mark.parametrize(("noise_m", "within_m"), [(0.0, 0.0101), (0.03, 0.1601)])
     def test_a_curve_stays_within_what_is_told(self, saved: Any, noise_m: float, within_m: float) -> None:
@@ -51,7 +51,7 @@ class TestManyPoints:
 
     def test_spikes_are_refused(self, saved: Any) -> None:
         ring = [[1.0 * x, y * (1 + i % 2)] for i, (x, y) in enumerate(self.circle(8_000))]
-        assert "points even when it is simplified to 16 cm" in refusal(saved(polygon(ring)), local=True)
+        assert "points even when simplified to 16 cm" in refusal(saved(polygon(ring)), local=True)
 
 
 class TestNotUsed:
@@ -65,8 +65,9 @@ class TestNotUsed:
         field = read_field(saved(collection(feature(polygon(SQUARE_M)), *several)), local=True)
         (remark,) = field.remarks
         assert remark.startswith(
-            "Not used of the field file: 2 Point with role 'tree', 1 LineString, 1 Polygon with role 'entrance', "
-            "1 feature without a known geometry; an obstacle has the role 'obstacle' or is a hole of the boundary"
+            "Features of the field file that are not used: 2 Point with role 'tree', 1 LineString, "
+            "1 Polygon with role 'entrance', "
+            "1 feature without a known geometry. An obstacle has the role 'obstacle' or is a hole of the boundary"
         )
 
     def test_a_polygon_with_the_role_of_an_obstacle_is_no_second_field(self, saved: Any) -> None:
@@ -77,7 +78,7 @@ class TestNotUsed:
         zone = feature(polygon([[-10, -10], [20, -10], [20, 0]]), ground="asphalt")
         gate = feature({"type": "Point", "coordinates": [0, 0]}, role="entrance")
         assert read_field(saved(collection(zone, gate, feature(polygon(SQUARE_M)))), local=True).remarks == ()
-        assert all(read_field(name).remarks == () for name in sample_names())
+        assert all(read_field(name).remarks == () for name in list_sample_names())
 
     def test_kinds_without_end_are_summed_up(self, saved: Any) -> None:
         points = [feature({"type": "Point", "coordinates": [0, 0]}, role=f"r{i}" * 40) for i in range(50)]
@@ -118,14 +119,14 @@ class TestNames:
     def test_names_no_file_can_have(self, tmp_path: Path) -> None:
         assert "There is no field file" in refusal(tmp_path / ("x" * 300))
         assert refusal("a\0b").startswith("There is no field file")
-        assert "An empty name is no file" in refusal("")
+        assert "The file name is empty" in refusal("")
 
     @pytest.mark.skipif(not hasattr(os, "symlink") or os.name == "nt", reason="needs symbolic links")
     def test_links_that_lead_nowhere(self, tmp_path: Path) -> None:
         (tmp_path / "loop").symlink_to(tmp_path / "loop")
         (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
         for name in ("loop", "dangling"):
-            assert "is a symbolic link that leads to no file" in refusal(tmp_path / name)
+            assert "is a symbolic link to a missing file" in refusal(tmp_path / name)
 
     def test_a_file_without_permission(self, saved: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         path = saved(polygon(SQUARE_M))

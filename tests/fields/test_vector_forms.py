@@ -10,9 +10,9 @@ import pyogrio
 import pytest
 import shapely
 
+from fields.documents.reader import list_fields, read_field
 from fields.errors import FieldError
-from fields.projection import project
-from fields.read import list_fields, read_field
+from fields.geometry.geodesy import project
 
 CRS = "EPSG:25832"
 CORNER = np.array([565_000.0, 6_210_000.0])
@@ -42,7 +42,7 @@ def assert_same_ground(path: Path) -> None:
     field = read_field(path)
     there = shapely.transform(OUTLINE, lambda points: project(points, CRS, str(field.crs)) - np.array(field.origin_m))
     assert field.boundary.symmetric_difference(there).area < 0.01 * field.boundary.length
-    assert field.ground.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert field.workable_region.area == pytest.approx(AREA_M2, rel=1e-3)
 
 
 @pytest.fixture
@@ -69,10 +69,10 @@ def test_a_zipped_shapefile_in_a_folder_of_the_archive(shapefile: Path, tmp_path
 
 def test_without_prj_the_system_is_asked_for_and_never_guessed(shapefile: Path) -> None:
     (shapefile / "north.prj").unlink()
-    with pytest.raises(FieldError, match=r"which coordinate system.*crs.*EPSG:25832"):
+    with pytest.raises(FieldError, match=r"does not name its coordinate system.*crs.*EPSG:25832"):
         read_field(shapefile)
     field = read_field(shapefile, crs=CRS)
-    assert field.ground.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert field.workable_region.area == pytest.approx(AREA_M2, rel=1e-3)
 
 
 def test_a_system_that_contradicts_the_file_is_refused(shapefile: Path) -> None:
@@ -89,14 +89,14 @@ def test_a_shapefile_without_its_index(shapefile: Path) -> None:
 def test_northing_before_easting_is_exchanged_when_asked(tmp_path: Path) -> None:
     turned = shapely.transform(OUTLINE, lambda points: points[:, ::-1])
     write(tmp_path / "turned.shp", [turned], ["N"])
-    field = read_field(tmp_path / "turned.shp", swap=True)
-    assert field.ground.area == pytest.approx(AREA_M2, rel=1e-3)
+    field = read_field(tmp_path / "turned.shp", swap_axes=True)
+    assert field.workable_region.area == pytest.approx(AREA_M2, rel=1e-3)
 
 
 def test_latitude_before_longitude_is_recognised_and_the_remedy_named(tmp_path: Path) -> None:
     turned = shapely.transform(in_degrees(OUTLINE), lambda points: points[:, ::-1] + np.array([0.0, 130.0]))
     write(tmp_path / "turned.shp", [turned], ["N"], crs="EPSG:4326")
-    with pytest.raises(FieldError, match="latitude before longitude; exchange them with swap"):
+    with pytest.raises(FieldError, match="latitude before longitude; swap them with swap"):
         read_field(tmp_path / "turned.shp")
 
 
@@ -106,7 +106,7 @@ def test_boundary_line_and_gate_of_one_layer(tmp_path: Path, ending: str) -> Non
     write(path, [OUTLINE, LINE, GATE], ["North", "AB 1", "Gate"])
     assert_same_ground(path)
     field = read_field(path)
-    (line,) = field.lines
+    (line,) = field.guidance_lines
     assert (line.name, line.line.length) == ("AB 1", pytest.approx(180.0, rel=1e-3))
     assert field.entrance is not None
     assert field.boundary.exterior.distance(shapely.Point(field.entrance)) < 0.05
@@ -117,8 +117,8 @@ def test_layers_in_different_systems_meet(tmp_path: Path) -> None:
     write(path, [OUTLINE], ["North"], layer="fields")
     write(path, [in_degrees(LINE)], ["AB 1"], crs="EPSG:4326", layer="lines", append=False)
     field = read_field(path)
-    assert field.ground.area == pytest.approx(AREA_M2, rel=1e-3)
-    assert field.lines[0].line.within(field.boundary)
+    assert field.workable_region.area == pytest.approx(AREA_M2, rel=1e-3)
+    assert field.guidance_lines[0].line.within(field.boundary)
 
 
 def kml(tmp_path: Path) -> Path:
@@ -133,7 +133,7 @@ def test_kml_and_kmz(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "farm.kmz", "w") as archive:
         archive.write(path, "doc.kml")
     assert_same_ground(tmp_path / "farm.kmz")
-    assert [one.name for one in read_field(tmp_path / "farm.kmz").lines] == ["AB 1"]
+    assert [one.name for one in read_field(tmp_path / "farm.kmz").guidance_lines] == ["AB 1"]
 
 
 def test_a_bomb_of_entities_is_refused(tmp_path: Path) -> None:
@@ -154,7 +154,7 @@ def test_a_track_round_the_field_is_its_boundary(tmp_path: Path) -> None:
         f"<trk><name>Walk</name><trkseg>{way}</trkseg></trk></gpx>"
     )
     field = read_field(tmp_path / "walk.gpx")
-    assert (field.name, field.ground.area) == ("Walk", pytest.approx(60_000, rel=1e-3))
+    assert (field.name, field.workable_region.area) == ("Walk", pytest.approx(60_000, rel=1e-3))
 
 
 def test_a_track_that_does_not_come_back(tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_a_track_that_does_not_come_back(tmp_path: Path) -> None:
     (tmp_path / "walk.gpx").write_text(
         f'<gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>{way}</trkseg></trk></gpx>'
     )
-    with pytest.raises(FieldError, match="no track that comes back"):
+    with pytest.raises(FieldError, match="no track that returns"):
         read_field(tmp_path / "walk.gpx")
 
 
@@ -190,7 +190,7 @@ def test_names_that_lead_out_of_an_archive(tmp_path: Path) -> None:
     for name in ("../evil.shp", "/evil.shp", "C:\\evil.shp"):
         with zipfile.ZipFile(tmp_path / "evil.zip", "w") as archive:
             archive.writestr(name, b"x")
-        with pytest.raises(FieldError, match="leads out of it"):
+        with pytest.raises(FieldError, match="a path outside the archive"):
             read_field(tmp_path / "evil.zip")
 
 
@@ -208,7 +208,7 @@ def test_an_archive_that_unpacks_to_too_much(tmp_path: Path) -> None:
 
 
 def test_an_archive_that_says_it_is_small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fields.formats.archive.MOST_BYTES", 10_000)
+    monkeypatch.setattr("fields.formats.archive.MAX_BYTES", 10_000)
     with zipfile.ZipFile(tmp_path / "bomb.zip", "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("TASKDATA.XML", b" " * 1_000_000)
     content = bytearray((tmp_path / "bomb.zip").read_bytes())
@@ -228,11 +228,11 @@ def test_capital_endings(shapefile: Path) -> None:
 
 def test_local_metres_of_a_shapefile_without_system(shapefile: Path) -> None:
     (shapefile / "north.prj").unlink()
-    assert read_field(shapefile, local=True).ground.area == pytest.approx(AREA_M2)
+    assert read_field(shapefile, local=True).workable_region.area == pytest.approx(AREA_M2)
 
 
 @pytest.mark.parametrize(
-    ("crs", "words"), [("", "crs is empty"), ("EPSG:25832", "look like degrees"), ("x", "not known")]
+    ("crs", "words"), [("", "crs is empty"), ("EPSG:25832", "look like degrees"), ("x", "is unknown")]
 )
 def test_systems_that_cannot_be(crs: str, words: str) -> None:
     with pytest.raises(FieldError, match=words):
@@ -242,7 +242,7 @@ def test_systems_that_cannot_be(crs: str, words: str) -> None:
 @pytest.mark.filterwarnings("ignore:'crs' was not provided")
 def test_a_geopackage_without_a_system_is_not_guessed_at(tmp_path: Path) -> None:
     write(tmp_path / "n.gpkg", [OUTLINE], ["N"], crs=None)
-    with pytest.raises(FieldError, match="which coordinate system"):
+    with pytest.raises(FieldError, match="does not name its coordinate system"):
         read_field(tmp_path / "n.gpkg")
 
 
@@ -253,4 +253,4 @@ def test_a_walk_that_goes_on_past_its_start(tmp_path: Path) -> None:
     (tmp_path / "walk.gpx").write_text(
         f'<gpx version="1.1" creator="t" xmlns="http://www.topografix.com/GPX/1/1"><trk><trkseg>{way}</trkseg></trk></gpx>'
     )
-    assert read_field(tmp_path / "walk.gpx").ground.area == pytest.approx(60_000, rel=1e-3)
+    assert read_field(tmp_path / "walk.gpx").workable_region.area == pytest.approx(60_000, rel=1e-3)

@@ -9,12 +9,12 @@ import pytest
 import shapely
 
 from fields import Field
-from planner.candidates.evaluate import CandidateRun
-from planner.scenario import Scenario
-from planner.site import Site, prepare
-from reports.results import PlanResult
-from vehicle.missions import Plan
-from vehicle.run import Run
+from planner.evaluation.candidates.figures import CandidateRun
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult
+from vehicle.missions.plan import Plan
+from vehicle.missions.run import SimulationRun
 
 
 def moved(field: Field, move: Callable[[Any], Any]) -> Field:
@@ -23,18 +23,18 @@ def moved(field: Field, move: Callable[[Any], Any]) -> Field:
     if entrance is not None:
         point = move(shapely.Point(entrance))
         entrance = (point.x, point.y)
-    grounds = tuple(replace(zone, polygon=move(zone.polygon)) for zone in field.grounds)
-    return replace(field, boundary=move(field.boundary), entrance=entrance, grounds=grounds)
+    grounds = tuple(replace(zone, polygon=move(zone.polygon)) for zone in field.ground_zones)
+    return replace(field, boundary=move(field.boundary), entrance=entrance, ground_zones=grounds)
 
 
-def site_on(polygon: shapely.Polygon, entrance: tuple[float, float] | None = None, **options: Any) -> Site:
-    """A site on a polygon in local metres, its headland left for turning unless `tracks_only` is False."""
-    scenario = Scenario(field="drawn", **{"tracks_only": True, **options})
-    return prepare(scenario, Field("drawn", polygon, entrance=entrance))
+def site_on(polygon: shapely.Polygon, entrance: tuple[float, float] | None = None, **options: Any) -> PlanningContext:
+    """A site on a polygon in local metres, its headland left for turning unless `no_headland` is False."""
+    scenario = PlanRequest(field="drawn", **{"no_headland": True, **options})
+    return prepare_context(scenario, Field("drawn", polygon, entrance=entrance))
 
 
 @pytest.fixture(scope="session")
-def place() -> Callable[..., Site]:
+def place() -> Callable[..., PlanningContext]:
     """`site_on` for tests that draw their own polygon."""
     return site_on
 
@@ -46,13 +46,13 @@ def move() -> Callable[[Field, Callable[[Any], Any]], Field]:
 
 
 @pytest.fixture(scope="session")
-def small_site() -> Site:
+def small_site() -> PlanningContext:
     """36 m by 80 m with an entrance: 12 tracks."""
     return site_on(shapely.box(0, 0, 36, 80), (0.0, 0.0))
 
 
 @pytest.fixture(scope="session")
-def wide_site() -> Site:
+def wide_site() -> PlanningContext:
     """The field of the thesis shortened to 130 m: long enough for a queue of five."""
     return site_on(shapely.box(0, 0, 130, 70), (0.0, 0.0))
 
@@ -60,15 +60,15 @@ def wide_site() -> Site:
 @pytest.fixture(scope="session")
 def evaluate_once() -> Callable[..., PlanResult]:
     """Evaluate a candidate on a site, once per session."""
-    from planner.candidates.evaluate import Candidate, evaluate
+    from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
 
-    sites: dict[int, Site] = {}
+    sites: dict[int, PlanningContext] = {}
 
     @cache
     def cached(key: int, strategy: str, tractors: int) -> PlanResult:
-        return evaluate(sites[key], Candidate(strategy, tractors))
+        return compute_candidate_figures(sites[key], Candidate(strategy, tractors))
 
-    def result(site: Site, strategy: str, tractors: int) -> PlanResult:
+    def result(site: PlanningContext, strategy: str, tractors: int) -> PlanResult:
         sites[id(site)] = site
         return cached(id(site), strategy, tractors)
 
@@ -82,8 +82,8 @@ def meeting(monkeypatch: pytest.MonkeyPatch) -> list[Plan]:
 
     def meets(*given: Any) -> CandidateRun:
         driven.append(given[3].plan)
-        return CandidateRun(cast(Run, None), "tractors meet", "none", None)
+        return CandidateRun(cast(SimulationRun, None), "tractors meet", "none", None)
 
-    monkeypatch.setattr("planner.candidates.evaluate._run_plan", meets)
-    monkeypatch.setattr("planner.candidates.evaluate.other_orders", lambda *_: ())
+    monkeypatch.setattr("planner.evaluation.candidates.evaluate._run_plan", meets)
+    monkeypatch.setattr("planner.evaluation.candidates.evaluate.list_other_orders", lambda *_: ())
     return driven

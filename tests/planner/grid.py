@@ -11,51 +11,61 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from planner.yielding.courses import Course
-from planner.yielding.crossings import Crossings, crossings_of
-from planner.yielding.right_of_way import Timetable
-from vehicle.compile import compile_model
-from vehicle.meetings import poses_of
-from vehicle.missions import Gate, Leg, Mission, Plan
-from vehicle.tractor import Implement, load_tractor
+from planner.traffic.conflict_zones import ConflictZones, find_conflict_zones
+from planner.traffic.precedence import Timetable
+from planner.traffic.trajectories import SoloTrajectory
+from vehicle.missions.plan import Leg, LegGate, Mission, Plan
+from vehicle.model.tractor import Implement, load_tractor
+from vehicle.sim.compile import build_model_record
+from vehicle.sim.path_conflicts import build_poses
 
 TRACTOR, IMPLEMENT = load_tractor("eg105"), Implement()
-MODELS = np.array([compile_model(TRACTOR, IMPLEMENT)])
+MODELS = np.array([build_model_record(TRACTOR, IMPLEMENT)])
 APART_M = 0.05
 
 
-def course(places: Sequence[tuple[float, float, float]], holds: Sequence[int], every_s: float) -> Course:
-    """A course over poses (x, y, angle), one after another in so many seconds and metres, with hold points at some."""
+def trajectory(places: Sequence[tuple[float, float, float]], holds: Sequence[int], every_s: float) -> SoloTrajectory:
+    """A trajectory over poses (x, y, angle), `every_s` seconds and metres apart, with hold points at some."""
     numbers = np.arange(len(places))
     seconds = np.array([every_s * number for number in range(len(places))])
     leg = np.clip(np.searchsorted(holds, numbers, "right") - 1, 0, len(holds) - 2)
     begins = np.asarray(holds)[leg]
-    return Course(
-        poses_of(np.array(places, dtype=float)), seconds, leg, seconds - seconds[begins], tuple(holds),
+    return SoloTrajectory(
+        build_poses(np.array(places, dtype=float)),
+        seconds,
+        leg,
+        seconds - seconds[begins],
+        tuple(holds),
         tuple(range(len(holds))),
-    )  # fmt: skip
+    )
 
 
-def plan_on(courses: Sequence[Course], gates: dict[tuple[int, int], list[Gate]] | None = None) -> Plan:
-    """A plan with one leg per stretch of every course, each as long as it lasts, and these gates."""
+def plan_on(trajectories: Sequence[SoloTrajectory], gates: dict[tuple[int, int], list[LegGate]] | None = None) -> Plan:
+    """A plan with one leg per segment of every trajectory, each as long as it lasts, and these gates."""
     missions = []
-    for one, each in enumerate(courses):
+    for one, each in enumerate(trajectories):
         legs = [
-            Leg(np.array([[0.0, 0.0], [each.lasts_s(number), 0.0]]), 1.0, may_wait=True,
-                gates=tuple((gates or {}).get((one, number), ())))
-            for number in range(each.stretches)
-        ]  # fmt: skip
+            Leg(
+                np.array([[0.0, 0.0], [each.get_duration_s(number), 0.0]]),
+                1.0,
+                may_wait=True,
+                gates=tuple((gates or {}).get((one, number), ())),
+            )
+            for number in range(each.segment_count)
+        ]
         missions.append(Mission(tuple(legs)))
     return Plan(tuple(missions))
 
 
-def straight(x: float, y: float, angle: float, metres: int, holds: Sequence[int]) -> Course:
+def straight(x: float, y: float, angle: float, metres: int, holds: Sequence[int]) -> SoloTrajectory:
     ahead = math.cos(angle), math.sin(angle)
-    return course([(x + n * ahead[0], y + n * ahead[1], angle) for n in range(metres + 1)], holds, 1.0)
+    return trajectory([(x + n * ahead[0], y + n * ahead[1], angle) for n in range(metres + 1)], holds, 1.0)
 
 
-def crossings(courses: Sequence[Course], gated: dict[int, set[int]] | None = None) -> Crossings:
-    return crossings_of(courses, MODELS, APART_M, APART_M, [(gated or {}).get(n, set()) for n in range(len(courses))])
+def crossings(trajectories: Sequence[SoloTrajectory], gated: dict[int, set[int]] | None = None) -> ConflictZones:
+    return find_conflict_zones(
+        trajectories, MODELS, APART_M, APART_M, [(gated or {}).get(n, set()) for n in range(len(trajectories))]
+    )
 
 
 @dataclass
@@ -65,9 +75,9 @@ class Cells:
     cells: list[list[int]]
     holds: list[list[int]]
 
-    def courses(self) -> list[Course]:
+    def trajectories(self) -> list[SoloTrajectory]:
         return [
-            course([(30.0 * (cell % 4), 30.0 * (cell // 4), 0.0) for cell in own], holds, 10.0)
+            trajectory([(30.0 * (cell % 4), 30.0 * (cell // 4), 0.0) for cell in own], holds, 10.0)
             for own, holds in zip(self.cells, self.holds, strict=True)
         ]
 
@@ -103,14 +113,14 @@ def traffic(draw: Any) -> Cells:
     cells, holds = [], []
     starts = draw(st.permutations(range(16)))
     for one in range(draw(st.integers(2, 4))):
-        way = [starts[one]]
+        path = [starts[one]]
         for _ in range(draw(st.integers(2, 6))):
-            way.append(draw(st.sampled_from([cell for cell in range(16) if cell != way[-1]])))
-        inner = draw(st.sets(st.integers(1, len(way) - 2))) if len(way) > 2 else set()
-        cells.append(way)
-        holds.append([0, *sorted(inner), len(way) - 1])
+            path.append(draw(st.sampled_from([cell for cell in range(16) if cell != path[-1]])))
+        inner = draw(st.sets(st.integers(1, len(path) - 2))) if len(path) > 2 else set()
+        cells.append(path)
+        holds.append([0, *sorted(inner), len(path) - 1])
     return Cells(cells, holds)
 
 
-def all_hold_points(courses: list[Course]) -> Crossings:
-    return crossings(courses, {n: set(range(each.stretches)) for n, each in enumerate(courses)})
+def all_hold_points(trajectories: list[SoloTrajectory]) -> ConflictZones:
+    return crossings(trajectories, {n: set(range(each.segment_count)) for n, each in enumerate(trajectories)})

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from fields.projection import project, utm_crs
-from vehicle.missions import Gate, Leg, Mission, Plan, Task
-from vehicle.plan_file import SavedPlan
+from fields.geometry.geodesy import find_utm_crs, project
+from vehicle.missions.plan import Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan_file import SavedPlan
 
 SQUARE = [[0.0, 0.0], [100.0, 0.0], [100.0, 60.0], [0.0, 60.0]]
 HOLE = [[40.0, 20.0], [40.0, 30.0], [55.0, 30.0], [55.0, 20.0]]
@@ -27,7 +27,7 @@ BEND = [[3.0 + 94.0 * k / 20, 3.0 + 4.0 * math.sin(math.pi * k / 20)] for k in r
 def leg(kind: str, number: int | None, piece: int, *points: list[float], **more: object) -> Leg:
     works = kind in ("track", "round")
     return replace(
-        Leg(np.array(points, dtype=float), 1.4, implement=works, task=Task(kind, number, piece)),
+        Leg(np.array(points, dtype=float), 1.4, implement=works, task=LegTask(kind, number, piece)),
         **more,  # type: ignore[arg-type]
     )
 
@@ -37,7 +37,7 @@ def plan() -> Plan:
     first = (
         leg("round", 1, 0, *BEND),
         leg("turn", 0, 0, BEND[-1], [97.0, 9.0]),
-        leg("track", 0, 0, [97.0, 9.0], [50.0, 9.0], gates=(Gate(1, 0, 1.0),)),
+        leg("track", 0, 0, [97.0, 9.0], [50.0, 9.0], gates=(LegGate(1, 0, 1.0),)),
         leg("track", 0, 0, [50.0, 9.0], [7.0, 9.004]),
     )
     second = (
@@ -51,7 +51,7 @@ def plan() -> Plan:
 
 def saved(longitude_deg: float = 9.94, latitude_deg: float = 56.97) -> SavedPlan:
     """The plan with its field, whose corner in the south-west is at this place."""
-    crs = utm_crs(longitude_deg, latitude_deg)
+    crs = find_utm_crs(longitude_deg, latitude_deg)
     east, north = project(np.array([[longitude_deg, latitude_deg]]), "EPSG:4326", crs)[0]
     origin = (float(round(east)), float(round(north)))
     return SavedPlan(plan(), crs, origin, {"field": "field.geojson"}, GROUND)

@@ -7,7 +7,7 @@ import math
 import shapely
 
 from fields import Field
-from fields.obstacles import Obstacle
+from fields.geometry.obstacles import Obstacle
 
 Corners = list[tuple[float, float]]
 

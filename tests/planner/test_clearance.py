@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.candidates.evaluate import Candidate, simulated
-from planner.scenario import Scenario
-from planner.site import body_of
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.context import build_body
+from planner.request.plan_request import PlanRequest
 
 FIELD = shapely.box(0, 0, 150, 60)
 PARALLEL = math.radians(10.0)
@@ -19,18 +19,18 @@ PARALLEL = math.radians(10.0)
 @pytest.mark.parametrize("strategy", ["row-by-row", "col-by-col", "interleaved"])
 def test_it_is_kept_where_tractors_are_not_beside_each_other(strategy: str, place: Any) -> None:
     site = place(FIELD, (0.0, 0.0), tractors=(3,))
-    run = simulated(site, Candidate(strategy, 3)).run
-    assert site.scenario.clearance_m == 0.5 and run is not None and run.contacts == ()
-    body, axle_m = body_of(site.tractor, site.implement), site.tractor.rear_axle_m
+    run = simulate_candidate(site, Candidate(strategy, 3)).run
+    assert site.request.clearance_m == 0.5 and run is not None and run.contacts == ()
+    body, axle_m = build_body(site.tractor, site.implement), site.tractor.rear_axle_m
     nearest = {True: math.inf, False: math.inf}
     for first, second in combinations(range(3), 2):
-        poses = [run.poses(each)[:, :3] for each in (first, second)]
+        poses = [run.get_poses(each)[:, :3] for each in (first, second)]
         near = np.hypot(*(poses[0] - poses[1])[:, :2].T) < 12.0
         angle = np.sin(poses[0][near, 2] - poses[1][near, 2])
         boxes = []
         for x, y, heading in (pose[near].T for pose in poses):
             axle = np.column_stack([x - axle_m * np.cos(heading), y - axle_m * np.sin(heading), heading])
-            boxes.append(shapely.multipolygons(body.placed(axle).reshape(-1, 2)))
+            boxes.append(shapely.multipolygons(body.place_boxes(axle).reshape(-1, 2)))
         apart = shapely.distance(*boxes)
         for beside in (True, False):
             nearest[beside] = min(nearest[beside], *apart[(np.abs(angle) < PARALLEL) == beside], math.inf)
@@ -41,8 +41,8 @@ def test_it_is_kept_where_tractors_are_not_beside_each_other(strategy: str, plac
 def test_of_two_in_a_row_one_turns_a_little_ahead(place: Any) -> None:
     """The last of three, on the side that the turn leads to, goes first; the first of them 3 m of its way later."""
     site = place(FIELD, (0.0, 0.0), tractors=(3,))
-    run = simulated(site, Candidate("row-by-row", 3)).run
-    assert run is not None and site.manner.ahead_m == 3.0
+    run = simulate_candidate(site, Candidate("row-by-row", 3)).run
+    assert run is not None and site.driving_rules.ahead_m == 3.0
     gates = [gate for leg in run.plan.missions[0].legs for gate in leg.gates if gate.tractor == 2]
     assert any(gate.after_m == 3.0 for gate in gates)
     assert not any(gate.after_m == 3.0 for leg in run.plan.missions[2].legs for gate in leg.gates)
@@ -51,19 +51,21 @@ def test_of_two_in_a_row_one_turns_a_little_ahead(place: Any) -> None:
 def test_it_costs_a_formation_little(place: Any) -> None:
     def time_s(clearance_m: float) -> float | None:
         site = place(FIELD, (0.0, 0.0), tractors=(3,), clearance_m=clearance_m)
-        return simulated(site, Candidate("row-by-row", 3)).result.time_s
+        return simulate_candidate(site, Candidate("row-by-row", 3)).result.time_s
 
     assert time_s(0.5) == pytest.approx(time_s(0.05), rel=0.03)
-    assert Scenario().clearance_m == 0.5
+    assert PlanRequest().clearance_m == 0.5
 
 
 def test_a_clearance_that_neighbouring_tracks_do_not_leave_is_told(place: Any) -> None:
     """Wide of each other it is kept; side by side 0.3 m is all there is, and the remark says so with the figure."""
     site = place(FIELD, (0.0, 0.0), tractors=(3,), clearance_m=3.0)
-    result = simulated(site, Candidate("row-by-row", 3)).result
+    result = simulate_candidate(site, Candidate("row-by-row", 3)).result
     assert result.feasible, result.reason
     assert result.min_clearance_m is not None and 0.05 < result.min_clearance_m < 0.4
-    assert result.remark is not None and f"tractors come within {result.min_clearance_m:.2f} m" in result.remark
-    assert "some of these leave only 0.30 m between machines" in result.remark
-    alone = simulated(place(FIELD, (0.0, 0.0), tractors=(1,), clearance_m=3.0), Candidate("split-field", 1)).result
+    assert result.remark is not None and f"come within {result.min_clearance_m:.2f} m of each other" in result.remark
+    assert "some tracks leave only 0.30 m between machines" in result.remark
+    alone = simulate_candidate(
+        place(FIELD, (0.0, 0.0), tractors=(1,), clearance_m=3.0), Candidate("split-field", 1)
+    ).result
     assert alone.remark is None

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner import HeadlandError, LocalPool, Planned, Scenario, SerialExecutor, plan
-from planner.scenario import parse_counts
-from reports.export import ranking_csv, ranking_json
-from reports.results import Ranking
-from vehicle.tractor import load_tractor
+from planner import HeadlandError, LocalPool, PlanningResult, PlanRequest, SerialExecutor, plan
+from planner.request.option_texts import parse_counts
+from reports.common.plan_results import PlanRanking
+from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+from vehicle.model.tractor import load_tractor
 
 
 def spawned() -> Executor:
@@ -37,70 +37,70 @@ def pool() -> Iterator[LocalPool]:
         yield executor
 
 
-def serial(scenario: Scenario) -> Ranking:
+def serial(scenario: PlanRequest) -> PlanRanking:
     return plan(scenario, executor=SerialExecutor()).ranking
 
 
 @pytest.fixture(scope="module")
-def scenario(tmp_path_factory: pytest.TempPathFactory) -> Scenario:
+def scenario(tmp_path_factory: pytest.TempPathFactory) -> PlanRequest:
     import json
 
     place = tmp_path_factory.mktemp("field") / "small.geojson"
     ring = [[0, 0], [60, 0], [60, 80], [0, 80], [0, 0]]
     place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    return Scenario(str(place), local=True, tractors=(1, 2, 3), seed=7)
+    return PlanRequest(str(place), local=True, tractors=(1, 2, 3), seed=7)
 
 
 @pytest.fixture(scope="module")
-def answer(scenario: Scenario) -> Planned:
+def answer(scenario: PlanRequest) -> PlanningResult:
     """In this process."""
     return plan(scenario, executor=SerialExecutor())
 
 
 @pytest.fixture(scope="module")
-def first(answer: Planned) -> str:
-    return ranking_json(answer.ranking)
+def first(answer: PlanningResult) -> str:
+    return format_ranking_json(answer.ranking)
 
 
 @pytest.fixture(scope="module")
-def few(scenario: Scenario) -> Scenario:
+def few(scenario: PlanRequest) -> PlanRequest:
     """A question with four candidates, for what has nothing to do with how many there are."""
     return replace(scenario, tractors=(1, 2), strategies=("split-field", "interleaved"))
 
 
 @pytest.fixture(scope="module")
-def few_first(few: Scenario, pool: LocalPool) -> str:
-    return ranking_json(plan(few, executor=pool).ranking)
+def few_first(few: PlanRequest, pool: LocalPool) -> str:
+    return format_ranking_json(plan(few, executor=pool).ranking)
 
 
 @pytest.mark.parametrize("name", EXECUTORS)
-def test_same_bytes_from_any_executor(scenario: Scenario, answer: Planned, first: str, name: str) -> None:
+def test_same_bytes_from_any_executor(scenario: PlanRequest, answer: PlanningResult, first: str, name: str) -> None:
     make = EXECUTORS[name]
     with make() if make else nullcontext() as executor:
         other = plan(scenario, executor=executor)
-    assert ranking_json(other.ranking) == first
+    assert format_ranking_json(other.ranking) == first
     assert other.run is not None and answer.run is not None
     assert other.run.record.tobytes() == answer.run.record.tobytes()
 
 
-def test_same_bytes_for_another_order_of_counts_and_names(scenario: Scenario, first: str, pool: LocalPool) -> None:
+def test_same_bytes_for_another_order_of_counts_and_names(scenario: PlanRequest, first: str, pool: LocalPool) -> None:
     swapped = replace(scenario, tractors=parse_counts("3,1-2"), strategies=scenario.strategies[::-1])
     assert swapped.tractors == scenario.tractors
-    assert ranking_json(plan(swapped, executor=pool).ranking) == first
+    assert format_ranking_json(plan(swapped, executor=pool).ranking) == first
 
 
-def test_objects_and_names_are_the_same_question(few: Scenario, few_first: str, pool: LocalPool) -> None:
+def test_objects_and_names_are_the_same_question(few: PlanRequest, few_first: str, pool: LocalPool) -> None:
     from fields import read_field
 
     field, tractor = read_field(few.field, local=True), load_tractor("eg105")
     nameless = replace(few, field="no such file", tractor="no such tractor")
     answer = plan(nameless, field=field, tractor=tractor, executor=pool)
-    assert ranking_json(answer.ranking) == few_first
-    assert (answer.site.scenario.field, answer.site.scenario.tractor) == (field.name, tractor.name)
-    assert ranking_json(plan(nameless, field=few.field, tractor="eg105", executor=pool).ranking) == few_first
+    assert format_ranking_json(answer.ranking) == few_first
+    assert (answer.context.request.field, answer.context.request.tractor) == (field.name, tractor.name)
+    assert format_ranking_json(plan(nameless, field=few.field, tractor="eg105", executor=pool).ranking) == few_first
 
 
-def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: Scenario) -> None:
+def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: PlanRequest) -> None:
     broken = load_tractor("eg105").model_copy(update={"mass_kg": -1.0})
     with pytest.raises(HeadlandError, match="mass_kg"):
         plan(scenario, tractor=broken, executor=SerialExecutor())
@@ -111,31 +111,33 @@ def test_an_object_that_cannot_be_is_refused_like_its_file(scenario: Scenario) -
     ("gnss_table", {"gnss": True, "gnss_table": "nothing.csv"}), ("headland_m", {"headland_m": 1e9}),
     ("width_m", {"width_m": 1e-9}), ("radius_m", {"radius_m": 0.1}),
 ])  # fmt: skip
-def test_a_refusal_names_the_parameter_at_fault(scenario: Scenario, parameter: str, question: dict[str, Any]) -> None:
+def test_a_refusal_names_the_parameter_at_fault(
+    scenario: PlanRequest, parameter: str, question: dict[str, Any]
+) -> None:
     with pytest.raises(HeadlandError) as refusal:
         plan(replace(scenario, **question), executor=SerialExecutor())
     assert refusal.value.parameter == parameter
 
 
 def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
-    scenario: Scenario, answer: Planned, pool: LocalPool
+    scenario: PlanRequest, answer: PlanningResult, pool: LocalPool
 ) -> None:
     best = answer.ranking.best
     assert best is not None and answer.run is not None
     assert answer.run.duration_s == best.time_s and answer.run.plan.tractors == best.tractors
-    assert list(answer.drives) == [(best.strategy, best.tractors)]
-    every = plan(scenario, executor=pool, pictures=True)
+    assert list(answer.pictures) == [(best.strategy, best.tractors)]
+    every = plan(scenario, executor=pool, with_pictures=True)
     assert every.ranking == answer.ranking
-    assert set(every.drives) == {(p.strategy, p.tractors) for p in every.ranking.plans if p.time_s is not None}
+    assert set(every.pictures) == {(p.strategy, p.tractors) for p in every.ranking.plans if p.time_s is not None}
     for result in every.ranking.plans:
         if result.time_s is not None:
-            drive = every.drives[result.strategy, result.tractors]
+            drive = every.pictures[result.strategy, result.tractors]
             assert max(drive.finish_s) == result.time_s and len(drive.xy) == result.tractors
-    ours, theirs = (one.drives[best.strategy, best.tractors] for one in (answer, every))
+    ours, theirs = (one.pictures[best.strategy, best.tractors] for one in (answer, every))
     assert all(np.array_equal(a, b) for a, b in zip(ours.xy, theirs.xy, strict=True))
 
 
-def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: Scenario, answer: Planned) -> None:
+def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: PlanRequest, answer: PlanningResult) -> None:
     def alone(count: int, name: str) -> Any:
         only = replace(scenario, tractors=(count,), strategies=(name,))
         (result,) = serial(only).plans
@@ -147,18 +149,18 @@ def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: Scenario, an
         assert replace(among, rank=None, on_pareto_front=False) == alone(count, name)
 
 
-def test_the_seed_is_echoed_and_changes_nothing_else(few: Scenario, few_first: str, pool: LocalPool) -> None:
+def test_the_seed_is_echoed_and_changes_nothing_else(few: PlanRequest, few_first: str, pool: LocalPool) -> None:
     import json
 
-    other = json.loads(ranking_json(plan(replace(few, seed=8), executor=pool).ranking))
+    other = json.loads(format_ranking_json(plan(replace(few, seed=8), executor=pool).ranking))
     before = json.loads(few_first)
     assert (before.pop("seed"), other.pop("seed")) == (7, 8)
     assert (before["scenario"].pop("seed"), other["scenario"].pop("seed")) == (7, 8)
     assert before == other
 
 
-def test_progress_counts_up_to_all(few: Scenario, pool: LocalPool) -> None:
+def test_progress_counts_up_to_all(few: PlanRequest, pool: LocalPool) -> None:
     seen: list[tuple[int, int]] = []
     ranking = plan(few, executor=pool, progress=lambda done, total: seen.append((done, total))).ranking
     assert seen == [(n, 4) for n in range(1, 5)]
-    assert len(ranking_csv(ranking).splitlines()) == 5
+    assert len(format_ranking_csv(ranking).splitlines()) == 5

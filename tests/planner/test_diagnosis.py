@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 
 from planner import HeadlandError, diagnose, replay
-from planner.candidates.evaluate import Candidate, evaluate
-from planner.diagnosis import PLAN_FIELD, PLAN_WIDTH_M, SMALLEST_M, plan_gain
-from planner.scenario import Scenario
-from planner.site import prepare
-from vehicle.measured.answer.save import tractor_toml
-from vehicle.tractor import EffectSetting, Tractor, load_tractor
+from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.context import prepare_context
+from planner.pipeline.diagnosis import MIN_TRACTOR_LENGTH_M, PLAN_FIELD, PLAN_WIDTH_M, measure_plan_gain
+from planner.request.plan_request import PlanRequest
+from vehicle.model.tractor import EffectSetting, Tractor, load_tractor
+from vehicle.model.tractor_writer import format_tractor_toml
 
 OFFSET = {"steering_offset": EffectSetting(value={"angle_deg": 2.0})}
 CRAWL = {"wheel_slip": EffectSetting(value={"ratio": 0.85})}
@@ -25,16 +25,16 @@ def like_eg105(**changes: Any) -> Tractor:
 def wide(tmp_path: Path) -> tuple[str, Tractor]:
     """A tractor with little lock, as a file."""
     path = tmp_path / "wide.toml"
-    path.write_text(tractor_toml(like_eg105(name="wide", max_steering_deg=25.0)), encoding="utf-8")
+    path.write_text(format_tractor_toml(like_eg105(name="wide", max_steering_deg=25.0)), encoding="utf-8")
     return str(path), load_tractor(path)
 
 
 def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tractor]) -> None:
     where, machine = wide
-    gain, why_not = plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
+    gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is not None and why_not == ""
-    scenario = Scenario(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where, tracks_only=True)
-    alone = evaluate(prepare(scenario), Candidate("row-by-row", 1))
+    scenario = PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, tractor=where, no_headland=True)
+    alone = compute_candidate_figures(prepare_context(scenario), Candidate("row-by-row", 1))
     assert gain.time_before_s == pytest.approx(alone.time_s, abs=1e-6)
     assert gain.time_after_s is not None
     # The guidance knows nothing of the offset: it holds against it from beside the track.
@@ -42,31 +42,32 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
 
 
 def test_a_plan_that_the_real_tractor_would_not_finish_has_no_time() -> None:
-    gain, _ = plan_gain(like_eg105(), like_eg105(effects=CRAWL))
+    gain, _ = measure_plan_gain(like_eg105(), like_eg105(effects=CRAWL))
     assert gain is not None and gain.time_before_s is not None and gain.time_after_s is None
 
 
 def test_nothing_added_needs_no_words_and_what_was_kept_does() -> None:
-    assert plan_gain(like_eg105(), like_eg105()) == (None, "")
+    assert measure_plan_gain(like_eg105(), like_eg105()) == (None, "")
     kept = like_eg105(effects=OFFSET)
-    gain, why_not = plan_gain(kept, kept)
+    gain, why_not = measure_plan_gain(kept, kept)
     assert gain is None and why_not == "The tractor stays as its file has it, so no plan was driven to compare."
 
 
 def test_a_model_car_drives_no_plan() -> None:
     car = like_eg105(name="car", length_m=0.3)
-    gain, why_not = plan_gain(car, car.model_copy(update={"effects": OFFSET}))
+    gain, why_not = measure_plan_gain(car, car.model_copy(update={"effects": OFFSET}))
     assert gain is None
     assert why_not == (
-        f"No plan was driven to compare: car is 0.3 m long, and plans are for tractors of {SMALLEST_M:g} m or more."
+        "No plan was driven to compare: car is 0.3 m long, and plans are for tractors of "
+        f"{MIN_TRACTOR_LENGTH_M:g} m or more."
     )
 
 
 def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp_path: Path) -> None:
     path = tmp_path / "unknown.toml"
-    path.write_text(tractor_toml(like_eg105(radius={})), encoding="utf-8")
+    path.write_text(format_tractor_toml(like_eg105(radius={})), encoding="utf-8")
     machine = load_tractor(path)
-    gain, why_not = plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
+    gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is None
     assert why_not.startswith("No plan was driven to compare: No turning radii of Yanmar EG105 are known on 'soil'")
     assert why_not.endswith(".") and not why_not.endswith("..")

@@ -13,70 +13,75 @@ import pytest
 import shapely
 
 from fields import Field, FieldError
-from planner.candidates.evaluate import Candidate, Evaluation, simulated
-from planner.ground.measure import guided_point
-from planner.scenario import Scenario
-from planner.site import Site, prepare
-from planner.steps import steps_of
-from reports.step_words import step_words
-from strategies.entrance import with_entrance
-from strategies.orders.table import TurnTable
+from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.ground.coverage import compute_guided_path
+from planner.pipeline.outputs.driving_steps import list_steps
+from planner.request.plan_request import PlanRequest
+from reports.plan.leg_list import describe_leg
+from strategies.headland.entrance_legs import add_entrance
+from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane
 from strategies.registry import STRATEGIES
-from strategies.ways.gateway import EDGE_M, gateway
-from vehicle.compile import compile_model
-from vehicle.meetings import Trail, meetings, poses_of
-from vehicle.missions import ENTER, LEAVE, Gate, Leg, Mission, Plan, Task
-from vehicle.plan_file import plan_to_json, saved_from_json
-from vehicle.run import DONE
-from vehicle.tractor import Implement, load_tractor
-from vehicle.world import World
+from strategies.sequencing.turn_table import TurnTable
+from vehicle.missions.plan import ENTER, LEAVE, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan_file import format_plan, parse_saved_plan
+from vehicle.missions.run import DONE
+from vehicle.model.tractor import Implement, load_tractor
+from vehicle.sim.compile import build_model_record
+from vehicle.sim.path_conflicts import PosePath, build_poses, find_conflicting_poses
+from vehicle.sim.world import World
 
 BOX = shapely.box(0, 0, 60, 110)
 GATE = (30.0, 0.0)
 CASES = [("split-field", 1), ("split-field", 3), ("interleaved", 2), ("row-by-row", 3), ("col-by-col", 2)]
 
 
-def site_at(entrance: tuple[float, float] | None, **options: Any) -> Site:
-    return prepare(Scenario(field="box", **options), Field("box", BOX, entrance=entrance))
+def site_at(entrance: tuple[float, float] | None, **options: Any) -> PlanningContext:
+    return prepare_context(PlanRequest(field="box", **options), Field("box", BOX, entrance=entrance))
 
 
 @cache
-def site(entrance: tuple[float, float] | None = GATE) -> Site:
+def site(entrance: tuple[float, float] | None = GATE) -> PlanningContext:
     return site_at(entrance)
 
 
 @cache
-def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = GATE) -> Evaluation:
-    return simulated(site(entrance), Candidate(strategy, tractors))
+def driven(strategy: str, tractors: int, entrance: tuple[float, float] | None = GATE) -> CandidateEvaluation:
+    return simulate_candidate(site(entrance), Candidate(strategy, tractors))
 
 
 class TestGate:
     def test_leads_straight_in_to_where_turns_may_begin(self) -> None:
-        found = gateway(BOX, shapely.box(2, 2, 58, 108), (30.0, -5.0))
-        assert found.at == pytest.approx((30.0, EDGE_M, 0.5 * math.pi))
-        assert found.inside == pytest.approx((30.0, 2.0, 0.5 * math.pi))
-        out = found.out(3.0)
+        found = build_entrance_lane(BOX, shapely.box(2, 2, 58, 108), (30.0, -5.0))
+        assert found.edge_pose == pytest.approx((30.0, EDGE_INSET_M, 0.5 * math.pi))
+        assert found.inner_pose == pytest.approx((30.0, 2.0, 0.5 * math.pi))
+        out = found.build_path_out(3.0)
         assert (out.start, out.length_m) == (pytest.approx((30.0, 5.0, -0.5 * math.pi)), pytest.approx(4.8))
-        assert out.end == pytest.approx((30.0, EDGE_M, -0.5 * math.pi))
+        assert out.end == pytest.approx((30.0, EDGE_INSET_M, -0.5 * math.pi))
 
     def test_of_a_corner_is_the_diagonal(self) -> None:
-        assert gateway(BOX, shapely.box(2, 2, 58, 108), (0.0, 0.0)).at[2] == pytest.approx(0.25 * math.pi)
+        assert build_entrance_lane(BOX, shapely.box(2, 2, 58, 108), (0.0, 0.0)).edge_pose[2] == pytest.approx(
+            0.25 * math.pi
+        )
 
     def test_of_ground_in_parts_leads_to_the_largest(self) -> None:
         free = shapely.union(shapely.box(2, 2, 10, 10), shapely.box(20, 2, 58, 108))
-        assert gateway(BOX, free, (5.0, 0.0)).inside[:2] == pytest.approx((20.0, 2.0))
+        assert build_entrance_lane(BOX, free, (5.0, 0.0)).inner_pose[:2] == pytest.approx((20.0, 2.0))
 
 
 class TestPlaces:
-    @pytest.mark.parametrize(("entrance", "words"), [
-        ((30.0, -51.0), "51 m outside of it; it must be within 50 m"),
-        ((30.0, 40.0), "30 m inside of it, farther than the headland is deep"),
-        ((12.0, 12.0), "in an obstacle (a hole of the field)"),
-    ])  # fmt: skip
+    @pytest.mark.parametrize(
+        ("entrance", "words"),
+        [
+            ((30.0, -51.0), "51 m outside; it must be within 50 m"),
+            ((30.0, 40.0), "30 m inside, beyond the headland of"),
+            ((12.0, 12.0), "in an obstacle (a hole of the field)"),
+        ],
+    )
     def test_that_no_tractor_could_use_are_refused(self, entrance: tuple[float, float], words: str) -> None:
         hole = shapely.box(10, 10, 20, 20)
         with pytest.raises(FieldError) as refused:
-            prepare(Scenario(field="box"), Field("box", BOX - hole, entrance=entrance))
+            prepare_context(PlanRequest(field="box"), Field("box", BOX - hole, entrance=entrance))
         assert words in str(refused.value) and refused.value.parameter == "entrance"
 
     @pytest.mark.parametrize("entrance", [(30.0, -49.0), (30.0, 4.0), (30.0, 0.0)])
@@ -84,20 +89,20 @@ class TestPlaces:
         assert site_at(entrance).layout.field.entrance == (30.0, 0.0)
 
     def test_of_a_request_come_before_those_of_a_field(self) -> None:
-        asked = prepare(Scenario(field="box", entrance=(0.0, 50.0)), Field("box", BOX, entrance=GATE))
+        asked = prepare_context(PlanRequest(field="box", entrance=(0.0, 50.0)), Field("box", BOX, entrance=GATE))
         assert asked.layout.field.entrance == pytest.approx((0.0, 50.0))
 
     def test_on_the_earth_are_degrees(self) -> None:
         field = Field("box", BOX, crs="EPSG:32632", origin_m=(550_000.0, 6_300_000.0))
         ((lon, lat),) = field.to_wgs84([(60.0, 50.0)]).tolist()
-        found = prepare(Scenario(field="box", entrance=(lon, lat)), field).layout.field.entrance
+        found = prepare_context(PlanRequest(field="box", entrance=(lon, lat)), field).layout.field.entrance
         assert found == pytest.approx((60.0, 50.0), abs=1e-3)
         with pytest.raises(FieldError, match="degrees of longitude"):
-            prepare(Scenario(field="box", entrance=(lat, 95.0)), field)
+            prepare_context(PlanRequest(field="box", entrance=(lat, 95.0)), field)
 
 
 def line(*points: tuple[float, float], task: str = "drive", speed: float = 1.0) -> Leg:
-    return Leg(np.array(points), speed, task=Task(task))
+    return Leg(np.array(points), speed, task=LegTask(task))
 
 
 class TestOffTheField:
@@ -106,9 +111,9 @@ class TestOffTheField:
     @pytest.mark.parametrize("slow", [False, True])
     @pytest.mark.parametrize(("kind", "outcome"), [((ENTER, LEAVE), DONE), (("drive", "drive"), "conflict")])
     def test_two_begin_and_end_at_one_place(self, kind: tuple[str, str], outcome: str, slow: bool) -> None:
-        ways = [line((0, 0), (30, 0), task=kind[0]), line((30, 0), (60, 0), task=kind[1])]
-        plan = Plan((Mission(tuple(ways)), Mission(tuple(ways))))
-        plan = plan.with_gate(1, 0, Gate(0, 1, 0.0))
+        paths = [line((0, 0), (30, 0), task=kind[0]), line((30, 0), (60, 0), task=kind[1])]
+        plan = Plan((Mission(tuple(paths)), Mission(tuple(paths))))
+        plan = plan.copy_with_gate(1, 0, LegGate(0, 1, 0.0))
         run = World(plan, load_tractor("eg105"), Implement()).run(stop_clearance_m=0.5, slow=slow)
         assert run.outcome == outcome
         if outcome == DONE:
@@ -126,7 +131,7 @@ class TestPlan:
             kinds = [leg.task.kind for leg in mission.legs]
             assert kinds.index(LEAVE) > max(n for n, leg in enumerate(mission.legs) if leg.implement)
             assert not any(leg.implement for leg in mission.legs if leg.task.kind in (ENTER, LEAVE))
-            path = guided_point(one.run, site(), tractor)
+            path = compute_guided_path(one.run, site(), tractor)
             assert math.dist(path[0], GATE) < 0.3
             gone = int(np.searchsorted(one.run.time_s, one.run.finish_s[tractor]))
             assert math.dist(path[min(gone, len(path) - 1)], GATE) < 0.5
@@ -136,18 +141,18 @@ class TestPlan:
         """From the record alone: while both are near the gate no two outlines come together."""
         found = driven(strategy, tractors).run
         assert found is not None
-        model = np.array([compile_model(site().tractor, site().implement)])
+        model = np.array([build_model_record(site().tractor, site().implement)])
         present = []
         for tractor in range(tractors):
-            on = (found.leg(tractor) > 0) | (np.abs(found.record[:, tractor, 4]) > 1e-3)
+            on = (found.get_leg_numbers(tractor) > 0) | (np.abs(found.record[:, tractor, 4]) > 1e-3)
             on &= found.time_s < found.finish_s[tractor]
-            near = np.hypot(*(guided_point(found, site(), tractor) - GATE).T) < 15.0
+            near = np.hypot(*(compute_guided_path(found, site(), tractor) - GATE).T) < 15.0
             present.append(np.flatnonzero(on & near))
         for one in range(tractors):
             for other in range(one):
                 both = np.intersect1d(present[one], present[other])
-                poses = [poses_of(found.poses(tractor)[both]) for tractor in (one, other)]
-                pairs = meetings(Trail(poses[0]), Trail(poses[1]), model, 0.3, 0.05)
+                poses = [build_poses(found.get_poses(tractor)[both]) for tractor in (one, other)]
+                pairs = find_conflicting_poses(PosePath(poses[0]), PosePath(poses[1]), model, 0.3, 0.05)
                 assert not (pairs[:, 0] == pairs[:, 1]).any()
 
     def test_one_alone_takes_the_time_of_its_ways_longer(self) -> None:
@@ -155,87 +160,91 @@ class TestPlan:
         run = driven("split-field", 1).run
         assert run is not None
         legs = run.plan.missions[0].legs
-        ways = {kind: [leg for leg in legs if leg.task.kind == kind] for kind in (ENTER, LEAVE)}
-        begun = float(run.time_s[np.argmax(run.leg(0) >= len(ways[ENTER]))])
-        for way, seconds in ((ways[ENTER], begun), (ways[LEAVE], run.duration_s - run.worked_s)):
+        paths = {kind: [leg for leg in legs if leg.task.kind == kind] for kind in (ENTER, LEAVE)}
+        begun = float(run.time_s[np.argmax(run.get_leg_numbers(0) >= len(paths[ENTER]))])
+        for way, seconds in ((paths[ENTER], begun), (paths[LEAVE], run.duration_s - run.work_finish_s)):
             least = math.fsum(leg.length_m / leg.speed_mps for leg in way)
             changes = sum(one.gear != other.gear for one, other in pairwise(way))
             assert least - 1.0 < seconds < least + 3.0 + 9.0 * changes
         result = driven("split-field", 1).result
-        assert result.done_s == pytest.approx(run.worked_s) and result.time_s == run.duration_s
+        assert result.done_s == pytest.approx(run.work_finish_s) and result.time_s == run.duration_s
 
     def test_the_straight_way_from_the_gate_to_a_track(self) -> None:
         """A track that begins straight ahead of the gate: the way in is the line between, and nothing else."""
-        job = replace(site().job(1), rounds=())
+        job = replace(site().build_job(1), headland_passes=())
         begin = (30.0, 12.0)
-        work = Leg(np.array([begin, (30.0, 90.0)]), 1.4, implement=True, task=Task("track", 3))
+        work = Leg(np.array([begin, (30.0, 90.0)]), 1.4, implement=True, task=LegTask("track", 3))
         away = Leg(np.array([(30.0, 90.0), (30.0, 91.0)]), 1.4)
-        back = replace(job, gate=replace(job.gate, at=(30.0, EDGE_M, 0.5 * math.pi)))
-        plan = with_entrance(back, Plan((Mission((work, away)),)))
-        ways = [leg for leg in plan.missions[0].legs if leg.task.kind == ENTER]
-        assert math.fsum(leg.length_m for leg in ways) == pytest.approx(12.0 - EDGE_M, abs=1e-6)
-        assert all(np.allclose(leg.points[:, 0], 30.0) for leg in ways)
-        assert [leg.task.number for leg in ways] == [3] * len(ways)
+        back = replace(job, entrance_lane=replace(job.entrance_lane, edge_pose=(30.0, EDGE_INSET_M, 0.5 * math.pi)))
+        plan = add_entrance(back, Plan((Mission((work, away)),)))
+        paths = [leg for leg in plan.missions[0].legs if leg.task.kind == ENTER]
+        assert math.fsum(leg.length_m for leg in paths) == pytest.approx(12.0 - EDGE_INSET_M, abs=1e-6)
+        assert all(np.allclose(leg.points[:, 0], 30.0) for leg in paths)
+        assert [leg.task.number for leg in paths] == [3] * len(paths)
 
     def test_whoever_has_most_to_do_comes_in_first(self) -> None:
-        job = site().job(3)
-        legs = [Leg(np.array([(10.0 + 20.0 * n, 15.0), (10.0 + 20.0 * n, end)]), 1.0) for n, end in
-                enumerate((50.0, 90.0, 70.0))]  # fmt: skip
-        plan = with_entrance(job, Plan(tuple(Mission((leg,)) for leg in legs)))
+        job = site().build_job(3)
+        legs = [
+            Leg(np.array([(10.0 + 20.0 * n, 15.0), (10.0 + 20.0 * n, end)]), 1.0)
+            for n, end in enumerate((50.0, 90.0, 70.0))
+        ]
+        plan = add_entrance(job, Plan(tuple(Mission((leg,)) for leg in legs)))
         waits = [[gate.tractor for gate in mission.legs[0].gates] for mission in plan.missions]
         assert waits == [[2], [], [1]]
 
     def test_the_lists_tell_the_ways(self) -> None:
         run = driven("split-field", 3).run
         assert run is not None
-        for steps in steps_of(run, 3.0):
-            words = [step_words(step) for step in steps if step.kind != "wait"]
+        for steps in list_steps(run, 3.0):
+            words = [describe_leg(step) for step in steps if step.kind != "wait"]
             assert words[0].startswith("from the entrance to round 1") and words[-1].endswith("to the entrance")
             assert sum("entrance" in each for each in words if not each.startswith("on to")) == 2
 
     def test_saved_and_driven_again_it_is_the_same(self) -> None:
         run = driven("split-field", 3).run
         assert run is not None
-        again = World(saved_from_json(plan_to_json(run.plan)).plan, site().tractor, site().implement).run()
+        again = World(parse_saved_plan(format_plan(run.plan)).plan, site().tractor, site().implement).run()
         assert np.array_equal(again.record, run.record)
 
     def test_a_fence_all_round_is_passed_at_the_gate_alone(self) -> None:
         fence = shapely.LineString(BOX.exterior.coords)
-        pen = prepare(Scenario(field="pen", margin_m=0.3), Field("pen", BOX, fences=(fence,), entrance=GATE))
-        result = simulated(pen, Candidate("split-field", 2)).result
+        pen = prepare_context(PlanRequest(field="pen", margin_m=0.3), Field("pen", BOX, fences=(fence,), entrance=GATE))
+        result = simulate_candidate(pen, Candidate("split-field", 2)).result
         assert result.feasible, result.reason
 
 
 class TestOrder:
     def test_begins_and_ends_where_the_ways_to_the_gate_are_short(self) -> None:
         """The ends of an order of tracks are the ways that would be driven, straight through the gate included."""
-        job = site((60.0, 110.0)).job(1)
-        table = TurnTable(job, list(job.layout.tracks))
-        estimated = table.ends().copy()
-        best = table.best(list(range(len(job.layout.tracks))), [list(range(len(job.layout.tracks)))])
-        assert job.gate is not None
+        job = site((60.0, 110.0)).build_job(1)
+        table = TurnTable(job, list(job.layout.swaths))
+        estimated = table.estimate_start_end_s().copy()
+        best = table.find_best_pass_order(list(range(len(job.layout.swaths))), [list(range(len(job.layout.swaths)))])
+        assert job.entrance_lane is not None
         first, last = table.passes[best.passes[0]], table.passes[best.passes[-1]]
-        way = job.way(job.gate.inside, job.entry(first))
+        way = job.find_path(job.entrance_lane.inner_pose, job.get_entry_pose(first))
         assert way is not None
-        seconds = job.connector.cost(way) + job.gate.lead_m / job.manner.turn_speed_mps
-        assert table.ends()[0, best.passes[0]] == pytest.approx(seconds, abs=1e-3)
-        assert table.ends()[0, best.passes[0]] >= estimated[0, best.passes[0]] - 1e-3
-        middle = np.median([math.dist(job.entry(one)[:2], job.gate.at[:2]) for one in table.passes])
-        assert math.dist(job.entry(first)[:2], job.gate.at[:2]) < middle
-        assert math.dist(job.exit(last)[:2], job.gate.at[:2]) < middle
+        seconds = job.connector.compute_cost_s(way) + job.entrance_lane.lead_m / job.driving_rules.turn_speed_mps
+        assert table.estimate_start_end_s()[0, best.passes[0]] == pytest.approx(seconds, abs=1e-3)
+        assert table.estimate_start_end_s()[0, best.passes[0]] >= estimated[0, best.passes[0]] - 1e-3
+        middle = np.median(
+            [math.dist(job.get_entry_pose(one)[:2], job.entrance_lane.edge_pose[:2]) for one in table.passes]
+        )
+        assert math.dist(job.get_entry_pose(first)[:2], job.entrance_lane.edge_pose[:2]) < middle
+        assert math.dist(job.get_exit_pose(last)[:2], job.entrance_lane.edge_pose[:2]) < middle
 
 
 class TestWithout:
     def test_an_entrance_nothing_changes(self) -> None:
         """A plan without one has no way in or out, and time is that of its work."""
         one = driven("split-field", 3, None)
-        assert one.run is not None and one.result.time_s == one.result.done_s == one.run.worked_s
+        assert one.run is not None and one.result.time_s == one.result.done_s == one.run.work_finish_s
         assert not any(leg.task.kind in (ENTER, LEAVE) for m in one.run.plan.missions for leg in m.legs)
 
     @pytest.mark.parametrize("strategy", list(STRATEGIES))
     def test_rounds_plans_of_tracks_are_what_they_were(self, strategy: str) -> None:
         """Tracks only: an entrance is where to begin, as ever, and no way from it is driven."""
-        only = site_at(GATE, tracks_only=True)
-        run = simulated(only, Candidate(strategy, 2)).run
-        assert only.gate is None and run is not None
+        only = site_at(GATE, no_headland=True)
+        run = simulate_candidate(only, Candidate(strategy, 2)).run
+        assert only.gateway is None and run is not None
         assert not any(mission.enters or mission.leaves for mission in run.plan.missions)

@@ -7,30 +7,44 @@ import pytest
 from shapely import Polygon, affinity, box
 
 from fields import Field
-from planner.candidates.evaluate import Candidate, run_candidate, simulated
-from planner.rank import rank
-from planner.scenario import Scenario
-from planner.site import Site, prepare
-from reports.export import ranking_json
-from strategies.errors import StrategyError
-from vehicle.run import DONE
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate, simulate_candidate
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.pipeline.ranking import rank_plans
+from planner.request.plan_request import PlanRequest
+from reports.plan.ranking_export import format_ranking_json
+from strategies.path_planning.errors import StrategyError
+from vehicle.missions.run import DONE
 
 FORMATIONS = ("row-by-row", "row-by-row-optimised", "col-by-col")
 SHAPES = {
     "L": Polygon([(0, 0), (110, 0), (110, 70), (45, 70), (45, 150), (0, 150)]),
-    "comb": Polygon([(0, 0), (120, 0), (120, 130), (85, 130), (85, 60), (70, 60), (70, 130), (36, 130), (36, 60),
-                     (24, 60), (24, 120), (0, 120)]),
+    "comb": Polygon(
+        [
+            (0, 0),
+            (120, 0),
+            (120, 130),
+            (85, 130),
+            (85, 60),
+            (70, 60),
+            (70, 130),
+            (36, 130),
+            (36, 60),
+            (24, 60),
+            (24, 120),
+            (0, 120),
+        ]
+    ),
     "hole": box(0, 0, 90, 160).difference(box(36, 60, 54, 90)),
     "slanted": Polygon([(0, 0), (160, 60), (160, 170), (20, 110)]),
-}  # fmt: skip
+}
 
 
-def site_of(name: str, shape: Polygon, bearing_deg: float | None = 0.0) -> Site:
-    return prepare(Scenario(field=name, bearing_deg=bearing_deg, tracks_only=True), Field(name, shape))
+def site_of(name: str, shape: Polygon, bearing_deg: float | None = 0.0) -> PlanningContext:
+    return prepare_context(PlanRequest(field=name, bearing_deg=bearing_deg, no_headland=True), Field(name, shape))
 
 
 @pytest.fixture(scope="module")
-def sites() -> dict[str, Site]:
+def sites() -> dict[str, PlanningContext]:
     return {name: site_of(name, shape) for name, shape in SHAPES.items()}
 
 
@@ -61,8 +75,8 @@ def test_optimised_releases_are_never_slower(sites: Any) -> None:
 
 def test_the_share_is_a_figure_of_formations_only(sites: Any) -> None:
     site = sites["hole"]
-    results = [simulated(site, Candidate(name, 2)).result for name in ("col-by-col", "interleaved")]
-    plans = {plan["strategy"]: plan for plan in json.loads(ranking_json(rank(site, results)))["plans"]}
+    results = [simulate_candidate(site, Candidate(name, 2)).result for name in ("col-by-col", "interleaved")]
+    plans = {plan["strategy"]: plan for plan in json.loads(format_ranking_json(rank_plans(site, results)))["plans"]}
     assert plans["col-by-col"]["formation_pct"] == results[0].formation_pct is not None
     assert plans["interleaved"]["formation_pct"] is None
 
@@ -71,12 +85,17 @@ def test_where_no_round_fits_the_refusal_says_what_would_help() -> None:
     # Four teeth of two tracks on a spine too shallow for tracks of its own: nowhere lie three side by side.
     teeth = [box(20 * k, 0, 20 * k + 6, 100) for k in range(4)]
     comb = Polygon(box(0, -8, 66, 0).union(teeth[0]).union(teeth[1]).union(teeth[2]).union(teeth[3]).exterior)
-    with pytest.raises(StrategyError, match=r"Nowhere do 3 tracks .* use 2 tractors, or split-field or interleaved\."):
+    with pytest.raises(
+        StrategyError,
+        match=r"A formation of 3 tractors needs 3 tracks .* use 2 tractors, or split-field or interleaved\.",
+    ):
         run_candidate(site_of("teeth", comb), Candidate("row-by-row", 3))
 
 
 def test_with_an_entrance_another_corner_is_taken_only_where_the_nearest_cannot_be_driven(sites: Any) -> None:
-    site = prepare(Scenario(field="L", bearing_deg=0.0, tracks_only=True), Field("L", SHAPES["L"], entrance=(110, 70)))
+    site = prepare_context(
+        PlanRequest(field="L", bearing_deg=0.0, no_headland=True), Field("L", SHAPES["L"], entrance=(110, 70))
+    )
     run = run_candidate(site, Candidate("row-by-row", 2)).run
     starts = [mission.start for mission in run.plan.missions]
     assert min(abs(x - 110) + abs(y - 70) for x, y, _ in starts) < 15.0

@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.candidates.evaluate import Candidate, Evaluation, simulated
-from planner.ground.measure import coverage
-from planner.ground.swept import swept_ground
-from planner.ground.unworked import laid, unworked
-from planner.scenario import Scenario
-from planner.site import Site, prepare
+from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.ground.coverage import measure_coverage
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.ground.unworked_area import build_worked_ground, find_unworked_areas
+from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import SHAPES
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -35,43 +35,47 @@ OTHER_MARKS = 36  # of 1800: points at the very edge of a swath may fall either 
 
 
 @cache
-def planned(name: str) -> tuple[Site, Evaluation]:
-    site = prepare(Scenario(field=name, tracks_only=False), SHAPES[name])
-    return site, simulated(site, Candidate("split-field", 2))
+def planned(name: str) -> tuple[PlanningContext, CandidateEvaluation]:
+    site = prepare_context(PlanRequest(field=name, no_headland=False), SHAPES[name])
+    return site, simulate_candidate(site, Candidate("split-field", 2))
 
 
 def summary(name: str) -> list[str]:
     """The lines of a stored map."""
     site, tried = planned(name)
-    rings = [str(sum(one.number == k for one in site.rounds)) for k in range(1, site.layout.rounds + 1)]
+    rings = [
+        str(sum(one.number == k for one in site.headland_passes)) for k in range(1, site.layout.headland_passes + 1)
+    ]
     lines = [
         f"field: {name}, {site.layout.field.area_m2:.0f} m2",
         f"cells: {len(site.layout.cells)}",
-        f"tracks: {len(site.layout.tracks)}",
-        f"rounds: {site.layout.rounds} (lines {', '.join(rings)})",
+        f"tracks: {len(site.layout.swaths)}",
+        f"rounds: {site.layout.headland_passes} (lines {', '.join(rings)})",
         f"feasible: {'yes' if tried.result.feasible else 'no'}",
     ]
     if not tried.result.feasible or tried.run is None:
         return lines
-    missed = coverage(tried.run, site).missed
+    missed = measure_coverage(tried.run, site).unworked_pieces
     told = [f"{piece.area:.0f}" for piece in missed if piece.area >= TOLD_M2]
     lines.append(f"worked_pct: {tried.result.worked_pct:.1f}")
     lines.append(f"missed pieces of {TOLD_M2:g} m2 and more: {', '.join(told) or 'none'}")
     return [*lines, *raster(site, tried)]
 
 
-def raster(site: Site, tried: Evaluation) -> Iterator[str]:
+def raster(site: PlanningContext, tried: CandidateEvaluation) -> Iterator[str]:
     """The field as `UP` lines of `ACROSS` marks, north up."""
     assert tried.run is not None
-    swept = swept_ground(tried.run, site)
-    on_round, on_track = (shapely.union_all(swept.ground[swept.on_round == flag], grid_size=1e-6) for flag in (1, 0))
+    swept = compute_swept_area(tried.run, site)
+    on_round, on_track = (
+        shapely.union_all(swept.ground[swept.on_headland_pass == flag], grid_size=1e-6) for flag in (1, 0)
+    )
     boundary = site.layout.field.boundary
     west, south, east, north = boundary.bounds
     x = west + (np.arange(ACROSS) + 0.5) / ACROSS * (east - west)
     y = north - (np.arange(UP) + 0.5) / UP * (north - south)
     points = shapely.points(*np.meshgrid(x, y))
-    inside, rounds, tracks = (shapely.intersects(ground, points) for ground in (boundary, on_round, on_track))
-    marks = np.where(inside, np.array([".", "R", "T", "B"])[rounds + 2 * tracks], " ")
+    inside, rounds, swaths = (shapely.intersects(ground, points) for ground in (boundary, on_round, on_track))
+    marks = np.where(inside, np.array([".", "R", "T", "B"])[rounds + 2 * swaths], " ")
     for row in marks:
         yield "".join(row).rstrip()
 
@@ -110,10 +114,10 @@ def test_what_holds_whatever_the_map_shows(name: str) -> None:
     site, tried = planned(name)
     result = tried.result
     assert result.feasible and tried.run is not None, result.reason
-    worked = coverage(tried.run, site)
+    worked = measure_coverage(tried.run, site)
     # Union and difference of the same swaths: what is worked and what is missed are the field.
-    assert worked.worked_m2 + worked.missed_m2 == pytest.approx(worked.field_m2, rel=1e-3)
-    assert sum(piece.area for piece in worked.missed) <= worked.missed_m2 * (1 + 1e-9)
+    assert worked.worked_m2 + worked.unworked_m2 == pytest.approx(worked.field_m2, rel=1e-3)
+    assert sum(piece.area for piece in worked.unworked_pieces) <= worked.unworked_m2 * (1 + 1e-9)
     assert result.worked_pct is not None and result.worked_pct >= 95.0, "none is narrower than the implement"
     assert result.collisions == 0 and tried.run.contacts == ()
     assert result.excursion_m is not None and result.excursion_m < 0.5
@@ -122,10 +126,10 @@ def test_what_holds_whatever_the_map_shows(name: str) -> None:
 @pytest.mark.parametrize("name", SHAPES)
 def test_ground_is_covered_as_laid_or_has_a_reason(name: str) -> None:
     site, _ = planned(name)
-    ground = site.layout.field.ground
-    under = shapely.intersection(laid(site), ground, grid_size=1e-6).area
+    ground = site.layout.field.workable_region
+    under = shapely.intersection(build_worked_ground(site), ground, grid_size=1e-6).area
     # What obstacles and their margin take is no ground of the field; reasons of less than a square metre are not told.
-    left = sum(one.m2 for one in unworked(site) if not one.why.startswith(("margin", "cut off by")))
+    left = sum(one.area_m2 for one in find_unworked_areas(site) if not one.reason.startswith(("margin", "cut off by")))
     assert under + left == pytest.approx(ground.area, abs=5.0)
 
 

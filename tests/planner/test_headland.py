@@ -12,20 +12,20 @@ import pytest
 import shapely
 from shapely.ops import substring
 
-from planner.candidates.evaluate import Candidate, Evaluation, simulated
-from planner.errors import ScenarioError
-from planner.scenario import Scenario
-from planner.site import Site, prepare
-from strategies.headland.corners import missed_m2
+from planner.errors import RequestError
+from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.request.plan_request import PlanRequest
+from strategies.headland.corners import compute_missed_m2
 from strategies.registry import STRATEGIES
-from vehicle.missions import ROUND, TRACK, check_plan
-from vehicle.plan_file import plan_from_json, plan_to_json
-from vehicle.run import DONE, Run
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, check_plan
+from vehicle.missions.plan_file import format_plan, parse_plan
+from vehicle.missions.run import DONE, SimulationRun
 
 
-def planned_strips(site: Site, run: Run) -> shapely.Geometry:
+def planned_strips(site: PlanningContext, run: SimulationRun) -> shapely.Geometry:
     """Ground that the bar passes over if every leg is driven as planned; it is `tool_m` behind the guided point."""
-    tool, half = site.manner.tool_m, 0.5 * site.layout.width_m
+    tool, half = site.driving_rules.tool_m, 0.5 * site.layout.width_m
     strips = []
     for mission in run.plan.missions:
         for down, group in groupby(mission.legs, key=lambda leg: leg.implement):
@@ -38,13 +38,13 @@ def planned_strips(site: Site, run: Run) -> shapely.Geometry:
 
 
 @pytest.fixture(scope="module")
-def rectangle(place: Callable[..., Site]) -> Callable[..., Site]:
+def rectangle(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]:
     """The field of 120 m by 60 m, its headland worked."""
-    return lambda **options: place(shapely.box(0, 0, 120, 60), tracks_only=False, **options)
+    return lambda **options: place(shapely.box(0, 0, 120, 60), no_headland=False, **options)
 
 
-def of(site: Site, name: str, tractors: int) -> Evaluation:
-    return simulated(site, Candidate(name, tractors))
+def of(site: PlanningContext, name: str, tractors: int) -> CandidateEvaluation:
+    return simulate_candidate(site, Candidate(name, tractors))
 
 
 def test_square_corners_leave_next_to_nothing(rectangle: Any) -> None:
@@ -53,7 +53,7 @@ def test_square_corners_leave_next_to_nothing(rectangle: Any) -> None:
     assert evaluation.result.feasible and evaluation.run is not None
     assert planned_strips(site, evaluation.run).intersection(site.layout.field.boundary).area >= 0.995 * 7200
     assert (evaluation.result.worked_pct or 0.0) > 99.0
-    assert evaluation.result.rounds == site.layout.rounds == 3
+    assert evaluation.result.headland_passes == site.layout.headland_passes == 3
 
 
 def test_round_corners_leave_what_is_said(rectangle: Any) -> None:
@@ -65,7 +65,7 @@ def test_round_corners_leave_what_is_said(rectangle: Any) -> None:
     swept = planned_strips(site, evaluation.run)
     left = outermost.difference(swept)
     missed = [shapely.box(x, y, x + 9, y + 9).intersection(left).area for x in (0, 111) for y in (0, 51)]
-    said = missed_m2(math.pi / 2, 3.0, site.manner.radius_m)
+    said = compute_missed_m2(math.pi / 2, 3.0, site.driving_rules.radius_m)
     assert sorted(missed)[0] < 0.3 * said
     assert sorted(missed)[1:] == pytest.approx([said] * 3, rel=0.1)
 
@@ -78,11 +78,13 @@ def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: 
     assert result.feasible, result.reason
     assert run is not None and run.outcome == DONE and run.contacts == ()
     check_plan(run.plan)
-    assert plan_to_json(plan_from_json(plan_to_json(run.plan))) == plan_to_json(run.plan)
-    numbers = {leg.task.number for mission in run.plan.missions for leg in mission.legs if leg.task.kind == ROUND}
+    assert format_plan(parse_plan(format_plan(run.plan))) == format_plan(run.plan)
+    numbers = {
+        leg.task.number for mission in run.plan.missions for leg in mission.legs if leg.task.kind == HEADLAND_PASS
+    }
     assert numbers == {1, 2, 3}
-    worked = sum(leg.length_m for mission in run.plan.missions for leg in mission.legs if leg.task.kind == TRACK)
-    assert worked == pytest.approx(site.layout.total_m, abs=0.01)
+    worked = sum(leg.length_m for mission in run.plan.missions for leg in mission.legs if leg.task.kind == SWATH)
+    assert worked == pytest.approx(site.layout.total_length_m, abs=0.01)
     assert (result.worked_pct or 0.0) > 98.5
     assert (result.excursion_m or 0.0) < 0.5
     assert result.headland_s is not None and 0.0 < result.headland_s < (result.time_s or 0.0)
@@ -95,18 +97,20 @@ def test_order_and_direction(rectangle: Any, order: str, outermost: int) -> None
     assert run is not None
     tasks = [leg.task for leg in run.plan.missions[0].legs if leg.implement]
     kinds = [task.kind for task in tasks]
-    rounds = [task.number for task in tasks if task.kind == ROUND]
+    rounds = [task.number for task in tasks if task.kind == HEADLAND_PASS]
     assert rounds[outermost] == 1 and rounds == sorted(rounds, reverse=order == "last")
-    assert kinds == sorted(kinds, key=(ROUND, TRACK).index if order == "first" else (TRACK, ROUND).index)
+    assert kinds == sorted(
+        kinds, key=(HEADLAND_PASS, SWATH).index if order == "first" else (SWATH, HEADLAND_PASS).index
+    )
 
 
 @pytest.mark.parametrize(
     ("operation", "orders"), [("mow", ("first",)), ("sow", ("last",)), ("till", ("first", "last"))]
 )
 def test_operations_allow_their_orders(operation: str, orders: tuple[str, ...]) -> None:
-    assert Scenario(operation=operation, tracks_only=False).headland_orders == orders
-    assert Scenario(operation=operation, headland_order="first", tracks_only=False).headland_orders == ("first",)
-    assert Scenario(operation=operation, tracks_only=True).headland_orders == ()
+    assert PlanRequest(operation=operation, no_headland=False).headland_orders == orders
+    assert PlanRequest(operation=operation, headland_order="first", no_headland=False).headland_orders == ("first",)
+    assert PlanRequest(operation=operation, no_headland=True).headland_orders == ()
 
 
 def test_nobody_goes_on_before_all_are_through(rectangle: Any) -> None:
@@ -114,22 +118,22 @@ def test_nobody_goes_on_before_all_are_through(rectangle: Any) -> None:
     assert run is not None
     last_round, first_track = [], []
     for tractor, mission in enumerate(run.plan.missions):
-        kinds = [mission.legs[leg].task.kind for leg in run.leg(tractor)]
-        last_round.append(max(row for row, kind in enumerate(kinds) if kind == ROUND))
-        first_track.append(kinds.index(TRACK))
+        kinds = [mission.legs[leg].task.kind for leg in run.get_leg_numbers(tractor)]
+        last_round.append(max(row for row, kind in enumerate(kinds) if kind == HEADLAND_PASS))
+        first_track.append(kinds.index(SWATH))
     assert max(last_round) < min(first_track)
 
 
 def test_tracks_only_leaves_the_headland(place: Any) -> None:
-    site = place(shapely.box(0, 0, 120, 60), tracks_only=True)
+    site = place(shapely.box(0, 0, 120, 60), no_headland=True)
     result = of(site, "split-field", 1).result
-    assert site.rounds == () and result.rounds == 0 and result.headland_s is None
+    assert site.headland_passes == () and result.headland_passes == 0 and result.headland_s is None
 
 
 @pytest.mark.parametrize("name", ["netherlands", "sweden"])
 @pytest.mark.parametrize("tractors", [1, 2, 3])
 def test_samples_are_worked_whole(name: str, tractors: int) -> None:
-    site = prepare(Scenario(field=name, tracks_only=False))
+    site = prepare_context(PlanRequest(field=name, no_headland=False))
     result = of(site, "split-field", tractors).result
     assert result.feasible, result.reason
     assert (result.worked_pct or 0.0) > 99.0 and (result.excursion_m or 0.0) < 0.5
@@ -141,9 +145,9 @@ def test_samples_are_worked_whole(name: str, tractors: int) -> None:
         ({"operation": "hoe"}, "operation 'hoe' is unknown"),
         ({"corners": "sharp"}, "corners 'sharp' is unknown"),
         ({"headland_order": "never"}, "headland_order 'never' is unknown"),
-        ({"tracks_only": True, "headland_order": "first"}, "tracks_only leaves the headland"),
+        ({"no_headland": True, "headland_order": "first"}, "no_headland leaves the headland"),
     ],
 )
 def test_refusals(options: dict[str, Any], words: str) -> None:
-    with pytest.raises(ScenarioError, match=words):
-        Scenario(**options)
+    with pytest.raises(RequestError, match=words):
+        PlanRequest(**options)

@@ -4,13 +4,13 @@ from typing import Any
 
 import pytest
 
-from planner.candidates.evaluate import Candidate, run_candidate
-from planner.candidates.steady import tracks_begun, turn_start
-from planner.scenario import Scenario
-from planner.site import prepare
-from planner.yielding.deconflict import _past, _turned, hold_leg
+from planner.evaluation.candidates.evaluate import Candidate, run_candidate
+from planner.evaluation.context import prepare_context
+from planner.evaluation.repair.path_deviation import find_first_turn_leg, find_first_working_legs
+from planner.request.plan_request import PlanRequest
+from planner.traffic.conflict_repair import _build_passage_gate, _build_turn_end_gate, find_waiting_leg
 from strategies.registry import STRATEGIES
-from vehicle.missions import Mission, Plan
+from vehicle.missions.plan import Mission, Plan
 
 
 class Guess:
@@ -22,7 +22,7 @@ class Guess:
         self.last = len(self.down) - 1
 
     def hold(self, leg: int) -> int:
-        """The last stretch of the pass, or the first leg of all."""
+        """The last segment of the pass, or the first leg of all."""
         while leg > 0:
             ends = self.down[leg] and (leg == self.last or not self.down[leg + 1])
             if ends and self.down[leg - 1]:
@@ -61,10 +61,10 @@ class Guess:
 @pytest.fixture(scope="module")
 def plans(wide_site: Any) -> list[Plan]:
     """Plans of every strategy, and some on a field with a notch."""
-    notched = prepare(Scenario(field="denmark", tracks_only=True))
+    notched = prepare_context(PlanRequest(field="denmark", no_headland=True))
     return [
-        *(strategy.build(wide_site.job(count)) for strategy in STRATEGIES.values() for count in (1, 4, 5)),
-        *(STRATEGIES[name].build(notched.job(3)) for name in ("split-field", "interleaved")),
+        *(strategy.build(wide_site.build_job(count)) for strategy in STRATEGIES.values() for count in (1, 4, 5)),
+        *(STRATEGIES[name].build(notched.build_job(3)) for name in ("split-field", "interleaved")),
     ]
 
 
@@ -73,7 +73,7 @@ class TestTasksSayWhatLegsShow:
         for plan in plans:
             for tractor, mission in enumerate(plan.missions):
                 for leg in range(len(mission.legs)):
-                    assert hold_leg(plan, tractor, leg) == Guess(mission).hold(leg)
+                    assert find_waiting_leg(plan, tractor, leg) == Guess(mission).hold(leg)
 
     @pytest.mark.parametrize("metres", [0.0, 3.0, 10.0, 60.0, 1000.0])
     def test_gates_past_a_place_and_past_a_turn(self, plans: list[Plan], metres: float) -> None:
@@ -81,7 +81,10 @@ class TestTasksSayWhatLegsShow:
             for tractor, mission in enumerate(plan.missions):
                 guess = Guess(mission)
                 for leg in range(len(mission.legs)):
-                    past, turned = _past(plan, tractor, leg, metres, 0.0), _turned(plan, tractor, leg)
+                    past, turned = (
+                        _build_passage_gate(plan, tractor, leg, metres, 0.0),
+                        _build_turn_end_gate(plan, tractor, leg),
+                    )
                     assert (past.leg, past.after_m) == guess.past(leg, metres)
                     assert turned.leg == guess.turned(leg)
 
@@ -89,15 +92,15 @@ class TestTasksSayWhatLegsShow:
         for plan in plans:
             for mission in plan.missions:
                 guess = Guess(mission)
-                assert tracks_begun(mission) == guess.begun()
-                assert [turn_start(mission, leg) for leg in guess.begun()] == [
+                assert find_first_working_legs(mission) == guess.begun()
+                assert [find_first_turn_leg(mission, leg) for leg in guess.begun()] == [
                     guess.turn_start(leg) for leg in guess.begun()
                 ]
 
 
 def test_repairs_wait_at_hold_points_only(wide_site: Any) -> None:
     for name, tractors in (("interleaved", 5), ("split-field", 4)):
-        written = STRATEGIES[name].build(wide_site.job(tractors))
+        written = STRATEGIES[name].build(wide_site.build_job(tractors))
         repaired = run_candidate(wide_site, Candidate(name, tractors)).run.plan
         for before, after in zip(written.missions, repaired.missions, strict=True):
             for a, b in zip(before.legs, after.legs, strict=True):

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from planner.interrupts import AGAIN_S, heard, quiet, was_interrupt
+from planner.pipeline.interrupts import REPEAT_INTERVAL_S, is_interrupt, repeat_interrupts, stop_repeating
 
 needs_timers = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs timers")
 
@@ -16,23 +16,23 @@ needs_timers = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="need
 def test_what_is_swallowed_comes_again() -> None:
     before = signal.getsignal(signal.SIGINT)
     swallowed = 0
-    with pytest.raises(KeyboardInterrupt), heard():
+    with pytest.raises(KeyboardInterrupt), repeat_interrupts():
         with contextlib.suppress(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(1.0)
         swallowed += 1
-        time.sleep(4.0 * AGAIN_S)
+        time.sleep(4.0 * REPEAT_INTERVAL_S)
     assert swallowed == 1 and signal.getsignal(signal.SIGINT) is before
 
 
 @needs_timers
 def test_what_is_taken_comes_no_more() -> None:
-    with heard():
+    with repeat_interrupts():
         with contextlib.suppress(KeyboardInterrupt):
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(1.0)
-        quiet()
-        time.sleep(2.0 * AGAIN_S)
+        stop_repeating()
+        time.sleep(2.0 * REPEAT_INTERVAL_S)
 
 
 def test_an_interrupt_in_disguise() -> None:
@@ -42,5 +42,5 @@ def test_an_interrupt_in_disguise() -> None:
         except KeyboardInterrupt as interrupt:
             raise SystemError("returned a result with an exception set") from interrupt
     except SystemError as error:
-        assert was_interrupt(error)
-    assert not was_interrupt(ValueError("7")) and not was_interrupt(None)
+        assert is_interrupt(error)
+    assert not is_interrupt(ValueError("7")) and not is_interrupt(None)

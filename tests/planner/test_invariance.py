@@ -6,9 +6,9 @@ import pytest
 from shapely import Polygon, affinity
 
 from fields import Field, read_field
-from planner.candidates.evaluate import Candidate, evaluate
-from planner.scenario import Scenario
-from planner.site import prepare
+from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.context import prepare_context
+from planner.request.plan_request import PlanRequest
 
 MOST_PCT = 0.5
 IRREGULAR = Field("irregular", Polygon([(0, 0), (160, 25), (140, 120), (10, 80)]), entrance=(0.0, 0.0))
@@ -29,11 +29,11 @@ CASES = {
 
 def times(name: str, field: Field) -> dict[tuple[str, int], float | None]:
     _, strategies, counts = CASES[name]
-    site = prepare(Scenario(field=name, tracks_only=True), field)
+    site = prepare_context(PlanRequest(field=name, no_headland=True), field)
     taken = {}
     for strategy in strategies:
         for count in counts:
-            result = evaluate(site, Candidate(strategy, count))
+            result = compute_candidate_figures(site, Candidate(strategy, count))
             taken[strategy, count] = result.time_s if result.feasible else None
     return taken
 
@@ -50,6 +50,7 @@ def assert_same(before: dict[Any, float | None], after: dict[Any, float | None])
     assert {key: pct for key, pct in change.items() if abs(pct) > MOST_PCT} == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", MOVES)
 @pytest.mark.parametrize("name", ["iwamizawa", "irregular", "netherlands"])
 def test_times_stay(name: str, how: str, still: Any, move: Any) -> None:
@@ -64,18 +65,20 @@ def test_times_stay_on_a_large_field_with_notches(how: str, still: Any, move: An
 @pytest.mark.parametrize("how", MOVES)
 def test_area_and_tracks_stay(how: str, move: Any) -> None:
     for name, (field, _, _) in CASES.items():
-        scenario = Scenario(field=name, tracks_only=True)
-        before, after = (prepare(scenario, f).layout for f in (field, move(field, MOVES[how])))
+        request = PlanRequest(field=name, no_headland=True)
+        before, after = (prepare_context(request, f).layout for f in (field, move(field, MOVES[how])))
         assert after.field.area_ha == pytest.approx(before.field.area_ha, rel=1e-9)
-        assert after.lines == before.lines
-        assert after.total_m == pytest.approx(before.total_m, rel=1e-6)
+        assert after.line_count == before.line_count
+        assert after.total_length_m == pytest.approx(before.total_length_m, rel=1e-6)
 
 
 @pytest.mark.parametrize("how", ["upside down", "mirrored"])
 def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str, move: Any) -> None:
     field = read_field("netherlands")
     before, after = (
-        evaluate(prepare(Scenario(field="netherlands", tracks_only=True), f), Candidate("row-by-row", 3))
+        compute_candidate_figures(
+            prepare_context(PlanRequest(field="netherlands", no_headland=True), f), Candidate("row-by-row", 3)
+        )
         for f in (field, move(field, MOVES[how]))
     )
     assert before.feasible and after.feasible
@@ -91,8 +94,10 @@ def test_times_stay_with_rounds_however_the_field_lies(field: Field, move: Any) 
     tries = (Candidate("split-field", 1), Candidate("interleaved", 2))
     taken = []
     for how in (None, "rotated by 133 degrees", "shifted"):
-        site = prepare(Scenario(field="f", tracks_only=False), field if how is None else move(field, MOVES[how]))
-        results = {each: evaluate(site, each) for each in tries}
+        site = prepare_context(
+            PlanRequest(field="f", no_headland=False), field if how is None else move(field, MOVES[how])
+        )
+        results = {each: compute_candidate_figures(site, each) for each in tries}
         taken.append({each: result.time_s if result.feasible else None for each, result in results.items()})
     for after in taken[1:]:
         assert_same(taken[0], after)

@@ -11,20 +11,25 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field, FieldError
-from planner.candidates.evaluate import Candidate, evaluate, run_candidate, simulated
-from planner.scenario import Scenario
-from planner.site import Site, prepare
-from reports.results import PlanResult
+from planner.evaluation.candidates.evaluate import (
+    Candidate,
+    compute_candidate_figures,
+    run_candidate,
+    simulate_candidate,
+)
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult
 from strategies.registry import STRATEGIES
-from vehicle.missions import JOINT_M, check_plan
-from vehicle.plan_file import plan_from_json, plan_to_json
-from vehicle.run import DONE, Run
+from vehicle.missions.plan import MAX_JOINT_GAP_M, check_plan
+from vehicle.missions.plan_file import format_plan, parse_plan
+from vehicle.missions.run import DONE, SimulationRun
 
 FEW = settings(deadline=None, max_examples=8, derandomize=True, database=None)
 
 
 @st.composite
-def sites(draw: Any) -> Site:
+def sites(draw: Any) -> PlanningContext:
     """A convex field of 0.3 to 1.5 ha, somewhere, turned somehow."""
     count = draw(st.integers(3, 7))
     angles = sorted(draw(st.lists(st.floats(0, 2 * math.pi), min_size=count, max_size=count)))
@@ -34,17 +39,17 @@ def sites(draw: Any) -> Site:
     assume(hull.geom_type == "Polygon" and hull.area > 3000)
     turned = shapely.affinity.rotate(hull, draw(st.floats(0, 360)), origin=(0, 0))
     try:
-        return prepare(Scenario(field="random", tracks_only=True), Field("random", turned))
+        return prepare_context(PlanRequest(field="random", no_headland=True), Field("random", turned))
     except FieldError:
         assume(False)
         raise
 
 
-def worked_lengths(site: Site, run: Run) -> dict[int, float]:
+def worked_lengths(site: PlanningContext, run: SimulationRun) -> dict[int, float]:
     """Metres of working legs per line, wherever the plan has them."""
-    layout, lengths = site.layout, dict.fromkeys(range(site.layout.lines), 0.0)
+    layout, lengths = site.layout, dict.fromkeys(range(site.layout.line_count), 0.0)
     aside = np.array([-math.sin(layout.bearing_rad), math.cos(layout.bearing_rad)])
-    offsets = {track.line: float(np.dot(track.start, aside)) for track in layout.tracks}
+    offsets = {track.line: float(np.dot(track.start_m, aside)) for track in layout.swaths}
     for mission in run.plan.missions:
         for leg in mission.legs:
             if leg.implement:
@@ -55,14 +60,14 @@ def worked_lengths(site: Site, run: Run) -> dict[int, float]:
     return lengths
 
 
-def assert_sound(site: Site, result: PlanResult) -> None:
+def assert_sound(site: PlanningContext, result: PlanResult) -> None:
     """What must be true of the figures of a plan that was driven to the end."""
     assert result.time_s is not None and result.tractor_time_s is not None and result.cost is not None
     assert result.worked_pct is not None and result.overlap_pct is not None
     assert 0 < result.time_s <= result.tractor_time_s + 1e-9 <= result.tractors * result.time_s + 1e-6
     assert result.cost == pytest.approx(result.tractors * result.time_s / 3600 * 40)
     assert 0 < result.worked_pct <= 100 and 0 <= result.overlap_pct < 60
-    swaths = [shapely.LineString([t.start, t.end]).buffer(1.5, cap_style="flat") for t in site.layout.tracks]
+    swaths = [shapely.LineString([t.start_m, t.end_m]).buffer(1.5, cap_style="flat") for t in site.layout.swaths]
     planned = 100 * shapely.union_all(swaths, grid_size=1e-6).intersection(site.layout.field.boundary).area
     assert result.worked_pct == pytest.approx(planned / site.layout.field.area_m2, abs=3.0)
     assert result.turning_s is not None and result.waiting_s is not None
@@ -71,8 +76,8 @@ def assert_sound(site: Site, result: PlanResult) -> None:
 
 @FEW
 @given(site=sites(), name=st.sampled_from(sorted(STRATEGIES)), tractors=st.integers(1, 4))
-def test_every_plan_is_sound_or_refused_with_a_reason(site: Site, name: str, tractors: int) -> None:
-    evaluation = simulated(site, Candidate(name, tractors))
+def test_every_plan_is_sound_or_refused_with_a_reason(site: PlanningContext, name: str, tractors: int) -> None:
+    evaluation = simulate_candidate(site, Candidate(name, tractors))
     result, run = evaluation.result, evaluation.run
     if run is None:
         assert not result.feasible and result.time_s is None
@@ -80,13 +85,13 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: Site, name: str, tra
         return
     check_plan(run.plan)
     for mission in run.plan.missions:
-        assert all(math.dist(a.points[-1], b.points[0]) <= JOINT_M for a, b in pairwise(mission.legs))
-    lengths = dict.fromkeys(range(site.layout.lines), 0.0)
-    for track in site.layout.tracks:
-        lengths[track.line] += track.length
+        assert all(math.dist(a.points[-1], b.points[0]) <= MAX_JOINT_GAP_M for a, b in pairwise(mission.legs))
+    lengths = dict.fromkeys(range(site.layout.line_count), 0.0)
+    for track in site.layout.swaths:
+        lengths[track.line] += track.length_m
     assert worked_lengths(site, run) == pytest.approx(lengths, abs=1e-6)
-    again = plan_from_json(plan_to_json(run.plan))
-    assert plan_to_json(again) == plan_to_json(run.plan)
+    again = parse_plan(format_plan(run.plan))
+    assert format_plan(again) == format_plan(run.plan)
     assert set(result.turn.split("+")) <= {"u", "omega", "switch-back", "route", "none"}
     if not result.feasible:
         assert result.reason
@@ -102,19 +107,19 @@ def test_every_plan_is_sound_or_refused_with_a_reason(site: Site, name: str, tra
     assert_sound(site, result)
 
 
-def test_more_tractors_than_tracks_are_refused_with_a_reason(small_site: Site) -> None:
+def test_more_tractors_than_tracks_are_refused_with_a_reason(small_site: PlanningContext) -> None:
     for name in STRATEGIES:
-        result = evaluate(small_site, Candidate(name, 30))
+        result = compute_candidate_figures(small_site, Candidate(name, 30))
         assert not result.feasible and result.time_s is None and result.rank is None
         assert "30 tractors are more than the 12 tracks" in (result.reason or "")
 
 
-def test_two_tractors_take_half_as_long_on_blocks(small_site: Site, evaluate_once: Any) -> None:
+def test_two_tractors_take_half_as_long_on_blocks(small_site: PlanningContext, evaluate_once: Any) -> None:
     one, two = (evaluate_once(small_site, "split-field", count).time_s for count in (1, 2))
     assert 0.4 * one < two < 0.65 * one
 
 
-def test_worked_share_is_that_of_the_tracks(small_site: Site, evaluate_once: Any) -> None:
+def test_worked_share_is_that_of_the_tracks(small_site: PlanningContext, evaluate_once: Any) -> None:
     # 12 tracks of 3 m cover the whole width of 36 m; both headlands are left.
     expected = 100 * (80 - 2 * small_site.layout.headland_m) / 80
     for name in ("split-field", "interleaved"):
@@ -122,11 +127,11 @@ def test_worked_share_is_that_of_the_tracks(small_site: Site, evaluate_once: Any
         assert result.worked_pct == pytest.approx(expected, abs=1.0)
 
 
-def test_a_plan_read_back_drives_the_same(small_site: Site) -> None:
-    from vehicle.world import simulate
+def test_a_plan_read_back_drives_the_same(small_site: PlanningContext) -> None:
+    from vehicle.sim.world import simulate
 
     run = run_candidate(small_site, Candidate("interleaved", 2)).run
-    again = simulate(plan_from_json(plan_to_json(run.plan)), small_site.tractor, small_site.implement)
+    again = simulate(parse_plan(format_plan(run.plan)), small_site.tractor, small_site.implement)
     assert again.duration_s == run.duration_s
     assert np.array_equal(again.record, run.record)
 
@@ -134,7 +139,9 @@ def test_a_plan_read_back_drives_the_same(small_site: Site) -> None:
 @pytest.mark.parametrize("turn", ["omega", "switch-back", "u"])
 def test_a_forced_turn_is_the_one_driven(place: Any, turn: str) -> None:
     site = place(shapely.box(0, 0, 45, 90), turn=turn)
-    result = evaluate(site, Candidate("interleaved", 3) if turn == "u" else Candidate("split-field", 1, jump=3))
+    result = compute_candidate_figures(
+        site, Candidate("interleaved", 3) if turn == "u" else Candidate("split-field", 1, jump=3)
+    )
     assert result.feasible, result.reason
     assert turn in result.turn.split("+")
     assert set(result.turn.split("+")) <= {"u", turn}
@@ -144,4 +151,4 @@ def test_a_forced_headland_and_bearing_are_used(place: Any) -> None:
     site = place(shapely.box(0, 0, 60, 90), headland_m=12.0, bearing_deg=90.0)
     assert site.layout.headland_m == 12.0
     assert site.layout.bearing_deg == pytest.approx(90.0)
-    assert max(track.length for track in site.layout.tracks) == pytest.approx(60 - 24, abs=1e-3)
+    assert max(swath.length_m for swath in site.layout.swaths) == pytest.approx(60 - 24, abs=1e-3)

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planner.candidates.evaluate import Candidate
-from planner.planning import plan
-from planner.pool import SerialExecutor
-from planner.rank import candidates, rank
-from planner.scenario import Scenario
-from reports.results import MissedPiece, PlanResult, Ranking
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.planning import plan
+from planner.pipeline.ranking import list_candidates, rank_plans
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
 
 QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 Row = tuple[int, float]
@@ -40,7 +40,7 @@ class TestOrder:
             result(3, 500.0, strategy="b"), refused("y", 1), result(2, 400.0), result(2, 500.0),
             result(3, 500.0, strategy="a"), refused("x", 1),
         ]  # fmt: skip
-        ranked = rank(small_site, plans).plans
+        ranked = rank_plans(small_site, plans).plans
         assert [(p.rank, p.tractors, p.strategy) for p in ranked] == [
             (1, 2, "split-field"), (2, 2, "split-field"), (3, 3, "a"), (4, 3, "b"), (None, 1, "x"), (None, 1, "y"),
         ]  # fmt: skip
@@ -49,28 +49,28 @@ class TestOrder:
     @given(st.lists(st.tuples(st.integers(1, 6), st.floats(10, 1000)), min_size=1, max_size=12), st.randoms())
     def test_does_not_depend_on_the_order_of_simulation(self, small_site: Any, rows: list[Row], random: Any) -> None:
         plans = [result(count, time, strategy=f"s{number}") for number, (count, time) in enumerate(rows)]
-        first = rank(small_site, plans)
+        first = rank_plans(small_site, plans)
         random.shuffle(plans)
-        assert rank(small_site, plans) == first
+        assert rank_plans(small_site, plans) == first
 
 
 class TestFront:
     def test_by_hand(self, small_site: Any) -> None:
         rows = [(1, 900.0), (1, 950.0), (2, 500.0), (2, 480.0), (3, 490.0), (4, 480.0), (5, 300.0), (6, 310.0)]
-        ranked = rank(small_site, [result(*row, strategy=str(row)) for row in rows]).plans
+        ranked = rank_plans(small_site, [result(*row, strategy=str(row)) for row in rows]).plans
         front = sorted((p.tractors, p.time_s) for p in ranked if p.on_pareto_front)
         assert front == [(1, 900.0), (2, 480.0), (5, 300.0)]
 
     def test_infeasible_plans_are_not_on_it(self, small_site: Any) -> None:
         quick = result(1, 10.0, feasible=False, reason="touches")
-        ranked = rank(small_site, [quick, result(2, 400.0)])
+        ranked = rank_plans(small_site, [quick, result(2, 400.0)])
         assert [p.on_pareto_front for p in ranked.plans] == [True, False]
         assert ranked.best is not None and ranked.best.tractors == 2
 
     @QUICK
     @given(st.lists(st.tuples(st.integers(1, 6), st.integers(10, 99)), min_size=1, max_size=15))
     def test_nothing_beats_it_and_it_beats_or_equals_everything(self, small_site: Any, rows: list[Row]) -> None:
-        plans = rank(small_site, [result(n, float(t), strategy=str(i)) for i, (n, t) in enumerate(rows)]).plans
+        plans = rank_plans(small_site, [result(n, float(t), strategy=str(i)) for i, (n, t) in enumerate(rows)]).plans
         front = [(p.tractors, p.time_s or 0.0) for p in plans if p.on_pareto_front]
         assert front
         for count, time in front:
@@ -88,8 +88,8 @@ class TestBest:
         result(1, 900.0, rank=4, cost=20.0, meets_deadline=False),
     )
 
-    def ranking(self, *plans: PlanResult) -> Ranking:
-        return Ranking("f", 1.0, 1, plans)
+    def ranking(self, *plans: PlanResult) -> PlanRanking:
+        return PlanRanking("f", 1.0, 1, plans)
 
     def test_with_a_deadline_it_is_the_cheapest_that_meets_it(self) -> None:
         assert self.ranking(*self.PLANS).best == self.PLANS[1]
@@ -127,7 +127,7 @@ class TestEqualWork:
     def test_whoever_leaves_more_has_to_be_quicker_by_as_much(self, small_site: Any) -> None:
         whole, half = self.part(1.0, 2, 500.0, strategy="whole"), self.part(0.5, 2, 300.0, strategy="half")
         quick = self.part(0.5, 2, 240.0, strategy="quick")
-        ranked = rank(small_site, [half, whole, quick]).plans
+        ranked = rank_plans(small_site, [half, whole, quick]).plans
         assert [plan.strategy for plan in ranked] == ["quick", "whole", "half"]
         assert [plan.time_s for plan in ranked] == [240.0, 500.0, 300.0], "time stays what was driven"
         assert [plan.on_pareto_front for plan in ranked] == [True, False, False]
@@ -136,7 +136,7 @@ class TestEqualWork:
     @given(st.lists(st.tuples(st.integers(1, 6), st.integers(10, 1000)), min_size=1, max_size=12), st.floats(0.2, 1.0))
     def test_equal_shares_are_ordered_as_driven(self, small_site: Any, rows: list[Row], share: float) -> None:
         def order(plans: list[PlanResult]) -> list[tuple[str, bool]]:
-            return [(plan.strategy, plan.on_pareto_front) for plan in rank(small_site, plans).plans]
+            return [(plan.strategy, plan.on_pareto_front) for plan in rank_plans(small_site, plans).plans]
 
         driven = [result(n, float(t), strategy=str(k)) for k, (n, t) in enumerate(rows)]
         assert order([self.part(share, n, float(t), strategy=str(k)) for k, (n, t) in enumerate(rows)]) == order(driven)
@@ -145,7 +145,7 @@ class TestEqualWork:
         little = self.part(0.5, 1, 500.0, meets_deadline=True)
         whole = self.part(1.0, 3, 550.0, meets_deadline=True)
         late = self.part(1.0, 9, 700.0, meets_deadline=False)
-        ranking = Ranking("f", 1.0, 1, (late, little, whole), allowed_s=600.0)
+        ranking = PlanRanking("f", 1.0, 1, (late, little, whole), allowed_s=600.0)
         assert ranking.best == whole, "though it costs more"
         assert replace(ranking, allowed_s=1000.0).best == little
         assert replace(ranking, plans=(late, little)).best == little
@@ -154,12 +154,12 @@ class TestEqualWork:
     def test_the_largest_piece_has_its_place_on_the_earth(self, small_site: Any) -> None:
         field = replace(small_site.layout.field, crs="EPSG:32632", origin_m=(500_000.0, 0.0))
         site = replace(small_site, layout=replace(small_site.layout, field=field))
-        left = result(1, 100.0, largest_missed=MissedPiece(7.0, 0.0, 30.0))
-        (plan,) = rank(site, [left]).plans
+        left = result(1, 100.0, largest_missed=UnworkedPiece(7.0, 0.0, 30.0))
+        (plan,) = rank_plans(site, [left]).plans
         assert plan.largest_missed is not None and plan.largest_missed.lon == pytest.approx(9.0, abs=1e-9)
         # At the equator the meridian of WGS84 has the radius a (1 - e2) = 6,335,439 m; the scale of UTM is 0.9996.
         assert plan.largest_missed.lat == pytest.approx(math.degrees(30.0 / 0.9996 / 6_335_439.0), rel=1e-4)
-        (local,) = rank(small_site, [left]).plans
+        (local,) = rank_plans(small_site, [left]).plans
         assert local.largest_missed == left.largest_missed
 
     def test_a_plan_of_tracks_alone_is_charged_for_its_headlands(self, small_site: Any, evaluate_once: Any) -> None:
@@ -177,68 +177,68 @@ class TestLittleWork:
 
     @pytest.mark.parametrize(("worked_pct", "remarked"), [(10.2, True), (49.9, True), (50.0, False), (88.0, False)])
     def test_below_half_of_the_field(self, small_site: Any, worked_pct: float, remarked: bool) -> None:
-        (plan,) = rank(small_site, [result(1, 100.0, worked_pct=worked_pct)]).plans
+        (plan,) = rank_plans(small_site, [result(1, 100.0, worked_pct=worked_pct)]).plans
         assert (plan.remark is not None) == remarked
         if remarked:
             assert f"works only {worked_pct:.0f} % of the field" in (plan.remark or "")
 
     def test_after_what_is_said_already(self, small_site: Any) -> None:
-        (plan,) = rank(small_site, [result(1, 100.0, worked_pct=30.0, remark="driven alone")]).plans
+        (plan,) = rank_plans(small_site, [result(1, 100.0, worked_pct=30.0, remark="driven alone")]).plans
         assert plan.remark is not None and plan.remark.startswith("driven alone; works only 30 %")
 
     def test_not_of_what_cannot_be_driven(self, small_site: Any) -> None:
-        (plan,) = rank(small_site, [refused("x", 1)]).plans
+        (plan,) = rank_plans(small_site, [refused("x", 1)]).plans
         assert plan.remark is None
 
 
 def test_what_was_planned_stands_in_the_ranking(small_site: Any) -> None:
-    told = rank(small_site, []).scenario
+    told = rank_plans(small_site, []).scenario
     # 36 m in lines of 3 m; 8.5 m is the half metre above 1.1 + 1.2 m to the implement, the turn, and half the width.
-    assert (told["field"], told["width_m"], told["tracks"], told["headland_m"]) == ("drawn", 3.0, 12, 8.5)
+    assert (told["field"], told["width_m"], told["swaths"], told["headland_m"]) == ("drawn", 3.0, 12, 8.5)
     assert told["bearing_deg"] == pytest.approx(0.0) and told["speed_kmh"] == pytest.approx(5.0)
-    assert told["tractor"] == small_site.tractor.name and told["radius_m"] == small_site.manner.radius_m
-    assert told["start"] is told["before"] is None
+    assert told["tractor"] == small_site.tractor.name and told["radius_m"] == small_site.driving_rules.radius_m
+    assert told["start"] is told["deadline"] is None
 
 
 class TestCandidates:
     def test_every_combination_once(self) -> None:
-        scenario = Scenario("f", tractors=(2, 5), strategies=("row-by-row", "split-field"))
-        assert candidates(scenario) == [
+        scenario = PlanRequest("f", tractors=(2, 5), strategies=("row-by-row", "split-field"))
+        assert list_candidates(scenario) == [
             Candidate(name, count) for count in (2, 5) for name in ("row-by-row", "split-field")
         ]
 
     def test_one_tractor_needs_no_formation(self) -> None:
-        assert [c.strategy for c in candidates(Scenario("f", tractors=(1,)))] == ["split-field", "interleaved"]
-        alone = Scenario("f", tractors=(1,), strategies=("col-by-col", "row-by-row"))
-        assert candidates(alone) == [Candidate("col-by-col", 1)]
+        assert [c.strategy for c in list_candidates(PlanRequest("f", tractors=(1,)))] == ["split-field", "interleaved"]
+        alone = PlanRequest("f", tractors=(1,), strategies=("col-by-col", "row-by-row"))
+        assert list_candidates(alone) == [Candidate("col-by-col", 1)]
 
 
 class TestMoney:
     @pytest.fixture(scope="class")
     @staticmethod
-    def ranking(tmp_path_factory: pytest.TempPathFactory) -> Ranking:
+    def ranking(tmp_path_factory: pytest.TempPathFactory) -> PlanRanking:
         import json
 
         place = tmp_path_factory.mktemp("field") / "small.geojson"
         ring = [[0, 0], [36, 0], [36, 80], [0, 80], [0, 0]]
         place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-        scenario = Scenario(
+        scenario = PlanRequest(
             str(place), local=True, tractors=(1, 2, 3), strategies=("split-field",), price_per_hour=36.0,
-            price_per_tractor=7.0, start_s=36000, before_s=36000 + 600, tracks_only=True,
+            price_per_tractor=7.0, start_s=36000, deadline_s=36000 + 600, no_headland=True,
         )  # fmt: skip
         return plan(scenario, executor=SerialExecutor()).ranking
 
-    def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: Ranking) -> None:
+    def test_every_tractor_is_paid_until_the_last_is_done(self, ranking: PlanRanking) -> None:
         for one in ranking.plans:
             assert one.time_s is not None
             assert one.cost == pytest.approx(one.tractors * (one.time_s * 0.01 + 7.0))
 
-    def test_tractor_time_is_at_most_the_time_hired(self, ranking: Ranking) -> None:
+    def test_tractor_time_is_at_most_the_time_hired(self, ranking: PlanRanking) -> None:
         for one in ranking.plans:
             assert one.time_s is not None and one.tractor_time_s is not None
             assert one.time_s <= one.tractor_time_s <= one.tractors * one.time_s + 1e-9
 
-    def test_deadline_divides_the_plans_and_the_cheapest_in_time_is_best(self, ranking: Ranking) -> None:
+    def test_deadline_divides_the_plans_and_the_cheapest_in_time_is_best(self, ranking: PlanRanking) -> None:
         verdicts = {p.tractors: p.meets_deadline for p in ranking.plans}
         assert verdicts == {p.tractors: (p.time_s or 0.0) <= 600.0 for p in ranking.plans}
         assert set(verdicts.values()) == {True, False}
@@ -246,6 +246,6 @@ class TestMoney:
         in_time = [p for p in ranking.plans if p.meets_deadline]
         assert best is not None and best.cost == min(p.cost or 0.0 for p in in_time)
 
-    def test_the_assumptions_name_both_prices(self, ranking: Ranking) -> None:
-        assert any("36 an hour and 7 a tractor" in sentence for sentence in ranking.assumptions)
-        assert (ranking.start, ranking.before) == ("10:00", "10:10")
+    def test_the_assumptions_name_both_prices(self, ranking: PlanRanking) -> None:
+        assert any("36 per hour and 7 per tractor" in sentence for sentence in ranking.assumptions)
+        assert (ranking.start, ranking.deadline) == ("10:00", "10:10")

@@ -1,44 +1,101 @@
-"""The request of a plan: one set of names and defaults for the command line and the service."""
+"""One model of a plan request: names, types, defaults, limits and helps of the command line and the API are its own."""
 
 from __future__ import annotations
 
 import inspect
 from dataclasses import fields
+from typing import Any, get_args
 
 import pytest
+from pydantic import BaseModel
 
-from planner.commands.plan import plan
-from planner.errors import ScenarioError
-from planner.request import PlanRequest
-from planner.scenario import Scenario
+from planner.cli.common.options import get_option_name
+from planner.cli.field import field
+from planner.cli.plan import plan
+from planner.errors import RequestError
+from planner.request.options import list_options
+from planner.request.parameter_names import strip_unit
+from planner.request.plan_request import FarmChoice, PlanRequest
+from planner.service.jobs.job_requests import PLAN_JOB_MODEL
+
+OPTIONS = {option.name: option for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
 
 
-def test_names_and_defaults_are_those_of_the_command() -> None:
-    options = inspect.signature(plan).parameters
-    for each in fields(PlanRequest):
-        assert options[each.name].default == each.default, each.name
+def get_help(parameter: inspect.Parameter) -> str:
+    """The help text of a parameter of a command."""
+    return str(get_args(parameter.annotation)[1].help)
 
 
-def test_a_request_of_nothing_is_the_scenario_of_nothing() -> None:
-    asked, default = PlanRequest().scenario("iwamizawa", 3.0), Scenario(field="iwamizawa")
-    differing = {each.name for each in fields(Scenario) if getattr(asked, each.name) != getattr(default, each.name)}
-    assert differing <= {"speed_mps"}
-    assert asked.speed_mps == pytest.approx(default.speed_mps)
+def test_the_command_has_every_option_with_its_default_help_and_panel() -> None:
+    parameters = inspect.signature(plan).parameters
+    for name, option in OPTIONS.items():
+        if name in ("field", "width"):  # plan takes several of them
+            continue
+        assert parameters[name].default == option.default, name
+        assert get_help(parameters[name]) == option.format_help(get_option_name), name
+        assert get_args(parameters[name].annotation)[1].rich_help_panel == option.rules.panel, name
+
+
+def test_the_command_field_takes_its_options_from_the_same_model() -> None:
+    parameters = inspect.signature(field).parameters
+    shared = OPTIONS.keys() & parameters.keys() - {"field"}
+    assert {"width", "headland", "bearing", "cell_bearing", "margin", "farm", "implement", "guidance_line"} <= shared
+    for name in shared:
+        assert (parameters[name].default, get_help(parameters[name])) == (
+            OPTIONS[name].default, OPTIONS[name].format_help(get_option_name),
+        )  # fmt: skip
+
+
+def test_the_api_has_every_option_with_its_default_and_help() -> None:
+    model: type[BaseModel] = PLAN_JOB_MODEL
+    assert model.model_fields.keys() == OPTIONS.keys() | {"name"}
+    properties: dict[str, Any] = model.model_json_schema()["properties"]
+    for name, option in OPTIONS.items():
+        assert model.model_fields[name].default == option.default, name
+        assert properties[name]["description"] == option.format_help(strip_unit, for_api=True), name
+    assert (properties["width"]["exclusiveMinimum"], properties["width"]["maximum"]) == (0.0, 1000.0)
+    assert properties["objective"]["enum"] == ["fastest", "cheapest", "surest", None]
+
+
+def test_no_help_names_an_option_in_the_words_of_others() -> None:
+    for option in OPTIONS.values():
+        assert "--" not in option.format_help(strip_unit, for_api=True) and "{" not in option.format_help(
+            get_option_name
+        )
+
+
+def test_no_options_are_the_request_of_nothing() -> None:
+    assert PlanRequest.from_options({}) == PlanRequest()
+    defaults = {option.name: option.default for option in list_options(PlanRequest)}
+    assert PlanRequest.from_options(defaults) == PlanRequest()
 
 
 def test_texts_are_read() -> None:
-    asked = PlanRequest(tractors="1-3", speed_kmh=7.2, start="07:30", before="17:00", bearing=45.0, headland_last=True)
-    scenario = asked.scenario("denmark", 6.0)
-    assert (scenario.width_m, scenario.tractors, scenario.headland_order) == (6.0, (1, 2, 3), "last")
-    assert scenario.speed_mps == pytest.approx(2.0)
-    assert (scenario.start_s, scenario.before_s) == (27000, 61200)
+    given = {
+        "field": "denmark", "width": 6.0, "tractors": "1-3", "speed_kmh": 7.2, "start": "07:30", "deadline": "17:00",
+        "bearing": 45.0, "headland_last": True, "entrance": "9.5,56.2", "gnss_table": "rtk.csv",
+    }  # fmt: skip
+    request = PlanRequest.from_options(given)
+    assert (request.width_m, request.tractors, request.headland_order) == (6.0, (1, 2, 3), "last")
+    assert request.speed_mps == pytest.approx(2.0) and request.entrance == (9.5, 56.2)
+    assert (request.start_s, request.deadline_s) == (27000, 61200)
+    assert request.gnss and request.gnss_table == "rtk.csv"
 
 
 def test_the_shift_starts_the_work_where_no_start_is_given() -> None:
-    assert PlanRequest(before="17:00").scenario("denmark", 3.0, 21600).start_s == 21600
-    assert PlanRequest(before="17:00", start="08:00").scenario("denmark", 3.0, 21600).start_s == 28800
+    assert PlanRequest.from_options({"deadline": "17:00"}, shift_s=21600).start_s == 21600
+    assert PlanRequest.from_options({"deadline": "17:00", "start": "08:00"}, shift_s=21600).start_s == 28800
 
 
 def test_first_and_last_exclude_each_other() -> None:
-    with pytest.raises(ScenarioError, match="exclude each other"):
-        PlanRequest(headland_first=True, headland_last=True).scenario("denmark", 3.0)
+    with pytest.raises(RequestError, match="exclude each other"):
+        PlanRequest.from_options({"headland_first": True, "headland_last": True})
+
+
+def test_every_parameter_is_an_option() -> None:
+    assert {option.parameter for option in list_options(PlanRequest)} == {each.name for each in fields(PlanRequest)}
+
+
+def test_parameters_that_there_are_not_are_a_fault_of_the_program() -> None:
+    with pytest.raises(TypeError, match="PlanRequest has no parameter 'widht_m'"):
+        PlanRequest(widht_m=3.0)  # type: ignore[call-arg]

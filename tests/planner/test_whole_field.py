@@ -18,16 +18,22 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field
-from planner.candidates.evaluate import Candidate, Evaluation, beside_clearance_m, evaluate, simulated
-from planner.ground.measure import coverage, excursion
-from planner.ground.swept import swept_ground
-from planner.scenario import Scenario
-from planner.showing import driven_again, scenario_of
-from planner.site import Site, prepare
+from planner.evaluation.candidates.evaluate import (
+    Candidate,
+    CandidateEvaluation,
+    compute_candidate_figures,
+    compute_parallel_clearance_m,
+    simulate_candidate,
+)
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.ground.coverage import measure_coverage, measure_excursion
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.pipeline.outputs.saved_plans import read_request, rerun_plan
+from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
-from vehicle.plan_file import plan_to_json, saved_from_json
-from vehicle.run import DONE
-from vehicle.world import World
+from vehicle.missions.plan_file import format_plan, parse_saved_plan
+from vehicle.missions.run import DONE
+from vehicle.sim.world import World
 
 MOST_PCT = 0.5
 FEW = settings(deadline=None, max_examples=5, derandomize=True, database=None)
@@ -45,30 +51,32 @@ FIELDS = {
     "pond": Field("pond", shapely.box(0, 0, 90, 70) - shapely.Polygon([(35, 25), (52, 28), (48, 45), (33, 42)])),
 }
 CASES = [
-    *((name, "split-field", 2) for name in FIELDS), ("four-sided", "split-field", 1), ("rectangle", "interleaved", 2)
-]  # fmt: skip
+    *((name, "split-field", 2) for name in FIELDS),
+    ("four-sided", "split-field", 1),
+    ("rectangle", "interleaved", 2),
+]
 
 
-def site_of(field: Field) -> Site:
-    return prepare(Scenario(field=field.name, tracks_only=False), field)
+def site_of(field: Field) -> PlanningContext:
+    return prepare_context(PlanRequest(field=field.name, no_headland=False), field)
 
 
 @cache
-def still(name: str) -> Site:
+def still(name: str) -> PlanningContext:
     return site_of(FIELDS[name])
 
 
 @cache
-def tried(name: str, strategy: str, count: int) -> Evaluation:
-    return simulated(still(name), Candidate(strategy, count))
+def tried(name: str, strategy: str, count: int) -> CandidateEvaluation:
+    return simulate_candidate(still(name), Candidate(strategy, count))
 
 
 @pytest.fixture(scope="module")
-def moved_site(move: Any) -> Callable[[str, str], Site]:
+def moved_site(move: Any) -> Callable[[str, str], PlanningContext]:
     """The site of a moved field, once."""
 
     @cache
-    def site(name: str, how: str) -> Site:
+    def site(name: str, how: str) -> PlanningContext:
         return site_of(move(FIELDS[name], MOVES[how]))
 
     return site
@@ -78,14 +86,14 @@ def moved_site(move: Any) -> Callable[[str, str], Site]:
 @pytest.mark.parametrize(("name", "strategy", "count"), CASES)
 def test_a_moved_field_takes_as_long(name: str, strategy: str, count: int, how: str, moved_site: Any) -> None:
     before = tried(name, strategy, count).result
-    after = evaluate(moved_site(name, how), Candidate(strategy, count))
+    after = compute_candidate_figures(moved_site(name, how), Candidate(strategy, count))
     assert after.feasible == before.feasible, (before.reason, after.reason)
     if before.time_s is not None and after.time_s is not None:
         assert abs(100.0 * (after.time_s / before.time_s - 1.0)) <= MOST_PCT
 
 
 @st.composite
-def sites(draw: Any) -> Site:
+def sites(draw: Any) -> PlanningContext:
     """A convex field of about half a hectare, turned somehow, worked in rounds and tracks."""
     corners = [(draw(st.floats(0, 20)), draw(st.floats(0, 20))) for _ in range(4)]
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -96,13 +104,13 @@ def sites(draw: Any) -> Site:
 
 @FEW
 @given(site=sites(), tractors=st.integers(1, 2))
-def test_swept_and_missed_ground_are_the_field(site: Site, tractors: int) -> None:
-    result, run = (one := simulated(site, Candidate("split-field", tractors))).result, one.run
+def test_swept_and_missed_ground_are_the_field(site: PlanningContext, tractors: int) -> None:
+    result, run = (one := simulate_candidate(site, Candidate("split-field", tractors))).result, one.run
     if run is None or not result.feasible:
         assert result.reason
         return
-    boundary, worked = site.layout.field.boundary, coverage(run, site)
-    assert worked.worked_m2 + worked.missed_m2 == pytest.approx(boundary.area, rel=1e-3)
+    boundary, worked = site.layout.field.boundary, measure_coverage(run, site)
+    assert worked.worked_m2 + worked.unworked_m2 == pytest.approx(boundary.area, rel=1e-3)
     # The same by looking at points: each is under a swath, or counts as missed.
     west, south, east, north = boundary.bounds
     reach = max(east - west, north - south)
@@ -110,7 +118,7 @@ def test_swept_and_missed_ground_are_the_field(site: Site, tractors: int) -> Non
     turn = np.array([[math.cos(1.0), -math.sin(1.0)], [math.sin(1.0), math.cos(1.0)]])  # no row of points along a swath
     points = shapely.points(np.tensordot(turn, grid, 1).reshape(2, -1).T + boundary.centroid.coords[0])
     points = points[shapely.contains_properly(boundary, points)]
-    under = shapely.STRtree(swept_ground(run, site).ground).query(points, predicate="intersects")[0]
+    under = shapely.STRtree(compute_swept_area(run, site).ground).query(points, predicate="intersects")[0]
     share = len(np.unique(under)) / points.size
     assert 100.0 * share == pytest.approx(result.worked_pct, abs=0.2)
 
@@ -122,16 +130,16 @@ def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, 
     if not one.result.feasible or one.run is None:
         assert one.result.reason
         return
-    text = plan_to_json(one.run.plan, scenario=json.loads(json.dumps(asdict(site.scenario))))
-    saved = saved_from_json(text)
-    assert scenario_of(saved) == site.scenario
-    again = driven_again(saved, scenario_of(saved))
+    text = format_plan(one.run.plan, scenario=json.loads(json.dumps(asdict(site.request))))
+    saved = parse_saved_plan(text)
+    assert read_request(saved) == site.request
+    again = rerun_plan(saved, read_request(saved))
     assert again.outcome == DONE and again.contacts == ()
     assert again.duration_s == one.run.duration_s and np.array_equal(again.record, one.run.record)
-    assert excursion(again, site).depth_m < 0.5
+    assert measure_excursion(again, site).depth_m < 0.5
     # Nobody comes nearer than the scenario allows: a world that stops there is not stopped.
     kept = World(saved.plan, site.tractor, site.implement).run(
-        stop_clearance_m=site.scenario.clearance_m, beside_clearance_m=beside_clearance_m(site)
+        stop_clearance_m=site.request.clearance_m, beside_clearance_m=compute_parallel_clearance_m(site)
     )
     assert kept.outcome == DONE
 

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.results import (
+from reports.common.plan_results import (
     CellOutline,
-    Claim,
-    Drive,
-    MissedPiece,
+    DriverLeg,
+    FleetStudy,
+    HeadlandPassLine,
+    PlanDrive,
+    PlanRanking,
     PlanResult,
-    Ranking,
-    RoundLine,
-    Step,
-    Study,
-    StudyRow,
+    ThesisClaim,
+    ThesisTableRow,
+    UnworkedPiece,
 )
 
 STEP_S = 0.5
@@ -64,7 +64,7 @@ def _back_and_forth(rows: list[float], west: float, east: float) -> list[Stretch
 
 
 @pytest.fixture
-def drive() -> Drive:
+def drive() -> PlanDrive:
     """Three tractors on 270 m x 70 m with a pond, 24 swaths of 3 m."""
     rows = [0.5 + 3.0 * k for k in range(23)]
     shares = [rows[:8], rows[8:16], rows[16:]]
@@ -73,11 +73,11 @@ def drive() -> Drive:
         name: tuple(float((status == code).sum()) * STEP_S for _, status in driven)
         for name, code in (("working", 1), ("turning", 2), ("waiting", 3), ("reversing", 4))
     }
-    return Drive(
+    return PlanDrive(
         title="Iwamizawa: 3 tractors, split-field, omega",
         boundary=np.array([[0.0, -1.0], [270.0, -1.0], [272.0, 70.0], [-1.0, 69.0]]),
         holes=(np.array([[120.0, 28.2], [128.0, 28.2], [128.0, 29.8], [120.0, 29.8]]),),
-        tracks=np.array([[[12.0, y], [258.0, y]] for y in rows]),
+        swaths=np.array([[[12.0, y], [258.0, y]] for y in rows]),
         width_m=3.0,
         step_s=STEP_S,
         xy=tuple(xy for xy, _ in driven),
@@ -107,7 +107,7 @@ def _plan(rank: int, strategy: str, count: int, turn: str, time_s: float, **more
 
 
 @pytest.fixture
-def ranking() -> Ranking:
+def ranking() -> PlanRanking:
     """Six plans that work, three in time for the deadline one hour after the start, and four refused."""
     plans = (
         _plan(1, "row-by-row", 5, "omega", 1253.0, on_pareto_front=True),
@@ -121,80 +121,91 @@ def ranking() -> Ranking:
         PlanResult("col-by-col", 7, "omega", False, "Tractors 2 and 3 touch.", time_s=933.0, collisions=1),
         PlanResult("split-field", 11, "omega", False, "The field has 8 swaths, too few for 11 tractors."),
     )
-    return Ranking(
+    return PlanRanking(
         field_name="Iwamizawa",
         area_ha=1.89,
         seed=7,
         plans=plans,
         start="08:00",
-        before="09:00",
+        deadline="09:00",
         allowed_s=3600.0,
         assumptions=("Working width 3.00 m.", "Turning radius 4.10 m on soil."),
     )
 
 
 @pytest.fixture
-def leaving(ranking: Ranking) -> Ranking:
+def leaving(ranking: PlanRanking) -> PlanRanking:
     """The same with what every plan that works leaves open: a tenth of the field, those with 5 tractors a fifth."""
-    piece = MissedPiece(1200.0, 131.4, 64.6, 141.75, 43.2)
+    piece = UnworkedPiece(1200.0, 131.4, 64.6, 141.75, 43.2)
     plans = tuple(
-        replace(plan, worked_pct=100.0 * share, missed_m2=18_900.0 * (1 - share), largest_missed=piece,
-                finished_s=(plan.time_s or 0.0) / share, finished_cost=(plan.cost or 0.0) / share, trampled_m2=12.4,
-                outside_outline_m=31.2)
-        if plan.feasible and (share := 0.8 if plan.tractors == 5 else 0.9) else plan
+        replace(
+            plan,
+            worked_pct=100.0 * share,
+            missed_m2=18_900.0 * (1 - share),
+            largest_missed=piece,
+            finished_s=(plan.time_s or 0.0) / share,
+            finished_cost=(plan.cost or 0.0) / share,
+            wheel_traffic_m2=12.4,
+            outside_outline_m=31.2,
+        )
+        if plan.feasible and (share := 0.8 if plan.tractors == 5 else 0.9)
+        else plan
         for plan in ranking.plans
-    )  # fmt: skip
+    )
     return replace(ranking, plans=plans)
 
 
 @pytest.fixture
-def open_drive(drive: Drive) -> Drive:
+def open_drive(drive: PlanDrive) -> PlanDrive:
     """The drive with two strips of 10 m by 60 m and 5 m by 20 m left open, the first with 2 m by 5 m worked in it."""
     strip = np.array([[2.0, 2.0], [12.0, 2.0], [12.0, 62.0], [2.0, 62.0]])
     island = np.array([[5.0, 30.0], [5.0, 35.0], [7.0, 35.0], [7.0, 30.0]])
     other = np.array([[250.0, 40.0], [255.0, 40.0], [255.0, 60.0], [250.0, 60.0]])
-    return replace(drive, missed=(strip, island, other), largest_missed=MissedPiece(590.0, 8.0, 20.0))
+    return replace(drive, unworked=(strip, island, other), largest_missed=UnworkedPiece(590.0, 8.0, 20.0))
 
 
 @pytest.fixture
-def listed_drive(drive: Drive) -> Drive:
+def listed_drive(drive: PlanDrive) -> PlanDrive:
     """The drive with two rounds, two cells, an obstacle, names of tracks and what each tractor does."""
     ring = np.array([[3.0, 2.0], [267.0, 2.0], [267.0, 66.0], [3.0, 66.0], [3.0, 2.0]])
     west, east = (np.array([[x, 10.0], [x + 100.0, 10.0], [x + 100.0, 60.0], [x, 60.0]]) for x in (20.0, 140.0))
     steps = tuple(
         (
-            Step("wait", None, "", 0.0, 20.0, 0.0, 12.0, 0.5, for_tractors=(1,)) if tractor else
-            Step("round", 1, "1", 0.0, 20.0, 30.0, 12.0, 0.5, to_round=True, bearing_deg=90.0),
-            Step("track", 8 * tractor + 1, "", 20.0, 160.0, 240.0, 135.0, 0.5, bearing_deg=90.0),
-            Step("turn", 8 * tractor + 2, "", 180.0, finish - 180.0, 12.0, 258.0, 2.0, over=1, shape="omega"),
+            DriverLeg("wait", None, "", 0.0, 20.0, 0.0, 12.0, 0.5, for_tractors=(1,))
+            if tractor
+            else DriverLeg("round", 1, "1", 0.0, 20.0, 30.0, 12.0, 0.5, is_headland_pass=True, bearing_deg=90.0),
+            DriverLeg("track", 8 * tractor + 1, "", 20.0, 160.0, 240.0, 135.0, 0.5, bearing_deg=90.0),
+            DriverLeg(
+                "turn", 8 * tractor + 2, "", 180.0, finish - 180.0, 12.0, 258.0, 2.0, over_swaths=1, shape="omega"
+            ),
         )
         for tractor, finish in enumerate(drive.finish_s)
     )
     return replace(
         drive,
-        rounds=(RoundLine(1, ring), RoundLine(2, ring * 0.97 + 1.0)),
+        headland_passes=(HeadlandPassLine(1, ring), HeadlandPassLine(2, ring * 0.97 + 1.0)),
         cells=(CellOutline(1, 90.0, (west,), 70.0, 35.0), CellOutline(2, 12.4, (east,), 190.0, 35.0)),
         obstacles=(np.array([[121.0, 28.5], [127.0, 28.5], [127.0, 29.5]]),),
-        track_names=tuple(f"{number}a" for number in range(1, len(drive.tracks) + 1)),
+        swath_names=tuple(f"{number}a" for number in range(1, len(drive.swaths) + 1)),
         steps=steps,
     )
 
 
 @pytest.fixture
-def study() -> Study:
+def study() -> FleetStudy:
     """A study with one row of every kind."""
-    return Study(
+    return FleetStudy(
         tables={
             "6.1": (
-                StudyRow("one tractor", 1, 4475.0, 4612.5, 3.0726, ""),
-                StudyRow("formation", 3, 1530.0, 1499.0, -2.0261, ""),
+                ThesisTableRow("one tractor", 1, 4475.0, 4612.5, 3.0726, ""),
+                ThesisTableRow("formation", 3, 1530.0, 1499.0, -2.0261, ""),
             ),
-            "6.2": (StudyRow("apart", 3, 1253.0, None, None, "not consistent with Table 6.1, not tuned to"),),
-            "6.3": (StudyRow("row-by-row", 5, 1253.0, 1240.2, -1.0215, ""),),
+            "6.2": (ThesisTableRow("apart", 3, 1253.0, None, None, "not consistent with Table 6.1, not tuned to"),),
+            "6.3": (ThesisTableRow("row-by-row", 5, 1253.0, 1240.2, -1.0215, ""),),
         },
         claims=(
-            Claim("1 to 9 tractors are ever faster.", True, "Each count beats the one before."),
-            Claim("11 tractors are slower than 9.", False, "Here 11 need 12:01 and 9 need 12:22."),
+            ThesisClaim("1 to 9 tractors are ever faster.", True, "Each count beats the one before."),
+            ThesisClaim("11 tractors are slower than 9.", False, "Here 11 need 12:01 and 9 need 12:22."),
         ),
         assumptions=("Headlands of 10 m at both ends lie inside the field.", "One set for every row."),
     )

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reports.page import plan_page
-from reports.results import Drive, Ranking
-from reports.trials import trials_page
-from vehicle.trials.sheets.sheet import Comparison, Sheet, TextTable
+from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.plan.ranking_page import render_plan_page
+from reports.trials.report import render_trials_page
+from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
@@ -64,7 +64,7 @@ def pages_on_paper(tmp_path: Path, page: str) -> int:
 
 
 @pytest.fixture
-def usual(ranking: Ranking) -> Ranking:
+def usual(ranking: PlanRanking) -> PlanRanking:
     """As many plans as a usual scenario has."""
     plans = [
         replace(ranking.plans[n % 6], strategy=name, tractors=count, rank=n + 1)
@@ -76,11 +76,13 @@ def usual(ranking: Ranking) -> Ranking:
 
 
 class TestPlan:
-    def test_a_usual_plan_prints_on_two_pages(self, usual: Ranking, drive: Drive, tmp_path: Path) -> None:
-        assert pages_on_paper(tmp_path, plan_page(usual, drive)) <= 2
+    def test_a_usual_plan_prints_on_two_pages(self, usual: PlanRanking, drive: PlanDrive, tmp_path: Path) -> None:
+        assert pages_on_paper(tmp_path, render_plan_page(usual, drive)) <= 2
 
-    def test_a_small_screen_scrolls_inside_and_has_a_large_map(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
-        read = ask(plan_page(usual, drive), 400, """
+    def test_a_small_screen_scrolls_inside_and_has_a_large_map(
+        self, usual: PlanRanking, drive: PlanDrive, ask: Ask
+    ) -> None:
+        read = ask(render_plan_page(usual, drive), 400, """
             const box = (name) => doc.querySelector(name).getBoundingClientRect();
             return { page: doc.documentElement.scrollWidth, map: box("#map").height, wide: box("#map").width,
               around: doc.querySelector("#map").parentNode.clientWidth,
@@ -93,9 +95,9 @@ class TestPlan:
         assert read["table"] > read["room"] and read["hint"] == "block" and "gradient" in read["shade"]
 
     def test_a_wide_screen_shows_all_of_the_map_and_fills_the_card_of_the_chart(
-        self, usual: Ranking, drive: Drive, ask: Ask
+        self, usual: PlanRanking, drive: PlanDrive, ask: Ask
     ) -> None:
-        read = ask(plan_page(usual, drive), 1280, """
+        read = ask(render_plan_page(usual, drive), 1280, """
             const box = (name) => doc.querySelector(name).getBoundingClientRect();
             return { page: doc.documentElement.scrollWidth, map: box("#map").width,
               around: doc.querySelector("#map").parentNode.clientWidth, card: box(".split").width,
@@ -105,10 +107,12 @@ class TestPlan:
         assert read["page"] <= 1280 and read["map"] == pytest.approx(read["around"], abs=1)
         assert read["filled"] > 0.93 * read["card"] and read["hint"] == "none"
 
-    def test_it_starts_at_the_beginning_plays_and_changes_plans(self, ranking: Ranking, drive: Drive, ask: Ask) -> None:
+    def test_it_starts_at_the_beginning_plays_and_changes_plans(
+        self, ranking: PlanRanking, drive: PlanDrive, ask: Ask
+    ) -> None:
         other = replace(drive, title="the other plan", xy=drive.xy[:1], status=drive.status[:1], finish_s=(1.0,),
                         seconds={name: values[:1] for name, values in drive.seconds.items()})  # fmt: skip
-        page = plan_page(ranking, drive, {("row-by-row", 5): other})
+        page = render_plan_page(ranking, drive, {("row-by-row", 5): other})
         read = ask(page, 900, """
             const text = (name) => doc.getElementById(name).textContent;
             const tell = () => ({
@@ -135,11 +139,11 @@ class TestPlan:
         assert chosen["marks"] == chosen["rows"] == 1
 
     def test_lists_of_legs_follow_the_plan_and_the_time(
-        self, ranking: Ranking, listed_drive: Drive, ask: Ask
+        self, ranking: PlanRanking, listed_drive: PlanDrive, ask: Ask
     ) -> None:
         start = replace(ranking, start="08:00")
         other = replace(listed_drive, title="the other plan", steps=tuple(own[1:] for own in listed_drive.steps))
-        page = plan_page(start, listed_drive, {("row-by-row", 5): other})
+        page = render_plan_page(start, listed_drive, {("row-by-row", 5): other})
         read = ask(page, 900, """
             const tell = () => [...doc.querySelectorAll("#cards table")].map((one) =>
               [...one.rows].map((row) => [...row.cells].map((cell) => cell.textContent).join("|")));
@@ -164,22 +168,24 @@ class TestPlan:
         assert all(words in fleet for words in now)
         assert [len(table) for table in chosen] == [4, 4, 4] and "the other plan" in chosen[0][0]
 
-    def test_a_table_of_plans_fits_letter_paper(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
+    def test_a_table_of_plans_fits_letter_paper(self, usual: PlanRanking, drive: PlanDrive, ask: Ask) -> None:
         # Letter less margins of 12 mm is 725 points wide. A page that always looks as printed can be measured.
         plans = tuple(replace(plan, cost=123456.78, turn="switch-back+omega") for plan in usual.plans)
-        page = plan_page(replace(usual, plans=plans), drive).replace("@media print", "@media all")
+        page = render_plan_page(replace(usual, plans=plans), drive).replace("@media print", "@media all")
         read = ask(page, 725, """
             return [doc.documentElement.scrollWidth, doc.querySelector("#plans").scrollWidth];
         """)  # fmt: skip
         assert max(read) <= 725
 
-    def test_every_tractor_has_a_sheet_of_its_own(self, usual: Ranking, listed_drive: Drive, tmp_path: Path) -> None:
-        assert pages_on_paper(tmp_path, plan_page(usual, listed_drive)) == 2 + len(listed_drive.steps)
+    def test_every_tractor_has_a_sheet_of_its_own(
+        self, usual: PlanRanking, listed_drive: PlanDrive, tmp_path: Path
+    ) -> None:
+        assert pages_on_paper(tmp_path, render_plan_page(usual, listed_drive)) == 2 + len(listed_drive.steps)
 
     def test_the_hatching_is_that_of_the_plan_shown(
-        self, leaving: Ranking, open_drive: Drive, drive: Drive, ask: Ask
+        self, leaving: PlanRanking, open_drive: PlanDrive, drive: PlanDrive, ask: Ask
     ) -> None:
-        page = plan_page(leaving, open_drive, {("row-by-row", 5): replace(drive, title="the other plan")})
+        page = render_plan_page(leaving, open_drive, {("row-by-row", 5): replace(drive, title="the other plan")})
         read = ask(page, 900, """
             const tell = () => [...doc.querySelectorAll("#missed path")].map((one) => one.getAttribute("d").length)
               .concat(doc.getElementById("largest").textContent);
@@ -190,11 +196,11 @@ class TestPlan:
             }
             return said;
         """)  # fmt: skip
-        assert read[0][:2] > [10, 100] and read[0][2] == "590 m2 left"
+        assert read[0][:2] > [10, 100] and read[0][2] == "590 m2 missed"
         assert read[1:] == [[0, 0, ""], read[0]]
 
-    def test_all_that_can_be_used_is_reached_by_keyboard(self, usual: Ranking, drive: Drive, ask: Ask) -> None:
-        assert ask(plan_page(usual, drive), 900, """
+    def test_all_that_can_be_used_is_reached_by_keyboard(self, usual: PlanRanking, drive: PlanDrive, ask: Ask) -> None:
+        assert ask(render_plan_page(usual, drive), 900, """
             return [...doc.querySelectorAll("button, input, select, .scroll")].filter(
               (one) => one.tabIndex < 0 && !one.disabled).length;
         """) == 0  # fmt: skip
@@ -202,19 +208,23 @@ class TestPlan:
 
 def test_a_page_of_experiments_scrolls_inside_on_a_small_screen(ask: Ask) -> None:
     table = TextTable("Radii", tuple(f"Heading {k}" for k in range(12)), (tuple("1234.5678" for _ in range(12)),))
-    rows = tuple(Comparison(f"4.1 kinematic {k} deg", "turning radius", "m", 5.0, 5.1, "a note") for k in range(50))
-    page = trials_page([Sheet("a", "Circles", ("Words.",), rows, (), (table,)), Sheet("b", "B", (), rows)])
+    rows = tuple(
+        ThesisComparison(f"4.1 kinematic {k} deg", "turning radius", "m", 5.0, 5.1, "a note") for k in range(50)
+    )
+    page = render_trials_page(
+        [ExperimentSheet("a", "Circles", ("Words.",), rows, (), (table,)), ExperimentSheet("b", "B", (), rows)]
+    )
     read = ask(page, 400, "return [doc.documentElement.scrollWidth, doc.querySelectorAll('.scroll').length];")
     assert read[0] <= 400 and read[1] >= 3
 
 
-def test_the_map_of_a_tall_field_is_whole_on_a_small_screen(ranking: Ranking, drive: Drive, ask: Ask) -> None:
+def test_the_map_of_a_tall_field_is_whole_on_a_small_screen(ranking: PlanRanking, drive: PlanDrive, ask: Ask) -> None:
     def turned(points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(points[..., ::-1])
 
-    tall = replace(drive, boundary=turned(drive.boundary), holes=(), tracks=turned(drive.tracks), entrance=None,
+    tall = replace(drive, boundary=turned(drive.boundary), holes=(), swaths=turned(drive.swaths), entrance=None,
                    xy=tuple(map(turned, drive.xy)))  # fmt: skip
-    read = ask(plan_page(ranking, tall), 400, """
+    read = ask(render_plan_page(ranking, tall), 400, """
         const map = doc.querySelector("#map"), box = map.getBoundingClientRect();
         return [box.width, map.parentNode.clientWidth, box.height];
     """)  # fmt: skip

@@ -17,13 +17,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from reports.diagnosis_export import diagnosis_json
-from reports.diagnosis_page import diagnosis_page, ticks
-from reports.diagnosis_table import diagnosis_table
-from reports.diagnosis_words import LIKELY_MEANS, likely_words
-from vehicle.effects import CATALOGUE, effect
-from vehicle.measured.answer.demo import Hidden
-from vehicle.measured.answer.verdict import (
+from reports.diagnosis.page import choose_ticks, render_diagnosis_page
+from reports.diagnosis.sentences import LIKELY_MEANS, explain_likely_verdict
+from reports.diagnosis.tables import build_diagnosis_table, format_diagnosis_json
+from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.identification.verdict.demo_logs import HiddenEffect
+from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     LIKELY,
     NAMED,
@@ -31,15 +30,15 @@ from vehicle.measured.answer.verdict import (
     REFUTED,
     Diagnosis,
     Finding,
-    Grounds,
+    GroundLevel,
     NextDrive,
     PlanGain,
     ResidualPlot,
 )
-from vehicle.measured.replay.horizons import Error
-from vehicle.tractor import EffectSetting, Rest, load_tractor
+from vehicle.model.effects import CATALOGUE, get_effect
+from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
 
-REST = Rest(
+DISCREPANCY = DiscrepancyModel(
     amounts={"angle_by_speed": 0.4, "grip_to_east": 0.05, "grip_to_north": -0.02}, speed_mps=(0.2, 2.1),
     angle_deg=(-20.0, 25.5), interval={"angle_by_speed": (0.3, 0.5)},
 )  # fmt: skip
@@ -47,19 +46,19 @@ PLAN = PlanGain("iwamizawa", 4938.0, 4962.0, 2.31, 20.14)
 
 
 def finding(name: str, status: str = REFUTED, **more: Any) -> Finding:
-    entry = effect(name)
+    entry = get_effect(name)
     values: dict[str, Any] = {
         "value": None, "interval": None, "gain_pct": None, "gain_interval": None, "smallest_visible": 0.125,
-        "unit": entry.size.unit, "block": entry.block, "words": "",
+        "unit": entry.size.unit, "block": entry.block, "description": "",
     }  # fmt: skip
     return Finding(entry.id, status, **(values | more))
 
 
 def in_model(name: str, status: str, value: float, **more: Any) -> Finding:
-    entry, key = effect(name), effect(name).size.name
+    entry, key = get_effect(name), get_effect(name).size.name
     values: dict[str, Any] = {
         "value": {key: value}, "interval": {key: (0.9 * value, 1.1 * value)}, "gain_pct": 40.4,
-        "gain_interval": (30.2, 50.7), "words": entry.words({key: value}),
+        "gain_interval": (30.2, 50.7), "description": entry.describe({key: value}),
     }  # fmt: skip
     return finding(name, status, **(values | more))
 
@@ -67,22 +66,22 @@ def in_model(name: str, status: str, value: float, **more: Any) -> Finding:
 def diagnosis(*told: Finding, **more: Any) -> Diagnosis:
     """A diagnosis in which what is not told is refuted."""
     by_id = {one.id: one for one in told}
-    errors = {h: Error(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
-    half = {h: Error(0.5 * h, h, 0.05 * h) for h in (1.0, 5.0)}
+    errors = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+    half = {h: HorizonError(0.5 * h, h, 0.05 * h) for h in (1.0, 5.0)}
     at = np.array([-1.0, 0.0, 2.0])
     values: dict[str, Any] = {
         "names": ("a", "b"), "rows_used": 2000, "rows_gated": 3, "minutes": 1.7, "ground": "soil", "before": errors,
-        "after": half, "floor": half, "guilty_block": None, "block_error": {"speed": (1.5, 1.0)},
+        "after": half, "noise_floor": half, "guilty_block": None, "block_error": {"speed": (1.5, 1.0)},
         "findings": tuple(by_id.get(entry.id) or finding(entry.id) for entry in CATALOGUE),
         "named": tuple(one.id for one in told if one.status == NAMED), "unexplained_share": 0.0, "depends_on": (),
         "next_drive": None, "tractor": load_tractor("eg105"), "calibration": {},
-        "curve": ResidualPlot("wheel angle, deg", "turning rate left over, deg/s", at, at, 0 * at, 0 * at, 0 * at),
+        "curve": ResidualPlot("wheel angle, deg", "remaining turning rate, deg/s", at, at, 0 * at, 0 * at, 0 * at),
     }  # fmt: skip
     return Diagnosis(**(values | more))
 
 
-def extended(rest: Rest | None = None, **settings: EffectSetting) -> Any:
-    return load_tractor("eg105").model_copy(update={"effects": settings, "rest": rest})
+def extended(rest: DiscrepancyModel | None = None, **settings: EffectSetting) -> Any:
+    return load_tractor("eg105").model_copy(update={"effects": settings, "discrepancy_model": rest})
 
 
 def setting(**more: Any) -> EffectSetting:
@@ -91,7 +90,7 @@ def setting(**more: Any) -> EffectSetting:
 
 def printed(what: Diagnosis, width: int = 80) -> str:
     console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(diagnosis_table(what))
+    console.print(build_diagnosis_table(what))
     return console.file.getvalue()  # type: ignore[attr-defined, no-any-return]
 
 
@@ -101,7 +100,7 @@ def flat(text: str) -> str:
 
 def page_text(what: Diagnosis, hidden: str | None = None) -> str:
     """The words of the page in the order a reader meets them."""
-    body = diagnosis_page(what, hidden).split("</style>")[1]
+    body = render_diagnosis_page(what, hidden).split("</style>")[1]
     return flat(unescape(re.sub(r"<[^>]+>", " ", body)))
 
 
@@ -111,8 +110,10 @@ def both(what: Diagnosis) -> list[str]:
 
 class TestGrounds:
     LEVELS = (
-        Grounds("side_slip", {"limit_g": 0.77}, effect("side_slip").words({"limit_g": 0.77}), ("a", "b", "c")),
-        Grounds("side_slip", {"limit_g": 0.35}, effect("side_slip").words({"limit_g": 0.35}), ("d",)),
+        GroundLevel(
+            "side_slip", {"limit_g": 0.77}, get_effect("side_slip").describe({"limit_g": 0.77}), ("a", "b", "c")
+        ),
+        GroundLevel("side_slip", {"limit_g": 0.35}, get_effect("side_slip").describe({"limit_g": 0.35}), ("d",)),
     )
 
     def test_each_level_with_its_runs_before_the_figures(self) -> None:
@@ -130,7 +131,7 @@ class TestGrounds:
         kept = extended(side_slip=EffectSetting(value={"limit_g": 0.35}))
         for text in both(diagnosis(grounds=levels, names=("a", "b", "c", "d"), tractor=kept)):
             assert "Elsewhere: The tyres slide sideways above 0.35 g" in text
-            assert "The other runs do not clearly show which. The tractor file gets the second." in text
+            assert "The other runs show neither clearly. The tractor file gets the second." in text
         for text in both(diagnosis(grounds=self.LEVELS, names=("a", "b", "c", "d"))):
             assert "do not clearly show" not in text and "The tractor file gets the" not in text
 
@@ -138,7 +139,7 @@ class TestGrounds:
         assert all("grounds" not in text for text in both(diagnosis()))
 
     def test_json(self) -> None:
-        assert json.loads(diagnosis_json(diagnosis(grounds=self.LEVELS)))["grounds"] == [
+        assert json.loads(format_diagnosis_json(diagnosis(grounds=self.LEVELS)))["grounds"] == [
             {"id": "side_slip", "value": {"limit_g": 0.77}, "runs": ["a", "b", "c"]},
             {"id": "side_slip", "value": {"limit_g": 0.35}, "runs": ["d"]},
         ]
@@ -152,45 +153,45 @@ class TestLikely:
         assert " likely " in lines[0] and "grip drift" in lines[0] and "0.05 (0.045" in lines[0]
         assert "not-visible" in lines[-1] and "understeer" in lines[-1]
         assert "refuted" not in lines[0] and len(lines) == len(CATALOGUE)
-        rows = re.findall(r'<tr class="(.*?)"><td class="id">.*?<code>(.*?)</code></td>', diagnosis_page(what))
+        rows = re.findall(r'<tr class="(.*?)"><td class="id">.*?<code>(.*?)</code></td>', render_diagnosis_page(what))
         assert rows[0] == ("likely", "grip_drift") and rows[-1] == ("not-visible", "understeer")
-        assert all(likely_words() in text for text in both(what))
+        assert all(explain_likely_verdict() in text for text in both(what))
         assert not any(LIKELY_MEANS in text for text in both(diagnosis()))
-        assert likely_words(9, 10).endswith("Of 10 called so in the tests' own logs 9 were right.")
-        assert likely_words(0, 0).endswith("How often it is right is not known.")
+        assert explain_likely_verdict(9, 10).endswith("In tests 9 of 10 likely effects were true causes.")
+        assert explain_likely_verdict(0, 0).endswith("How often this is right is not known.")
         assert what.headline.startswith("No cause is certain. Likely: ")
 
     def test_what_is_refuted_says_from_which_size_on_and_a_limit_up_to_which(self) -> None:
         what = diagnosis(finding("steering_offset", smallest_visible=0.3), finding("side_slip"))
         assert "refuted from 0.3 deg" in page_text(what) and "refuted to 0.12 g" in page_text(what)
-        assert "What is refuted is refuted from that size on." in flat(printed(what))
+        assert "Refuted effects are refuted from that size on." in flat(printed(what))
 
     def test_are_marked_in_json(self) -> None:
         told = (in_model("grip_drift", LIKELY, 0.05), in_model("steering_offset", NAMED, 1.0))
-        found = json.loads(diagnosis_json(diagnosis(*told)))["effects"]
+        found = json.loads(format_diagnosis_json(diagnosis(*told)))["effects"]
         assert {one["id"]: one["calibrated"] for one in found if one["value"]} == {
             "grip_drift": True, "steering_offset": False,
         }  # fmt: skip
         assert {one["status"] for one in found} == {NAMED, REFUTED, LIKELY}
 
 
-class TestRest:
+class TestDiscrepancyModel:
     def test_says_what_it_is_where_it_is_trusted_and_how_to_switch_it_off(self) -> None:
-        for text in both(diagnosis(tractor=extended(REST))):
+        for text in both(diagnosis(tractor=extended(DISCREPANCY))):
             assert "an extra wheel angle that depends on speed: 0.4 (0.3 to 0.5) deg per m/s" in text
             assert (
                 "a change of grip that depends on the direction of travel: 0.05 towards east and -0.02 towards north"
                 in text
             )
-            assert "only where these logs were: at 0.2 to 2.1 m/s and wheel angles of -20.0 to 25.5 degrees" in text
-            assert 'The line "on = false" under [rest] in the tractor file switches it off.' in text
-            assert "The tractor file gets: a rest." in text
+            assert "only where these logs were driven: 0.2 to 2.1 m/s and wheel angles of -20.0 to 25.5 degrees" in text
+            assert 'The line "on = false" under [discrepancy_model] in the tractor file switches it off.' in text
+            assert "The tractor file gets: a discrepancy model." in text
 
 
 class TestPlan:
     def test_nothing_added(self) -> None:
         for text in both(diagnosis()):
-            assert "Nothing was added to the tractor, so plans stay as they are." in text
+            assert "Nothing was added to the tractor, so plans do not change." in text
 
     def test_added_and_driven(self) -> None:
         what = diagnosis(
@@ -198,8 +199,8 @@ class TestPlan:
         )
         for text in both(what):
             assert "The tractor file gets: steering offset (steering_offset)." in text
-            assert "Simulated by that file: 82.3 min, 2.3 cm off the tracks" in text
-            assert "As these logs say the tractor drives: 82.7 min, 20.1 cm off the tracks" in text
+            assert "Simulated with the old file: 82.3 min, 2.3 cm off the tracks" in text
+            assert "Simulated as these logs say the tractor drives: 82.7 min, 20.1 cm off the tracks" in text
             assert "Nothing was added" not in text
 
     @pytest.mark.parametrize(("before", "after"), [(4938.0, None), (None, 4962.0), (None, None)])
@@ -207,8 +208,8 @@ class TestPlan:
         plan = replace(PLAN, time_before_s=before, time_after_s=after)
         tractor = extended(steering_offset=setting())
         for text in both(diagnosis(in_model("steering_offset", NAMED, 1.0), plan=plan, tractor=tractor)):
-            assert ("Simulated by that file: it is not finished" in text) == (before is None)
-            assert ("the tractor drives: it is not finished" in text) == (after is None)
+            assert ("Simulated with the old file: not finished" in text) == (before is None)
+            assert ("the tractor drives: not finished" in text) == (after is None)
             assert "Nothing was added" not in text
 
     def test_added_but_not_driven(self) -> None:
@@ -223,7 +224,7 @@ class TestPlan:
 
     def test_taken_away(self) -> None:
         for text in both(diagnosis(plan=PLAN)):
-            assert "The tractor file loses the effects it had." in text and "82.7 min" in text
+            assert "The effects in the tractor file are removed." in text and "82.7 min" in text
 
     def test_a_plan_driven_with_one_of_several_causes_says_so(self) -> None:
         alike = in_model("steering_offset", EQUIVALENT, 1.0, equivalent_to=("heading_bias",))
@@ -245,7 +246,7 @@ class TestPlan:
         )  # fmt: skip
         for text in both(diagnosis(*told, tractor=tractor)):
             assert (
-                "The tractor file gets: side slip (side_slip), kept as it was; steering gain (steering_gain); steering "
+                "The tractor file gets: side slip (side_slip), unchanged; steering gain (steering_gain); steering "
                 "offset (steering_offset), or cross slope drift or heading bias in its place; grip drift (grip_drift), "
                 "likely."
             ) in text
@@ -261,59 +262,71 @@ class TestWords:
     def test_what_is_left_as_noise_leaves_it_is_said_in_a_sentence(self) -> None:
         said = "2.5 cm across (noise 2.5), 5.0 cm along (noise 5.0), 0.25 degrees (noise 0.25),"
         for text in both(diagnosis(depends_on=("a push",))):
-            assert f"What is left over pieces of 5 s, {said} is as good as the noise." in text
+            assert f"The remaining error over pieces of 5 s, {said} is no more than noise." in text
             assert "depends on: a push" not in text
 
     def test_a_horizon_above_the_noise_is_said_beside_one_that_is_not(self) -> None:
         what = diagnosis(above_noise_s=(10.0, 20.0), depends_on=("a push",))
-        assert not what.as_good_as_noise and json.loads(diagnosis_json(what))["left"]["above_noise_s"] == [10.0, 20.0]
+        assert not what.is_noise_only and json.loads(format_diagnosis_json(what))["residual_error"][
+            "above_noise_s"
+        ] == [10.0, 20.0]
         for text in both(what):
-            assert "is as good as the noise, and above it over pieces of 10 and 20 s." in text
+            assert "is no more than noise, but above it over pieces of 10 and 20 s." in text
             assert "depends on: a push" not in text
         for text in both(diagnosis(above_noise_s=(5.0,))):
             assert "is hardly above the noise over pieces of 5 s." in text
 
     def test_the_way_along_is_not_called_noise_where_no_speed_was_measured(self) -> None:
-        wrong = {h: Error(h, 90.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+        wrong = {h: HorizonError(h, 90.0 * h, 0.1 * h) for h in (1.0, 5.0)}
         for share in (0.0, 0.4):
             what = diagnosis(unexplained_share=share, after=wrong, pace_mps=0.5, along_judged=False)
             for text in both(what):
-                assert "The way along is not judged, because not every log has a measured speed." in text
+                assert "The error along the path is not judged, because not every log has a measured speed." in text
                 assert "cm along (" not in text and "early or late" not in text
-            left = json.loads(diagnosis_json(what))["left"]
+            left = json.loads(format_diagnosis_json(what))["residual_error"]
             assert left["late_s"] is None and left["aside_cm"] > 0.0
 
     @pytest.mark.parametrize(
         ("share", "depends", "said"),
-        [(0.42, ("a push", "a pull"), "depends on: a push; a pull."), (0.3, (), "on: nothing that was looked for.")],
+        [
+            (0.42, ("a push", "a pull"), "depends on: a push; a pull."),
+            (0.3, (), "on: none of the quantities examined."),
+        ],
     )
     def test_what_is_left_is_said_in_order(self, share: float, depends: tuple[str, ...], said: str) -> None:
         """Against the noise, then in a plan, then what it depends on: twice the noise over 5 s at 1 m/s."""
-        wrong = {h: Error(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+        wrong = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
         what = diagnosis(unexplained_share=share, depends_on=depends, after=wrong, pace_mps=0.5)
-        assert what.left is not None and what.left.aside_cm == pytest.approx(2.5 * math.sqrt(3.0))
-        assert what.left.late_s == pytest.approx(0.1 * math.sqrt(3.0))
+        assert what.residual_error is not None and what.residual_error.aside_cm == pytest.approx(2.5 * math.sqrt(3.0))
+        assert what.residual_error.late_s == pytest.approx(0.1 * math.sqrt(3.0))
         for text in both(what):
-            parts = (f"explains {100 * share:.0f} % of", "within 5 s, that is 0.2 s early or late and 4.3 cm aside")
+            parts = (
+                f"explains {100 * share:.0f} % of",
+                "within 5 s, that is 0.2 s early or late and 4.3 cm to the side",
+            )
             places = [text.index(part) for part in (*parts, said)]
             assert places == sorted(places)
 
     def test_what_is_left_is_driven_where_a_rest_was_fitted_to_it(self) -> None:
-        plan = replace(PLAN, left_s=12.4, left_cm=1.36)
-        what = diagnosis(unexplained_share=0.4, pace_mps=1.0, plan=plan, tractor=extended(REST))
+        plan = replace(PLAN, discrepancy_s=12.4, discrepancy_cm=1.36)
+        what = diagnosis(unexplained_share=0.4, pace_mps=1.0, plan=plan, tractor=extended(DISCREPANCY))
         for text in both(what):
-            assert "the rest that was fitted to it comes to +12 s and +1.4 cm off the tracks" in text
+            assert "the discrepancy model fitted to it changes the result by +12 s and +1.4 cm off the tracks" in text
 
     def test_errors_are_said_to_be_those_of_pieces(self) -> None:
         for text in both(diagnosis()):
-            assert "root mean square" in text and "best turn and shift" in text and "after 5 s" not in text
+            assert (
+                "root mean square" in text
+                and "is aligned with" in text.replace("each aligned with", "each is aligned with")
+                and "after 5 s" not in text
+            )
 
     def test_the_smallest_visible_is_a_deviation_and_of_a_limit_a_limit(self) -> None:
         for text in both(diagnosis()):
-            assert "the smallest deviation from the tractor file" in text
+            assert "the smallest change of the value in the tractor file" in text
             assert "limit 0.12 g" in text and text.count("limit 0.1") == 1
 
-    def test_no_drive_without_need_and_rivals_with_their_drive(self) -> None:
+    def test_no_drive_without_need_and_competitors_with_their_drive(self) -> None:
         alike = in_model("steering_offset", EQUIVALENT, 1.0, exchange="1 deg looks like 0.017 of cross_slope_drift",
                          equivalent_to=("cross_slope_drift",))  # fmt: skip
         pair = ("steering_offset", "cross_slope_drift")
@@ -323,7 +336,7 @@ class TestWords:
             assert "Drive there and back." in text
         for text in both(diagnosis(alike)):
             assert "1 deg looks like" in text and "Drive there and back." not in text
-        assert "cannot tell apart" not in page_text(diagnosis())
+        assert "cannot distinguish" not in page_text(diagnosis())
 
     def test_stand_ins_have_no_gain(self) -> None:
         other = finding("heading_bias", EQUIVALENT, value={"angle_deg": 1.5}, equivalent_to=("steering_offset",))
@@ -368,33 +381,37 @@ class TestPage:
 
     def test_the_curve_says_what_the_effect_goes_with(self) -> None:
         what = diagnosis(in_model("steering_gain", NAMED, 1.1))
-        assert "Steering gain shows with: wheel angle." in page_text(what)
+        assert "The error from steering gain depends on: wheel angle." in page_text(what)
         assert "No known cause: a push." in page_text(diagnosis(depends_on=("a push",)))
 
     def test_bars_for_all_kinds_and_none_for_a_heading_that_was_not_logged(self) -> None:
-        assert re.findall("<h3>(.*?)</h3>", diagnosis_page(diagnosis())) == ["Across, cm", "Along, cm", "Heading, deg"]
-        blind = {h: Error(1.0, 1.0, math.nan) for h in (1.0, 5.0)}
-        page = diagnosis_page(diagnosis(before=blind, after=blind, floor=blind))
+        assert re.findall("<h3>(.*?)</h3>", render_diagnosis_page(diagnosis())) == [
+            "Across, cm",
+            "Along, cm",
+            "Heading, deg",
+        ]
+        blind = {h: HorizonError(1.0, 1.0, math.nan) for h in (1.0, 5.0)}
+        page = render_diagnosis_page(diagnosis(before=blind, after=blind, noise_floor=blind))
         assert re.findall("<h3>(.*?)</h3>", page) == ["Across, cm", "Along, cm"]
-        assert "nan" not in page and "nan" not in printed(diagnosis(before=blind, after=blind, floor=blind))
+        assert "nan" not in page and "nan" not in printed(diagnosis(before=blind, after=blind, noise_floor=blind))
         widths = [float(width) for width in re.findall(r'"bar \w+" style="width: (.*?)%', page)]
         assert len(widths) == 12 and max(widths) == 100.0
 
     def test_a_curve_with_one_point_has_ticks_that_differ(self) -> None:
         one = np.array([9.0])
-        curve = ResidualPlot("wheel angle, deg", "turning rate left over, deg/s", one, one, 0 * one, 0 * one, 0 * one)
-        page = diagnosis_page(diagnosis(curve=curve))
+        curve = ResidualPlot("wheel angle, deg", "remaining turning rate, deg/s", one, one, 0 * one, 0 * one, 0 * one)
+        page = render_diagnosis_page(diagnosis(curve=curve))
         labels = re.findall(r'text-anchor="middle">(.*?)<', page)
         assert len(set(labels)) == len(labels) >= 3 and "9.0" in labels
 
     def test_names_are_escaped_and_nothing_is_asked_of_the_outside(self) -> None:
-        page = diagnosis_page(diagnosis(notes=("<b>x",), depends_on=("<b>y",)), "<b>z")
+        page = render_diagnosis_page(diagnosis(notes=("<b>x",), depends_on=("<b>y",)), "<b>z")
         assert "<b>" not in page and page.count("&lt;b&gt;") >= 3
         assert not re.search(r"""(?:src|href)=["'](?!data:|#)|https?:|url\(|@import""", page)
 
     @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4))
     def test_ticks_lie_inside_at_even_steps_and_read_apart(self, low: float, span: float) -> None:
-        found = ticks(low, low + span)
+        found = choose_ticks(low, low + span)
         values, texts = zip(*found, strict=True)
         assert 3 <= len(found) <= 11 and len(set(texts)) == len(texts) and "-0" not in texts
         assert all(low - 1e-6 * span <= value <= low + span * (1 + 1e-6) for value in values)
@@ -405,8 +422,8 @@ class TestPage:
 class TestJson:
     KEYS = (
         "runs", "rows_used", "rows_gated", "verdict", "grounds", "error_before", "error_after", "noise_floor",
-        "guilty_block", "effects", "named", "unexplained_share", "left", "unexplained_depends_on", "next_drive",
-        "calibration", "plan", "notes", "tractor", "hidden",
+        "guilty_block", "effects", "named", "unexplained_share", "residual_error", "unexplained_depends_on",
+        "next_drive", "calibration", "plan", "notes", "tractor", "hidden",
     )  # fmt: skip
     EFFECT_KEYS = (
         "id", "status", "calibrated", "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit",
@@ -414,27 +431,27 @@ class TestJson:
     )  # fmt: skip
 
     def test_keys(self) -> None:
-        found = json.loads(diagnosis_json(diagnosis()))
+        found = json.loads(format_diagnosis_json(diagnosis()))
         assert tuple(found) == self.KEYS
         assert all(tuple(one) == self.EFFECT_KEYS for one in found["effects"])
         assert list(found["error_before"]["5"]) == ["cross_cm", "along_cm", "heading_deg"]
 
-    def test_the_readme_names_every_key(self) -> None:
-        readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
-        section = readme.split("## Find out what the simulation gets wrong")[1].split("## How it is built")[0]
+    def test_the_guide_names_every_key(self) -> None:
+        guide = (Path(__file__).parents[2] / "planner" / "guide" / "diagnosis.md").read_text(encoding="utf-8")
+        section = guide.split("## Keys of `--json`")[1]
         for key in (*self.KEYS, *self.EFFECT_KEYS):
             assert f"`{key}`" in section
 
     def test_what_was_hidden(self) -> None:
-        hidden = Hidden("steering_offset", {"angle_deg": 1.5})
-        assert json.loads(diagnosis_json(diagnosis(), hidden))["hidden"] == {
+        hidden = HiddenEffect("steering_offset", {"angle_deg": 1.5})
+        assert json.loads(format_diagnosis_json(diagnosis(), hidden))["hidden"] == {
             "id": "steering_offset", "value": {"angle_deg": 1.5},
             "words": "The wheels stand 1.5 degrees to the right when the sensor says straight ahead.",
         }  # fmt: skip
-        assert json.loads(diagnosis_json(diagnosis()))["hidden"] is None
+        assert json.loads(format_diagnosis_json(diagnosis()))["hidden"] is None
 
     def test_what_json_cannot_hold_is_null(self) -> None:
         told = in_model("side_slip", EQUIVALENT, 0.5, interval={"limit_g": (0.4, math.inf)})
-        found = json.loads(diagnosis_json(diagnosis(told)))
+        found = json.loads(format_diagnosis_json(diagnosis(told)))
         assert next(one for one in found["effects"] if one["id"] == "side_slip")["interval"] == {"limit_g": [0.4, None]}
         assert "0.5 (0.4 to no limit) g" in page_text(diagnosis(told))

@@ -13,9 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.export import CSV_KEYS, PLAN_KEYS, ranking_csv, ranking_json, study_json
-from reports.plain import finite
-from reports.results import MissedPiece, PlanResult, Ranking, Study
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, UnworkedPiece
+from reports.common.rendering import make_json_safe
+from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
 CONTRACT = [
     "rank",
@@ -33,7 +33,7 @@ CONTRACT = [
     "largest_missed",
     "finished_s",
     "finished_cost",
-    "trampled_m2",
+    "wheel_traffic_m2",
     "outside_m",
     "excursion_m",
     "outside_outline_m",
@@ -47,7 +47,7 @@ CONTRACT = [
     "reason",
     "on_pareto_front",
     "remark",
-    "rounds",
+    "headland_passes",
     "headland_s",
     "transport_s",
     "ready_s",
@@ -74,10 +74,10 @@ def no_constant(name: str) -> float:
     raise AssertionError(f"{name} is not JSON")
 
 
-def test_keys_and_order(ranking: Ranking) -> None:
-    data = json.loads(ranking_json(ranking), parse_constant=no_constant)
+def test_keys_and_order(ranking: PlanRanking) -> None:
+    data = json.loads(format_ranking_json(ranking), parse_constant=no_constant)
     assert list(data) == [
-        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "draws",
+        "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
         "unmet",
     ]  # fmt: skip
     assert data["scenario"] == {} and data["unmet"] is None
@@ -86,16 +86,16 @@ def test_keys_and_order(ranking: Ranking) -> None:
     assert all(list(plan) == [*CONTRACT, "cells"] for plan in [*data["plans"], data["best"]])
 
 
-def test_every_plan_has_the_cells_of_its_tracks(ranking: Ranking) -> None:
-    cells = [{"number": 1, "bearing_deg": 75.0, "area_m2": 900.0, "tracks": 4}]
-    told = replace(ranking, scenario={"cells": cells}, unmet="No plan is done before the rain.")
-    data = json.loads(ranking_json(told))
+def test_every_plan_has_the_cells_of_its_tracks(ranking: PlanRanking) -> None:
+    cells = [{"number": 1, "bearing_deg": 75.0, "area_m2": 900.0, "swaths": 4}]
+    told = replace(ranking, scenario={"cells": cells}, unmet_sentence="No plan finishes before the rain.")
+    data = json.loads(format_ranking_json(told))
     assert all(plan["cells"] == cells for plan in [*data["plans"], data["best"]])
-    assert data["unmet"] == "No plan is done before the rain."
+    assert data["unmet"] == "No plan finishes before the rain."
 
 
-def test_values_survive(ranking: Ranking) -> None:
-    data = json.loads(ranking_json(ranking))
+def test_values_survive(ranking: PlanRanking) -> None:
+    data = json.loads(format_ranking_json(ranking))
     for plan, entry in zip(ranking.plans, data["plans"], strict=True):
         for key in CONTRACT:
             value = getattr(plan, key)
@@ -106,24 +106,24 @@ def test_values_survive(ranking: Ranking) -> None:
     assert data["plans"][4]["min_clearance_m"] is None, "one tractor has nobody to be clear of"
 
 
-def test_advice_and_what_it_is_of_survive(ranking: Ranking) -> None:
+def test_advice_and_what_it_is_of_survive(ranking: PlanRanking) -> None:
     sure = replace(
         ranking.plans[0], finish_probability=0.97, finish_probability_interval=(0.966, 0.973), p50_s=3000.5,
         expected_cost=128.9,
     )  # fmt: skip
-    told = replace(ranking, plans=(sure,), advice="Take two.", currency="EUR", draws=10_000)
-    data = json.loads(ranking_json(told), parse_constant=no_constant)
-    assert (data["advice"], data["currency"], data["draws"]) == ("Take two.", "EUR", 10_000)
+    told = replace(ranking, plans=(sure,), advice="Take two.", currency="EUR", samples=10_000)
+    data = json.loads(format_ranking_json(told), parse_constant=no_constant)
+    assert (data["advice"], data["currency"], data["samples"]) == ("Take two.", "EUR", 10_000)
     entry = data["plans"][0]
     assert (entry["finish_probability"], entry["finish_probability_interval"]) == (0.97, [0.966, 0.973])
-    (row,) = csv.DictReader(io.StringIO(ranking_csv(told)))
+    (row,) = csv.DictReader(io.StringIO(format_ranking_csv(told)))
     assert [row[key] for key in (*INTERVAL, "p50_s", "p80_s", "expected_cost")] == [
         "0.966", "0.973", "3000.5", "", "128.9",
     ]  # fmt: skip
 
 
-def test_no_best_is_null(ranking: Ranking) -> None:
-    assert json.loads(ranking_json(replace(ranking, plans=ranking.plans[6:])))["best"] is None
+def test_no_best_is_null(ranking: PlanRanking) -> None:
+    assert json.loads(format_ranking_json(replace(ranking, plans=ranking.plans[6:])))["best"] is None
 
 
 floats = st.one_of(st.none(), st.floats(), st.floats(allow_nan=False, allow_infinity=False).map(np.float64))
@@ -132,7 +132,7 @@ floats = st.one_of(st.none(), st.floats(), st.floats(allow_nan=False, allow_infi
 @given(floats, floats)
 def test_any_float_gives_json(time_s: float | None, cost: float | None) -> None:
     plan = PlanResult("s", 2, "u", True, None, 1, time_s, None, cost)
-    text = ranking_json(Ranking("f", 1.0, 0, (plan,)))
+    text = format_ranking_json(PlanRanking("f", 1.0, 0, (plan,)))
     entry = json.loads(text, parse_constant=no_constant)["plans"][0]
     for value, key in ((time_s, "time_s"), (cost, "cost")):
         if value is None or not math.isfinite(value):
@@ -142,15 +142,18 @@ def test_any_float_gives_json(time_s: float | None, cost: float | None) -> None:
             assert str(entry[key]) != "-0.0"
 
 
-def test_text_ends_once_and_repeats(ranking: Ranking, study: Study) -> None:
-    for text, again in ((ranking_json(ranking), ranking_json(ranking)), (study_json(study), study_json(study))):
+def test_text_ends_once_and_repeats(ranking: PlanRanking, study: FleetStudy) -> None:
+    for text, again in (
+        (format_ranking_json(ranking), format_ranking_json(ranking)),
+        (format_study_json(study), format_study_json(study)),
+    ):
         assert text == again
         assert text.endswith("}\n")
         assert not text.endswith("\n\n")
 
 
-def test_csv_has_one_row_per_plan(ranking: Ranking) -> None:
-    rows = list(csv.reader(io.StringIO(ranking_csv(ranking))))
+def test_csv_has_one_row_per_plan(ranking: PlanRanking) -> None:
+    rows = list(csv.reader(io.StringIO(format_ranking_csv(ranking))))
     asked = ["field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor"]
     assert rows[0] == [*COLUMNS, *asked]
     assert (CONTRACT, asked) == ([*PLAN_KEYS], [*CSV_KEYS])
@@ -158,57 +161,62 @@ def test_csv_has_one_row_per_plan(ranking: Ranking) -> None:
     assert {len(row) for row in rows} == {len(COLUMNS) + len(asked)}
 
 
-def test_every_row_says_what_was_asked(ranking: Ranking) -> None:
+def test_every_row_says_what_was_asked(ranking: PlanRanking) -> None:
     scenario = {"field": "x.geojson#2", "width_m": 3.0, "headland_m": 8.5, "bearing_deg": 90.0, "price_per_hour": 40.0,
                 "price_per_tractor": math.nan, "seed": 7}  # fmt: skip
     asked = replace(ranking, scenario=scenario)
-    assert json.loads(ranking_json(asked), parse_constant=no_constant)["scenario"] == scenario | {
+    assert json.loads(format_ranking_json(asked), parse_constant=no_constant)["scenario"] == scenario | {
         "price_per_tractor": None
     }
-    for row in csv.DictReader(io.StringIO(ranking_csv(asked))):
+    for row in csv.DictReader(io.StringIO(format_ranking_csv(asked))):
         assert [row[key] for key in CSV_KEYS] == ["Iwamizawa", "3.0", "8.5", "90.0", "40.0", ""]
 
 
-def test_csv_values(ranking: Ranking) -> None:
-    rows = list(csv.DictReader(io.StringIO(ranking_csv(ranking))))
+def test_csv_values(ranking: PlanRanking) -> None:
+    rows = list(csv.DictReader(io.StringIO(format_ranking_csv(ranking))))
     assert float(rows[2]["time_s"]) == 1712.4
     assert (rows[0]["meets_deadline"], rows[3]["meets_deadline"], rows[6]["meets_deadline"]) == ("true", "false", "")
     assert rows[9]["reason"] == "The field has 8 swaths, too few for 11 tractors.", "the comma is quoted"
     assert rows[4]["min_clearance_m"] == ""
 
 
-def test_csv_and_json_tell_the_same(ranking: Ranking) -> None:
-    plans = json.loads(ranking_json(ranking))["plans"]
-    for row, plan in zip(csv.DictReader(io.StringIO(ranking_csv(ranking))), plans, strict=True):
+def test_csv_and_json_tell_the_same(ranking: PlanRanking) -> None:
+    plans = json.loads(format_ranking_json(ranking))["plans"]
+    for row, plan in zip(csv.DictReader(io.StringIO(format_ranking_csv(ranking))), plans, strict=True):
         told = {key: "" if plan.get(key) is None else str(plan[key]) for key in COLUMNS}
         said = {key: text.lower() if text in ("True", "False") else text for key, text in told.items()}
         assert {key: row[key] for key in COLUMNS} == said
 
 
-def test_what_is_left_open_has_a_place(leaving: Ranking) -> None:
+def test_what_is_left_open_has_a_place(leaving: PlanRanking) -> None:
     for entry, row in zip(
-        json.loads(ranking_json(leaving))["plans"], csv.DictReader(io.StringIO(ranking_csv(leaving))), strict=True
+        json.loads(format_ranking_json(leaving))["plans"],
+        csv.DictReader(io.StringIO(format_ranking_csv(leaving))),
+        strict=True,
     ):
         if entry["feasible"]:
             piece = {"m2": 1200.0, "lon": 141.75, "lat": 43.2, "x_m": 131.4, "y_m": 64.6}
             assert entry["largest_missed"] == piece and list(entry["largest_missed"]) == list(piece)
             assert [float(row[key]) for key in PIECE] == list(piece.values())
             assert entry["missed_m2"] == pytest.approx(18_900 * (1 - entry["worked_pct"] / 100))
-            assert (entry["trampled_m2"], entry["outside_outline_m"]) == (12.4, 31.2)
+            assert (entry["wheel_traffic_m2"], entry["outside_outline_m"]) == (12.4, 31.2)
         else:
             assert entry["largest_missed"] is None and {row[key] for key in PIECE} == {""}
 
 
-def test_a_field_in_local_metres_has_no_place_on_the_earth(leaving: Ranking) -> None:
-    piece = MissedPiece(5.0, 1.0, 2.0)
+def test_a_field_in_local_metres_has_no_place_on_the_earth(leaving: PlanRanking) -> None:
+    piece = UnworkedPiece(5.0, 1.0, 2.0)
     local = replace(leaving, plans=(replace(leaving.plans[0], largest_missed=piece),))
-    (entry,), (row,) = json.loads(ranking_json(local))["plans"], csv.DictReader(io.StringIO(ranking_csv(local)))
+    (entry,), (row,) = (
+        json.loads(format_ranking_json(local))["plans"],
+        csv.DictReader(io.StringIO(format_ranking_csv(local))),
+    )
     assert entry["largest_missed"] == {"m2": 5.0, "lon": None, "lat": None, "x_m": 1.0, "y_m": 2.0}
     assert [row[key] for key in PIECE] == ["5.0", "", "", "1.0", "2.0"]
 
 
-def test_study(study: Study) -> None:
-    data = json.loads(study_json(study), parse_constant=no_constant)
+def test_study(study: FleetStudy) -> None:
+    data = json.loads(format_study_json(study), parse_constant=no_constant)
     assert list(data) == ["tables", "claims", "assumptions"]
     assert list(data["tables"]) == ["6.1", "6.2", "6.3"]
     row = data["tables"]["6.1"][0]
@@ -222,5 +230,5 @@ def test_study(study: Study) -> None:
 def test_plain_values_hold_nothing_that_json_lacks() -> None:
     value = {1: (math.inf, np.float64(-0.0)), "a": np.array([[1.5, np.nan]]), "b": np.int64(3), "c": True, "d": None}
     plain = {"1": [None, 0.0], "a": [[1.5, None]], "b": 3, "c": True, "d": None}
-    assert finite(value) == plain
-    assert json.dumps(finite(value, 6), allow_nan=False) == json.dumps(plain)
+    assert make_json_safe(value) == plain
+    assert json.dumps(make_json_safe(value, 6), allow_nan=False) == json.dumps(plain)

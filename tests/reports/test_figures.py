@@ -8,15 +8,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from reports.figures import _lists, map_figure, png_bytes, to_svg
-from reports.leg_list import text_rows
-from reports.results import Drive
-from reports.trial_figures import panel_figure
-from vehicle.trials.sheets.sheet import Line, Panel
+from reports.common.plan_results import PlanDrive
+from reports.plan.leg_list import format_leg_rows
+from reports.plan.map_figure import _format_leg_columns, draw_plan_map, render_png, render_svg
+from reports.trials.figures import draw_panel
+from vehicle.trials.sheets.sheet import PlotLine, PlotPanel
 
 
-def test_map_is_to_scale_and_holds_everything(drive: Drive) -> None:
-    axes = map_figure(drive).axes[0]
+def test_map_is_to_scale_and_holds_everything(drive: PlanDrive) -> None:
+    axes = draw_plan_map(drive).axes[0]
     assert axes.get_aspect() == 1.0
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     for cloud in (drive.boundary, *drive.xy):
@@ -24,17 +24,17 @@ def test_map_is_to_scale_and_holds_everything(drive: Drive) -> None:
         assert south < cloud[:, 1].min() < cloud[:, 1].max() < north
 
 
-def test_a_metre_is_as_long_both_ways_on_paper(drive: Drive) -> None:
-    figure = map_figure(drive)
+def test_a_metre_is_as_long_both_ways_on_paper(drive: PlanDrive) -> None:
+    figure = draw_plan_map(drive)
     figure.canvas.draw()
     corners = figure.axes[0].transData.transform([[0.0, 0.0], [10.0, 0.0], [0.0, 10.0]])
     assert corners[1, 0] - corners[0, 0] == pytest.approx(corners[2, 1] - corners[0, 1], rel=1e-6)
 
 
-def test_map_draws_the_paths_driven(drive: Drive) -> None:
+def test_map_draws_the_paths_driven(drive: PlanDrive) -> None:
     from matplotlib.collections import LineCollection
 
-    lines = [item for item in map_figure(drive).axes[0].collections if isinstance(item, LineCollection)]
+    lines = [item for item in draw_plan_map(drive).axes[0].collections if isinstance(item, LineCollection)]
     length = sum(
         float(np.hypot(*np.diff(segment, axis=0).T).sum()) for item in lines for segment in item.get_segments()
     )
@@ -42,42 +42,44 @@ def test_map_draws_the_paths_driven(drive: Drive) -> None:
     assert length == pytest.approx(driven, rel=2e-3)
 
 
-def test_map_legend_names_every_tractor_and_mark(drive: Drive) -> None:
-    words = {text.get_text() for text in map_figure(drive).legends[0].get_texts()}
+def test_map_legend_names_every_tractor_and_mark(drive: PlanDrive) -> None:
+    words = {text.get_text() for text in draw_plan_map(drive).legends[0].get_texts()}
     assert {"tractor 1", "tractor 2", "tractor 3", "working", "turning", "reversing", "waiting", "entrance"} <= words
     calm = replace(drive, status=tuple(np.ones_like(status) for status in drive.status), entrance=None)
     assert not {"reversing", "waiting", "entrance"} & {
-        text.get_text() for text in map_figure(calm).legends[0].get_texts()
+        text.get_text() for text in draw_plan_map(calm).legends[0].get_texts()
     }
 
 
-def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(drive: Drive, open_drive: Drive) -> None:
-    figure = map_figure(open_drive)
-    assert "590 m2 left" in [text.get_text() for text in figure.axes[0].texts]
+def test_ground_that_is_not_worked_is_hatched_and_its_largest_piece_marked(
+    drive: PlanDrive, open_drive: PlanDrive
+) -> None:
+    figure = draw_plan_map(open_drive)
+    assert "590 m2 missed" in [text.get_text() for text in figure.axes[0].texts]
     assert "not worked" in {text.get_text() for text in figure.legends[0].get_texts()}
-    plain = map_figure(drive)
+    plain = draw_plan_map(drive)
     assert "not worked" not in {text.get_text() for text in plain.legends[0].get_texts()}
     assert not any("left" in text.get_text() for text in plain.axes[0].texts)
-    assert to_svg(figure) == to_svg(map_figure(open_drive))
+    assert render_svg(figure) == render_svg(draw_plan_map(open_drive))
 
 
-def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: Drive) -> None:
-    figure = map_figure(replace(drive, title="split-field, 3 tractors, turns: omega"), "Long Acre")
+def test_a_picture_says_field_plan_width_tracks_tractors_and_time(drive: PlanDrive) -> None:
+    figure = draw_plan_map(replace(drive, title="split-field, 3 tractors, turns: omega"), "Long Acre")
     text = " ".join(figure.get_suptitle().split())
     said = "Long Acre: split-field, 3 tractors, turns: omega width 3 m, 23 tracks, done in "
     assert text.startswith(said)
     hours, minutes, seconds = text.split("done in ")[1].split(" ")[0].split(":")
     assert 3600 * int(hours) + 60 * int(minutes) + int(seconds) == pytest.approx(max(drive.finish_s), abs=0.51)
-    assert map_figure(drive, "Iwamizawa").get_suptitle().count("Iwamizawa") == 1
+    assert draw_plan_map(drive, "Iwamizawa").get_suptitle().count("Iwamizawa") == 1
 
 
-def test_the_title_lies_inside_the_picture(drive: Drive) -> None:
+def test_the_title_lies_inside_the_picture(drive: PlanDrive) -> None:
     from matplotlib.transforms import Bbox
 
     tall = replace(drive, boundary=drive.boundary[:, ::-1], xy=tuple(xy[:, ::-1] for xy in drive.xy),
-                   tracks=drive.tracks[:, :, ::-1], holes=())  # fmt: skip
+                   swaths=drive.swaths[:, :, ::-1], holes=())  # fmt: skip
     for one in (drive, tall):
-        figure = map_figure(one, "A field with a name of some length")
+        figure = draw_plan_map(one, "A field with a name of some length")
         figure.canvas.draw()
         title = next(text for text in figure.texts if "width 3 m" in text.get_text())
         box: Bbox = title.get_window_extent()
@@ -85,24 +87,24 @@ def test_the_title_lies_inside_the_picture(drive: Drive) -> None:
         assert box.y0 >= figure.axes[0].get_window_extent().y1, "and above the map"
 
 
-def test_tracks_are_numbered_at_both_ends_where_there_is_room(drive: Drive) -> None:
-    axes = map_figure(drive).axes[0]
+def test_tracks_are_numbered_at_both_ends_where_there_is_room(drive: PlanDrive) -> None:
+    axes = draw_plan_map(drive).axes[0]
     numbers = [text for text in axes.texts if text.get_zorder() == 6 and text.get_text().isdigit()]
     ends = {"west": [n for n in numbers if n.xy[0] < 100], "east": [n for n in numbers if n.xy[0] > 100]}
     for side in ends.values():
         assert len(side) >= 6
         for one in side:
-            track = drive.tracks[int(one.get_text()) - 1]
+            track = drive.swaths[int(one.get_text()) - 1]
             nearest = np.hypot(*(track - one.xy).T).min()
             assert nearest == pytest.approx(0.012 * 273.0, rel=0.01), "it stands at its own track"
         heights = sorted(one.xy[1] for one in side)
         assert np.diff(heights).min() >= 0.022 * 273.0 * (1 - 1e-9)
 
 
-def test_arrows_point_the_way_a_track_is_driven(drive: Drive) -> None:
+def test_arrows_point_the_way_a_track_is_driven(drive: PlanDrive) -> None:
     from matplotlib.collections import PolyCollection
 
-    heads = [item for item in map_figure(drive).axes[0].collections
+    heads = [item for item in draw_plan_map(drive).axes[0].collections
              if isinstance(item, PolyCollection) and item.get_zorder() == 5]  # fmt: skip
     assert len(heads) == 3
     for item, xy, status in zip(heads, drive.xy, drive.status, strict=True):
@@ -114,50 +116,50 @@ def test_arrows_point_the_way_a_track_is_driven(drive: Drive) -> None:
             assert (xy[here[-1] + 1, 0] - xy[here[0], 0]) * (tip[0] - middle[0]) > 0
 
 
-def test_scale_bar_is_as_long_as_it_says(drive: Drive) -> None:
-    axes = map_figure(drive).axes[0]
+def test_scale_bar_is_as_long_as_it_says(drive: PlanDrive) -> None:
+    axes = draw_plan_map(drive).axes[0]
     told = next(text.get_text() for text in axes.texts if text.get_text().endswith(" m"))
     bars = [line.get_xdata() for line in axes.lines if len(line.get_xdata()) == 2]
     assert [float(bar[1] - bar[0]) for bar in bars] == [pytest.approx(float(told.removesuffix(" m")))]
 
 
-def test_svg_is_the_same_letter_by_letter(drive: Drive) -> None:
-    text = to_svg(map_figure(drive))
-    assert text == to_svg(map_figure(drive))
+def test_svg_is_the_same_letter_by_letter(drive: PlanDrive) -> None:
+    text = render_svg(draw_plan_map(drive))
+    assert text == render_svg(draw_plan_map(drive))
     assert text.startswith("<?xml")
     assert "dc:date" not in text
 
 
-def test_dollar_signs_are_text(drive: Drive) -> None:
-    assert "costs $5 or $6_x" in to_svg(map_figure(replace(drive, title="costs $5 or $6_x")))
-    assert "$a^$" in to_svg(map_figure(replace(drive, title="$a^$")))
+def test_dollar_signs_are_text(drive: PlanDrive) -> None:
+    assert "costs $5 or $6_x" in render_svg(draw_plan_map(replace(drive, title="costs $5 or $6_x")))
+    assert "$a^$" in render_svg(draw_plan_map(replace(drive, title="$a^$")))
 
 
-def test_png_has_the_size_asked_for(drive: Drive) -> None:
-    figure = map_figure(drive)
-    data = png_bytes(figure, dpi=50)
+def test_png_has_the_size_asked_for(drive: PlanDrive) -> None:
+    figure = draw_plan_map(drive)
+    data = render_png(figure, dpi=50)
     assert data[:8] == b"\x89PNG\r\n\x1a\n"
     assert int.from_bytes(data[16:20], "big") == int(figure.get_figwidth() * 50)
 
 
-def test_a_drive_of_one_moment_on_a_field_without_tracks(drive: Drive) -> None:
+def test_a_drive_of_one_moment_on_a_field_without_tracks(drive: PlanDrive) -> None:
     still = replace(
         drive,
-        tracks=np.empty((0, 2, 2)),
+        swaths=np.empty((0, 2, 2)),
         holes=(),
         entrance=None,
         xy=tuple(xy[:1] for xy in drive.xy),
         status=tuple(status[:1] for status in drive.status),
     )
-    assert "Iwamizawa" in to_svg(map_figure(still))
+    assert "Iwamizawa" in render_svg(draw_plan_map(still))
 
 
-def test_a_field_without_tractors_shows_its_swaths(drive: Drive) -> None:
+def test_a_field_without_tractors_shows_its_swaths(drive: PlanDrive) -> None:
     nobody: dict[str, tuple[float, ...]] = dict.fromkeys(drive.seconds, ())
     empty = replace(drive, xy=(), status=(), finish_s=(), seconds=nobody)
-    figure = map_figure(empty)
+    figure = draw_plan_map(empty)
     strips = figure.axes[0].collections[0].get_paths()
-    assert len(strips) == len(drive.tracks)
+    assert len(strips) == len(drive.swaths)
     heights = [strip.get_extents().height for strip in strips]
     assert heights == pytest.approx([drive.width_m] * len(strips))
     assert {text.get_text() for text in figure.legends[0].get_texts()} == {"swaths of 3 m", "entrance"}
@@ -166,10 +168,10 @@ def test_a_field_without_tractors_shows_its_swaths(drive: Drive) -> None:
 def test_places_without_a_value_stay_on_the_picture() -> None:
     x = np.linspace(0.7, 1.7, 11)
     lines = tuple(
-        Line(f"{first} on", x, np.where(np.arange(11) < first, np.nan, 10.0 - x), number)
+        PlotLine(f"{first} on", x, np.where(np.arange(11) < first, np.nan, 10.0 - x), number)
         for number, first in enumerate((2, 6))
     )
-    axes = panel_figure(Panel("Radius", "Place (m)", "Radius (m)", lines, missing="oversteer")).axes[0]
+    axes = draw_panel(PlotPanel("Radius", "Place (m)", "Radius (m)", lines, missing="oversteer")).axes[0]
     (west, east), low = axes.get_xlim(), axes.get_ylim()[0]
     assert west < 0.7 and east > 1.7
     crosses = [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
@@ -182,18 +184,18 @@ def test_places_without_a_value_stay_on_the_picture() -> None:
     assert legend is not None and [text.get_text() for text in legend.get_texts()] == ["2 on", "6 on", "oversteer"]
 
 
-def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive: Drive) -> None:
+def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive: PlanDrive) -> None:
     def turned(points: np.ndarray) -> np.ndarray:
         return points[..., ::-1]
 
     tall = replace(
-        listed_drive, boundary=turned(listed_drive.boundary), holes=(), rounds=(), cells=(), obstacles=(),
-        xy=tuple(turned(xy) for xy in listed_drive.xy[:2]), tracks=turned(listed_drive.tracks), entrance=None,
+        listed_drive, boundary=turned(listed_drive.boundary), holes=(), headland_passes=(), cells=(), obstacles=(),
+        xy=tuple(turned(xy) for xy in listed_drive.xy[:2]), swaths=turned(listed_drive.swaths), entrance=None,
         status=listed_drive.status[:2], finish_s=listed_drive.finish_s[:2], steps=listed_drive.steps[:2],
         seconds={name: values[:2] for name, values in listed_drive.seconds.items()},
     )  # fmt: skip
     for drive, beside in ((listed_drive, False), (tall, True)):
-        figure = map_figure(drive)
+        figure = draw_plan_map(drive)
         figure.canvas.draw()
         area = figure.axes[0].get_window_extent()
         lists = [text for text in figure.texts if text.get_text().startswith("Tractor ")]
@@ -207,15 +209,15 @@ def test_lists_of_legs_stand_below_a_wide_map_and_beside_a_tall_one(listed_drive
         assert all(a.x1 <= b.x0 for a, b in pairwise(boxes)), "they do not lie over each other"
 
 
-def test_a_list_without_room_is_left_to_the_numbers(listed_drive: Drive) -> None:
+def test_a_list_without_room_is_left_to_the_numbers(listed_drive: PlanDrive) -> None:
     long = replace(listed_drive, steps=tuple(own * 60 for own in listed_drive.steps))
-    figure = map_figure(long)
+    figure = draw_plan_map(long)
     assert not [text for text in figure.texts if "Tractor " in text.get_text()]
     assert {text.get_text() for text in figure.axes[0].texts} >= {"R1", "R2", "cell 1: 90\N{DEGREE SIGN}", "2"}
 
 
-def test_a_map_wastes_no_paper(drive: Drive) -> None:
-    figure = map_figure(drive)
+def test_a_map_wastes_no_paper(drive: PlanDrive) -> None:
+    figure = draw_plan_map(drive)
     figure.canvas.draw()
     title = figure._suptitle.get_window_extent()
     north = figure.axes[0].transData.transform((0.0, 70.0))[1]
@@ -225,12 +227,12 @@ def test_a_map_wastes_no_paper(drive: Drive) -> None:
     assert 0.0 <= south - legend.y1 < 0.3 * figure.dpi and legend.y0 < 0.5 * figure.dpi
 
 
-def test_a_list_too_long_for_a_column_is_parted_evenly(listed_drive: Drive) -> None:
+def test_a_list_too_long_for_a_column_is_parted_evenly(listed_drive: PlanDrive) -> None:
     own = listed_drive.steps[0]
     steps = tuple((own * (70 // len(own) + 1))[:70] for _ in range(1))
-    columns = [text.splitlines() for text in _lists(replace(listed_drive, steps=steps), 60)]
-    assert [column[0].split(":")[0] for column in columns] == ["Tractor 1", "Tractor 1, on"]
+    columns = [text.splitlines() for text in _format_leg_columns(replace(listed_drive, steps=steps), 60)]
+    assert [column[0].split(":")[0] for column in columns] == ["Tractor 1", "Tractor 1, continued"]
     assert abs(len(columns[0]) - len(columns[1])) <= 1
     assert max(map(len, columns)) <= 60
     rows = [row for column in columns for row in column[1:]]
-    assert rows == text_rows(steps[0])
+    assert rows == format_leg_rows(steps[0])

@@ -18,20 +18,22 @@ import shapely
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from fields.read import read_field
-from planner.guidance import guidance_of
-from reports.errors import ReportError
-from reports.guidance.form import Form
-from reports.guidance.forms import FORMS, form_named, written
-from reports.guidance.lines import Guidance
-from reports.guidance.names import designator, folder_name
-from reports.guidance.packing import zipped
-from reports.guidance.told import left_out, remarks
+from fields.documents.reader import read_field
+from fields.formats.guidance import GuidanceFormat, PlanGuidance, build_designator, build_folder_name, zip_files
+from planner.pipeline.outputs.guidance_lines import build_guidance
+from reports.common.rendering import ReportError
+from reports.plan.guidance_export import (
+    GUIDANCE_FORMATS,
+    collect_remarks,
+    find_guidance_format,
+    list_unwritten_content,
+    write_guidance,
+)
 from tests.planner.saved_plans import BEND, GROUND, HOLE, POND, SQUARE, in_metres, saved
-from vehicle.plan_file import SavedPlan
+from vehicle.missions.plan_file import SavedPlan
 
 CLOSE_M = 0.01
-NAMES = [form.name for form in FORMS]
+NAMES = [form.name for form in GUIDANCE_FORMATS]
 
 
 def turned(one: SavedPlan, turn_rad: float, scale: float) -> SavedPlan:
@@ -55,14 +57,14 @@ def turned(one: SavedPlan, turn_rad: float, scale: float) -> SavedPlan:
     return replace(one, plan=replace(one.plan, missions=missions), ground=ground)
 
 
-def put(folder: Path, form: Form, guidance: Guidance) -> list[Path]:
+def put(folder: Path, form: GuidanceFormat, guidance: PlanGuidance) -> list[Path]:
     """What is written, in a folder; what a person would name to read the fields again."""
-    made = written(guidance, form, curves=True)
+    made = write_guidance(guidance, form, include_curves=True)
     for name, content in made.files.items():
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(content)
-    if form.ending:
+    if form.extension:
         return [folder / name for name in made.files]
     if form.name == "shapefile":
         return [folder]
@@ -81,16 +83,16 @@ def put(folder: Path, form: Form, guidance: Guidance) -> list[Path]:
 def test_what_is_written_is_read_where_it_was(
     tmp_path_factory: pytest.TempPathFactory, name: str, longitude: float, latitude: float, turn: float, scale: float
 ) -> None:
-    form = form_named(name)
+    form = find_guidance_format(name)
     assert form is not None
     assume(name != "shapefile" or longitude < 179.0)  # its rings cannot be told apart across 180 degrees
     one = turned(saved(longitude, latitude), turn, scale)
-    guidance = guidance_of(one)
+    guidance = build_guidance(one)
     fields = [read_field(path) for path in put(tmp_path_factory.mktemp(name), form, guidance)]
     found = [
         (line.name, in_metres(one, field.to_wgs84(shapely.get_coordinates(line.line))))
         for field in fields
-        for line in field.lines
+        for line in field.guidance_lines
     ]
     assert [line.name for line in guidance.lines] == [called for called, _ in found]
     for line, (_, points) in zip(guidance.lines, found, strict=True):
@@ -101,13 +103,13 @@ def test_what_is_written_is_read_where_it_was(
         _same_boundary(one, field.to_wgs84, field.boundary, form)
 
 
-def _same_boundary(one: SavedPlan, degrees: Any, boundary: shapely.Polygon, form: Form) -> None:
+def _same_boundary(one: SavedPlan, degrees: Any, boundary: shapely.Polygon, form: GuidanceFormat) -> None:
     """Every ring of the boundary is that of the field; AgOpenGPS makes inner rings of obstacles as well."""
-    assert guidance_of(one).boundary is not None
+    assert build_guidance(one).boundary is not None
     meant = [shapely.LinearRing(ring) for ring in one.ground["boundary_m"]]
     if form.name == "agopengps":
         meant.append(shapely.LinearRing(one.ground["obstacles"][0]["outline_m"][0]))
-    if "holes of the boundary" in form.lacks:
+    if "holes of the boundary" in form.unsupported_parts:
         meant = meant[:1]
     rings = [
         shapely.LinearRing(in_metres(one, degrees(shapely.get_coordinates(ring))))
@@ -121,9 +123,9 @@ def _same_boundary(one: SavedPlan, degrees: Any, boundary: shapely.Polygon, form
 @pytest.mark.parametrize("name", ["isoxml4", "isoxml3"])
 def test_isoxml_is_read_by_another_library(tmp_path: Path, name: str) -> None:
     io_of = pytest.importorskip("isoxml.util.isoxml_io")
-    one, form = saved(), form_named(name)
+    one, form = saved(), find_guidance_format(name)
     assert form is not None
-    guidance = guidance_of(one)
+    guidance = build_guidance(one)
     found = {}
     for folder in put(tmp_path, form, guidance):
         data, _ = io_of.isoxml_from_path(folder / "TASKDATA.XML")
@@ -139,15 +141,15 @@ def test_isoxml_is_read_by_another_library(tmp_path: Path, name: str) -> None:
         assert np.abs(in_metres(one, found[line.name]) - in_metres(one, line.points)).max() < CLOSE_M
 
 
-def taskdata(name: str, guidance: Guidance, curves: bool | None = None) -> list[ElementTree.Element]:
-    form = form_named(name)
+def taskdata(name: str, guidance: PlanGuidance, curves: bool | None = None) -> list[ElementTree.Element]:
+    form = find_guidance_format(name)
     assert form is not None
-    return [ElementTree.fromstring(content) for content in written(guidance, form, curves).files.values()]
+    return [ElementTree.fromstring(content) for content in write_guidance(guidance, form, curves).files.values()]
 
 
 @pytest.mark.parametrize("name", ["isoxml4", "isoxml3"])
 def test_isoxml_keeps_the_rules_of_the_schemas(name: str) -> None:
-    long = replace(guidance_of(saved()), field="Überlange Bezeichnung eines Schlages am Wald mit Graben")
+    long = replace(build_guidance(saved()), field="Überlange Bezeichnung eines Schlages am Wald mit Graben")
     for root in taskdata(name, long, curves=True):
         ids = [one.get("A") for one in root.iter() if one.tag in ("PFD", "GGP", "GPN")]
         assert len(set(ids)) == len(ids) and all(re.fullmatch(r"(PFD|GGP|GPN)[0-9]{1,11}", one or "") for one in ids)
@@ -168,19 +170,19 @@ def test_isoxml_is_valid_against_the_published_schemas(tmp_path: Path, name: str
     if not place.is_file():
         pytest.skip("HEADLAND_ISOXML_SCHEMAS names no folder with the schemas")
     rules = xmlschema.XMLSchema(place)
-    form = form_named(name)
+    form = find_guidance_format(name)
     assert form is not None
     one = saved()
-    for guidance in (guidance_of(one), guidance_of(one, 1), guidance_of(replace(one, ground={}))):
+    for guidance in (build_guidance(one), build_guidance(one, 1), build_guidance(replace(one, ground={}))):
         for curves in (True, False):
-            if any(line.straight for line in guidance.lines):
-                for content in written(guidance, form, curves).files.values():
+            if any(line.is_straight for line in guidance.lines):
+                for content in write_guidance(guidance, form, curves).files.values():
                     (tmp_path / "one.xml").write_bytes(content)
                     assert [error.reason for error in rules.iter_errors(tmp_path / "one.xml")] == []
 
 
 def test_isoxml_has_straight_lines_unless_curves_are_asked_for() -> None:
-    guidance = guidance_of(saved())
+    guidance = build_guidance(saved())
     (root,) = taskdata("isoxml4", guidance)
     assert [one.get("B") for one in root.iter("GPN")] == ["T1 02 track 1", "T2 01 track 2a", "T2 02 track 2b"]
     assert {one.get("C") for one in root.iter("GPN")} == {"1"}
@@ -193,33 +195,35 @@ def test_isoxml_has_straight_lines_unless_curves_are_asked_for() -> None:
 
 
 def test_what_is_left_out_is_told() -> None:
-    guidance, form = guidance_of(saved()), form_named("isoxml3")
+    guidance, form = build_guidance(saved()), find_guidance_format("isoxml3")
     assert form is not None
-    made = written(guidance, form)
-    told = {one["what"]: one["count"] for one in left_out(guidance, made)}
+    made = write_guidance(guidance, form)
+    told = {one["what"]: one["count"] for one in list_unwritten_content(guidance, made)}
     assert told == {
         "curves": 1, "headland": 1, "entrance": 1, "turns": 2, "ways in and out": 1, "waits for other tractors": 1,
     }  # fmt: skip
-    assert remarks(guidance, made) == []
-    (warning,) = remarks(guidance, written(guidance, form, curves=True))
+    assert collect_remarks(guidance, made) == []
+    (warning,) = collect_remarks(guidance, write_guidance(guidance, form, include_curves=True))
     assert "some terminals refuse" in warning
-    kml = form_named("kml")
-    assert kml is not None and "curves" not in {one["what"] for one in left_out(guidance, written(guidance, kml))}
+    kml = find_guidance_format("kml")
+    assert kml is not None and "curves" not in {
+        one["what"] for one in list_unwritten_content(guidance, write_guidance(guidance, kml))
+    }
 
 
 def test_nothing_but_curves_is_refused_where_they_are_not_wanted() -> None:
-    guidance, form = guidance_of(saved()), form_named("isoxml4")
+    guidance, form = build_guidance(saved()), find_guidance_format("isoxml4")
     assert form is not None
     bent = replace(guidance.tractors[0], lines=guidance.tractors[0].lines[:1])
     with pytest.raises(ReportError, match=r"all of them are curves; add curves\.$"):
-        written(replace(guidance, tractors=(bent,)), form)
+        write_guidance(replace(guidance, tractors=(bent,)), form)
 
 
 def test_agopengps_has_a_headland_round_each_ring() -> None:
     """By hand: the inside of the headland is 6 m from the square, the hole has one round it, the pond none."""
-    form = form_named("agopengps")
+    form = find_guidance_format("agopengps")
     assert form is not None
-    files = written(guidance_of(saved(), 1), form).files
+    files = write_guidance(build_guidance(saved(), 1), form).files
     assert {Path(name).name for name in files} == {"Field.txt", "Boundary.txt", "Headland.txt", "TrackLines.txt"}
     rows = files["Sondre Mark T1/Headland.txt"].decode().split("\r\n")
     counts = [int(row) for row in rows if row.isdecimal()]
@@ -232,10 +236,10 @@ def test_agopengps_has_a_headland_round_each_ring() -> None:
 
 
 def test_agopengps_has_the_directions_of_its_lines() -> None:
-    form = form_named("agopengps")
+    form = find_guidance_format("agopengps")
     assert form is not None
-    guidance = guidance_of(saved(), 1)
-    rows = written(guidance, form).files["Sondre Mark T1/TrackLines.txt"].decode().split("\r\n")
+    guidance = build_guidance(saved(), 1)
+    rows = write_guidance(guidance, form).files["Sondre Mark T1/TrackLines.txt"].decode().split("\r\n")
     assert rows[:2] == ["$TrackLines", "T1 01 round 1 side 1"] and rows[6:8] == ["4", "True"]
     curve = np.array([[float(each) for each in row.split(",")] for row in rows if row.count(",") == 2])
     steps = np.diff(curve[:, :2], axis=0)
@@ -248,31 +252,31 @@ def test_agopengps_has_the_directions_of_its_lines() -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_same_plan_gives_the_same_bytes(name: str) -> None:
-    form, guidance = form_named(name), guidance_of(saved())
+    form, guidance = find_guidance_format(name), build_guidance(saved())
     assert form is not None
-    one, other = (zipped(written(guidance, form).files) for _ in range(2))
+    one, other = (zip_files(write_guidance(guidance, form).files) for _ in range(2))
     assert one == other
     with zipfile.ZipFile(io.BytesIO(one)) as archive:
-        assert archive.testzip() is None and archive.namelist() == list(written(guidance, form).files)
+        assert archive.testzip() is None and archive.namelist() == list(write_guidance(guidance, form).files)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_names_of_all_kinds_are_written(tmp_path: Path, name: str) -> None:
-    form = form_named(name)
+    form = find_guidance_format(name)
     assert form is not None
     for number, called in enumerate(("", "..", 'a/b\\c:"<&>', "畑", "con", "x" * 300, "tab\tand\x07bell", "\ud800")):
-        guidance = replace(guidance_of(saved(), 2), field=called)
+        guidance = replace(build_guidance(saved(), 2), field=called)
         folder = tmp_path / str(number)
         (path,) = put(folder, form, guidance)
-        assert len(read_field(path).lines) == 2
+        assert len(read_field(path).guidance_lines) == 2
         assert all(found.resolve().is_relative_to(folder.resolve()) for found in folder.rglob("*"))
 
 
 def test_names_that_terminals_take() -> None:
-    assert designator("Ærø Straße łąka", "Field") == "AEro Strasse laka"
-    assert designator("x" * 40, "Field") == "x" * 32 and designator("畑", "Field") == "Field"
-    assert folder_name("a/b: c.", "Field") == "a b c" and folder_name("CON", "Field") == "Field CON"
-    assert folder_name("..", "Field") == "Field"
+    assert build_designator("Ærø Straße łąka", "Field") == "AEro Strasse laka"
+    assert build_designator("x" * 40, "Field") == "x" * 32 and build_designator("畑", "Field") == "Field"
+    assert build_folder_name("a/b: c.", "Field") == "a b c" and build_folder_name("CON", "Field") == "Field CON"
+    assert build_folder_name("..", "Field") == "Field"
 
 
 def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
@@ -282,25 +286,25 @@ def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
     first, *rest = one.plan.missions[0].legs
     mission = replace(one.plan.missions[0], legs=(replace(first, points=corners), *rest))
     one = replace(one, plan=replace(one.plan, missions=(mission, one.plan.missions[1])))
-    form = form_named("isoxml4")
+    form = find_guidance_format("isoxml4")
     assert form is not None
-    guidance = guidance_of(one)
-    made = written(guidance, form)
+    guidance = build_guidance(one)
+    made = write_guidance(guidance, form)
     names = [line.name for line in made.lines]
     assert names[:3] == [f"T1 01{letter} round 1 side 1" for letter in "abc"] and len(set(names)) == len(names)
-    assert made.left == () and [line.name for line in made.cut] == ["T1 01 round 1 side 1"]
+    assert made.unwritten_curves == () and [line.name for line in made.cut_lines] == ["T1 01 round 1 side 1"]
     for line, ends in zip(made.lines[:3], (corners[:2], corners[1:3], corners[2:]), strict=True):
         assert np.abs(in_metres(one, line.points) - ends).max() < CLOSE_M
         assert line.length_m == pytest.approx(float(np.hypot(*(ends[1] - ends[0]))), rel=1e-3)
-    assert "Curves cut into straight lines: 1, into 3 lines" in remarks(guidance, made)[0]
-    assert written(guidance, form, curves=True).cut == ()
+    assert "Curves cut into straight lines: 1, into 3 lines" in collect_remarks(guidance, made)[0]
+    assert write_guidance(guidance, form, include_curves=True).cut_lines == ()
 
 
 def test_agopengps_has_the_headland_of_the_largest_part() -> None:
-    form, guidance = form_named("agopengps"), guidance_of(saved(), 1)
+    form, guidance = find_guidance_format("agopengps"), build_guidance(saved(), 1)
     assert form is not None
-    (large,) = guidance.inside_headland
+    (large,) = guidance.headland_interior
     small = replace(large, rings=(large.rings[0][:1] + 0.1 * (large.rings[0] - large.rings[0][:1]),))
     path = "Sondre Mark T1/Headland.txt"
-    parted = written(replace(guidance, inside_headland=(small, large)), form).files[path]
-    assert parted == written(guidance, form).files[path]
+    parted = write_guidance(replace(guidance, headland_interior=(small, large)), form).files[path]
+    assert parted == write_guidance(guidance, form).files[path]

@@ -8,53 +8,58 @@ import json
 import pytest
 from rich.console import Console
 
-from reports.leg_list import heading, leg_lists, leg_lists_json, text_rows
-from reports.results import Step
-from reports.step_words import step_words
+from reports.common.plan_results import DriverLeg
+from reports.plan.leg_list import (
+    build_leg_tables,
+    describe_leg,
+    format_leg_heading,
+    format_leg_lists_json,
+    format_leg_rows,
+)
 
-KEYS = ["number", "words", "kind", "from_s", "seconds", "length_m", "track", "round", "part", "bearing_deg",
-        "over_tracks", "shape", "for_tractors"]  # fmt: skip
+KEYS = ["number", "words", "kind", "from_s", "seconds", "length_m", "swath", "headland_pass", "part", "bearing_deg",
+        "over_swaths", "shape", "for_tractors"]  # fmt: skip
 
 
-def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> Step:
-    return Step(kind, number, part, at, 90.0, 123.4, 1.0, 2.0, **more)  # type: ignore[arg-type]
+def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> DriverLeg:
+    return DriverLeg(kind, number, part, at, 90.0, 123.4, 1.0, 2.0, **more)  # type: ignore[arg-type]
 
 
 STEPS = (
-    step("round", 2, "3", to_round=True, bearing_deg=350.0),
-    step("corner", 2, "4", to_round=True, shape="switch-back", at=90.0),
-    step("round", 2, "4", to_round=True, at=180.0),
+    step("round", 2, "3", is_headland_pass=True, bearing_deg=350.0),
+    step("corner", 2, "4", is_headland_pass=True, shape="switch-back", at=90.0),
+    step("round", 2, "4", is_headland_pass=True, at=180.0),
     step("way", 14, at=270.0),
     step("wait", for_tractors=(1, 3), at=360.0),
     step("track", 14, "b", bearing_deg=46.0, at=450.0),
-    step("track", 14, "b", bearing_deg=46.0, again=True, at=540.0),
-    step("turn", 16, over=2, shape="u", at=630.0),
-    step("turn", 15, over=1, shape="omega", at=720.0),
-    step("turn", 3, "1", to_round=True, shape="switch-back", at=810.0),
-    step("turn", 3, "1", to_round=True, shape="u", again=True, at=900.0),
+    step("track", 14, "b", bearing_deg=46.0, continues=True, at=540.0),
+    step("turn", 16, over_swaths=2, shape="u", at=630.0),
+    step("turn", 15, over_swaths=1, shape="omega", at=720.0),
+    step("turn", 3, "1", is_headland_pass=True, shape="switch-back", at=810.0),
+    step("turn", 3, "1", is_headland_pass=True, shape="u", continues=True, at=900.0),
     step("drive", at=990.0),
     step("wait", at=1080.0),
 )
 WORDS = (
     "round 2, side 3, northwards", "corner to side 4, backing up", "round 2, side 4, all round", "way to track 14",
     "wait for tractors 1 and 3", "track 14b, north-eastwards", "track 14b, the rest", "U over 2 tracks to track 16",
-    "omega over 1 track to track 15", "switch-back to round 3, side 1", "on to round 3, side 1", "drive on", "wait",
+    "omega over 1 track to track 15", "switch-back to round 3, side 1", "on to round 3, side 1", "continue", "wait",
 )  # fmt: skip
 
 
 @pytest.mark.parametrize(("one", "words"), [*zip(STEPS, WORDS, strict=True)])
-def test_words(one: Step, words: str) -> None:
-    assert step_words(one) == words
+def test_words(one: DriverLeg, words: str) -> None:
+    assert describe_leg(one) == words
 
 
 def test_many_that_are_waited_for_are_counted() -> None:
-    assert step_words(step("wait", for_tractors=(1, 2, 3, 4))) == "wait for tractors 1, 2, 3 and 4"
-    assert step_words(step("wait", for_tractors=(1, 2, 3, 4, 6))) == "wait for 5 tractors"
+    assert describe_leg(step("wait", for_tractors=(1, 2, 3, 4))) == "wait for tractors 1, 2, 3 and 4"
+    assert describe_leg(step("wait", for_tractors=(1, 2, 3, 4, 6))) == "wait for 5 tractors"
 
 
 def printed(width: int = 80, **options: object) -> str:
     text = io.StringIO()
-    Console(file=text, width=width).print(leg_lists("Field", (STEPS, STEPS[:2]), **options))  # type: ignore[arg-type]
+    Console(file=text, width=width).print(build_leg_tables("Field", (STEPS, STEPS[:2]), **options))  # type: ignore[arg-type]
     return text.getvalue()
 
 
@@ -69,8 +74,8 @@ def test_a_table_per_tractor_fits_eighty_columns() -> None:
 
 
 def test_one_tractor_alone_and_times_of_day() -> None:
-    text = printed(only=2, start="23:59")
-    assert "Tractor 1" not in text and "times of day" in text
+    text = printed(only_tractor=2, start="23:59")
+    assert "Tractor 1" not in text and "time of day" in text
     assert [line.split()[-3] for line in text.splitlines() if " side" in line] == ["23:59:00", "0:00:30"]
 
 
@@ -82,22 +87,27 @@ def test_no_figure_is_cut_where_it_is_narrow(width: int) -> None:
 
 
 def test_keys_of_json_and_their_order() -> None:
-    text = leg_lists_json((STEPS, STEPS[:2]), {"field": "f"}, only=1)
+    text = format_leg_lists_json((STEPS, STEPS[:2]), {"field": "f"}, only_tractor=1)
     told = json.loads(text)
     assert text.endswith("}\n") and list(told) == ["field", "tractors"]
     assert [own["tractor"] for own in told["tractors"]] == [1]
     legs = told["tractors"][0]["legs"]
     assert all(list(leg) == KEYS for leg in legs) and [leg["number"] for leg in legs] == list(range(1, 14))
-    assert (legs[0]["track"], legs[0]["round"], legs[0]["part"], legs[0]["bearing_deg"]) == (None, 2, "3", 350.0)
-    assert (legs[7]["track"], legs[7]["round"], legs[7]["over_tracks"], legs[7]["shape"]) == (16, None, 2, "u")
+    assert (legs[0]["swath"], legs[0]["headland_pass"], legs[0]["part"], legs[0]["bearing_deg"]) == (
+        None,
+        2,
+        "3",
+        350.0,
+    )
+    assert (legs[7]["swath"], legs[7]["headland_pass"], legs[7]["over_swaths"], legs[7]["shape"]) == (16, None, 2, "u")
     assert legs[4]["for_tractors"] == [1, 3] and legs[11]["shape"] is None
 
 
 def test_rows_of_fixed_pitch_stand_in_columns() -> None:
-    rows = text_rows(STEPS)
+    rows = format_leg_rows(STEPS)
     assert len({len(row) for row in rows}) == 1 and len(rows) == 14
     assert rows[8].startswith("  8 U over 2 tracks") and rows[8].endswith(" 1:30")
 
 
 def test_a_tractor_without_legs_is_told() -> None:
-    assert heading(3, ()) == "Tractor 3: 0 legs, 0.0 km, 0:00:00"
+    assert format_leg_heading(3, ()) == "Tractor 3: 0 legs, 0.0 km, 0:00:00"

@@ -8,37 +8,36 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.errors import ReportError
-from reports.maps import maps_json
-from reports.results import Drive, Ranking
-from reports.timed import FINEST_M
+from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.rendering import ReportError
+from reports.plan.map_data import PATH_TOLERANCE_M, format_maps_json
 
 
-def test_places_at_their_times_are_those_of_the_drive(ranking: Ranking, listed_drive: Drive) -> None:
-    plan = json.loads(maps_json(ranking, listed_drive))["plans"][0]
+def test_places_at_their_times_are_those_of_the_drive(ranking: PlanRanking, listed_drive: PlanDrive) -> None:
+    plan = json.loads(format_maps_json(ranking, listed_drive))["plans"][0]
     for lane, xy in zip(plan["lanes"], listed_drive.xy, strict=True):
         times = np.arange(len(xy)) * listed_drive.step_s
         told = np.column_stack([np.interp(times, lane["time_s"], np.array(lane["points_m"])[:, k]) for k in (0, 1)])
-        assert np.hypot(*(told - xy).T).max() <= FINEST_M + 0.02
+        assert np.hypot(*(told - xy).T).max() <= PATH_TOLERANCE_M + 0.02
         assert len(lane["status"]) == len(lane["time_s"]) - 1
     assert [len(lane["steps"]) for lane in plan["lanes"]] == [len(steps) for steps in listed_drive.steps]
-    assert plan["end_s"] == max(listed_drive.finish_s) and len(plan["tracks"]) == len(listed_drive.tracks)
+    assert plan["end_s"] == max(listed_drive.finish_s) and len(plan["swaths"]) == len(listed_drive.swaths)
 
 
-def test_the_best_plan_is_first_and_others_follow_by_their_names(ranking: Ranking, drive: Drive) -> None:
+def test_the_best_plan_is_first_and_others_follow_by_their_names(ranking: PlanRanking, drive: PlanDrive) -> None:
     best = ranking.best
     assert best is not None
     others = {("row-by-row", 5): replace(drive, title="other"), (best.strategy, best.tractors): drive}
-    plans = json.loads(maps_json(ranking, drive, others))["plans"]
+    plans = json.loads(format_maps_json(ranking, drive, others))["plans"]
     assert [(plan["strategy"], plan["tractors"]) for plan in plans] == [
         (best.strategy, best.tractors), ("row-by-row", 5),
     ]  # fmt: skip
 
 
-def test_nothing_feasible_has_no_maps(ranking: Ranking) -> None:
-    assert json.loads(maps_json(ranking, None))["plans"] == []
+def test_nothing_feasible_has_no_maps(ranking: PlanRanking) -> None:
+    assert json.loads(format_maps_json(ranking, None))["plans"] == []
 
 
-def test_a_drive_that_cannot_be_drawn_is_refused(ranking: Ranking, drive: Drive) -> None:
+def test_a_drive_that_cannot_be_drawn_is_refused(ranking: PlanRanking, drive: PlanDrive) -> None:
     with pytest.raises(ReportError, match="step_s"):
-        maps_json(ranking, replace(drive, step_s=0.0))
+        format_maps_json(ranking, replace(drive, step_s=0.0))

@@ -1,12 +1,12 @@
-"""Probability and cost against count: drawn to scale, one point for every count, nothing without draws."""
+"""Probability and cost against count: drawn to scale, one point for every count, nothing without samples."""
 
 from dataclasses import replace
 
 import pytest
 
-from reports.odds import odds_picture
-from reports.page import plan_page
-from reports.results import PlanResult, Ranking
+from reports.common.plan_results import PlanRanking, PlanResult
+from reports.plan.count_charts import build_risk_chart
+from reports.plan.ranking_page import render_plan_page
 
 
 def plan(tractors: int, strategy: str, probability: float | None, cost: float) -> PlanResult:
@@ -16,15 +16,21 @@ def plan(tractors: int, strategy: str, probability: float | None, cost: float) -
     )  # fmt: skip
 
 
-RANKING = Ranking(
-    "drawn", 1.0, 1,
+RANKING = PlanRanking(
+    "drawn",
+    1.0,
+    1,
     (plan(2, "a", 0.97, 130.0), plan(1, "a", 0.61, 160.0), plan(2, "b", 0.99, 120.0), plan(4, "a", 0.995, 140.0)),
-    advice="2 tractors: 97 % before 17:00, 128.90.", currency="EUR", draws=1000, chosen=("a", 2), checked=("Checked.",),
-)  # fmt: skip
+    advice="2 tractors: 97 % before 17:00, 128.90.",
+    currency="EUR",
+    samples=1000,
+    chosen=("a", 2),
+    check_sentences=("Checked.",),
+)
 
 
 def test_points_are_to_scale_and_one_for_every_count() -> None:
-    picture = odds_picture(RANKING)
+    picture = build_risk_chart(RANKING)
     assert picture is not None
     sure, money = picture["bands"]
     box = sure["box"]
@@ -43,15 +49,15 @@ def test_points_are_to_scale_and_one_for_every_count() -> None:
 
 def test_without_a_limit_there_is_cost_alone_and_without_draws_nothing() -> None:
     free = replace(RANKING, plans=tuple(replace(each, finish_probability=None) for each in RANKING.plans))
-    picture = odds_picture(free)
+    picture = build_risk_chart(free)
     assert picture is not None and [band["name"] for band in picture["bands"]] == ["Expected cost, EUR"]
     undrawn = replace(free, plans=tuple(replace(each, expected_cost=None) for each in free.plans))
-    assert odds_picture(undrawn) is None
+    assert build_risk_chart(undrawn) is None
 
 
 @pytest.mark.parametrize("cost", [0.004, 0.7, 99.0, 101.0, 5_000.0, 3e7])
 def test_ticks_are_few_and_inside(cost: float) -> None:
-    picture = odds_picture(replace(RANKING, plans=(plan(1, "a", None, cost),), chosen=None))
+    picture = build_risk_chart(replace(RANKING, plans=(plan(1, "a", None, cost),), chosen=None))
     assert picture is not None
     (band,) = picture["bands"]
     heights = [tick["y"] for tick in band["ticks"]]
@@ -59,9 +65,11 @@ def test_ticks_are_few_and_inside(cost: float) -> None:
 
 
 def test_the_page_shows_advice_curve_and_columns() -> None:
-    page = plan_page(RANKING, None)
+    page = render_plan_page(RANKING, None)
     assert "97\N{NO-BREAK SPACE}% before\N{NO-BREAK SPACE}17:00" in page
-    for words in ("Certainty and cost", "In time, %", "Expected cost", "At 95 %", "Checked."):
+    for words in ("Probability and cost", "In time, %", "Expected cost", "95 %", "Checked."):
         assert words in page
-    plain = replace(RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), advice=None, chosen=None, checked=())
-    assert "Certainty and cost" not in plan_page(plain, None)
+    plain = replace(
+        RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), advice=None, chosen=None, check_sentences=()
+    )
+    assert "Probability and cost" not in render_plan_page(plain, None)

@@ -11,13 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reports.drawing import MOST_KNOTS, MOST_OTHERS, Viewport, bar_rows, map_picture
-from reports.errors import ReportError
-from reports.front import front_picture
-from reports.page import plan_page
-from reports.results import Drive, Points, Ranking
-from reports.timed import FINEST_M
-from reports.wording import NO_BREAK, duration
+from reports.common.plan_results import PlanDrive, PlanRanking, Points
+from reports.common.rendering import ReportError
+from reports.common.wording import NO_BREAK, format_duration
+from reports.plan.count_charts import build_time_chart
+from reports.plan.map_data import (
+    MOST_FIRST_KNOTS,
+    MOST_OTHER_KNOTS,
+    PATH_TOLERANCE_M,
+    Viewport,
+    build_page_map,
+    build_time_bars,
+)
+from reports.plan.ranking_page import render_plan_page
 
 VOID = {"meta", "input", "br", "wbr", "link", "img"}
 
@@ -46,7 +52,6 @@ class Outline(HTMLParser):
     def handle_data(self, data: str) -> None:
         self.words.append(data)
 
-
     @property
     def text(self) -> str:
         """What a reader sees."""
@@ -70,7 +75,7 @@ def unpacked(lane: dict[str, Any]) -> tuple[Points, Points]:
     return knots[:, 0], knots[:, 1:] / 100.0
 
 
-def drives(ranking: Ranking, drive: Drive) -> dict[tuple[str, int], Drive]:
+def drives(ranking: PlanRanking, drive: PlanDrive) -> dict[tuple[str, int], PlanDrive]:
     """A drive for every plan that works; each waits longer than the one before."""
     plans = [plan for plan in ranking.plans if plan.feasible]
     return {
@@ -84,18 +89,22 @@ def drives(ranking: Ranking, drive: Drive) -> dict[tuple[str, int], Drive]:
     }
 
 
-def test_remarks_are_written_below_the_table(ranking: Ranking) -> None:
+def test_remarks_are_written_below_the_table(ranking: PlanRanking) -> None:
     noted = replace(ranking, plans=(replace(ranking.plans[0], remark="it waits <for> nobody"), *ranking.plans[1:]))
-    assert "row-by-row with 5: it waits &lt;for&gt; nobody." in plan_page(noted, None)
+    assert "row-by-row with 5: it waits &lt;for&gt; nobody." in render_plan_page(noted, None)
 
 
-def test_tags_are_balanced(ranking: Ranking, drive: Drive) -> None:
-    for page in (plan_page(ranking, drive), plan_page(ranking, None), plan_page(replace(ranking, plans=()), None)):
+def test_tags_are_balanced(ranking: PlanRanking, drive: PlanDrive) -> None:
+    for page in (
+        render_plan_page(ranking, drive),
+        render_plan_page(ranking, None),
+        render_plan_page(replace(ranking, plans=()), None),
+    ):
         assert Outline(page).open == []
 
 
-def test_nothing_is_asked_of_the_outside(ranking: Ranking, drive: Drive) -> None:
-    page = plan_page(ranking, drive)
+def test_nothing_is_asked_of_the_outside(ranking: PlanRanking, drive: PlanDrive) -> None:
+    page = render_plan_page(ranking, drive)
     assert "http" not in page
     assert "url(" not in page
     assert "import" not in page
@@ -104,11 +113,11 @@ def test_nothing_is_asked_of_the_outside(ranking: Ranking, drive: Drive) -> None
         assert not {"src", "href", "srcset", "action"} & set(attributes)
 
 
-def test_names_are_escaped(ranking: Ranking, drive: Drive) -> None:
+def test_names_are_escaped(ranking: PlanRanking, drive: PlanDrive) -> None:
     evil = '<b>"x"</script>\'&'
     plans = tuple(replace(plan, strategy=evil, turn=evil, reason=evil) for plan in ranking.plans)
-    page = plan_page(
-        replace(ranking, field_name=evil, plans=plans, before=evil, assumptions=(evil,)), replace(drive, title=evil)
+    page = render_plan_page(
+        replace(ranking, field_name=evil, plans=plans, deadline=evil, assumptions=(evil,)), replace(drive, title=evil)
     )
     assert "<b>" not in page
     outline = Outline(page)
@@ -117,12 +126,12 @@ def test_names_are_escaped(ranking: Ranking, drive: Drive) -> None:
     assert outline.text.count(evil) >= 10
 
 
-def test_same_input_same_page(ranking: Ranking, drive: Drive) -> None:
-    assert plan_page(ranking, drive) == plan_page(ranking, drive)
+def test_same_input_same_page(ranking: PlanRanking, drive: PlanDrive) -> None:
+    assert render_plan_page(ranking, drive) == render_plan_page(ranking, drive)
 
 
-def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: Ranking) -> None:
-    page = plan_page(ranking, None)
+def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: PlanRanking) -> None:
+    page = render_plan_page(ranking, None)
     body = page[page.index('<table id="plans">') : page.index("</table>")]
     rows = re.findall(r"<tr[^>]*>(<td.*?)</tr>", body)
     values = [re.findall(r'data-v="([^"]*)"', row) for row in rows]
@@ -133,59 +142,65 @@ def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: Ranking) 
     assert [index for index, row in enumerate(re.findall(r"<tr[^>]*><td", body)) if "best" in row] == [2]
 
 
-def test_columns_say_what_they_hold(ranking: Ranking) -> None:
+def test_columns_say_what_they_hold(ranking: PlanRanking) -> None:
     drawn = tuple(replace(plan, order_gap_pct=1.24) if plan.feasible else plan for plan in ranking.plans)
     machines = {"tractor": "Carrier", "implement": "harrow", "width_m": 4.0}
-    page = plan_page(replace(ranking, plans=drawn, scenario=machines), None)
+    page = render_plan_page(replace(ranking, plans=drawn, scenario=machines), None)
     titles = re.findall(r'<th scope="col" title="([^"]+)"', page)
-    for words in ("The nearest that two tractors come", "Of the field, worked more than once", "Share of the field"):
+    for words in (
+        "Smallest distance between two tractors",
+        "Of the field, worked more than once",
+        "Share of the field",
+    ):
         assert any(title.startswith(words) for title in titles), words
-    assert "1.89 ha, Carrier, harrow 4 m" in page and "<dd>proven within 1.2 %</dd>" in page
+    assert "1.89 ha, Carrier, harrow 4 m" in page and "<dd>within 1.2 % of optimal</dd>" in page
 
 
-def test_page_says_what_matters(ranking: Ranking, drive: Drive) -> None:
-    words = Outline(plan_page(ranking, drive)).text
+def test_page_says_what_matters(ranking: PlanRanking, drive: PlanDrive) -> None:
+    words = Outline(render_plan_page(ranking, drive)).text
     for part in ("Best plan: 3 tractors", "can be met with 3 or 5", "Refused: 4 plans", "Tractors 2 and 3 touch.",
                  "Working width 3.00 m.", "Seed 7", "0:28:32", "deadline 09:00", drive.title):  # fmt: skip
         assert part in words
 
 
-def test_without_a_drive_there_is_no_map(ranking: Ranking) -> None:
-    page = plan_page(ranking, None)
+def test_without_a_drive_there_is_no_map(ranking: PlanRanking) -> None:
+    page = render_plan_page(ranking, None)
     assert 'id="map"' not in page
     assert 'id="drive"' not in page
 
 
-def test_nothing_feasible(ranking: Ranking) -> None:
-    page = plan_page(replace(ranking, plans=ranking.plans[6:]), None)
+def test_nothing_feasible(ranking: PlanRanking) -> None:
+    page = render_plan_page(replace(ranking, plans=ranking.plans[6:]), None)
     assert "No plan works: all 4 were refused" in Outline(page).text
     assert '<table id="plans">' not in page
 
 
-def test_bad_drive_is_refused(ranking: Ranking, drive: Drive) -> None:
+def test_bad_drive_is_refused(ranking: PlanRanking, drive: PlanDrive) -> None:
     with pytest.raises(ReportError, match="step_s"):
-        plan_page(ranking, replace(drive, step_s=-1.0))
+        render_plan_page(ranking, replace(drive, step_s=-1.0))
 
 
-def test_the_script_knows_place_and_manner_of_every_tractor_at_every_moment(ranking: Ranking, drive: Drive) -> None:
-    (plan,) = told(plan_page(ranking, drive))
+def test_the_script_knows_place_and_manner_of_every_tractor_at_every_moment(
+    ranking: PlanRanking, drive: PlanDrive
+) -> None:
+    (plan,) = told(render_plan_page(ranking, drive))
     assert (plan["step"], plan["end"], plan["title"]) == (drive.step_s, max(drive.finish_s), drive.title)
     for lane, xy, status in zip(plan["lanes"], drive.xy, drive.status, strict=True):
         sample, places = unpacked(lane)
         at = np.arange(len(xy))
         read = np.column_stack([np.interp(at, sample, places[:, k]) for k in (0, 1)])
         off = (read - read[0]) * (1.0, -1.0) - (xy - xy[0])
-        assert np.hypot(*off.T).max() < FINEST_M + 0.02, "knots are rounded to centimetres"
+        assert np.hypot(*off.T).max() < PATH_TOLERANCE_M + 0.02, "knots are rounded to centimetres"
         stretch = np.maximum(np.searchsorted(sample, at) - 1, 0)
         assert [int(lane["status"][n]) for n in stretch[1:]] == status[1:].tolist()
     assert np.array(plan["seconds"]).T.tolist() == [list(drive.seconds[name]) for name in drive.seconds]
 
 
-def test_every_plan_of_the_table_can_be_chosen_for_the_map(ranking: Ranking, drive: Drive) -> None:
+def test_every_plan_of_the_table_can_be_chosen_for_the_map(ranking: PlanRanking, drive: PlanDrive) -> None:
     every = drives(ranking, drive)
     best = ranking.best
     assert best is not None
-    page = plan_page(ranking, every[best.strategy, best.tractors], every)
+    page = render_plan_page(ranking, every[best.strategy, best.tractors], every)
     plans = told(page)
     assert [plan["title"] for plan in plans] == ["plan 2", "plan 0", "plan 1", "plan 3", "plan 5"], (
         "the best first; of two plans with one key the drive is of both"
@@ -201,21 +216,21 @@ def test_every_plan_of_the_table_can_be_chosen_for_the_map(ranking: Ranking, dri
     assert ends == [max(len(xy) - 1 for xy in every[key].xy) * drive.step_s for key in _keys(every, plans)]
 
 
-def _keys(every: dict[tuple[str, int], Drive], plans: list[dict[str, Any]]) -> list[tuple[str, int]]:
+def _keys(every: dict[tuple[str, int], PlanDrive], plans: list[dict[str, Any]]) -> list[tuple[str, int]]:
     by_title = {drive.title: key for key, drive in every.items()}
     return [by_title[plan["title"]] for plan in plans]
 
 
-def test_the_map_begins_at_the_start_and_can_be_played(ranking: Ranking, drive: Drive) -> None:
-    page = plan_page(ranking, drive)
+def test_the_map_begins_at_the_start_and_can_be_played(ranking: PlanRanking, drive: PlanDrive) -> None:
+    page = render_plan_page(ranking, drive)
     slider = next(attributes for tag, attributes in Outline(page).tags if attributes.get("type") == "range")
     assert (slider["value"], float(slider["max"] or 0)) == ("0", max(drive.finish_s))
     assert "stage(0);" in page and "seek(0);" in page and "At the start" in page
     assert page.index('id="play"') < page.index('<svg id="map"'), "in sight before the map"
 
 
-def test_tracks_have_numbers_and_worked_stretches_a_direction(drive: Drive) -> None:
-    picture = map_picture({"a": drive})
+def test_tracks_have_numbers_and_worked_stretches_a_direction(drive: PlanDrive) -> None:
+    picture = build_page_map({"a": drive})
     west = [label for label in picture["labels"] if label["x"] < picture["width"] / 2]
     assert {int(label["text"]) for label in west} <= set(range(1, 24)) and len(west) >= 6
     heights = sorted(label["y"] for label in west)
@@ -236,12 +251,12 @@ def test_tracks_have_numbers_and_worked_stretches_a_direction(drive: Drive) -> N
 
 def test_lines_round_trip_to_the_centimetre() -> None:
     points = np.array([[1.0, 9.0], [2.5, 9.0], [2.5, 9.001], [-3.25, 7.5]])
-    assert Viewport(0.0, 10.0).line(points) == "M100 100l150 0 -575 150"
-    assert Viewport(0.0, 10.0).line(points[:1], closed=True) == "M100 100z"
+    assert Viewport(0.0, 10.0).format_path(points) == "M100 100l150 0 -575 150"
+    assert Viewport(0.0, 10.0).format_path(points[:1], is_closed=True) == "M100 100z"
 
 
-def test_map_lanes_draw_the_worked_length(drive: Drive) -> None:
-    for lane, xy, status in zip(map_picture({"a": drive})["lanes"], drive.xy, drive.status, strict=True):
+def test_map_lanes_draw_the_worked_length(drive: PlanDrive) -> None:
+    for lane, xy, status in zip(build_page_map({"a": drive})["lanes"], drive.xy, drive.status, strict=True):
         steps = np.hypot(*np.diff(xy, axis=0).T)
         for manner, codes in (("work", (1,)), ("back", (4,)), ("turn", (0, 2, 3))):
             drawn = 0.0
@@ -252,15 +267,15 @@ def test_map_lanes_draw_the_worked_length(drive: Drive) -> None:
             assert drawn == pytest.approx(float(steps[np.isin(status[1:], codes)].sum()), rel=0.01)
 
 
-def test_bars_share_the_longest(drive: Drive) -> None:
-    rows = bar_rows(drive)
+def test_bars_share_the_longest(drive: PlanDrive) -> None:
+    rows = build_time_bars(drive)
     totals = np.array([sum(drive.seconds[name][number] for name in drive.seconds) for number in range(3)])
     shares = [sum(part["share"] for part in row["parts"]) for row in rows]
     assert shares == pytest.approx(totals / totals.max() * 100, abs=0.01)
 
 
-def test_front_is_drawn_to_scale(ranking: Ranking) -> None:
-    front = front_picture(ranking)
+def test_front_is_drawn_to_scale(ranking: PlanRanking) -> None:
+    front = build_time_chart(ranking)
     assert front is not None
     box, zero = front["box"], front["times"][0]["y"]
     assert zero == box.north
@@ -270,30 +285,30 @@ def test_front_is_drawn_to_scale(ranking: Ranking) -> None:
     assert all(box.west < point["x"] < box.east and box.south < point["y"] <= box.north for point in front["points"])
 
 
-def test_deadline_is_drawn_at_the_seconds_allowed_and_only_then(ranking: Ranking) -> None:
-    clocked = front_picture(ranking)
+def test_deadline_is_drawn_at_the_seconds_allowed_and_only_then(ranking: PlanRanking) -> None:
+    clocked = build_time_chart(ranking)
     assert clocked is not None and clocked["deadline"]["text"] == "deadline 09:00"
-    later = front_picture(replace(ranking, allowed_s=5000.0, start=None, before=None))
+    later = build_time_chart(replace(ranking, allowed_s=5000.0, start=None, deadline=None))
     assert later is not None
     assert later["deadline"]["text"] == "deadline 1:23:20"
-    free = front_picture(replace(ranking, allowed_s=None))
+    free = build_time_chart(replace(ranking, allowed_s=None))
     assert free is not None
     assert free["deadline"] is None
 
 
-def test_no_point_of_the_front_hides_another(ranking: Ranking) -> None:
+def test_no_point_of_the_front_hides_another(ranking: PlanRanking) -> None:
     twins = tuple(replace(ranking.plans[0], strategy=name) for name in "abcd")
-    front = front_picture(replace(ranking, plans=twins))
+    front = build_time_chart(replace(ranking, plans=twins))
     assert front is not None
     assert len({(point["x"], point["y"]) for point in front["points"]}) == 4
 
 
-def test_ground_that_is_not_worked_is_hatched_on_the_map_and_told(leaving: Ranking, open_drive: Drive) -> None:
-    page = plan_page(leaving, open_drive)
+def test_ground_that_is_not_worked_is_hatched_on_the_map_and_told(leaving: PlanRanking, open_drive: PlanDrive) -> None:
+    page = render_plan_page(leaving, open_drive)
     words = Outline(page).text
-    for part in ("leaves 0.19 ha (10 %)", "not worked by the plan shown", "590 m2 left", "Time to finish, h:mm",
-                 "Left is ground that no implement worked", "Left open0.19 ha (10 %)", "Trampled12 m2",
-                 "Outline outside31 m"):  # fmt: skip
+    for part in ("leaves 0.19 ha (10 %)", "not worked by the plan shown", "590 m2 missed", "Time to finish, h:mm",
+                 "Unworked: ground that no implement worked", "Unworked0.19 ha (10 %)", "Wheel traffic12 m2",
+                 "Partly outside31 m"):  # fmt: skip
         assert part in words.replace("\n", "").replace("  ", ""), part
     (plan,) = told(page)
     assert plan["missed"]["ground"].count("z") == 3
@@ -303,21 +318,22 @@ def test_ground_that_is_not_worked_is_hatched_on_the_map_and_told(leaving: Ranki
     assert length * 0.011 * 273.0 == pytest.approx(600 - 10 + 100, rel=0.03), "one line for so many metres of width"
 
 
-def test_where_nothing_is_missed_nothing_is_said_of_it(ranking: Ranking, drive: Drive) -> None:
-    words = Outline(plan_page(ranking, drive)).text
-    assert "not worked" not in words and "Left open" not in words and "to finish" not in words
-    assert told(plan_page(ranking, drive))[0]["missed"] == {"ground": "", "hatch": "", "largest": None}
+def test_where_nothing_is_missed_nothing_is_said_of_it(ranking: PlanRanking, drive: PlanDrive) -> None:
+    words = Outline(render_plan_page(ranking, drive)).text
+    assert "not worked" not in words and "Unworked:" not in words and "to finish" not in words
+    assert told(render_plan_page(ranking, drive))[0]["missed"] == {"ground": "", "hatch": "", "largest": None}
 
 
-def test_the_front_shows_the_time_to_finish(leaving: Ranking) -> None:
-    plain = front_picture(replace(leaving, plans=tuple(replace(p, time_s=p.finished_s) for p in leaving.plans)))
-    front = front_picture(leaving)
+def test_the_front_shows_the_time_to_finish(leaving: PlanRanking) -> None:
+    plain = build_time_chart(replace(leaving, plans=tuple(replace(p, time_s=p.finished_s) for p in leaving.plans)))
+    front = build_time_chart(leaving)
     assert front is not None and plain is not None
     assert [point["y"] for point in front["points"]] == [point["y"] for point in plain["points"]]
     assert front["points"][-1]["text"] == "5 x row-by-row, omega: 0:20:53, to finish 0:26:06"
 
 
-def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: Ranking) -> None:
+@pytest.mark.slow
+def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: PlanRanking) -> None:
     rng = np.random.default_rng(4)
     rows, along = 190, np.arange(10.0, 410.0, 0.7)
     lines = [np.column_stack([along if k % 2 else along[::-1], np.full(len(along), 1.5 + 3 * k)]) for k in range(rows)]
@@ -325,35 +341,37 @@ def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: Ranking) -> None
     seconds = {"working": (float(len(xy)),)} | dict.fromkeys(("turning", "waiting", "reversing"), (0.0,))
     tracks = np.array([[[10.0, 1.5 + 3 * k], [410.0, 1.5 + 3 * k]] for k in range(rows)])
     boundary = np.array([[0.0, 0.0], [420.0, 0.0], [420.0, 570.0], [0.0, 570.0]])
-    big = Drive("24 ha", boundary, (), tracks, 3.0, 1.0, (xy,), (np.ones(len(xy), dtype=np.int64),), (1.0,), seconds)
+    big = PlanDrive(
+        "24 ha", boundary, (), tracks, 3.0, 1.0, (xy,), (np.ones(len(xy), dtype=np.int64),), (1.0,), seconds
+    )
     plans = [replace(ranking.plans[0], strategy=f"s{number}", rank=number + 1) for number in range(12)]
     many = {(plan.strategy, plan.tractors): big for plan in plans}
     crowded = replace(ranking, plans=tuple(plans))
-    page = plan_page(crowded, big, many)
+    page = render_plan_page(crowded, big, many)
     assert len(page.encode()) < 2_000_000
     knots = [sum(len(lane["status"]) + 1 for lane in plan["lanes"]) for plan in told(page)]
-    assert len(knots) == 12 and knots[0] <= MOST_KNOTS and sum(knots[1:]) <= MOST_OTHERS
+    assert len(knots) == 12 and knots[0] <= MOST_FIRST_KNOTS and sum(knots[1:]) <= MOST_OTHER_KNOTS
 
 
-def test_a_drive_of_one_moment_on_a_field_without_tracks(ranking: Ranking, drive: Drive) -> None:
+def test_a_drive_of_one_moment_on_a_field_without_tracks(ranking: PlanRanking, drive: PlanDrive) -> None:
     still = replace(
         drive,
-        tracks=np.empty((0, 2, 2)),
+        swaths=np.empty((0, 2, 2)),
         holes=(),
         entrance=None,
         xy=tuple(xy[:1] for xy in drive.xy),
         status=tuple(status[:1] for status in drive.status),
     )
-    page = plan_page(ranking, still)
+    page = render_plan_page(ranking, still)
     assert Outline(page).open == []
     assert [plan["end"] for plan in told(page)] == [0.0]
 
 
-def test_points_stay_nearest_their_own_count(ranking: Ranking) -> None:
+def test_points_stay_nearest_their_own_count(ranking: PlanRanking) -> None:
     plans = tuple(
         replace(ranking.plans[0], strategy=name, tractors=count) for count in range(1, 12) for name in "abcdefgh"
     )
-    front = front_picture(replace(ranking, plans=plans))
+    front = build_time_chart(replace(ranking, plans=plans))
     assert front is not None
     columns = np.array([tick["x"] for tick in front["counts"]])
     for point in front["points"]:
@@ -362,26 +380,26 @@ def test_points_stay_nearest_their_own_count(ranking: Ranking) -> None:
         assert point["x"] - left < 0.6 * (columns[1] - columns[0])
 
 
-def test_rounds_cells_and_obstacles_are_on_the_map(listed_drive: Drive, drive: Drive) -> None:
-    picture = map_picture({"a": listed_drive})
-    assert [(one["tint"], one["width"]) for one in picture["rounds"]] == [(1, 300), (0, 300)]
-    assert [label["text"] for label in picture["round_labels"]] == ["R1", "R2"]
+def test_rounds_cells_and_obstacles_are_on_the_map(listed_drive: PlanDrive, drive: PlanDrive) -> None:
+    picture = build_page_map({"a": listed_drive})
+    assert [(one["tint"], one["width"]) for one in picture["headland_passes"]] == [(1, 300), (0, 300)]
+    assert [label["text"] for label in picture["headland_pass_labels"]] == ["R1", "R2"]
     told_cells = [label["text"].replace("\N{DEGREE SIGN}", " degrees") for label in picture["cell_labels"]]
     assert told_cells == ["cell 1: 90 degrees", "cell 2: 12 degrees"]
     assert picture["cells"].count("z") == 2 and picture["obstacles"].count("z") == 1
     assert {label["text"][-1] for label in picture["labels"]} == {"a"}
-    bare = map_picture({"a": drive})
-    assert (bare["rounds"], bare["cells"], bare["obstacles"], bare["cell_labels"]) == ([], "", "", [])
+    bare = build_page_map({"a": drive})
+    assert (bare["headland_passes"], bare["cells"], bare["obstacles"], bare["cell_labels"]) == ([], "", "", [])
 
 
-def test_the_map_tells_what_is_on_it(ranking: Ranking, listed_drive: Drive, drive: Drive) -> None:
-    said, bare = Outline(plan_page(ranking, listed_drive)).text, Outline(plan_page(ranking, drive)).text
-    for words in ("rounds of the headland", "cells, with the direction", "obstacles", "rows of the lists of legs"):
+def test_the_map_tells_what_is_on_it(ranking: PlanRanking, listed_drive: PlanDrive, drive: PlanDrive) -> None:
+    said, bare = Outline(render_plan_page(ranking, listed_drive)).text, Outline(render_plan_page(ranking, drive)).text
+    for words in ("headland passes, R1", "cells, with the direction", "obstacles", "rows of the lists of legs"):
         assert words in said and words not in bare
 
 
-def test_every_tractor_has_a_list_of_its_legs(ranking: Ranking, listed_drive: Drive) -> None:
-    text = plan_page(replace(ranking, start="23:59"), listed_drive)
+def test_every_tractor_has_a_list_of_its_legs(ranking: PlanRanking, listed_drive: PlanDrive) -> None:
+    text = render_plan_page(replace(ranking, start="23:59"), listed_drive)
     cards = re.findall(r'aria-label="Legs of tractor (\d)">\s*<table>(.*?)</table>', text, flags=re.S)
     assert [number for number, _ in cards] == ["1", "2", "3"]
     rows = [re.findall(r"<td[^>]*>(.*?)</td>", row) for row in re.findall(r"<tr><td.*?</tr>", cards[1][1])]
@@ -392,33 +410,33 @@ def test_every_tractor_has_a_list_of_its_legs(ranking: Ranking, listed_drive: Dr
     assert told(text)[0]["lanes"][1]["legs"][1] == [20.0, 160.0, "240", "track 9, eastwards"]
 
 
-def test_numbers_beside_arrows_are_rows_of_the_lists(listed_drive: Drive) -> None:
-    lanes = map_picture({"a": listed_drive})["plans"][0]["lanes"]
+def test_numbers_beside_arrows_are_rows_of_the_lists(listed_drive: PlanDrive) -> None:
+    lanes = build_page_map({"a": listed_drive})["plans"][0]["lanes"]
     assert [sorted({int(text) for _, _, text in lane["numbers"]}) for lane in lanes] == [[1, 2], [2], [2]]
     for lane in lanes:
         assert lane["arrows"].count("M") == len(lane["numbers"])
 
 
 def test_plans_beyond_what_a_page_holds_have_no_lists(
-    ranking: Ranking, listed_drive: Drive, monkeypatch: pytest.MonkeyPatch
+    ranking: PlanRanking, listed_drive: PlanDrive, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("reports.drawing.MOST_STEPS", 17)
+    monkeypatch.setattr("reports.plan.map_data.MOST_LISTED_LEGS", 17)
     plans = {("row-by-row", 5): replace(listed_drive, title="the other plan")}
-    listed = [bool(plan["lanes"][0]["legs"]) for plan in told(plan_page(ranking, listed_drive, plans))]
+    listed = [bool(plan["lanes"][0]["legs"]) for plan in told(render_plan_page(ranking, listed_drive, plans))]
     assert listed == [True, False], "nine steps each"
 
 
-def test_headings_may_be_broken_on_narrow_paper(ranking: Ranking, drive: Drive) -> None:
-    text = plan_page(ranking, drive)
+def test_headings_may_be_broken_on_narrow_paper(ranking: PlanRanking, drive: PlanDrive) -> None:
+    text = render_plan_page(ranking, drive)
     assert "Colli\N{SOFT HYPHEN}sions" in text and "Rever\N{SOFT HYPHEN}sals" in text
 
 
-def test_refills_are_marked_where_they_are_done(ranking: Ranking, drive: Drive) -> None:
+def test_refills_are_marked_where_they_are_done(ranking: PlanRanking, drive: PlanDrive) -> None:
     stood = np.array(drive.status[0])
     stood[100:160] = 5
     seconds = {**drive.seconds, "refilling": (60 * drive.step_s, 0.0, 0.0)}
-    text = plan_page(ranking, replace(drive, status=(stood, *drive.status[1:]), seconds=seconds))
+    text = render_plan_page(ranking, replace(drive, status=(stood, *drive.status[1:]), seconds=seconds))
     lanes = told(text)[0]["lanes"]
     assert [len(lane["refills"]) for lane in lanes] == [1, 0, 0]
-    assert lanes[0]["refills"][0][2] == duration(60 * drive.step_s)
-    assert ">refill</li>" in text and ">refill</li>" not in plan_page(ranking, drive)
+    assert lanes[0]["refills"][0][2] == format_duration(60 * drive.step_s)
+    assert ">refill</li>" in text and ">refill</li>" not in render_plan_page(ranking, drive)

@@ -12,25 +12,25 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.errors import ReportError
-from reports.paths import (
+from reports.common.plan_results import PlanDrive
+from reports.common.rendering import ReportError
+from reports.plan.drive_geometry import (
     REVERSING,
     WAITING,
     WORKING,
+    build_hatching,
+    build_swath_outline,
     check_drive,
-    extent,
-    hatching,
-    pieces,
-    round_length,
-    swath,
-    waits,
+    choose_round_length_m,
+    compute_extent,
+    find_stops,
+    split_by_status,
 )
-from reports.results import Drive
 
 
 def test_pieces_by_hand() -> None:
     xy = np.array([[0, 0], [1, 0], [2, 0], [2, 0], [2, 1], [1, 1]], dtype=float)
-    parts = pieces(xy, np.array([1, 1, 1, 3, 4, 1]))
+    parts = split_by_status(xy, np.array([1, 1, 1, 3, 4, 1]))
     assert [part.status for part in parts] == [WORKING, REVERSING, WORKING], "standing still leaves no piece"
     assert parts[0].points.tolist() == [[0, 0], [2, 0]], "the middle point is on the line"
     assert [(part.first, part.last) for part in parts] == [(0, 2), (3, 4), (4, 5)]
@@ -40,7 +40,7 @@ def test_pieces_by_hand() -> None:
 def test_pieces_join_and_stay_near(seed: int, count: int, tolerance_m: float) -> None:
     rng = np.random.default_rng(seed)
     xy = np.cumsum(rng.uniform(0.1, 1.0, (count, 2)), axis=0)
-    parts = pieces(xy, rng.integers(0, 5, count), tolerance_m)
+    parts = split_by_status(xy, rng.integers(0, 5, count), tolerance_m)
     assert parts[0].points[0].tolist() == xy[0].tolist()
     assert parts[-1].points[-1].tolist() == xy[-1].tolist()
     for before, after in pairwise(parts):
@@ -53,12 +53,12 @@ def test_pieces_join_and_stay_near(seed: int, count: int, tolerance_m: float) ->
 def test_waits_by_hand() -> None:
     xy = np.array([[0, 0], [0, 0], [1, 0], [5, 2], [5, 2]], dtype=float)
     status = np.array([WAITING, WAITING, 1, WAITING, WAITING])
-    assert waits(xy, status, 0.5) == [(0.0, 0.0, 1.0), (5.0, 2.0, 1.0)]
+    assert find_stops(xy, status, 0.5) == [(0.0, 0.0, 1.0), (5.0, 2.0, 1.0)]
 
 
-def test_waits_add_up(drive: Drive) -> None:
+def test_waits_add_up(drive: PlanDrive) -> None:
     for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True)):
-        assert sum(stop[2] for stop in waits(xy, status, drive.step_s)) == pytest.approx(
+        assert sum(stop[2] for stop in find_stops(xy, status, drive.step_s)) == pytest.approx(
             drive.seconds["waiting"][number]
         )
 
@@ -68,22 +68,22 @@ def test_swath_is_a_rectangle_of_the_working_width(
     x: float, y: float, length: float, width: float, angle: float
 ) -> None:
     track = np.array([[x, y], [x + length * np.cos(angle), y + length * np.sin(angle)]])
-    strip = shapely.Polygon(swath(track, width))
+    strip = shapely.Polygon(build_swath_outline(track, width))
     assert strip.area == pytest.approx(length * width, rel=1e-6)
     assert strip.exterior.length == pytest.approx(2 * (length + width), rel=1e-6)
     assert strip.centroid.distance(shapely.LineString(track).centroid) < 1e-6
 
 
 def test_a_track_without_length_is_a_point() -> None:
-    assert swath(np.ones((2, 2)), 3.0).tolist() == [[1.0, 1.0]] * 4
+    assert build_swath_outline(np.ones((2, 2)), 3.0).tolist() == [[1.0, 1.0]] * 4
 
 
 def test_hatching_of_a_square_by_hand() -> None:
-    lines = hatching([np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0]])], np.sqrt(2) * 0.5)
+    lines = build_hatching([np.array([[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0]])], np.sqrt(2) * 0.5)
     assert lines.reshape(-1, 4) == pytest.approx(np.array([
         [2, 1, 3, 2], [1, 1, 3, 3], [1, 2, 2, 3],
     ]))  # fmt: skip
-    assert hatching([], 1.0).shape == (0, 2, 2)
+    assert build_hatching([], 1.0).shape == (0, 2, 2)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(3, 12), st.floats(0.0, 6.3))
@@ -96,7 +96,7 @@ def test_hatching_lies_in_its_ground_and_is_as_dense_as_asked(seed: int, corners
         shapely.make_valid(shapely.Polygon(rings[0])) - shapely.make_valid(shapely.Polygon(rings[1])),
         shapely.make_valid(shapely.Polygon(rings[2])),
     ]).buffer(1e-6)  # fmt: skip
-    lines = hatching(rings, apart)
+    lines = build_hatching(rings, apart)
     length = float(np.hypot(*(lines[:, 1] - lines[:, 0]).T).sum())
     around = sum(shapely.LinearRing(ring).length for ring in rings)
     if not shapely.Polygon(rings[0]).is_valid or not shapely.Polygon(rings[0]).contains(shapely.Polygon(rings[1])):
@@ -107,11 +107,11 @@ def test_hatching_lies_in_its_ground_and_is_as_dense_as_asked(seed: int, corners
 
 @pytest.mark.parametrize(("length", "bar"), [(1.0, 1), (68.0, 50), (49.9, 20), (20.0, 20), (0.3, 0.2), (1000.0, 1000)])
 def test_round_lengths(length: float, bar: float) -> None:
-    assert round_length(length) == pytest.approx(bar)
+    assert choose_round_length_m(length) == pytest.approx(bar)
 
 
-def test_extent_holds_field_paths_and_entrance(drive: Drive) -> None:
-    box = extent(replace(drive, entrance=(-20.0, 90.0)))
+def test_extent_holds_field_paths_and_entrance(drive: PlanDrive) -> None:
+    box = compute_extent(replace(drive, entrance=(-20.0, 90.0)))
     assert (box.west, box.south, box.east, box.north) == (-20.0, -1.0, 272.0, 90.0)
     assert (box.width, box.height, box.size) == (292.0, 91.0, 292.0)
 
@@ -123,18 +123,18 @@ def test_extent_holds_field_paths_and_entrance(drive: Drive) -> None:
         ({"step_s": 0.0}, "step_s 0.0"),
         ({"finish_s": (1.0,)}, "3 paths and 1 of finish_s"),
         ({"boundary": np.zeros((2, 2))}, r"ring of the field has shape \(2, 2\)"),
-        ({"missed": (np.zeros((2, 2)),)}, r"ring of missed ground has shape \(2, 2\)"),
+        ({"unworked": (np.zeros((2, 2)),)}, r"ring of missed ground has shape \(2, 2\)"),
         ({"xy": (np.zeros((4, 3)),) * 3}, r"Tractor 1 has positions of shape \(4, 3\)"),
         ({"seconds": {}}, "no 'working' seconds"),
         ({"seconds": dict.fromkeys(("working", "turning", "waiting", "reversing"), (1.0, -2.0, 0.0))}, "-2.0"),
     ],
 )
-def test_bad_drives_are_refused(drive: Drive, change: dict[str, Any], words: str) -> None:
+def test_bad_drives_are_refused(drive: PlanDrive, change: dict[str, Any], words: str) -> None:
     with pytest.raises(ReportError, match=words):
         check_drive(replace(drive, **change))
 
 
-def test_a_position_that_is_not_a_number_is_refused(drive: Drive) -> None:
+def test_a_position_that_is_not_a_number_is_refused(drive: PlanDrive) -> None:
     paths = [xy.copy() for xy in drive.xy]
     paths[1][5, 0] = np.nan
     with pytest.raises(ReportError, match="Tractor 2"):

@@ -6,34 +6,40 @@ import re
 
 import pytest
 
-from reports.diagnosis_page import diagnosis_page
-from reports.page import plan_page
-from reports.replay_report import replay_json, replay_page, replay_table
-from reports.results import Drive, Ranking
-from reports.template import rendered
-from reports.trials import trials_page
+from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.rendering import render_template
+from reports.diagnosis.page import render_diagnosis_page
+from reports.diagnosis.replay import build_replay_table, format_replay_json, render_replay_page
+from reports.plan.ranking_page import render_plan_page
+from reports.trials.report import render_trials_page
 from tests.reports.test_diagnosis import NAMED, diagnosis, in_model
-from vehicle.measured.answer.verdict import Replayed
-from vehicle.measured.replay.horizons import Error
-from vehicle.trials.sheets.sheet import Comparison, Sheet, TextTable
+from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.identification.verdict.diagnosis_types import ReplayResult
+from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
 
 @pytest.fixture
-def pages(ranking: Ranking, drive: Drive) -> dict[str, str]:
+def pages(ranking: PlanRanking, drive: PlanDrive) -> dict[str, str]:
     table = TextTable("Radii", ("Steering", "Radius"), (("25", "5.1 m"),))
-    sheets = [Sheet(name, name, (), (Comparison("e", "q", "m", 5.0, 5.1),), (), (table,)) for name in "ab"]
+    sheets = [
+        ExperimentSheet(name, name, (), (ThesisComparison("e", "q", "m", 5.0, 5.1),), (), (table,)) for name in "ab"
+    ]
     return {
-        "plan": plan_page(ranking, drive),
-        "trials": trials_page(sheets),
-        "diagnosis": diagnosis_page(diagnosis(in_model("steering_offset", NAMED, 1.0))),
-        "replay": replay_page(REPLAYED),
+        "plan": render_plan_page(ranking, drive),
+        "trials": render_trials_page(sheets),
+        "diagnosis": render_diagnosis_page(diagnosis(in_model("steering_offset", NAMED, 1.0))),
+        "replay": render_replay_page(REPLAYED),
     }
 
 
-REPLAYED = Replayed(
-    "run & 1", "EG105", ("steering_offset", "rest"), {1.0: Error(0.5, 0.6, float("nan")), 5.0: Error(1.25, 2.5, 0.11)},
-    (), 3,
-)  # fmt: skip
+REPLAYED = ReplayResult(
+    "run & 1",
+    "EG105",
+    ("steering_offset", "discrepancy_model"),
+    {1.0: HorizonError(0.5, 0.6, float("nan")), 5.0: HorizonError(1.25, 2.5, 0.11)},
+    (),
+    3,
+)
 
 
 def test_one_style_for_all(pages: dict[str, str]) -> None:
@@ -56,11 +62,12 @@ def test_every_table_scrolls_in_a_frame_that_keys_reach_and_a_reader_is_told_of(
 
 
 def test_a_replay_says_how_far_it_is_off() -> None:
-    page = replay_page(REPLAYED, ["a remark <b>"])
+    page = render_replay_page(REPLAYED, ["a remark <b>"])
     assert "run &amp; 1 against EG105" in page and "a remark &lt;b&gt;" in page
     assert "Over pieces of 5 s the simulation is off by 1.2 cm across and 2.5 cm along the way, and its" in page
-    assert "Effects in the tractor file: steering offset (steering_offset) and rest." in page
-    assert '"heading_deg": null' in replay_json(REPLAYED) and "NaN" not in replay_json(REPLAYED)
+    effects = "steering offset (steering_offset) and discrepancy model (discrepancy_model)"
+    assert f"Effects in the tractor file: {effects}." in page
+    assert '"heading_deg": null' in format_replay_json(REPLAYED) and "NaN" not in format_replay_json(REPLAYED)
 
 
 @pytest.mark.parametrize("width", [20, 40, 60, 80, 120, 200])
@@ -70,7 +77,7 @@ def test_a_replay_table_cuts_no_figure(width: int) -> None:
     from rich.console import Console
 
     console = Console(width=width, file=io.StringIO(), force_terminal=False)
-    console.print(replay_table(REPLAYED))
+    console.print(build_replay_table(REPLAYED))
     text = console.file.getvalue()  # type: ignore[attr-defined]
     assert max(map(len, text.splitlines())) <= width
     for figure in ("0.5", "0.6", "1.2", "2.5", "0.11"):
@@ -81,4 +88,4 @@ def test_values_are_escaped_and_a_missing_one_is_an_error() -> None:
     from jinja2 import UndefinedError
 
     with pytest.raises(UndefinedError):
-        rendered("trial.html.j2", {"title": "a"})
+        render_template("trial.html.j2", {"title": "a"})

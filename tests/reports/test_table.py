@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
-from reports.field_report import field_table
-from reports.fitting import broken
-from reports.results import Ranking, Study
-from reports.table import ranking_table, study_tables
+from reports.common.plan_results import FleetStudy, PlanRanking
+from reports.common.text_tables import break_text_at_marks
+from reports.plan.field_report import build_field_table
+from reports.plan.ranking_table import build_ranking_table, build_study_tables
 
 
 def printed(what: RenderableType, width: int = 80) -> str:
@@ -26,28 +26,28 @@ def printed(what: RenderableType, width: int = 80) -> str:
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
-def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: Ranking, width: int) -> None:
-    text = printed(ranking_table(leaving), width)
+def test_what_is_left_has_a_column_where_there_is_room_and_a_word(leaving: PlanRanking, width: int) -> None:
+    text = printed(build_ranking_table(leaving), width)
     flat = " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width
-    assert "Left is ground that no implement worked; ranks count the time to finish it too" in flat
+    assert "Unworked: ground that no implement worked; ranks include the time to finish it" in flat
     missing = re.search(r"No room for: (.*?); a wider", flat)
-    dropped = missing is not None and "Left" in missing.group(1).split(", ")
+    dropped = missing is not None and "Unworked" in missing.group(1).split(", ")
     rows = [line for line in text.splitlines() if re.match(r"[ >]*[1-6][* ] ", line)]
     told = [re.findall(r" (0\.\d\d) ha(?= )", row + " ") for row in rows]
     assert told == [[] if dropped else [ha] for ha in ("0.38", "0.38", "0.19", "0.19", "0.19", "0.19")]
     assert not dropped or width < 80
 
 
-def test_little_that_is_left_is_told_in_square_metres(leaving: Ranking) -> None:
+def test_little_that_is_left_is_told_in_square_metres(leaving: PlanRanking) -> None:
     plans = tuple(replace(plan, missed_m2=40.0) if plan.rank == 1 else plan for plan in leaving.plans)
-    text = printed(ranking_table(replace(leaving, plans=plans)))
+    text = printed(build_ranking_table(replace(leaving, plans=plans)))
     rows = [line for line in text.splitlines() if line.startswith(" 1")]
     assert len(rows) == 1 and " 40 m2 " in rows[0] and "0.00" not in rows[0]
 
 
 @pytest.mark.parametrize("width", [60, 80, 120])
-def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: Ranking, width: int) -> None:
+def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: PlanRanking, width: int) -> None:
     plans = tuple(
         replace(plan, finish_probability=0.2 * plan.tractors - 0.001, p50_s=3000.0, p95_s=4000.0,
                 expected_cost=100.0 + plan.tractors, paid_cost=90.0, order_gap_pct=0.0 if plan.tractors > 3 else 1.24)
@@ -55,24 +55,24 @@ def test_columns_are_explained_and_the_curve_against_count_is_a_table(ranking: R
         for plan in ranking.plans
     )  # fmt: skip
     machines = {"tractor": "Carrier", "width_m": 4.0, "implement": None}
-    told = replace(ranking, plans=plans, currency="EUR", draws=100, advice="3 tractors.", chosen=("split-field", 3))
-    text = printed(ranking_table(replace(told, scenario=machines)), width)
+    told = replace(ranking, plans=plans, currency="EUR", samples=100, advice="3 tractors.", chosen=("split-field", 3))
+    text = printed(build_ranking_table(replace(told, scenario=machines)), width)
     flat = " ".join(text.split())
     assert max(map(len, text.splitlines())) <= width
     assert "Iwamizawa, 1.89 ha, Carrier, implement 4 m" in flat
-    assert "Clearance: the nearest that two tractors come" in flat and "In time %: of the draws" in flat
-    assert "split-field proven within 1.2 % with 1 and 3" in flat and "row-by-row proven best with 5" in flat
+    assert "Clearance: smallest distance between two tractors" in flat and "In time %: of the samples" in flat
+    assert "split-field within 1.2 % of optimal with 1 and 3" in flat and "row-by-row optimal with 5" in flat
     rows = [row for row in text[text.index("By number of tractors, money in EUR") :].splitlines() if "90.00" in row]
     assert [row.split()[0].lstrip(">") for row in rows] == ["1", "2", "3", "5"]
     assert any(row.split()[0] == ">3" and "103.00" in row and " 60 " in row for row in rows)
 
 
-def test_without_a_word_of_what_is_left_there_is_no_column(ranking: Ranking) -> None:
-    assert "Left" not in printed(ranking_table(ranking), 200)
+def test_without_a_word_of_what_is_left_there_is_no_column(ranking: PlanRanking) -> None:
+    assert "Unworked" not in printed(build_ranking_table(ranking), 200)
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
-def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width: int) -> None:
+def test_no_line_is_wider_than_the_console(ranking: PlanRanking, study: FleetStudy, width: int) -> None:
     long = replace(
         ranking,
         plans=tuple(
@@ -81,13 +81,13 @@ def test_no_line_is_wider_than_the_console(ranking: Ranking, study: Study, width
             for p in ranking.plans
         ),
     )  # fmt: skip
-    for what in (ranking_table(ranking), ranking_table(long), study_tables(study)):
+    for what in (build_ranking_table(ranking), build_ranking_table(long), build_study_tables(study)):
         assert max(len(line) for line in printed(what, width).splitlines()) <= width
-    assert printed(ranking_table(long), width).count("27:26:05") >= 6, "figures are never cut"
+    assert printed(build_ranking_table(long), width).count("27:26:05") >= 6, "figures are never cut"
 
 
-def test_eighty_columns_show_every_figure_on_one_line(ranking: Ranking) -> None:
-    lines = printed(ranking_table(ranking)).splitlines()
+def test_eighty_columns_show_every_figure_on_one_line(ranking: PlanRanking) -> None:
+    lines = printed(build_ranking_table(ranking)).splitlines()
     third = next(line for line in lines if line.startswith(">3*"))
     assert third.split() == [">3*", "3", "split-field", "0:28:32", "5.65", "0:03:03", "0:00:25", "98.7", "1.3", "2.35",
                              "yes"], "the name goes on below"  # fmt: skip
@@ -108,8 +108,8 @@ FIGURES = {
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 120, 200])
-def test_a_column_is_whole_or_named_as_missing(ranking: Ranking, width: int) -> None:
-    text = printed(ranking_table(ranking), width)
+def test_a_column_is_whole_or_named_as_missing(ranking: PlanRanking, width: int) -> None:
+    text = printed(build_ranking_table(ranking), width)
     flat = " ".join(text.split())
     named = re.search(r"No room for: (.*?); a wider window or --json shows all\.", flat)
     missing = named.group(1).split(", ") if named else []
@@ -125,80 +125,80 @@ def test_a_column_is_whole_or_named_as_missing(ranking: Ranking, width: int) -> 
     assert width < 120 or "Trac-" not in text, "headings are whole where they have room"
 
 
-def test_too_narrow_for_a_table_is_a_list(ranking: Ranking) -> None:
-    lines = printed(ranking_table(ranking), 20).splitlines()
+def test_too_narrow_for_a_table_is_a_list(ranking: PlanRanking) -> None:
+    lines = printed(build_ranking_table(ranking), 20).splitlines()
     assert max(map(len, lines)) <= 20
     assert "  Time: 0:20:53" in lines and "  Clearance m: 2.35" in lines and lines.count("  Worked %: 98.7") == 6
 
 
 @pytest.mark.parametrize("width", range(30, 130))
-def test_cost_and_its_value_stay_on_one_line(ranking: Ranking, width: int) -> None:
-    text = printed(ranking_table(ranking), width)
+def test_cost_and_its_value_stay_on_one_line(ranking: PlanRanking, width: int) -> None:
+    text = printed(build_ranking_table(ranking), width)
     for said in ("cost 5.65", "cost 6.89", "cost 4.92", "in 0:28:32", "(at 08:28)"):
         assert said in text
 
 
-def test_headline_comes_first_and_refusals_last(ranking: Ranking) -> None:
-    text = " ".join(printed(ranking_table(ranking)).split())
+def test_headline_comes_first_and_refusals_last(ranking: PlanRanking) -> None:
+    text = " ".join(printed(build_ranking_table(ranking)).split())
     order = ["Iwamizawa, 1.89 ha", "Best plan: 3 tractors", "can be met with 3 or 5", "Fastest:", "Cheapest:",
-             "nobody is faster", "Refused: 4 plans", "2 x Turning radius", "7 and 9", "1 x Tractors 2"]  # fmt: skip
+             "(Pareto front)", "Refused: 4 plans", "2 x Turning radius", "7 and 9", "1 x Tractors 2"]  # fmt: skip
     places = [text.index(part) for part in order]
     assert places == sorted(places)
 
 
-def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: Ranking) -> None:
+def test_a_remark_stands_under_the_table_while_its_plan_is_shown(ranking: PlanRanking) -> None:
     plans = tuple(replace(p, remark="it waits" if p.rank == 6 else None) for p in ranking.plans)
     noted = replace(ranking, plans=plans)
-    assert "split-field with 1: it waits." in printed(ranking_table(noted))
-    assert "it waits" not in printed(ranking_table(noted, 2))
+    assert "split-field with 1: it waits." in printed(build_ranking_table(noted))
+    assert "it waits" not in printed(build_ranking_table(noted, 2))
 
 
-def test_only_the_best_are_shown_when_asked(ranking: Ranking) -> None:
+def test_only_the_best_are_shown_when_asked(ranking: PlanRanking) -> None:
     def ranks(most: int | None) -> list[str]:
-        return re.findall(r"^[ >]*(\d+)[* ] ", printed(ranking_table(ranking, most)), flags=re.M)
+        return re.findall(r"^[ >]*(\d+)[* ] ", printed(build_ranking_table(ranking, most)), flags=re.M)
 
     assert ranks(2) == ["1", "2", "3", "4", "5"], "the front has ranks 1, 3, 4 and 5"
     assert ranks(0) == ["1", "3", "4", "5"]
     assert ranks(None) == ["1", "2", "3", "4", "5", "6"]
-    one, two = (" ".join(printed(ranking_table(ranking, most)).split()) for most in (2, 0))
+    one, two = (" ".join(printed(build_ranking_table(ranking, most)).split()) for most in (2, 0))
     assert "1 slower plan is not shown; --all shows every plan." in one
     assert "2 slower plans are not shown; --all shows every plan." in two
-    assert "not shown" not in printed(ranking_table(ranking, None))
+    assert "not shown" not in printed(build_ranking_table(ranking, None))
 
 
-def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: Ranking) -> None:
+def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: PlanRanking) -> None:
     quick, slow = ranking.plans[1], ranking.plans[4]
     plans = [replace(quick, rank=rank, time_s=1000.0 + rank) for rank in range(1, 26)]
     plans += [replace(slow, rank=26), replace(quick, rank=27, time_s=3500.0, cost=0.01)]
     plans += [replace(slow, rank=28, on_pareto_front=False)]
     crowded = replace(ranking, plans=tuple(plans))
     assert crowded.best is plans[26]
-    text = printed(ranking_table(crowded))
+    text = printed(build_ranking_table(crowded))
     assert re.findall(r"^[ >]*(\d+)[* ] ", text, flags=re.M) == [*map(str, range(1, 21)), "26", "27"]
     assert "6 slower plans are not shown; --all shows every plan." in " ".join(text.split())
 
 
 @pytest.mark.parametrize("width", [60, 80, 100])
-def test_names_of_strategies_and_turns_are_whole_with_draws_too(ranking: Ranking, width: int) -> None:
+def test_names_of_strategies_and_turns_are_whole_with_draws_too(ranking: PlanRanking, width: int) -> None:
     plans = tuple(
         replace(plan, strategy=name, turn="switch-back+omega", tractors=1 + place, finish_probability=0.5,
                 paid_cost=1234.5, expected_cost=2345.6, p50_s=9000.0, p95_s=9900.0, missed_m2=40.0)
         for place, (plan, name) in enumerate(zip(ranking.plans, ("row-by-row-optimised", "split-field"), strict=False))
     )  # fmt: skip
-    text = printed(ranking_table(replace(ranking, plans=plans, currency="EUR", chosen=("split-field", 2))), width)
+    text = printed(build_ranking_table(replace(ranking, plans=plans, currency="EUR", chosen=("split-field", 2))), width)
     assert text.count("row-by-row-optimised ") >= 2 and text.count("split-field ") >= 2
     assert "switch-back+" in text and "switch-\n" not in text
     assert max(map(len, text.splitlines())) <= width
 
 
 @pytest.mark.parametrize("width", [76, 80, 100, 120])
-def test_long_names_break_between_words(ranking: Ranking, width: int) -> None:
+def test_long_names_break_between_words(ranking: PlanRanking, width: int) -> None:
     plans = tuple(
         replace(plan, strategy="row-by-row-optimised", turn="omega+switch-back", time_s=9876.0, cost=123.45,
                 turning_s=4567.0, waiting_s=4567.0)
         for plan in ranking.plans[:6]
     )  # fmt: skip
-    text = printed(ranking_table(replace(ranking, plans=plans)), width)
+    text = printed(build_ranking_table(replace(ranking, plans=plans)), width)
     table = text[text.index("Strategy") : text.index("Times are")].split("No room")[0]
     whole = {"row", "by", "optimised", "omega", "switch", "back"}
     rows = [line for line in table.splitlines() if not re.search("Strategy|turn|Turn", line)]
@@ -207,44 +207,44 @@ def test_long_names_break_between_words(ranking: Ranking, width: int) -> None:
 
 @given(st.text(alphabet="ab +-", max_size=30), st.integers(1, 30))
 def test_broken_lines_hold_the_same_words(text: str, width: int) -> None:
-    lines = broken(text, width)
+    lines = break_text_at_marks(text, width)
     assert re.sub(" +", "", "".join(lines)) == re.sub(" +", "", text)
     assert all(len(line) <= width or re.fullmatch("[ab]+[+-]?", line) for line in lines)
 
 
 def test_breaks_come_at_spaces_first_then_plus_then_hyphen() -> None:
-    assert broken("row-by-row omega+route", 22) == ["row-by-row omega+route"]
-    assert broken("row-by-row omega+route", 15) == ["row-by-row", "omega+route"]
-    assert broken("row-by-row omega+route", 10) == ["row-by-row", "omega+", "route"]
-    assert broken("row-by-row omega+route", 8) == ["row-by-", "row", "omega+", "route"]
+    assert break_text_at_marks("row-by-row omega+route", 22) == ["row-by-row omega+route"]
+    assert break_text_at_marks("row-by-row omega+route", 15) == ["row-by-row", "omega+route"]
+    assert break_text_at_marks("row-by-row omega+route", 10) == ["row-by-row", "omega+", "route"]
+    assert break_text_at_marks("row-by-row omega+route", 8) == ["row-by-", "row", "omega+", "route"]
 
 
-def test_deadline_column_only_with_a_deadline(ranking: Ranking) -> None:
-    free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), before=None)
-    assert "In time" in printed(ranking_table(ranking), 140)
-    assert "In time" not in printed(ranking_table(free), 140)
+def test_deadline_column_only_with_a_deadline(ranking: PlanRanking) -> None:
+    free = replace(ranking, plans=tuple(replace(plan, meets_deadline=None) for plan in ranking.plans), deadline=None)
+    assert "In time" in printed(build_ranking_table(ranking), 140)
+    assert "In time" not in printed(build_ranking_table(free), 140)
 
 
-def test_plain_text_in_a_pipe(ranking: Ranking, study: Study) -> None:
-    for what in (ranking_table(ranking), study_tables(study), field_table({"name": "a"})):
+def test_plain_text_in_a_pipe(ranking: PlanRanking, study: FleetStudy) -> None:
+    for what in (build_ranking_table(ranking), build_study_tables(study), build_field_table({"name": "a"})):
         text = printed(what)
         assert text.isascii()
         assert "\x1b" not in text
 
 
-def test_markup_in_names_is_text(ranking: Ranking) -> None:
-    assert "[red]x[/red]" in printed(ranking_table(replace(ranking, field_name="[red]x[/red]")))
-    assert "[bold]" in printed(field_table({"[bold]": 1}))
+def test_markup_in_names_is_text(ranking: PlanRanking) -> None:
+    assert "[red]x[/red]" in printed(build_ranking_table(replace(ranking, field_name="[red]x[/red]")))
+    assert "[bold]" in printed(build_field_table({"[bold]": 1}))
 
 
-def test_nothing_works(ranking: Ranking) -> None:
-    text = printed(ranking_table(replace(ranking, plans=ranking.plans[6:])))
+def test_nothing_works(ranking: PlanRanking) -> None:
+    text = printed(build_ranking_table(replace(ranking, plans=ranking.plans[6:])))
     assert "No plan works: all 4 were refused" in text
-    assert "nobody is faster" not in text
+    assert "(Pareto front)" not in text
 
 
-def test_study_rows_and_verdicts(study: Study) -> None:
-    lines = printed(study_tables(study)).splitlines()
+def test_study_rows_and_verdicts(study: FleetStudy) -> None:
+    lines = printed(build_study_tables(study)).splitlines()
     assert next(line for line in lines if line.startswith("one tractor")).split()[2:] == ["1", "74:35", "76:53", "+3.1"]
     assert next(line for line in lines if line.startswith("formation")).split()[1:] == ["3", "25:30", "24:59", "-2.0"]
     text = " ".join(" ".join(lines).split())
@@ -256,18 +256,18 @@ def test_study_rows_and_verdicts(study: Study) -> None:
 def test_field_values_read_well() -> None:
     info = {"Name": "Iwamizawa", "Area": 1.234567891, "Holes": 0, "Entrance": None, "Corner": np.array([1.5, 2.0]),
             "Sides": {"north": 270.0, "open": True}, "Empty": []}  # fmt: skip
-    rows = [line.strip().split(maxsplit=1) for line in printed(field_table(info)).splitlines()]
+    rows = [line.strip().split(maxsplit=1) for line in printed(build_field_table(info)).splitlines()]
     assert dict(rows[:5]) == {"Name": "Iwamizawa", "Area": "1.23457", "Holes": "0", "Entrance": "-", "Corner": "1.5, 2"}
     assert " ".join(rows[5] + rows[6]).split() == ["Sides", "North:", "270", "Open:", "yes"]
     assert rows[7] == ["Empty", "-"]
 
 
 @pytest.mark.parametrize("width", [16, 40, 60, 80, 120, 200])
-def test_field_and_study_figures_are_whole(study: Study, width: int) -> None:
+def test_field_and_study_figures_are_whole(study: FleetStudy, width: int) -> None:
     info = {"area_ha": 1.89234, "corner": [123456.0, -98765.4], "turns_s": {"omega": 12345.6, "u": 8.0}}
     for what, figures in (
-        (field_table(info), ("1.89234", "123456", "-98765.4", "12345.6")),
-        (study_tables(study), ("74:35", "76:53", "+3.1", "25:30", "24:59", "-2.0", "20:53", "20:40", "-1.0")),
+        (build_field_table(info), ("1.89234", "123456", "-98765.4", "12345.6")),
+        (build_study_tables(study), ("74:35", "76:53", "+3.1", "25:30", "24:59", "-2.0", "20:53", "20:40", "-1.0")),
     ):
         text = printed(what, width)
         assert max(len(line) for line in text.splitlines()) <= width
@@ -276,7 +276,9 @@ def test_field_and_study_figures_are_whole(study: Study, width: int) -> None:
 
 
 def test_field_labels_carry_their_units() -> None:
-    lines = printed(field_table({"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}}))
+    lines = printed(
+        build_field_table({"area_ha": 1.9, "m": 2, "turns": {"omega_fits": True, "over_s": {"1": 9.5, "2": 8}}})
+    )
     assert [" ".join(line.split()) for line in lines.splitlines()] == [
         "Area (ha) 1.9",
         "M 2",
@@ -285,9 +287,9 @@ def test_field_labels_carry_their_units() -> None:
     ]
 
 
-def test_the_best_plan_is_marked_in_plain_text_where_it_is_not_the_first(ranking: Ranking) -> None:
-    text = printed(ranking_table(ranking))
+def test_the_best_plan_is_marked_in_plain_text_where_it_is_not_the_first(ranking: PlanRanking) -> None:
+    text = printed(build_ranking_table(ranking))
     assert [line.split()[0] for line in text.splitlines() if line.startswith(">")] == [">3*"]
-    assert "> the best plan." in " ".join(text.split())
+    assert "> best plan." in " ".join(text.split())
     free = replace(ranking, allowed_s=None, plans=tuple(replace(p, meets_deadline=None) for p in ranking.plans))
-    assert free.best is free.plans[0] and ">" not in printed(ranking_table(free))
+    assert free.best is free.plans[0] and ">" not in printed(build_ranking_table(free))

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.results import Drive
-from reports.timed import FINEST_M, lanes
+from reports.common.plan_results import PlanDrive
+from reports.plan.map_data import PATH_TOLERANCE_M, thin_paths
 
 STEP_M = 1.4
 
 
-def driven(xy: np.ndarray, status: np.ndarray) -> Drive:
+def driven(xy: np.ndarray, status: np.ndarray) -> PlanDrive:
     none = dict.fromkeys(("working", "turning", "waiting", "reversing"), (0.0,))
     corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    return Drive("a", corners, (), np.empty((0, 2, 2)), 3.0, 1.0, (xy,), (status,), (1.0,), none)
+    return PlanDrive("a", corners, (), np.empty((0, 2, 2)), 3.0, 1.0, (xy,), (status,), (1.0,), none)
 
 
 def straight(count: int) -> np.ndarray:
@@ -26,47 +26,47 @@ def straight(count: int) -> np.ndarray:
 
 
 def test_a_steady_straight_line_has_two_knots() -> None:
-    (lane,) = lanes(driven(straight(500), np.ones(500, dtype=np.int64)), 1000)
-    assert lane.sample.tolist() == [0, 499] and lane.xy[1].tolist() == [STEP_M * 499, 0.0]
-    assert lane.runs() == [(1, 0, 1)]
+    (lane,) = thin_paths(driven(straight(500), np.ones(500, dtype=np.int64)), 1000)
+    assert lane.samples.tolist() == [0, 499] and lane.xy[1].tolist() == [STEP_M * 499, 0.0]
+    assert lane.list_status_runs() == [(1, 0, 1)]
 
 
 def test_a_change_of_speed_on_a_straight_line_is_a_knot() -> None:
     at = np.concatenate([np.arange(100) * 1.0, 99.0 + np.arange(1, 101) * 2.0])
-    (lane,) = lanes(driven(np.column_stack([at, 0 * at]), np.ones(200, dtype=np.int64)), 1000)
-    assert lane.sample.tolist() == [0, 99, 199]
+    (lane,) = thin_paths(driven(np.column_stack([at, 0 * at]), np.ones(200, dtype=np.int64)), 1000)
+    assert lane.samples.tolist() == [0, 99, 199]
 
 
 def test_a_change_of_status_is_a_knot_and_belongs_to_the_step_before_it() -> None:
     status = np.array([3, 3, 3, 1, 1, 2, 2])
-    (lane,) = lanes(driven(straight(7), status), 2)
-    assert lane.sample.tolist() == [0, 2, 4, 6]
-    assert lane.runs() == [(3, 0, 1), (1, 1, 2), (2, 2, 3)]
+    (lane,) = thin_paths(driven(straight(7), status), 2)
+    assert lane.samples.tolist() == [0, 2, 4, 6]
+    assert lane.list_status_runs() == [(3, 0, 1), (1, 1, 2), (2, 2, 3)]
 
 
 @given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3), st.sampled_from((1, 2))), min_size=2, max_size=60))
 def test_every_sample_is_near_its_place_on_the_thinned_path(steps: list[tuple[int, int, int]]) -> None:
     xy = np.cumsum([(0.1 * x, 0.1 * y) for x, y, _ in steps], axis=0)
     status = np.array([code for _, _, code in steps])
-    (lane,) = lanes(driven(xy, status), 1000)
-    read = np.column_stack([np.interp(np.arange(len(xy)), lane.sample, lane.xy[:, k]) for k in (0, 1)])
-    assert np.hypot(*(read - xy).T).max() <= FINEST_M + 1e-9
-    assert np.repeat(lane.status, np.diff(lane.sample)).tolist() == status[1:].tolist()
+    (lane,) = thin_paths(driven(xy, status), 1000)
+    read = np.column_stack([np.interp(np.arange(len(xy)), lane.samples, lane.xy[:, k]) for k in (0, 1)])
+    assert np.hypot(*(read - xy).T).max() <= PATH_TOLERANCE_M + 1e-9
+    assert np.repeat(lane.status, np.diff(lane.samples)).tolist() == status[1:].tolist()
 
 
 @pytest.mark.parametrize("most", [10, 40, 400])
-def test_few_knots_go_where_the_path_is_farthest_off(drive: Drive, most: int) -> None:
+def test_few_knots_go_where_the_path_is_farthest_off(drive: PlanDrive, most: int) -> None:
     rng = np.random.default_rng(1)
     one = np.ones(500, dtype=np.int64)
     wild = replace(
         drive, xy=(straight(500) + rng.normal(0, 2.0, (500, 2)), straight(500) + rng.normal(0, 0.2, (500, 2))),
         status=(one, one),
     )  # fmt: skip
-    rough, calm = lanes(wild, most)
-    assert len(rough.sample) + len(calm.sample) == most
-    assert len(rough.sample) > len(calm.sample)
+    rough, calm = thin_paths(wild, most)
+    assert len(rough.samples) + len(calm.samples) == most
+    assert len(rough.samples) > len(calm.samples)
 
 
 def test_one_moment_is_one_knot() -> None:
-    (lane,) = lanes(driven(np.zeros((1, 2)), np.ones(1, dtype=np.int64)), 10)
-    assert lane.sample.tolist() == [0] and lane.runs() == []
+    (lane,) = thin_paths(driven(np.zeros((1, 2)), np.ones(1, dtype=np.int64)), 10)
+    assert lane.samples.tolist() == [0] and lane.list_status_runs() == []

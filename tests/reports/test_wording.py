@@ -8,26 +8,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.effect_words import spelled
-from reports.results import MissedPiece, PlanResult, Ranking
-from reports.wording import (
+from reports.common.effect_names import replace_effect_ids
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
+from reports.common.wording import (
     NO_BREAK,
-    bound,
-    clock,
-    closest,
-    duration,
-    effects_words,
-    headline,
-    in_time,
-    left,
-    listed,
-    members,
-    minutes,
-    number,
-    place,
-    price,
-    refusals,
-    remarks,
+    format_duration,
+    format_minutes,
+    format_number,
+    format_price,
+    insert_non_breaking_spaces,
+    join_list,
+)
+from reports.plan.plan_wording import (
+    describe_ranking,
+    describe_simulated_effects,
+    format_clock_after_start,
+    format_ground_place,
+    format_in_time_probability,
+    format_unworked,
+    group_refusals,
+    list_plan_remarks,
+    name_best_late_plan,
+    name_refused_plans,
 )
 
 
@@ -46,31 +48,36 @@ from reports.wording import (
     ],
 )
 def test_durations_by_hand(seconds: float | None, short: str, thesis: str) -> None:
-    assert duration(seconds) == short
-    assert minutes(seconds) == thesis
+    assert format_duration(seconds) == short
+    assert format_minutes(seconds) == thesis
 
 
 @given(st.integers(min_value=0, max_value=10**6))
 def test_durations_read_back(seconds: int) -> None:
     read = 0
-    for part in duration(float(seconds)).split(":"):
+    for part in format_duration(float(seconds)).split(":"):
         read = read * 60 + int(part)
-    mins, secs = minutes(float(seconds)).split(":")
+    mins, secs = format_minutes(float(seconds)).split(":")
     assert read == seconds == int(mins) * 60 + int(secs)
 
 
 def test_numbers_have_no_negative_zero_and_prices_stay_short() -> None:
-    assert number(-0.04, 1) == "0.0"
-    assert number(float("nan"), 1) == "-"
-    assert [price(4.925), price(999.99), price(12345.6)] == ["4.92", "999.99", "12346"]
+    assert format_number(-0.04, 1) == "0.0"
+    assert format_number(float("nan"), 1) == "-"
+    assert [format_price(4.925), format_price(999.99), format_price(12345.6)] == ["4.92", "999.99", "12346"]
 
 
 def test_lists_in_words() -> None:
-    assert [listed([]), listed([1]), listed([1, 3]), listed([1, 3, 5], "or")] == ["none", "1", "1 and 3", "1, 3 or 5"]
+    assert [join_list([]), join_list([1]), join_list([1, 3]), join_list([1, 3, 5], "or")] == [
+        "none",
+        "1",
+        "1 and 3",
+        "1, 3 or 5",
+    ]
 
 
-def test_headline_with_a_deadline(ranking: Ranking) -> None:
-    assert headline(ranking) == [
+def test_headline_with_a_deadline(ranking: PlanRanking) -> None:
+    assert describe_ranking(ranking) == [
         "Best plan: 3 tractors, split-field, turns switch-back, done in 0:28:32 (at 08:28), cost 5.65.",
         "The deadline (09:00) can be met with 3 or 5 tractors, not with 1 or 2; the best plan is the cheapest of them.",
         "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89.",
@@ -78,116 +85,127 @@ def test_headline_with_a_deadline(ranking: Ranking) -> None:
     ]
 
 
-def test_the_clock_says_what_it_is_of_where_the_way_back_is_driven_too(ranking: Ranking) -> None:
+def test_the_clock_says_what_it_is_of_where_the_way_back_is_driven_too(ranking: PlanRanking) -> None:
     plans = tuple(replace(plan, done_s=plan.time_s and plan.time_s - 60.0) for plan in ranking.plans)
-    told = headline(replace(ranking, plans=plans))[0]
+    told = describe_ranking(replace(ranking, plans=plans))[0]
     assert "driven in 0:28:32 (field work done at 08:27), cost 5.65." in told
 
 
-def test_a_deadline_on_the_next_day_says_so(ranking: Ranking) -> None:
-    late = replace(ranking, start="22:00", before="02:00", allowed_s=4 * 3600.0)
-    assert headline(late)[1].startswith("The deadline (02:00 next day) can be met with")
+def test_a_deadline_on_the_next_day_says_so(ranking: PlanRanking) -> None:
+    late = replace(ranking, start="22:00", deadline="02:00", allowed_s=4 * 3600.0)
+    assert describe_ranking(late)[1].startswith("The deadline (02:00 next day) can be met with")
 
 
-def test_headline_without_a_deadline_takes_the_fastest(ranking: Ranking) -> None:
+def test_headline_without_a_deadline_takes_the_fastest(ranking: PlanRanking) -> None:
     plans = tuple(replace(plan, meets_deadline=None) for plan in ranking.plans)
-    sentences = headline(replace(ranking, plans=plans, start=None, before=None))
+    sentences = describe_ranking(replace(ranking, plans=plans, start=None, deadline=None))
     assert sentences[0] == "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53, cost 6.89."
     assert [sentence.split(":")[0] for sentence in sentences] == ["Best plan", "Cheapest"]
 
 
-def test_headline_when_nobody_is_in_time(ranking: Ranking) -> None:
+def test_headline_when_nobody_is_in_time(ranking: PlanRanking) -> None:
     plans = tuple(replace(plan, meets_deadline=False if plan.feasible else None) for plan in ranking.plans)
-    assert headline(replace(ranking, plans=plans, before="08:10", allowed_s=600.0)) == [
+    assert describe_ranking(replace(ranking, plans=plans, deadline="08:10", allowed_s=600.0)) == [
         "No plan meets the deadline (08:10).",
-        "The closest misses it by 0:10:53: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89.",
+        "The closest plan misses it by 0:10:53: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost "
+        "6.89.",
         "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92.",
     ]
 
 
-def test_what_is_remarkable_about_the_best_plan_is_told_after_it(ranking: Ranking) -> None:
+def test_what_is_remarkable_about_the_best_plan_is_told_after_it(ranking: PlanRanking) -> None:
     little = tuple(replace(plan, remark="works only 10 % of the field") for plan in ranking.plans)
-    said = "Remark on it: works only 10 % of the field."
-    assert headline(replace(ranking, plans=little))[1] == said
-    assert not any("Remark" in sentence for sentence in headline(ranking))
+    said = "Remark on this plan: works only 10 % of the field."
+    assert describe_ranking(replace(ranking, plans=little))[1] == said
+    assert not any("Remark" in sentence for sentence in describe_ranking(ranking))
     late = tuple(replace(plan, meets_deadline=False) for plan in little if plan.feasible)
-    assert headline(replace(ranking, plans=late, allowed_s=600.0))[2] == said
+    assert describe_ranking(replace(ranking, plans=late, allowed_s=600.0))[2] == said
 
 
 class TestWhatIsLeft:
-    def test_the_best_plan_says_what_it_leaves_and_what_finishing_comes_to(self, leaving: Ranking) -> None:
+    def test_the_best_plan_says_what_it_leaves_and_what_finishing_comes_to(self, leaving: PlanRanking) -> None:
         plans = tuple(replace(plan, meets_deadline=None) for plan in leaving.plans)
-        sentences = headline(replace(leaving, plans=plans, before=None, allowed_s=None))
+        sentences = describe_ranking(replace(leaving, plans=plans, deadline=None, allowed_s=None))
         assert sentences == [
             "Best plan: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89, leaves 0.38 ha "
-            "(20 %).",
-            "With that finished at its own rate: 0:26:06 (at 08:26), cost 8.61.",
-            "The largest piece it leaves, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
-            "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92, leaves 0.19 ha (10 %).",
+            "(20 %) unworked.",
+            "Finishing the missed 0.38 ha adds 0:05:13 (field work done at 08:26) and 1.72.",
+            "The largest missed piece, 0.12 ha, is at latitude 43.20000, longitude 141.75000.",
+            "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:14), cost 4.92, leaves 0.19 ha (10 %) "
+            "unworked.",
         ]
 
-    def test_fastest_and_cheapest_are_those_of_the_finished_field(self, leaving: Ranking) -> None:
+    def test_fastest_and_cheapest_are_those_of_the_finished_field(self, leaving: PlanRanking) -> None:
         little = replace(leaving.plans[4], worked_pct=30.0, missed_m2=13_230.0, finished_s=14_917.0, finished_cost=16.4)
         plans = (*leaving.plans[:4], little, *leaving.plans[5:])
-        sentences = headline(replace(leaving, plans=plans))
+        sentences = describe_ranking(replace(leaving, plans=plans))
         assert sentences[-1].startswith("Cheapest: 1 tractor, split-field, turns switch-back")
         quick = replace(leaving.plans[1], time_s=900.0, finished_s=4500.0, missed_m2=15_120.0, worked_pct=20.0)
-        sentences = headline(replace(leaving, plans=(leaving.plans[0], quick, *leaving.plans[2:])))
+        sentences = describe_ranking(replace(leaving, plans=(leaving.plans[0], quick, *leaving.plans[2:])))
         assert next(s for s in sentences if s.startswith("Fastest")).startswith("Fastest: 5 tractors, row-by-row")
 
-    def test_finishing_too_late_for_the_deadline_is_said(self, leaving: Ranking) -> None:
-        said = headline(replace(leaving, plans=leaving.plans[2:3], allowed_s=1800.0))
-        assert said[1].endswith("(at 08:31), cost 6.28, too late for the deadline.")
-        assert not any("too late" in sentence for sentence in headline(leaving))
+    def test_finishing_too_late_for_the_deadline_is_said(self, leaving: PlanRanking) -> None:
+        said = describe_ranking(replace(leaving, plans=leaving.plans[2:3], allowed_s=1800.0))
+        assert said[1].endswith("(field work done at 08:31) and 0.63, too late for the deadline.")
+        assert not any("too late" in sentence for sentence in describe_ranking(leaving))
 
-    def test_a_plan_that_could_finish_in_time_is_best_and_called_so(self, leaving: Ranking) -> None:
+    def test_a_plan_that_could_finish_in_time_is_best_and_called_so(self, leaving: PlanRanking) -> None:
         cheap = replace(leaving.plans[3], time_s=3500.0, meets_deadline=True, finished_s=3889.0, finished_cost=1.0)
         ranking = replace(leaving, plans=(*leaving.plans[:3], cheap))
         assert ranking.best is leaving.plans[2]
-        assert "the best plan is the cheapest that could finish the field by then." in " ".join(headline(ranking))
+        assert "the best plan is the cheapest that could finish the field by then." in " ".join(
+            describe_ranking(ranking)
+        )
 
-    def test_the_best_of_late_plans_is_called_closest_only_if_it_is(self, leaving: Ranking) -> None:
+    def test_the_best_of_late_plans_is_called_closest_only_if_it_is(self, leaving: PlanRanking) -> None:
         late = [replace(plan, meets_deadline=False) for plan in leaving.plans[:3]]
-        assert closest(replace(leaving, plans=tuple(late))) == "closest"
+        assert name_best_late_plan(replace(leaving, plans=tuple(late))) == "closest plan"
         late[1] = replace(late[1], time_s=1000.0, finished_s=5000.0)
-        assert headline(replace(leaving, plans=tuple(late), allowed_s=60.0))[1].startswith("The best of them misses it")
+        assert describe_ranking(replace(leaving, plans=tuple(late), allowed_s=60.0))[1].startswith(
+            "The best plan misses it"
+        )
 
     @pytest.mark.parametrize(
         ("m2", "pct", "words"),
         [(8300.0, 79.4, "0.83 ha (21 %)"), (450.0, 96.35, "450 m2 (3.7 %)"), (3.0, 99.99, "3 m2 (under 0.1 %)"),
          (0.3, 99.9, None), (None, 98.0, None)],
     )  # fmt: skip
-    def test_how_much_in_words(self, leaving: Ranking, m2: float | None, pct: float, words: str | None) -> None:
-        assert left(replace(leaving.plans[0], missed_m2=m2, worked_pct=pct)) == words
+    def test_how_much_in_words(self, leaving: PlanRanking, m2: float | None, pct: float, words: str | None) -> None:
+        assert format_unworked(replace(leaving.plans[0], missed_m2=m2, worked_pct=pct)) == words
 
     def test_a_place_on_the_earth_or_in_the_field(self) -> None:
-        assert place(MissedPiece(5.0, 12.4, -3.6)) == "x 12 m, y -4 m"
-        assert place(MissedPiece(5.0, 12.4, -3.6, 9.88618, 56.463781)) == "latitude 56.46378, longitude 9.88618"
+        assert format_ground_place(UnworkedPiece(5.0, 12.4, -3.6)) == "x 12 m, y -4 m"
+        assert (
+            format_ground_place(UnworkedPiece(5.0, 12.4, -3.6, 9.88618, 56.463781))
+            == "latitude 56.46378, longitude 9.88618"
+        )
 
 
 def test_a_value_stays_with_the_word_before_it() -> None:
     text = f"cost{NO_BREAK}5.65 (at{NO_BREAK}08:28) on a, b with{NO_BREAK}2, 3 or{NO_BREAK}5"
-    assert bound(text.replace(NO_BREAK, " ")) == text
+    assert insert_non_breaking_spaces(text.replace(NO_BREAK, " ")) == text
 
 
-def test_effects_are_told_by_their_words_with_ids_and_units(ranking: Ranking) -> None:
+def test_effects_are_told_by_their_words_with_ids_and_units(ranking: PlanRanking) -> None:
     effects = {"steering_offset": {"angle_deg": 1.0}, "cross_slope_drift": {"ratio": 0.031, "bearing_deg": 90.0},
-               "rest": {"grip_to_east": 0.1}}  # fmt: skip
-    assert effects_words(replace(ranking, tractor_effects=effects)) == (
-        "Simulated with what the tractor file has from measured logs: steering offset (steering_offset): 1 deg; cross "
-        "slope drift (cross_slope_drift): 0.031 m/m, bearing 90 deg; a rest told from data."
+               "discrepancy_model": {"grip_to_east": 0.1}}  # fmt: skip
+    assert describe_simulated_effects(replace(ranking, tractor_effects=effects)) == (
+        "Simulated with what measured logs showed of this tractor: steering offset (steering_offset): 1 deg; cross "
+        "slope drift (cross_slope_drift): 0.031 m/m, bearing 90 deg; a discrepancy model."
     )
-    assert effects_words(ranking) is None
-    assert spelled("1 deg of gnss_latency, not my_gnss_latency") == "1 deg of GNSS latency, not my_gnss_latency"
+    assert describe_simulated_effects(ranking) is None
+    assert (
+        replace_effect_ids("1 deg of gnss_latency, not my_gnss_latency") == "1 deg of GNSS latency, not my_gnss_latency"
+    )
 
 
-def test_headline_when_nothing_works(ranking: Ranking) -> None:
+def test_headline_when_nothing_works(ranking: PlanRanking) -> None:
     refused_only = replace(ranking, plans=ranking.plans[6:])
-    assert headline(refused_only) == [
+    assert describe_ranking(refused_only) == [
         "No plan works: all 4 were refused, 2 of them because: Turning radius 4.10 m needs 8.20 m, "
-        "rows are 10.00 m apart (the figures are those of the first)."
+        "rows are 10.00 m apart (figures of the first)."
     ]
-    assert headline(replace(ranking, plans=()))[0].startswith("No plan was tried")
+    assert describe_ranking(replace(ranking, plans=()))[0].startswith("No plan was tried")
 
 
 @pytest.mark.parametrize(
@@ -201,74 +219,82 @@ def test_headline_when_nothing_works(ranking: Ranking) -> None:
         (["a", "b", "c"], "all 3 were refused, one of them because: a."),
     ],
 )
-def test_how_many_were_refused_and_why(ranking: Ranking, reasons: list[str], words: str) -> None:
+def test_how_many_were_refused_and_why(ranking: PlanRanking, reasons: list[str], words: str) -> None:
     plans = tuple(PlanResult("s", 1, "u", False, reason) for reason in reasons)
-    assert headline(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
+    assert describe_ranking(replace(ranking, plans=plans)) == [f"No plan works: {words}"]
 
 
-def test_remarks_name_the_strategy_and_the_counts(ranking: Ranking) -> None:
+def test_remarks_name_the_strategy_and_the_counts(ranking: PlanRanking) -> None:
     first, *rest = ranking.plans
     plans = [*(replace(first, tractors=count, remark="it waits") for count in (5, 2)), *rest]
-    assert remarks(plans) == ["row-by-row with 2 and 5: it waits."]
-    assert remarks(rest) == []
+    assert list_plan_remarks(plans) == ["row-by-row with 2 and 5: it waits."]
+    assert list_plan_remarks(rest) == []
 
 
-def test_the_cheapest_is_told_once(ranking: Ranking) -> None:
+def test_a_remark_of_several_strategies_is_one_line_with_a_count(ranking: PlanRanking) -> None:
+    remarks = ("it waits; 2 m are near", "it waits; 3 m are near", "it waits")
+    plans = [replace(plan, remark=remark) for plan, remark in zip(ranking.plans, remarks, strict=False)]
+    assert list_plan_remarks(plans) == ["3 plans: it waits.", "2 plans, such as row-by-row with 5: 2 m are near."]
+
+
+def test_the_cheapest_is_told_once(ranking: PlanRanking) -> None:
     in_time = replace(ranking, plans=ranking.plans[:3])
-    assert headline(in_time) == [
+    assert describe_ranking(in_time) == [
         "Best plan: 3 tractors, split-field, turns switch-back, done in 0:28:32 (at 08:28), cost 5.65.",
         "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of all.",
         "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:20), cost 6.89.",
     ]
-    late = headline(replace(ranking, plans=ranking.plans[4:5]))
-    assert [late[0], late[-1]] == ["No plan meets the deadline (09:00).", "That is also the cheapest."]
+    late = describe_ranking(replace(ranking, plans=ranking.plans[4:5]))
+    assert [late[0], late[-1]] == ["No plan meets the deadline (09:00).", "This plan is also the cheapest."]
 
 
-def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: Ranking) -> None:
+def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> None:
     plans = tuple(
         replace(plan, meets_deadline=None, paid_cost=50.0 + plan.tractors, expected_cost=70.0 - plan.tractors,
                 finished_cost=(plan.cost or 0.0) + 1.25)
         for plan in ranking.plans[:5]
     )  # fmt: skip
-    drawn = replace(ranking, plans=plans, before=None, allowed_s=None, advice="Advice.", currency="EUR", draws=100,
-                    money=("Money.",), chosen=("split-field", 1))  # fmt: skip
-    told = headline(drawn)
+    drawn = replace(ranking, plans=plans, deadline=None, allowed_s=None, advice="Advice.", currency="EUR", samples=100,
+                    money_sentences=("Money.",), chosen=("split-field", 1))  # fmt: skip
+    told = describe_ranking(drawn)
     assert told[:2] == ["Advice.", "Money."]
     assert told[2].endswith("expected cost 69.00 EUR.")
-    assert told[-1].startswith("Fastest, at the least expected cost: 5 tractors, row-by-row")
-    best = headline(replace(drawn, chosen=("row-by-row", 5)))
-    assert best[-1] == "The best plan also has the least expected cost."
-    unmet = headline(replace(drawn, chosen=("row-by-row", 5), unmet="No plan is in time."))
-    assert unmet[-1] == "That also has the least expected cost."
+    assert told[-1].startswith("Fastest, at the lowest expected cost: 5 tractors, row-by-row")
+    best = describe_ranking(replace(drawn, chosen=("row-by-row", 5)))
+    assert best[-1] == "The best plan also has the lowest expected cost."
+    unmet = describe_ranking(replace(drawn, chosen=("row-by-row", 5), unmet_sentence="No plan is in time."))
+    assert unmet[-1] == "This plan also has the lowest expected cost."
     sure = replace(drawn, plans=tuple(replace(plan, paid_cost=plan.expected_cost) for plan in plans))
-    assert headline(sure)[2].endswith(", cost 69.00 EUR.")
-    assert headline(sure)[-1].startswith("Fastest and cheapest: 5 tractors")
+    assert describe_ranking(sure)[2].endswith(", cost 69.00 EUR.")
+    assert describe_ranking(sure)[-1].startswith("Fastest and cheapest: 5 tractors")
 
 
-def test_a_probability_of_few_draws_is_from_and_to(ranking: Ranking) -> None:
+def test_a_probability_of_few_draws_is_from_and_to(ranking: PlanRanking) -> None:
     plan = replace(ranking.plans[0], finish_probability=0.77, finish_probability_interval=(0.678, 0.842))
-    assert in_time(plan) == "68-84"
-    assert in_time(replace(plan, finish_probability_interval=(0.762, 0.778))) == "77"
-    assert in_time(replace(plan, finish_probability=0.999, finish_probability_interval=None)) == ">99"
-    assert in_time(replace(plan, finish_probability=None, finish_probability_interval=None)) == "-"
+    assert format_in_time_probability(plan) == "68-84"
+    assert format_in_time_probability(replace(plan, finish_probability_interval=(0.762, 0.778))) == "77"
+    assert (
+        format_in_time_probability(replace(plan, finish_probability=0.999, finish_probability_interval=None)) == ">99"
+    )
+    assert format_in_time_probability(replace(plan, finish_probability=None, finish_probability_interval=None)) == "-"
 
 
-def test_clock_times_after_the_start(ranking: Ranking) -> None:
-    assert clock(ranking, 3725.0) == "09:02"
-    assert clock(replace(ranking, start="23:30"), 3600.0) == "00:30 next day"
-    assert clock(replace(ranking, start="soon"), 3600.0) is None
+def test_clock_times_after_the_start(ranking: PlanRanking) -> None:
+    assert format_clock_after_start(ranking, 3725.0) == "09:02"
+    assert format_clock_after_start(replace(ranking, start="23:30"), 3600.0) == "00:30 next day"
+    assert format_clock_after_start(replace(ranking, start="soon"), 3600.0) is None
 
 
 @given(st.lists(st.tuples(st.sampled_from("ab"), st.integers(1, 9)), max_size=20))
 def test_every_refusal_is_in_one_group(entries: list[tuple[str, int]]) -> None:
     plans = [PlanResult("s", count, "u", False, f"{word} {count} m") for word, count in entries]
-    groups = refusals(plans)
+    groups = group_refusals(plans)
     assert sorted(id(plan) for group in groups for plan in group.plans) == sorted(id(plan) for plan in plans)
     assert len(groups) == len({word for word, _ in entries})
-    assert all(group.alike == (len({plan.tractors for plan in group.plans}) > 1) for group in groups)
+    assert all(group.has_similar_reasons == (len({plan.tractors for plan in group.plans}) > 1) for group in groups)
     sizes = [len(group.plans) for group in groups]
     assert sizes == sorted(sizes, reverse=True)
 
 
-def test_members_are_named(ranking: Ranking) -> None:
-    assert members(refusals(ranking.plans[6:])[0]) == "row-by-row (u) with 7 and 9"
+def test_members_are_named(ranking: PlanRanking) -> None:
+    assert name_refused_plans(group_refusals(ranking.plans[6:])[0]) == "row-by-row (u) with 7 and 9"

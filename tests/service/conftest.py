@@ -3,19 +3,21 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, sync_playwright
 from starlette.testclient import TestClient
 
-from planner.service.api import create_app
-from planner.service.settings import Settings
-from planner.service.store import Store
+from planner.service.api.apps import create_app
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import Store
 from tests.service.databases import KINDS, database
 from tests.service.fake_service import CONTROL, Made, fake_app
-from tests.service.watching import BROWSER, Watched, served
+from tests.service.watching import BROWSER, WatchedPage, serve_app
 
+BOTH = "operator planner"
 HERE = "http://127.0.0.1:8765"
 SMALL = json.dumps(
     {"type": "Polygon", "coordinates": [[[0.0, 0.0], [45.0, 0.0], [45.0, 80.0], [0.0, 80.0], [0.0, 0.0]]]}
@@ -23,14 +25,14 @@ SMALL = json.dumps(
 
 
 @pytest.fixture(params=KINDS)
-def both(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Settings]:
+def both(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServiceSettings]:
     """Settings on each database in turn, without workers."""
     with database(request.param) as url:
-        yield Settings(data=tmp_path / "data", database=url, workers=0, lease_s=1.0)
+        yield ServiceSettings(data=tmp_path / "data", database=url, workers=0, lease_s=1.0)
 
 
 @pytest.fixture
-def store(both: Settings) -> Iterator[Store]:
+def store(both: ServiceSettings) -> Iterator[Store]:
     """An empty store, on each database in turn."""
     store = Store(both)
     yield store
@@ -38,28 +40,28 @@ def store(both: Settings) -> Iterator[Store]:
 
 
 @pytest.fixture
-def settings(tmp_path: Path) -> Settings:
+def settings(tmp_path: Path) -> ServiceSettings:
     """Settings of a small service on SQLite, without workers."""
-    return Settings(data=tmp_path / "data", workers=0, upload_mb=1, jobs_waiting=3)
+    return ServiceSettings(data=tmp_path / "data", workers=0, upload_mb=1, jobs_waiting=3)
 
 
 @pytest.fixture
-def app(settings: Settings) -> FastAPI:
+def app(settings: ServiceSettings) -> FastAPI:
     """A service whose files are read in this process."""
-    return create_app(settings, inline=True)
+    return create_app(settings, reads_inline=True)
 
 
 @pytest.fixture
 def client(app: FastAPI) -> Iterator[TestClient]:
-    """A client on this machine, without a token."""
+    """A client that has logged in and so reads, without a token."""
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
-        yield client
+        yield log_in(client)
 
 
 @pytest.fixture
 def token(app: FastAPI) -> dict[str, str]:
-    """The header of a token that may control."""
-    return bearer(app, "control")
+    """The header of a token that may plan and operate."""
+    return bearer(app, BOTH)
 
 
 Shared = tuple[TestClient, dict[str, str]]
@@ -67,18 +69,18 @@ Shared = tuple[TestClient, dict[str, str]]
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Shared]:
-    """A client and the header of a token that may control, for tests that leave nothing behind."""
-    settings = Settings(data=tmp_path_factory.mktemp("shared"), workers=0, upload_mb=1, jobs_waiting=1000)
-    app = create_app(settings, inline=True)
+    """A client and the header of a token that may plan and operate, for tests that leave nothing behind."""
+    settings = ServiceSettings(data=tmp_path_factory.mktemp("shared"), workers=0, upload_mb=1, jobs_waiting=1000)
+    app = create_app(settings, reads_inline=True)
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
-        yield client, bearer(app, "control")
+        yield log_in(client), bearer(app, BOTH)
 
 
 @pytest.fixture(scope="module")
 def pages() -> Iterator[tuple[str, Made]]:
     """The address of the pages with a made-up service behind them, and what is asked of it."""
     app = fake_app()
-    with served(app) as base:
+    with serve_app(app) as base:
         yield base, app.state.made
 
 
@@ -92,19 +94,27 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="module")
-def window(pages: tuple[str, Made], browser: Browser) -> Watched:
+def window(pages: tuple[str, Made], browser: Browser) -> WatchedPage:
     """The page of `watched`."""
-    return Watched(browser, pages[0], CONTROL)
+    return WatchedPage(browser, pages[0], CONTROL)
 
 
 @pytest.fixture
-def watched(window: Watched) -> Watched:
-    """A page with a token that may control, of which nothing was said yet; tests open what they need in it."""
+def watched(window: WatchedPage) -> WatchedPage:
+    """A page with an operator's token, of which nothing was said yet; tests open what they need in it."""
     window.said.clear()
     window.asked.clear()
     return window
 
 
-def bearer(app: FastAPI, scope: str) -> dict[str, str]:
-    """The header of a new token of a scope."""
-    return {"Authorization": f"Bearer {app.state.store.new_token(f'a {scope}', scope)}"}
+def log_in(client: TestClient) -> TestClient:
+    """The same client, which has opened the login address."""
+    app: Any = client.app
+    answer = client.get("/login", params={"code": app.state.logins.code}, follow_redirects=False)
+    assert answer.status_code == 303
+    return client
+
+
+def bearer(app: FastAPI, scope: str, **more: Any) -> dict[str, str]:
+    """The header of a new token of a scope, or of several with spaces between them."""
+    return {"Authorization": f"Bearer {app.state.store.create_token_text(f'a {scope}', scope, **more)}"}

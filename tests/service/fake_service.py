@@ -10,8 +10,8 @@ from typing import Any
 from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
-from planner.service.access.headers import REPORT_POLICY, SecurityHeaders
-from planner.service.pages import mount
+from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
+from planner.service.pages.static_files import mount_pages
 from tests.service import made_field
 
 BEGUN_S, BEAT_S = 200.0, 0.1
@@ -23,8 +23,8 @@ REPORT = (
 )
 
 
-NOTHING = {"named": [], "words": "Nothing was found that the tractor file lacks.", "mends": False}
-UNDERSTEER = {"named": ["understeer"], "words": "The tractor turns less than its wheels say.", "mends": True}
+NOTHING = {"named": [], "words": "Nothing was found that the tractor file lacks.", "extends_model": False}
+UNDERSTEER = {"named": ["understeer"], "words": "The tractor turns less than its wheels say.", "extends_model": True}
 
 
 class Made:
@@ -53,11 +53,15 @@ def fake_app() -> FastAPI:
     app = FastAPI()
     made = app.state.made = Made()
     lanes = [made_field.lane_of(number) for number in range(1, made_field.COUNT + 1)]
-    app.add_middleware(SecurityHeaders)
+    app.add_middleware(SecurityHeadersMiddleware)
 
     @app.get("/api/v1/health")
     def health() -> dict[str, Any]:
-        return {"status": "ok", "version": "0.2.0", "tokens_needed": False}
+        return {"status": "ok", "version": "0.2.0", "faults": []}
+
+    @app.get("/api/v1/me")
+    def me() -> dict[str, Any]:
+        return {"name": "office", "rights": ["operate", "plan", "read"], "fleet": None, "tractor": None}
 
     _fleets(app, made)
     _files(app, made)
@@ -75,7 +79,7 @@ def fake_app() -> FastAPI:
         finally:
             made.left += 1
 
-    mount(app)
+    mount_pages(app)
     return app
 
 
@@ -159,7 +163,7 @@ def _jobs(app: FastAPI, made: Made) -> None:
     def result(kind: str, name: str, result: str) -> Any:
         if result == "page.html":
             return HTMLResponse(
-                REPORT, headers={"content-security-policy": REPORT_POLICY, "x-frame-options": "SAMEORIGIN"}
+                REPORT, headers={"content-security-policy": REPORT_SECURITY_POLICY, "x-frame-options": "SAMEORIGIN"}
             )
         return made_field.maps() if result == "maps.json" else made_field.result()
 
@@ -249,7 +253,7 @@ def _fleets(app: FastAPI, made: Made) -> None:
 
     @app.post("/api/v1/twins/{fleet}/{tractor}/mend")
     def mend(fleet: str, tractor: int) -> dict[str, Any]:
-        made.finding = made.finding | {"mends": False}
+        made.finding = made.finding | {"extends_model": False}
         return {"tractor": "eg105 mended"}
 
 
@@ -257,7 +261,7 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
     hello = await socket.receive_json()
     role = hello["role"] if hello.get("token") == CONTROL else "viewer"
     await socket.send_json(
-        {"kind": "welcome", "fleet": "f1", "role": role, "settings": {"remote_mps": 1.4}, "beat_s": 0.2}
+        {"kind": "welcome", "fleet": "f1", "role": role, "settings": {"remote_mps": 1.4}, "heartbeat_s": 0.2}
     )
     await socket.send_json(made_field.scene())
     for number, lane in enumerate(lanes, start=1):
@@ -278,7 +282,7 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
 
 def _painted(number: int, points: list[Any]) -> dict[str, Any]:
     return {
-        "kind": "painted",
+        "kind": "coverage",
         "tractor": number,
         "first": 0,
         "points": [[x + made_field.EAST, y + made_field.NORTH] for x, y in points],
@@ -290,7 +294,7 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
         {
             "id": 1,
             "code": "broken",
-            "other": None,
+            "related_number": None,
             "level": "critical",
             "tractor": 3,
             "sentence": "Tractor 3 has not been heard of for 42 s; it finishes its released leg and stops.",
@@ -301,7 +305,7 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
         {
             "id": 2,
             "code": "obstacle",
-            "other": 1,
+            "related_number": 1,
             "level": "warning",
             "tractor": 2,
             "sentence": f"An obstacle {NASTY} is on track 9.",
@@ -312,10 +316,10 @@ def _alarms(made: Made) -> list[dict[str, Any]]:
         {
             "id": 3,
             "code": "unread obstacle",
-            "other": None,
+            "related_number": None,
             "level": "critical",
             "tractor": 2,
-            "sentence": "Tractor 2 sees an obstacle that could not be taken, and stands.",
+            "sentence": "Tractor 2 stopped: it sees an obstacle that could not be read.",
             "since": 1_790_000_200.0,
             "acknowledged": None,
             "over": made.looked,
@@ -341,7 +345,7 @@ def _tick(lanes: list[dict[str, Any]], now: float) -> dict[str, Any]:
                 "mode": "automatic",
                 "leg": leg,
                 "leg_m": 3.0,
-                "released": leg + 2,
+                "base_end": leg + 2,
                 "waits_for": [{"tractor": 1, "leg": 4}] if number == 2 else [],
                 "eta_s": 1260.0 + 60 * number,
                 "late_s": 95.0 if gone else 4.0,
@@ -376,7 +380,12 @@ async def _listen(socket: WebSocket, made: Made) -> None:
             made.holder = "me"
             mine = frame["takeover"]
             await socket.send_json(
-                {"kind": "lease", "tractor": frame["tractor"], "holder": "office" if mine else "the yard", "mine": mine}
+                {
+                    "kind": "lease",
+                    "tractor": frame["tractor"],
+                    "holder": "office" if mine else "the yard",
+                    "is_yours": mine,
+                }
             )
         elif frame["kind"] == "stop_all" and not made.deaf:
             event = {"kind": "event", "time": "2026-11-20T09:11:00Z", "who": "office", "what": "stop_all", "data": {}}

@@ -7,20 +7,19 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from planner.scenario import Scenario
-from planner.service.centre.centre import Centre
-from planner.service.centre.course import Course
-from planner.service.centre.fleet_plan import FleetPlan
-from planner.service.centre.orders import Event, Order
-from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import Report
-from vehicle.missions import TRACK, Gate, Leg, Mission, Plan, Task
-from vehicle.plan_file import SavedPlan
-from vehicle.tractor import Implement, load_tractor
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.model.tractor_state import FleetEvent, TractorOrder, TractorReport
+from planner.request.plan_request import PlanRequest
+from vehicle.missions.plan import SWATH, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan_file import SavedPlan
+from vehicle.model.tractor import Implement, load_tractor
 
 SPEED, LENGTH = 1.0, 20.0
 EG105, BAR = load_tractor("eg105"), Implement(width_m=2.0)
-Gates = dict[tuple[int, int], tuple[Gate, ...]]
+Gates = dict[tuple[int, int], tuple[LegGate, ...]]
 
 
 def fleet_plan(
@@ -30,55 +29,81 @@ def fleet_plan(
     missions = []
     for number in range(tractors):
         x = apart_m * number
-        missions.append(Mission(tuple(
-            Leg(np.array([[x, length_m * k], [x, length_m * (k + 1)]]), SPEED, implement=k % 2 == 0,
-                task=Task(TRACK, number), gates=(gates or {}).get((number, k), ()))
-            for k in range(legs)
-        )))  # fmt: skip
-    courses = tuple(Course(mission, (length_m / SPEED,) * legs) for mission in missions)
+        missions.append(
+            Mission(
+                tuple(
+                    Leg(
+                        np.array([[x, length_m * k], [x, length_m * (k + 1)]]),
+                        SPEED,
+                        implement=k % 2 == 0,
+                        task=LegTask(SWATH, number),
+                        gates=(gates or {}).get((number, k), ()),
+                    )
+                    for k in range(legs)
+                )
+            )
+        )
+    courses = tuple(TimedMission(mission, (length_m / SPEED,) * legs) for mission in missions)
     ground = shapely.box(-5.0, -5.0, apart_m * (tractors - 1) + 5.0, length_m * legs + 5.0)
-    scenario = Scenario(width_m=2.0)
+    scenario = PlanRequest(width_m=2.0)
     return FleetPlan(
-        SavedPlan(Plan(tuple(missions)), None, (1000.0, 2000.0), {}), scenario, EG105, BAR, courses,
-        (length_m * legs / SPEED,) * tractors, 10.0, ground,
-    )  # fmt: skip
+        SavedPlan(Plan(tuple(missions)), None, (1000.0, 2000.0), {}),
+        scenario,
+        EG105,
+        BAR,
+        courses,
+        (length_m * legs / SPEED,) * tractors,
+        10.0,
+        ground,
+    )
 
 
 @dataclass
-class Driven:
+class SimulatedFleet:
     """A centre with simulated tractors: each obeys its orders and reports ten times a second."""
 
-    centre: Centre
+    manager: FleetManager
     pace: dict[int, float] = field(default_factory=dict)
     now: float = 0.0
     silent: set[int] = field(default_factory=set)
     standing: list[bool] = field(default_factory=list)
     at_m: list[float] = field(default_factory=list)
-    orders: list[Order] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
+    orders: list[TractorOrder] = field(default_factory=list)
+    events: list[FleetEvent] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        count = self.centre.plan.tractors
+        count = self.manager.plan.tractor_count
         self.standing, self.at_m = [True] * count, [0.0] * count
         for number in range(count):
-            self.centre.joined(number, self.now)
+            self.manager.connect_tractor(number, self.now)
             self.report(number, 0.0)
 
     def report(self, number: int, speed: float) -> None:
         """One tractor says where it is."""
-        course = self.centre.courses[number]
-        end = course.before_m[-1]
+        course = self.manager.timed_missions[number]
+        end = course.leg_starts_m[-1]
         leg = min(int(self.at_m[number] // LENGTH), len(course.legs) - 1)
-        x, y, heading = course.along(leg, self.at_m[number] - LENGTH * leg, [0.0], len(course.legs))[0]
-        self.centre.reported(number, Report(
-            x, y, heading, speed, speed, mode="stopped" if self.standing[number] else "automatic",
-            leg=leg, leg_m=self.at_m[number] - LENGTH * leg, implement=int(course.legs[leg].implement),
-            done=self.at_m[number] >= end - 1e-6,
-        ), self.now)  # fmt: skip
+        x, y, heading = course.sample_poses(leg, self.at_m[number] - LENGTH * leg, [0.0], len(course.legs))[0]
+        self.manager.take_report(
+            number,
+            TractorReport(
+                x,
+                y,
+                heading,
+                speed,
+                speed,
+                mode="stopped" if self.standing[number] else "automatic",
+                leg=leg,
+                leg_m=self.at_m[number] - LENGTH * leg,
+                implement=int(course.legs[leg].implement),
+                done=self.at_m[number] >= end - 1e-6,
+            ),
+            self.now,
+        )
 
     def obey(self) -> None:
         """Take orders."""
-        orders, events = self.centre.taken()
+        orders, events = self.manager.take_outputs()
         self.orders += orders
         self.events += events
         for order in orders:
@@ -89,21 +114,21 @@ class Driven:
         """Let time pass in steps of a tenth of a second."""
         for _ in range(round(seconds * 10)):
             self.now += 0.1
-            self.centre.tick(self.now)
+            self.manager.update_fleet(self.now)
             self.obey()
-            for number, state in enumerate(self.centre.states):
+            for number, state in enumerate(self.manager.states):
                 if number in self.silent:
                     continue
-                end = self.centre.courses[number].before_m[state.released]
+                end = self.manager.timed_missions[number].leg_starts_m[state.base_end]
                 step = 0.0 if self.standing[number] else 0.1 * SPEED * self.pace.get(number, 1.0)
                 step = max(min(step, end - self.at_m[number]), 0.0)
                 self.at_m[number] += step
                 self.report(number, 10.0 * step)
 
 
-def driven(plan: FleetPlan | None = None, rules: Rules | None = None, **options: object) -> Driven:
+def start_fleet(plan: FleetPlan | None = None, rules: FleetRules | None = None, **options: object) -> SimulatedFleet:
     """A fleet at the start of its plan, started."""
-    fleet = Driven(Centre(plan or fleet_plan(), rules or Rules()), **options)  # type: ignore[arg-type]
-    fleet.centre.start("anna", fleet.now)
+    fleet = SimulatedFleet(FleetManager(plan or fleet_plan(), rules or FleetRules()), **options)  # type: ignore[arg-type]
+    fleet.manager.start_fleet_work("anna", fleet.now)
     fleet.obey()
     return fleet

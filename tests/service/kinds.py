@@ -6,38 +6,38 @@ import signal
 import time
 from pathlib import Path
 
-from planner.errors import ScenarioError, named
-from planner.service.jobs.work import Work
-from planner.service.store.jobs import Made
+from planner.errors import RequestError, mark_parameter
+from planner.service.jobs.job_requests import JobContext
+from planner.service.store.job_queue import ResultFile
 
 STEPS = 4
 
 
-def tiny(work: Work) -> list[Made]:
+def tiny(work: JobContext) -> list[ResultFile]:
     """Some steps of so many seconds each; the result depends on the request and its file alone."""
     for step in range(STEPS):
-        work.progress(step, STEPS, "At work")
+        work.report_progress(step, STEPS, "At work")
         time.sleep(work.request.get("step_s", 0.0))
     return made(work.request["number"], b"".join(Path(name).read_bytes() for name in work.request.get("files", ())))
 
 
-def made(number: int, content: bytes = b"") -> list[Made]:
+def made(number: int, content: bytes = b"") -> list[ResultFile]:
     """What a tiny job of a number makes."""
     lines = [hashlib.sha256(f"{number} {line}".encode()).hexdigest() for line in range(50)]
     return [("result.json", ("\n".join(lines)).encode() + content, "application/json")]
 
 
-def refused(_work: Work) -> list[Made]:
+def refused(_work: JobContext) -> list[ResultFile]:
     """A job that cannot be done."""
-    raise ScenarioError(f"{named('width_m')} is 7; use another.")
+    raise RequestError(f"{mark_parameter('width_m')} is 7; use another.")
 
 
-def broken(_work: Work) -> list[Made]:
+def broken(_work: JobContext) -> list[ResultFile]:
     """A job that meets a fault."""
     raise RuntimeError("something\nelse")
 
 
-def deadly(_work: Work) -> list[Made]:
+def deadly(_work: JobContext) -> list[ResultFile]:
     """A job that takes its process with it."""
     os.kill(os.getpid(), signal.SIGKILL)
     return []

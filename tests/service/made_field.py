@@ -82,8 +82,8 @@ def maps() -> dict[str, Any]:
         "fences_m": [RING[:2]],
         "entrance_m": [0.0, 0.0],
         "missed_m": [[[110.0, 50.0], [120.0, 50.0], [121.0, 57.0], [111.0, 57.0]]],
-        "tracks": tracks,
-        "rounds": [],
+        "swaths": tracks,
+        "headland_passes": [],
     }
     return {
         "field": "north field",

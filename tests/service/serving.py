@@ -10,23 +10,23 @@ import sys
 import threading
 from pathlib import Path
 
-from planner.commands.serve import _run
-from planner.service.jobs.supervisor import Supervisor
-from planner.service.settings import Settings
-from planner.service.store import Store
+from planner.cli.server import _run_server
+from planner.service.jobs.workers import WorkerSupervisor
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import Store
 from tests.benchmarks.jobs import LEASE_S
 from tests.service.kinds import KINDS
 
 
 def main() -> None:
     data, database, workers, how = sys.argv[1:]
-    settings = Settings(
-        data=Path(data), database=database, port=0, workers=int(workers), lease_s=LEASE_S, kinds=dict(KINDS)
+    settings = ServiceSettings(
+        data=Path(data), database=database, port=0, workers=int(workers), lease_s=LEASE_S, job_functions=dict(KINDS)
     )
     if how == "whole":
-        _run(settings)
+        _run_server(settings)
         return
-    supervisor, over = Supervisor(settings, Store(settings)), threading.Event()
+    supervisor, over = WorkerSupervisor(settings, Store(settings)), threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: over.set())
     supervisor.start()
     over.wait()

@@ -1,23 +1,25 @@
-"""Who may do what: tokens, this machine, other sites' pages, limits, headers."""
+"""Who may do what: tokens, logins, other sites' pages, limits, headers."""
 
-import asyncio
 import json
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 
 import pytest
+import sqlalchemy as sa
 from fastapi import FastAPI, WebSocket
+from starlette.requests import HTTPConnection
 from starlette.testclient import TestClient
 
-from planner.service.access import who_of_socket
-from planner.service.access.limits import Buckets
-from planner.service.access.views import Views
-from planner.service.api import create_app
-from planner.service.errors import MissingError, ServiceError
-from planner.service.settings import Settings
-from planner.service.store.models import Result
-from tests.service.conftest import HERE, SMALL, Shared, bearer
+from planner.service.access.one_time_links import BrowserLogins, OneTimeViews
+from planner.service.access.permissions import RIGHTS_BY_SCOPE, RequiredRight, identify_socket
+from planner.service.api.apps import API_PREFIX, create_app, list_back_office_routers, list_control_routers
+from planner.service.errors import NotFoundError, ServiceError
+from planner.service.fleets.fleet_sessions import FleetLabel
+from planner.service.gateway.request_gate import RateLimiter, find_route_rule, list_route_rules
+from planner.service.settings import ServiceSettings
+from planner.service.store.tables import ResultRow, TokenRow
+from tests.service.conftest import BOTH, HERE, SMALL, Shared, bearer
 
 READING = (
     "/fields", "/fields/iwamizawa", "/tractors", "/farms", "/logs", "/plans", "/days", "/diagnoses", "/jobs", "/events",
@@ -33,7 +35,7 @@ def elsewhere(app: FastAPI) -> TestClient:
     return TestClient(app, base_url="http://farm.example:8765", client=("192.0.2.7", 50000))
 
 
-def test_without_a_token_this_machine_reads_and_nobody_controls(client: TestClient) -> None:
+def test_a_browser_that_logged_in_reads_and_does_nothing_else(client: TestClient) -> None:
     assert client.get("/api/v1/health").json()["status"] == "ok"
     for path in READING:
         assert client.get(f"/api/v1{path}").status_code == 200, path
@@ -41,11 +43,12 @@ def test_without_a_token_this_machine_reads_and_nobody_controls(client: TestClie
         files = {"file": ("x.geojson", SMALL)} if path == "/fields" else None
         answer = client.request(method, f"/api/v1{path}", files=files, json=None if files else {"day": ""})
         assert answer.status_code == 401, path
-        assert "control" in answer.json()["error"] and answer.headers["www-authenticate"] == "Bearer"
+        assert "--scope planner" in answer.json()["error"] and answer.headers["www-authenticate"] == "Bearer"
 
 
-def test_other_machines_read_nothing_without_a_token(app: FastAPI) -> None:
-    client = elsewhere(app)
+@pytest.mark.parametrize("where", ["here", "elsewhere"])
+def test_nobody_reads_without_a_token_or_a_login(app: FastAPI, where: str) -> None:
+    client = elsewhere(app) if where == "elsewhere" else TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
     assert client.get("/api/v1/health").status_code == 200
     for path in READING:
         assert client.get(f"/api/v1{path}").status_code == 401, path
@@ -55,29 +58,92 @@ def test_other_machines_read_nothing_without_a_token(app: FastAPI) -> None:
 @pytest.mark.parametrize(
     "headers",
     [
-        {"host": "rebound.example:8765"},
-        {"x-forwarded-for": "127.0.0.1"},
-        {"forwarded": "for=127.0.0.1"},
         {"authorization": "Bearer hl_unknown"},
         {"authorization": "Basic aGw6"},
     ],
 )
-def test_what_only_looks_like_this_machine_is_refused(shared: Shared, headers: dict[str, str]) -> None:
+def test_a_token_that_is_none_is_refused_even_with_a_login(shared: Shared, headers: dict[str, str]) -> None:
     assert shared[0].get("/api/v1/fields", headers=headers).status_code == 401
 
 
-def test_scopes_include_those_below(app: FastAPI, client: TestClient) -> None:
-    read, control, admin = (bearer(app, scope) for scope in ("read", "control", "admin"))
-    assert client.post("/api/v1/fields", files={"file": ("x.geojson", SMALL)}, headers=read).status_code == 403
-    assert client.post("/api/v1/fields", files={"file": ("x.geojson", SMALL)}, headers=control).status_code == 201
-    assert client.delete("/api/v1/fields/x", headers=admin).status_code == 204
-    app.state.store.revoke_token("a control")
-    assert client.get("/api/v1/fields", headers=control).status_code == 401
+MAY = {
+    "read": {"read"}, "planner": {"read", "plan"}, "operator": {"read", "operate"},
+    "operator planner": {"read", "plan", "operate"}, "admin": {"read", "plan", "operate", "administer"},
+}  # fmt: skip
+ASKS = {
+    "read": ("GET", "/fields"), "plan": ("DELETE", "/fields/none"), "operate": ("POST", "/fleets/none/stop"),
+    "administer": ("DELETE", "/tokens/none"),
+}  # fmt: skip
+
+
+def test_a_scope_gives_its_own_rights_and_no_others(app: FastAPI, client: TestClient) -> None:
+    headers = {scope: bearer(app, scope) for scope in MAY}
+    for scope, (right, (method, path)) in product(MAY, ASKS.items()):
+        expected = 403 if right not in MAY[scope] else 200 if method == "GET" else 404
+        assert client.request(method, f"/api/v1{path}", headers=headers[scope]).status_code == expected, (scope, path)
+
+
+def test_a_robot_reads_its_own_fleet_and_nothing_else(app: FastAPI, client: TestClient) -> None:
+    for fleet in ("f1", "f2"):
+        app.state.hub.labels[fleet] = FleetLabel(fleet, fleet, app.state.store.save_fleet(fleet, fleet, "{}", {}))
+    robot = bearer(app, "robot", fleet="f1", tractor=2)
+    assert [each["id"] for each in client.get("/api/v1/fleets", headers=robot).json()["items"]] == ["f1"]
+    assert client.get("/api/v1/fleets/f1", headers=robot).status_code == 200
+    answer = client.get("/api/v1/fleets/f2", headers=robot)
+    assert answer.status_code == 403 and "tractor 2 of the fleet f1 alone" in answer.json()["error"]
+    described = app.openapi()["paths"]
+    for path, methods in described.items():
+        for method in methods:
+            asked = path.replace("{id}", "f1").replace("{fleet}", "f1").replace("{tractor}", "2").replace("{name}", "x")
+            if (method, path) in OPEN_TO_ROBOTS or "{view}" in path:
+                continue
+            assert client.request(method, asked, headers=robot).status_code == 403, (method, path)
+    app.state.store.delete_fleet("f1")
+    assert app.state.book.refresh() and client.get("/api/v1/fleets", headers=robot).status_code == 401
+
+
+OPEN_TO_ROBOTS = {("get", f"/api/v1/{name}") for name in ("health", "ready", "me", "fleets", "fleets/{id}")}
+
+
+def test_a_token_is_worth_nothing_once_it_has_expired(app: FastAPI, client: TestClient) -> None:
+    reader = bearer(app, "read", expires="1d")
+    assert client.get("/api/v1/fields", headers=reader).status_code == 200
+    with app.state.store.database.open_write_session() as session:
+        session.execute(sa.update(TokenRow).values(expires="2026-01-01T00:00:00.000Z"))
+    assert app.state.book.refresh()
+    answer = client.get("/api/v1/fields", headers=reader)
+    assert answer.status_code == 401 and "expired at 2026-01-01T00:00:00.000Z" in answer.json()["error"]
+    assert answer.headers["www-authenticate"] == "Bearer"
+
+
+def test_every_route_needs_a_right_that_a_scope_has(app: FastAPI) -> None:
+    doors = list_route_rules([*list_control_routers(), *list_back_office_routers()], API_PREFIX, app.state.settings)
+    free = {door.path.pattern for door in doors if door.required_right is None and "/docs" not in door.path.pattern}
+    assert free == {rf"^/api/v1/{name}$" for name in ("health", "ready", "views/(?P<view>[^/]+)")}
+    assert {door.required_right.right for door in doors if door.required_right is not None} <= RIGHTS_BY_SCOPE["admin"]
+    for path, methods in app.openapi()["paths"].items():
+        for method, route in methods.items():
+            found = find_route_rule(doors, method.upper(), path)
+            assert found is not None and (found[0].required_right is None) == (not route.get("security")), (
+                method,
+                path,
+            )
+    read, stop = (
+        find_route_rule(doors, "GET", "/api/v1/fleets/f1"),
+        find_route_rule(doors, "POST", "/api/v1/fleets/f1/stop"),
+    )
+    assert read is not None and (read[0].required_right, read[1]) == (
+        RequiredRight("read", fleet_parameter="id"),
+        {"id": "f1"},
+    )
+    assert stop is not None and (stop[0].required_right, stop[1]) == (RequiredRight("operate"), {"id": "f1"})
+    for method, path in (("GET", "/api/v1/fleets/f1/stop"), ("GET", "/api/v1/fleet"), ("GET", "/")):
+        assert find_route_rule(doors, method, path) is None
 
 
 def test_who_administers_makes_tokens(app: FastAPI, client: TestClient) -> None:
-    control, admin = bearer(app, "control"), bearer(app, "admin")
-    body = {"name": "phone", "scope": "read"}
+    control, admin = bearer(app, BOTH), bearer(app, "admin")
+    body = {"name": "phone", "scopes": ["read"], "expires": "30d"}
     assert client.get("/api/v1/tokens").status_code == 401
     assert client.post("/api/v1/tokens", json=body, headers=control).status_code == 403
     made = client.post("/api/v1/tokens", json=body, headers=admin)
@@ -86,17 +152,52 @@ def test_who_administers_makes_tokens(app: FastAPI, client: TestClient) -> None:
     assert client.post("/api/v1/tokens", json=body, headers=phone).status_code == 403
     assert client.post("/api/v1/tokens", json=body, headers=admin).status_code == 409
     listed = client.get("/api/v1/tokens", headers=admin)
-    assert [each["name"] for each in listed.json()["items"]] == ["a control", "a admin", "phone"]
+    assert [each["name"] for each in listed.json()["items"]] == ["a operator planner", "a admin", "phone"]
+    phone_row = listed.json()["items"][2]
+    assert phone_row["scopes"] == ["read"] and phone_row["expires"] == made.json()["expires"] > phone_row["created"]
     assert made.json()["token"] not in listed.text + client.get("/api/v1/events").text
     assert client.delete("/api/v1/tokens/phone", headers=admin).status_code == 204
     assert client.get("/api/v1/fields", headers=phone).status_code == 401
 
 
-def test_a_service_that_others_reach_wants_tokens_from_everybody(tmp_path: Path) -> None:
-    app = create_app(Settings(data=tmp_path, host="0.0.0.0", workers=0), inline=True)
-    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
-        assert client.get("/api/v1/health").json()["tokens_needed"] is True
-        assert client.get("/api/v1/fields").status_code == 401
+def test_a_login_address_works_once_and_its_cookie_lasts(app: FastAPI) -> None:
+    logins: BrowserLogins = app.state.logins
+    shown: list[str] = []
+    logins.on_used = shown.append
+    code = logins.code
+    first = TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
+    answer = first.get(f"/login?code={code}", follow_redirects=False)
+    assert answer.status_code == 303 and answer.headers["location"] == "/"
+    cookie = answer.headers["set-cookie"]
+    assert "HttpOnly" in cookie and "SameSite=strict" in cookie and "Secure" not in cookie and code not in cookie
+    assert first.get("/api/v1/fields").status_code == 200 and shown == [logins.code] != [code]
+    assert first.get(f"/login?code={code}", follow_redirects=False).headers["location"] == "/"
+    assert first.head(f"/login?code={logins.code}").status_code == 405 and len(shown) == 1
+    second = elsewhere(app)
+    for wrong in (code, "", "x" * 5000, "\u00e9"):
+        refused = second.get("/login", params={"code": wrong}, follow_redirects=False)
+        assert refused.status_code == 401 and "headland serve" in refused.json()["error"]
+        assert "set-cookie" not in refused.headers
+    assert second.get("/api/v1/fields").status_code == 401
+    assert second.get("/api/v1/fields", headers={"cookie": "headland_login=guessed"}).status_code == 401
+
+
+def test_logins_end_after_a_month_and_the_oldest_of_very_many_give_way(app: FastAPI) -> None:
+    now = [0.0]
+    logins = BrowserLogins(secure=True, clock=lambda: now[0])
+    cookies = []
+    for _ in range(101):
+        cookies.append(logins.redeem_code(logins.code))
+        now[0] += 1.0
+
+    def reads(value: str) -> bool:
+        headers = [(b"cookie", f"headland_login={value}".encode())]
+        return logins.is_logged_in(HTTPConnection({"type": "http", "headers": headers}))
+
+    assert [reads(cookies[0]), reads(cookies[1]), reads(cookies[-1])] == [False, True, True]
+    assert "Secure" in logins.log_in_browser(logins.code).headers["set-cookie"]
+    now[0] += 30 * 24 * 3600.0
+    assert not reads(cookies[-1])
 
 
 def test_every_answer_tells_browsers_what_to_refuse(shared: Shared) -> None:
@@ -130,7 +231,7 @@ def test_bodies_that_are_too_large_are_refused(client: TestClient, token: dict[s
 
 
 def test_the_rate_is_limited_for_each_address(tmp_path: Path) -> None:
-    app = create_app(Settings(data=tmp_path, workers=0, rate_per_minute=5), inline=True)
+    app = create_app(ServiceSettings(data=tmp_path, workers=0, rate_per_minute=5), reads_inline=True)
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
         statuses = [client.get("/api/v1/health").status_code for _ in range(7)]
         assert statuses == [200] * 5 + [429] * 2
@@ -140,10 +241,10 @@ def test_the_rate_is_limited_for_each_address(tmp_path: Path) -> None:
 
 
 def test_an_order_to_stop_is_never_too_often(tmp_path: Path) -> None:
-    app = create_app(Settings(data=tmp_path, workers=0, rate_per_minute=2), inline=True)
+    app = create_app(ServiceSettings(data=tmp_path, workers=0, rate_per_minute=2), reads_inline=True)
     stop = "/api/v1/fleets/none/stop"
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
-        token = bearer(app, "control")
+        token = bearer(app, "operator")
         assert [client.get("/api/v1/health").status_code for _ in range(3)] == [200, 200, 429]
         assert [client.post(stop, headers=token).status_code for _ in range(4)] == [404] * 4
         assert client.post(stop).status_code == 429, "without a token nobody may ask so often"
@@ -153,24 +254,24 @@ def test_an_order_to_stop_is_never_too_often(tmp_path: Path) -> None:
 
 def test_a_bucket_fills_again() -> None:
     now = [0.0]
-    buckets = Buckets(60, lambda: now[0])
-    assert [buckets.wait_s("a") for _ in range(60)] == [0.0] * 60
-    assert buckets.wait_s("a") == pytest.approx(1.0) and buckets.wait_s("b") == 0.0
+    buckets = RateLimiter(60, lambda: now[0])
+    assert [buckets.take_token("a") for _ in range(60)] == [0.0] * 60
+    assert buckets.take_token("a") == pytest.approx(1.0) and buckets.take_token("b") == 0.0
     now[0] = 2.0
-    assert [buckets.wait_s("a") > 0.0 for _ in range(3)] == [False, False, True]
+    assert [buckets.take_token("a") > 0.0 for _ in range(3)] == [False, False, True]
 
 
 def test_a_view_is_looked_at_once_within_a_minute() -> None:
     now = [0.0]
-    views, result = Views(lambda: now[0]), Result(name="page.html")
-    first, second = views.add(result), views.add(result)
-    assert first != second and views.take(first) is result
+    views, result = OneTimeViews(lambda: now[0]), ResultRow(name="page.html")
+    first, second = views.add_view(result), views.add_view(result)
+    assert first != second and views.take_view(first) is result
     for name in (first, "other"):
-        with pytest.raises(MissingError):
-            views.take(name)
+        with pytest.raises(NotFoundError):
+            views.take_view(name)
     now[0] = 61.0
-    with pytest.raises(MissingError):
-        views.take(second)
+    with pytest.raises(NotFoundError):
+        views.take_view(second)
 
 
 ORIGINS: list[tuple[dict[str, str], bool]] = [
@@ -180,6 +281,15 @@ ORIGINS: list[tuple[dict[str, str], bool]] = [
     ({"origin": "http://evil.example"}, True),
     ({"origin": "null"}, True),
     ({"origin": "http://[odd"}, True),
+    ({"origin": "https://farm.example", "host": "farm.example"}, False),
+    ({"origin": "https://farm.example:443", "host": "farm.example"}, False),
+    ({"origin": "http://farm.example", "host": "farm.example:80"}, False),
+    ({"origin": "https://farm.example:8443", "host": "farm.example:8443"}, False),
+    ({"origin": "https://farm.example:8443", "host": "farm.example"}, True),
+    ({"origin": "https://evil.example", "host": "farm.example"}, True),
+    ({"origin": "https://farm.example", "host": "farm.example", "sec-fetch-site": "same-origin"}, False),
+    ({"origin": "http://farm.example", "host": "farm.example", "sec-fetch-site": "same-site"}, True),
+    ({"origin": "file://", "host": ""}, True),
 ]
 
 
@@ -189,14 +299,14 @@ def test_sockets_of_other_sites_pages_are_refused(app: FastAPI, token: dict[str,
         await websocket.accept()
         hello = await websocket.receive_json()
         try:
-            who = await asyncio.to_thread(who_of_socket, websocket, hello["token"])
-            await websocket.send_text(json.dumps([who.name, who.may("read"), who.may("control")]))
+            who = await identify_socket(websocket, hello["token"])
+            await websocket.send_text(json.dumps([who.name, who.has_right("read"), who.has_right("operate")]))
         except ServiceError as refusal:
-            await websocket.send_text(json.dumps(refusal.http))
+            await websocket.send_text(json.dumps(refusal.http_status))
 
     client = TestClient(app, base_url=HERE, client=("127.0.0.1", 50000))
     text = token["Authorization"].removeprefix("Bearer ")
-    hellos = ((None, ["this machine", True, False]), (text, ["a control", True, True]), ("hl_no", 401))
+    hellos = ((None, ["nobody", False, False]), (text, ["a operator planner", True, True]), ("hl_no", 401))
     for (headers, refused), (given, expected) in product(ORIGINS, hellos):
         with client.websocket_connect("ws://127.0.0.1:8765/try", headers=headers) as socket:
             socket.send_json({"token": given})

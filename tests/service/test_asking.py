@@ -10,9 +10,9 @@ from fastapi import FastAPI
 from starlette.testclient import TestClient
 
 from planner.errors import HeadlandError
-from planner.parameters import word_of
-from planner.service.jobs.asking import asked_of, check_diagnosis
-from planner.service.jobs.worker import do_job
+from planner.request.parameter_names import strip_unit
+from planner.service.jobs.workers import run_and_store_job
+from planner.service.sandbox.request_checks import build_request_plan_inputs, check_diagnosis_request
 from tests.service.conftest import SMALL, Shared
 
 REFUSED: list[tuple[dict[str, Any], str]] = [
@@ -22,18 +22,18 @@ REFUSED: list[tuple[dict[str, Any], str]] = [
     ({"strategies": "split"}, "strategies"),
     ({"turn": "v"}, "turn"),
     ({"start": "25:00"}, "start"),
-    ({"before": "12:00"}, "start"),
+    ({"deadline": "12:00"}, "start"),
     ({"speed_kmh": 99}, "speed_kmh"),
     ({"price_per_hour": -3}, "price_per_hour"),
     ({"cell_bearing": ["x"]}, "cell_bearing"),
     ({"entrance": "here"}, "entrance"),
-    ({"draws": 0, "prefer": "surest"}, "draws"),
-    ({"prefer": "best"}, "prefer"),
+    ({"samples": 0, "objective": "surest"}, "samples"),
+    ({"objective": "best"}, "objective"),
     ({"headland_first": True, "headland_last": True}, "headland_first"),
     ({"operation": "plough"}, "operation"),
     ({"margin": 1000}, "margin"),
     ({"width": 1e-9}, "width"),
-    ({"along": "north line"}, "along"),
+    ({"guidance_line": "north line"}, "guidance_line"),
     ({"refill": "headland"}, "refill"),
 ]
 OF_SERVICE: list[tuple[dict[str, Any], str]] = [
@@ -78,7 +78,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     """What the command line says to words that it refuses."""
 
     def refusal(*arguments: str) -> str:
-        from planner.main import main
+        from planner.cli.main import main
 
         monkeypatch.setattr("sys.argv", ["headland", *arguments])
         with pytest.raises(SystemExit) as end:
@@ -94,7 +94,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     [
         ({"width": "wide"}, 'width is "wide"; give a number.'),
         ({"cell_bearing": "x"}, 'cell_bearing is "x"; give a list.'),
-        ({"widht": 3}, "widht is unknown; /api/v1/docs shows what there is."),
+        ({"widht": 3}, "widht is unknown; the API is documented at /api/v1/docs."),
         ([], "The body is []; give an object in braces."),
     ],
 )
@@ -119,7 +119,7 @@ def test_what_only_a_service_refuses(shared: Shared, request_: dict[str, Any], p
         ("days", {"day": "[[fields]]\nfile = '../../north.geojson'\n[[fleets]]\nname = 'a'"}),
         ("days", {"day": "farm = '/etc/passwd'"}),
         ("days", {"day": "rain = '/etc/rain.csv'"}),
-        ("days", {"day": "", "draws": 0}),
+        ("days", {"day": "", "samples": 0}),
         ("days", {}),
         ("diagnoses", {}),
         ("diagnoses", {"logs": ["../x"]}),
@@ -150,10 +150,10 @@ def test_what_is_given_wins_over_the_farm(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     farm = "[times]\nshift_start = '06:00'\n[[implements]]\nname = 'harrow'\nwidth_m = 6.0\nspeed_kmh = 8.0\n"
     Path("own.toml").write_text(farm)
-    asked = asked_of({"farm": "own.toml", "speed_kmh": 5.0, "before": "18:00"})
-    scenario = asked.scenario
+    asked = build_request_plan_inputs({"farm": "own.toml", "speed_kmh": 5.0, "deadline": "18:00"})
+    scenario = asked.request
     assert scenario.width_m == 6.0 and scenario.speed_mps == pytest.approx(5 / 3.6) and scenario.start_s == 6 * 3600
-    assert word_of("turn_speed_mps") == "turn_speed_kmh"
+    assert strip_unit("turn_speed_mps") == "turn_speed_kmh"
 
 
 def test_a_field_of_several_parcels_is_refused_when_it_is_asked_for(client: TestClient, token: dict[str, str]) -> None:
@@ -179,7 +179,7 @@ def test_a_parameter_that_an_address_does_not_have_is_refused(shared: Shared, ad
     answer = shared[0].get(f"/api/v1/{address}")
     name = address.partition("?")[2].partition("=")[0]
     assert answer.status_code == 422 and answer.json()["parameter"] == name
-    assert answer.json()["error"].startswith(f"{name!r} is no parameter of this address; ")
+    assert answer.json()["error"].startswith(f"{name!r} is not a parameter of this address; ")
     assert words in answer.json()["error"]
 
 
@@ -188,18 +188,19 @@ def test_only_so_many_jobs_may_wait(client: TestClient, token: dict[str, str]) -
     assert statuses == [202, 202, 202, 429]
 
 
+@pytest.mark.slow
 def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     client: TestClient, app: FastAPI, token: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     client.post("/api/v1/fields", files={"file": ("small.geojson", SMALL)}, headers=token)
-    body = {"field": "small", "local": True, "tractors": "1", "strategies": "split-field", "tracks_only": True}
+    body = {"field": "small", "local": True, "tractors": "1", "strategies": "split-field", "no_headland": True}
     job = client.post("/api/v1/plans", json=body, headers=token).json()
     assert (job["status"], job["name"], job["request"]) == ("queued", "small", body)
     client.delete("/api/v1/fields/small", headers=token)  # the job keeps it
     store = app.state.store
     claimed = store.claim_job("here")
-    do_job(store, "here", claimed)
+    run_and_store_job(store, "here", claimed)
     done = client.get(f"/api/v1/plans/{job['id']}").json()
     assert (done["status"], done["error"], done["progress"]["words"]) == ("done", None, "Done")
     names = {"result.json", "result.csv", "page.html", "maps.json", "map.png", "plan.json", "plan-split-field-1.json"}
@@ -216,9 +217,9 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
     (tmp_path / "field").mkdir()
     (tmp_path / "field" / "small.geojson").write_bytes(SMALL)
     monkeypatch.chdir(tmp_path)
-    arguments = ["field/small.geojson", "--local", "--tractors", "1", "--strategies", "split-field", "--tracks-only"]
+    arguments = ["field/small.geojson", "--local", "--tractors", "1", "--strategies", "split-field", "--no-headland"]
     monkeypatch.setattr("sys.argv", ["headland", "plan", *arguments, "--json", "--save", "plan.json"])
-    from planner.main import main
+    from planner.cli.main import main
 
     with pytest.raises(SystemExit) as end:
         main()
@@ -230,6 +231,6 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
 def test_what_a_diagnosis_cannot_use_is_refused_when_it_is_asked_for() -> None:
     for values, parameter in (({"fix": ["speed-mph"]}, "fixes"), ({"ground": "ice"}, "ground")):
         with pytest.raises(HeadlandError) as refused:
-            check_diagnosis({"tractor": "eg105"} | values)
+            check_diagnosis_request({"tractor": "eg105"} | values)
         assert refused.value.parameter == parameter
-    check_diagnosis({"tractor": "eg105", "fix": ["speed-kmh"], "ground": "asphalt"})
+    check_diagnosis_request({"tractor": "eg105", "fix": ["speed-kmh"], "ground": "asphalt"})

@@ -7,17 +7,21 @@ import sys
 import urllib.request
 import zipfile
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+import sqlalchemy as sa
 
-from planner.service.errors import TakenError
-from planner.service.settings import Settings
-from planner.service.store import Store
-from planner.service.store.holding import held
+from planner.service.errors import ConflictError, ServiceError
+from planner.service.settings import ServiceSettings
+from planner.service.store.database import hold_service_lock
+from planner.service.store.service_store import Store
+from planner.service.store.tables import TokenRow
+from planner.service.store.token_table import parse_expiry
 from tests.service.databases import KINDS, database
 
-COMMAND = [sys.executable, "-W", "error", "-c", "from planner.main import main; main()"]
+COMMAND = [sys.executable, "-W", "error", "-c", "from planner.cli.main import main; main()"]
 
 
 @pytest.fixture
@@ -25,7 +29,7 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
     """Exit status and what is printed, of the command in this process."""
 
     def headland(*arguments: str | Path) -> tuple[int, str, str]:
-        from planner.main import main
+        from planner.cli.main import main
 
         monkeypatch.setattr("sys.argv", ["headland", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
@@ -37,28 +41,88 @@ def run(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_token_is_shown_once(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
-    status, out, _ = run("token", "new", "--scope", "control", "--data", tmp_path)
+    status, out, _ = run("token", "new", "--scope", "operator", "--scope", "planner", "--data", tmp_path)
     token = out.strip()
     assert status == 0 and token.startswith("hl_")
     _, listed, _ = run("token", "list", "--data", tmp_path)
-    assert listed.startswith("control-1  control  ") and token not in listed
+    assert listed.startswith("operator-planner-1  operator planner  ") and token not in listed
+    assert listed.endswith("  never expires\n")
     assert all(token.encode() not in path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
-    store = Store(Settings(data=tmp_path))
-    assert store.token(token) is not None
-    assert run("token", "revoke", "control-1", "--data", tmp_path)[0] == 0
-    assert store.token(token) is None
+    store = Store(ServiceSettings(data=tmp_path))
+    assert store.find_token(token) is not None
+    assert run("token", "revoke", "operator-planner-1", "--data", tmp_path)[0] == 0
+    assert store.find_token(token) is None
     store.close()
+
+
+def test_a_token_for_a_robot_is_for_one_tractor_and_ends(
+    run: Callable[..., tuple[int, str, str]], tmp_path: Path
+) -> None:
+    store = Store(ServiceSettings(data=tmp_path))
+    store.save_fleet("f1", "north", "{}", {})
+    words = ("token", "new", "--scope", "robot", "--fleet", "f1", "--tractor", "2", "--data", tmp_path)
+    assert run(*words)[0] == 0
+    status, out, err = run(*words, "--name", "short", "--expires", "90m")
+    row = store.find_token(out.strip())
+    assert status == 0 and row is not None and (row.fleet, row.tractor, row.scopes) == ("f1", 2, "robot")
+    assert f"expires {row.expires}" in err
+    lines = run("token", "list", "--data", tmp_path)[1].splitlines()
+    assert lines[0].startswith("robot-1  robot of tractor 2 of fleet f1  ") and lines[1].endswith(str(row.expires))
+    ends = [
+        datetime.fromisoformat(str(each.expires)) - datetime.fromisoformat(each.created) for each in store.list_tokens()
+    ]
+    assert [round(each / timedelta(minutes=1)) for each in ends] == [30 * 24 * 60, 90]
+    with store.database.open_write_session() as session:
+        session.execute(sa.update(TokenRow).values(expires="2026-01-01T00:00:00.000Z"))
+    assert (
+        "  expired 2026-01-01" in run("token", "list", "--data", tmp_path)[1] and store.find_token(out.strip()) is None
+    )
+    store.close()
+
+
+@pytest.mark.parametrize(
+    "text, minutes",
+    [("90m", 90), ("12h", 720), ("30d", 43_200), ("never", None), ("2100-01-01", 0), ("0d", 0), ("99999d", 0),
+     ("", 0), ("soon", 0), ("30 d", 0), ("999999d", 0), ("2001-01-01T00:00:00Z", 0), ("2030-13-01", 0)],
+)  # fmt: skip
+def test_an_end_is_read_or_refused(text: str, minutes: int | None) -> None:
+    if minutes == 0:
+        with pytest.raises(ServiceError) as refusal:
+            parse_expiry(text)
+        assert len(str(refusal.value).splitlines()) == 1 and refusal.value.parameter == "expires"
+        return
+    end = parse_expiry(text)
+    if minutes is None:
+        assert end is None
+    else:
+        assert end is not None
+        in_minutes = (datetime.fromisoformat(end) - datetime.now(UTC)) / timedelta(minutes=1)
+        assert in_minutes == pytest.approx(minutes, abs=1.0)
+
+
+def test_an_end_by_a_date_includes_the_day_and_by_a_time_knows_its_zone() -> None:
+    day = (datetime.now(UTC) + timedelta(days=10)).date()
+    after = (day + timedelta(days=1)).isoformat()
+    assert parse_expiry(day.isoformat()) == f"{after}T00:00:00.000Z"
+    assert parse_expiry(f"{day}T18:00:00+02:00") == parse_expiry(f"{day}T16:00:00") == f"{day}T16:00:00.000Z"
 
 
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["token", "new", "--scope", "all"], "use read, control, admin"),
+        (["token", "new", "--scope", "all"], "use read, planner, operator, robot or admin"),
         (["token", "new", "--scope", "read", "--name", "../x"], "cannot be used"),
+        (["token", "new", "--scope", "control"], "operator and planner together are what it was"),
+        (["token", "new", "--scope", "robot", "--tractor", "1"], "give its fleet too"),
+        (["token", "new", "--scope", "robot", "--fleet", "f1", "--tractor", "1"], "There is no fleet 'f1'"),
+        (["token", "new", "--scope", "read", "--fleet", "f1"], "is bound to no tractor"),
+        (["token", "new", "--scope", "robot", "--scope", "admin"], "has no other scope"),
+        (["token", "new", "--scope", "read", "--expires", "soon"], "write 30d, 12h"),
+        (["token", "new", "--scope", "read", "--expires", "2001-01-01"], "one that is to come"),
         (["token", "revoke", "nobody"], "There is no token 'nobody'"),
         (["serve", "--port", "99999"], "use 1 to 65535"),
-        (["serve", "--host", "no host"], "is no address"),
-        (["serve", "--host", "0.0.0.0", "--port", "0"], "there is no token"),
+        (["serve", "--host", "no host"], "is not an address"),
+        (["serve", "--host", "0.0.0.0", "--port", "0"], "which need a token, and there is none"),
         (["serve", "--database", "mysql://x", "--port", "0"], "use SQLite or PostgreSQL"),
         (["backup", "copy.tar"], "does not end in .zip"),
         (["restore", "nothing.zip"], "no file nothing.zip"),
@@ -75,19 +139,17 @@ def test_refusals_are_one_sentence(
 def test_a_backup_holds_the_database(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
     file = tmp_path / "copy.zip"
     assert run("backup", file, "--data", tmp_path / "data")[0] == 0
-    assert zipfile.ZipFile(file).namelist() == ["headland.db"]
+    assert zipfile.ZipFile(file).namelist() == ["headland.db", "manifest.json"]
     assert run("backup", file, "--data", tmp_path / "data")[0] == 2
     assert run("backup", file, "--data", tmp_path / "data", "--force")[0] == 0
 
 
-def test_a_second_service_on_one_folder_is_refused(
-    run: Callable[..., tuple[int, str, str]], tmp_path: Path
-) -> None:
-    with held(Settings(data=tmp_path)):
+def test_a_second_service_on_one_folder_is_refused(run: Callable[..., tuple[int, str, str]], tmp_path: Path) -> None:
+    with hold_service_lock(ServiceSettings(data=tmp_path)):
         status, out, err = run("serve", "--port", "0", "--data", tmp_path)
         assert (status, out) == (2, "") and len(err.splitlines()) == 1
         assert "Another headland serve" in err and str(tmp_path) in err
-    with held(Settings(data=tmp_path)):
+    with hold_service_lock(ServiceSettings(data=tmp_path)):
         pass  # the first one has let go
 
 
@@ -95,15 +157,16 @@ def test_a_second_service_on_one_folder_is_refused(
 def test_a_second_service_on_one_database_is_refused_whatever_its_folder(kind: str, tmp_path: Path) -> None:
     with database(kind) as url:
         url = url or f"sqlite:///{tmp_path / 'shared.db'}"
-        first, second = (Settings(data=tmp_path / name, database=url) for name in ("one", "two"))
+        first, second = (ServiceSettings(data=tmp_path / name, database=url) for name in ("one", "two"))
         for each in (first, second):
             each.data.mkdir()
-        with held(first), pytest.raises(TakenError, match="--database"), held(second):
+        with hold_service_lock(first), pytest.raises(ConflictError, match="--database"), hold_service_lock(second):
             pass
-        with held(second):
+        with hold_service_lock(second):
             pass
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="ends the service by a signal")
 def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
     words = [*COMMAND, "serve", "--port", "0", "--data", str(tmp_path)]
@@ -121,33 +184,35 @@ def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
         assert [line for line in process.stderr.read().splitlines() if not line.startswith("Compiling")] == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="looks at processes as Linux shows them")
 def test_the_demonstration_ends_with_all_its_processes_and_shows_its_token_to_nobody_else(tmp_path: Path) -> None:
     words = [*COMMAND, "demo", "fleet", "--no-browser"]
     environment = os.environ | {"TMPDIR": str(tmp_path)}  # by which its processes are known
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment) as demo:
         assert demo.stdout is not None and demo.stderr is not None
-        said = next(line for line in demo.stdout if "The fleet drives" in line or demo.poll() is not None)
-        token = next(word for word in said.split() if word.startswith("hl_")).rstrip(").")
+        said = next(line for line in demo.stdout if "operator token" in line or demo.poll() is not None)
+        token = next(word for word in said.split() if word.startswith("hl_")).rstrip(".")
         running = started_in(tmp_path)
         assert len([line for line in running.values() if " robot " in line]) == 3
         assert not any(token in line for line in running.values())
         demo.send_signal(signal.SIGINT)
         assert ended(demo) == 0
         assert demo.stdout.read() == "Service and robots have ended.\n"
-        assert [line for line in demo.stderr.read().splitlines() if not line.startswith("Compiling")] == []
+        said = demo.stderr.read()
+        assert [line for line in said.splitlines() if not line.startswith("Compiling")] == [], said
     assert started_in(tmp_path) == {}
 
 
 TWO = """
 import sys, time
-from planner.commands import demo
-from planner.main import main
-demo.HEADLAND = (sys.executable, "-c", "import time; time.sleep(120)")
+from planner.cli import robots
+from planner.cli.main import main
+robots.HEADLAND_COMMAND = (sys.executable, "-c", "import time; time.sleep(120)")
 def shown(folder, stack, *_):
-    print(folder, *(stack.enter_context(demo._running(())).pid for _ in range(2)), flush=True)
+    print(folder, *(stack.enter_context(robots._run_headland_command(())).pid for _ in range(2)), flush=True)
     time.sleep(120)
-demo._shown = shown
+robots._run_demo = shown
 sys.argv = ["headland", "demo", "fleet"]
 main()
 """

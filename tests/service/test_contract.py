@@ -11,8 +11,8 @@ from fastapi import FastAPI
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis.errors import Unsatisfiable
 
-from planner.service.api import create_app
-from planner.service.settings import Settings
+from planner.service.api.apps import create_app
+from planner.service.settings import ServiceSettings
 from tests.service.conftest import SMALL, bearer
 
 CONFORM = ("status_code_conformance", "content_type_conformance", "response_schema_conformance")
@@ -24,7 +24,9 @@ EXAMPLES = int(os.environ.get("HEADLAND_TEST_EXAMPLES", "4"))
 def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FastAPI]:
     """A service with something of everything in it; without workers, so that nothing depends on time."""
     folder = tmp_path_factory.mktemp("contract")
-    app = create_app(Settings(data=folder, workers=0, rate_per_minute=10**6, jobs_waiting=10**6), inline=True)
+    app = create_app(
+        ServiceSettings(data=folder, workers=0, rate_per_minute=10**6, jobs_waiting=10**6), reads_inline=True
+    )
     store = app.state.store
     store.add_file("field", "0", SMALL)
     job = store.add_job("plan", "0", {})
@@ -34,6 +36,7 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FastAPI]:
     store.close()
 
 
+@pytest.mark.slow
 def test_no_fault_and_no_status_that_is_not_told_of(app: FastAPI) -> None:
     described: Any = schemathesis.openapi.from_asgi("/api/v1/openapi.json", app)
     headers, seen = bearer(app, "admin"), 0
@@ -64,7 +67,7 @@ def test_every_route_says_who_may_use_it(app: FastAPI) -> None:
         f"{method} {path}" for path, methods in described["paths"].items() for method, one in methods.items()
         if not one.get("security")
     }  # fmt: skip
-    assert free == {"get /api/v1/health", "get /api/v1/views/{view}"}
+    assert free == {"get /api/v1/health", "get /api/v1/ready", "get /api/v1/views/{view}"}
     for methods in described["paths"].values():
         for one in methods.values():
             assert {"413", "429", "503"} <= set(one["responses"]) and one["operationId"]

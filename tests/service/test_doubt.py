@@ -10,28 +10,28 @@ from typing import Any
 
 import pytest
 
-from planner.service.jobs.made import json_of, toml_of
-from planner.service.links import diagnosing
-from planner.service.links.recording import holding
-from tests.service.doubting import Doubting
+from planner.fleet.session.state_recorder import average_commands
+from planner.service.fleets import twin_routes
+from planner.service.jobs.job_runs import build_json_file, build_toml_file
+from tests.service.doubting import DoubtedFleet
 from tests.service.fleets import EG105, fleet_plan
-from vehicle.measured.answer.save import tractor_toml
-from vehicle.tractor import Tractor
-from vehicle.twin.motion import Noise
+from vehicle.model.tractor import Tractor
+from vehicle.model.tractor_writer import format_tractor_toml
+from vehicle.twin.step_motion import TractorNoise
 
 VERDICT = "The tractor drives 10 % slower over ground than commanded."
 TWIN = "/api/v1/twins/f1/1"
 
 
 @pytest.fixture
-def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Doubting]:
-    monkeypatch.setattr(diagnosing, "LATER_S", 2.0)
-    made = Doubting(tmp_path, fleet_plan(1, 2), {"wheel_slip": 0.1}, Noise().position_m)
+def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[DoubtedFleet]:
+    monkeypatch.setattr(twin_routes, "DIAGNOSE_AFTER_S", 2.0)
+    made = DoubtedFleet(tmp_path, fleet_plan(1, 2), {"wheel_slip": 0.1}, TractorNoise().position_m)
     yield made
     made.close()
 
 
-def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: Doubting) -> None:
+def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedFleet) -> None:
     assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
     fleet.drive(12.0)
     first = fleet.live.diagnoses[0]
@@ -41,39 +41,51 @@ def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: Doubting
     job = fleet.store.claim_job("test")
     assert job is not None and job.id == first and fleet.store.claim_job("test") is None
     mended = Tractor(**EG105.model_dump() | {"name": "slips", "effects": {"wheel_slip": {"value": {"ratio": 0.1}}}})
-    fleet.store.finish_job(job.number, "test", [
-        json_of("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
-        toml_of("tractor.toml", tractor_toml(mended)),
-    ])  # fmt: skip
+    fleet.store.finish_job(
+        job.number,
+        "test",
+        [
+            build_json_file("result.json", json.dumps({"verdict": VERDICT, "named": ["wheel_slip"]})),
+            build_toml_file("tractor.toml", format_tractor_toml(mended)),
+        ],
+    )
     asyncio.run(fleet.look())
     assert f"Diagnosis of tractor 1: {VERDICT}" in fleet.alarms()
-    assert fleet.client.get(TWIN).json()["finding"] == {"named": ["wheel_slip"], "words": VERDICT, "mends": True}
+    assert fleet.client.get(TWIN).json()["finding"] == {
+        "named": ["wheel_slip"],
+        "words": VERDICT,
+        "extends_model": True,
+    }
     taken = fleet.client.post(f"{TWIN}/mend", json={"name": "mine"})
     assert taken.status_code == 201 and taken.json() == {"tractor": "mine"}
-    assert b"slips" in fleet.store.blobs.get(fleet.store.file("tractor", "mine").sha256)
+    assert b"slips" in fleet.store.blobs.read_bytes(fleet.store.get_file("tractor", "mine").sha256)
     assert fleet.live.twins.tractors[0].name == "slips" and not any("Diagnosis" in one for one in fleet.alarms())
-    assert fleet.client.get(TWIN).json()["finding"]["mends"] is False
+    assert fleet.client.get(TWIN).json()["finding"]["extends_model"] is False
     again = fleet.client.post(f"{TWIN}/mend", json={})
     assert again.status_code == 409 and "nothing that its file lacks" in again.json()["error"]
 
 
-def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: Doubting) -> None:
+def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: DoubtedFleet) -> None:
     fleet.drive(1.0)
     fleet.client.post(f"{TWIN}/diagnose")
     job = fleet.store.claim_job("test")
     assert job is not None
     same = EG105.model_copy(update={"name": "another name"})
-    fleet.store.finish_job(job.number, "test", [
-        json_of("result.json", json.dumps({"verdict": "Nothing.", "named": []})),
-        toml_of("tractor.toml", tractor_toml(same)),
-    ])  # fmt: skip
+    fleet.store.finish_job(
+        job.number,
+        "test",
+        [
+            build_json_file("result.json", json.dumps({"verdict": "Nothing.", "named": []})),
+            build_toml_file("tractor.toml", format_tractor_toml(same)),
+        ],
+    )
     asyncio.run(fleet.look())
-    assert fleet.client.get(TWIN).json()["finding"] == {"named": [], "words": "Nothing.", "mends": False}
+    assert fleet.client.get(TWIN).json()["finding"] == {"named": [], "words": "Nothing.", "extends_model": False}
     assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
     assert fleet.live.twins.tractors[0] == EG105
 
 
-def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: Doubting) -> None:
+def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: DoubtedFleet) -> None:
     fleet.drive(1.0)
     asked = fleet.client.post(f"{TWIN}/diagnose")
     assert asked.status_code == 202 and asked.json()["diagnosis"]["status"] == "queued"
@@ -91,8 +103,13 @@ def test_what_is_diagnosed_has_the_commands_that_held_between_frames() -> None:
     def row(sequence: int, time_s: float, speed: float, steering: float, shuttle: int = 1) -> list[Any]:
         return [sequence, time_s, 1.0, 2.0, 0.0, 0.0, speed, steering, None, shuttle, 0, 0, 0.0, "automatic"]
 
-    rows = [row(0, 0.0, 1.0, 2.0), row(1, 0.1, 1.4, 4.0), row(2, 0.2, 1.4, 0.0, -1), row(3, 0.3, 1.0, 1.0, -1),
-            row(4, 5.0, 0.0, 9.0, -1)]  # fmt: skip
-    held = [each[6:8] for each in holding(rows)]
+    rows = [
+        row(0, 0.0, 1.0, 2.0),
+        row(1, 0.1, 1.4, 4.0),
+        row(2, 0.2, 1.4, 0.0, -1),
+        row(3, 0.3, 1.0, 1.0, -1),
+        row(4, 5.0, 0.0, 9.0, -1),
+    ]
+    held = [each[6:8] for each in average_commands(rows)]
     assert held == [[1.2, 3.0], [1.4, 4.0], [1.2, 0.5], [1.0, 1.0], [0.0, 9.0]]
     assert rows[0][6:8] == [1.0, 2.0]

@@ -7,11 +7,11 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.guidance import guidance_of
-from reports.guidance.forms import form_named, written
+from planner.pipeline.outputs.guidance_lines import build_guidance
+from reports.plan.guidance_export import find_guidance_format, write_guidance
 from tests.planner.saved_plans import saved
 from tests.service.conftest import Shared
-from vehicle.plan_file import plan_to_json
+from vehicle.missions.plan_file import format_plan
 
 Plans = tuple[TestClient, dict[str, str], str]
 
@@ -22,7 +22,7 @@ def plans(shared: Shared) -> Plans:
     client, token = shared
     assert isinstance(client.app, FastAPI)
     store, one = client.app.state.store, saved()
-    text = plan_to_json(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
+    text = format_plan(one.plan, crs=one.crs, origin_m=one.origin_m, scenario=one.scenario, ground=one.ground)
     job = store.add_job("plan", "by hand", {})
     store.claim_job("w")
     results = [("plan.json", text.encode(), "application/json"), ("map.png", b"\x89PNG\xff", "image/png")]
@@ -32,12 +32,14 @@ def plans(shared: Shared) -> Plans:
 
 def test_a_plan_is_a_zip_of_what_the_command_writes(plans: Plans) -> None:
     client, token, path = plans
-    form = form_named("agopengps")
+    form = find_guidance_format("agopengps")
     assert form is not None
     done = client.get(f"{path}/plan.json/export", params={"to": "agopengps"}, headers=token)
     assert done.status_code == 200 and "plan-agopengps.zip" in done.headers["content-disposition"]
     with zipfile.ZipFile(io.BytesIO(done.content)) as archive:
-        assert {name: archive.read(name) for name in archive.namelist()} == written(guidance_of(saved()), form).files
+        assert {name: archive.read(name) for name in archive.namelist()} == write_guidance(
+            build_guidance(saved()), form
+        ).files
 
 
 def test_one_file_comes_as_it_is(plans: Plans) -> None:
@@ -54,7 +56,7 @@ def test_one_file_comes_as_it_is(plans: Plans) -> None:
         ("plan.json", {"to": "isobus"}, 422, "to 'isobus' is unknown"),
         ("plan.json", {}, 422, "to"),
         ("plan.json", {"to": "kml", "tractor": "3"}, 422, "the plan has tractors 1 to 2"),
-        ("plan.json", {"to": "kml", "tracter": "1"}, 422, "is no parameter of this address"),
+        ("plan.json", {"to": "kml", "tracter": "1"}, 422, "is not a parameter of this address"),
         ("map.png", {"to": "kml"}, 422, "is not JSON"),
         ("none.json", {"to": "kml"}, 404, "none.json"),
     ],

@@ -16,31 +16,34 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
-from planner.service.api.refusals import add_refusals
-from planner.service.centre.chances import Chances
-from planner.service.jobs.made import json_of
-from planner.service.jobs.reading import Reader
-from planner.service.links import fleets, frames, twins
-from planner.service.links.clients import TRACTOR, Client
-from planner.service.links.diagnosing import Diagnosing
-from planner.service.links.hub import Hub
-from planner.service.links.live import LiveFleet
-from planner.service.settings import Settings
-from planner.service.store import Store
+from planner.fleet.manager.finish_forecast import FinishDistribution
+from planner.fleet.session import inbound_frames
+from planner.fleet.session.clients import TRACTOR, FleetClient
+from planner.fleet.session.fleet_session import FleetSession
+from planner.service.access.one_time_links import BrowserLogins
+from planner.service.api.monitoring import ServiceMetrics
+from planner.service.fleets import fleet_routes, twin_routes
+from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.fleets.twin_routes import TwinDiagnosis
+from planner.service.gateway.responses import add_error_handlers
+from planner.service.jobs.file_reading import FileReader
+from planner.service.jobs.job_runs import build_json_file
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import Store
 from tests.service.fleets import fleet_plan
-from vehicle.plan_file import plan_to_json
+from vehicle.missions.plan_file import format_plan
 
 PLAN = fleet_plan(2, 2)
-TEXT = plan_to_json(
+TEXT = format_plan(
     PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario={"field": "mine", "tractor": "eg105", "width_m": 2.0}
 )
 
 
-class InlineHub(Hub):
+class InlineHub(FleetSessions):
     """Works out in this process what others give to another one."""
 
-    async def work(self, fn: Callable[..., Any], *arguments: Any) -> Any:
-        return fn(*arguments)
+    async def run_in_process(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        return function(*arguments)
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +53,7 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def client(data: Path) -> Iterator[TestClient]:
-    settings = Settings(data=data)
+    settings = ServiceSettings(data=data)
     store = Store(settings)
     hub = InlineHub(store)
 
@@ -61,12 +64,13 @@ def client(data: Path) -> Iterator[TestClient]:
         await hub.stop()
 
     app = FastAPI(lifespan=life)
-    app.state.settings, app.state.store, app.state.hub = settings, store, hub
-    app.state.diagnosing = Diagnosing(store, Reader(settings, store, inline=True))
-    for each in (fleets, twins):
-        app.include_router(each.router, prefix="/api/v1")
-    add_refusals(app, lambda parameter: parameter)
-    token = store.new_token("anna", "control")
+    app.state.settings, app.state.store, app.state.hub, app.state.book = settings, store, hub, hub.book
+    app.state.logins, app.state.metrics = BrowserLogins(), ServiceMetrics()
+    app.state.diagnosing = TwinDiagnosis(store, FileReader(settings, store, reads_inline=True))
+    for router in (fleet_routes.fleet_router, twin_routes.twin_router, fleet_routes.recording_router):
+        app.include_router(router, prefix="/api/v1")
+    add_error_handlers(app, lambda parameter: parameter)
+    token = store.create_token_text("anna", "operator")
     with TestClient(app, base_url="http://127.0.0.1", client=("127.0.0.1", 4000)) as made:
         made.headers["authorization"] = f"Bearer {token}"
         yield made
@@ -98,18 +102,21 @@ def test_a_fleet_of_a_planning_job_has_the_chances_that_were_drawn(client: TestC
     store.claim_job("test")
     best = {"strategy": "circuit", "tractors": 2, "time_s": 40.0, "p50_s": 41.0, "p80_s": 42.0, "p95_s": 43.0}
     ranking = json.dumps({"best": best, "plans": [best]})
-    store.finish_job(job.number, "test", [json_of("plan.json", TEXT), json_of("result.json", ranking)])
+    store.finish_job(job.number, "test", [build_json_file("plan.json", TEXT), build_json_file("result.json", ranking)])
     id = new(client, plan=job.id, deadline="23:59").json()["id"]
-    live: LiveFleet = client.app.state.hub.fleet(id)  # type: ignore[attr-defined]
-    assert live.chances == Chances(40.0, 41.0, 42.0, 43.0)
-    assert store.fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
+    live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
+    assert live.finish_distribution == FinishDistribution(40.0, 41.0, 42.0, 43.0)
+    assert store.get_fleet(id).settings["chances"]["p95_s"] == 43.0  # for a restart
 
 
 def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
     store: Store = client.app.state.store  # type: ignore[attr-defined]
     job = store.add_job("plan", "mine", {})
     store.claim_job("test")
-    made = [("map.png", b"\x89PNG\xff", "image/png"), json_of("result.json", json.dumps({"best": None, "plans": []}))]
+    made = [
+        ("map.png", b"\x89PNG\xff", "image/png"),
+        build_json_file("result.json", json.dumps({"best": None, "plans": []})),
+    ]
     store.finish_job(job.number, "test", made)
     answer = new(client, plan=job.id, result="map.png")
     assert answer.status_code == 422 and "JSON" in answer.json()["error"]
@@ -117,29 +124,29 @@ def test_a_result_that_is_no_plan_makes_no_fleet(client: TestClient) -> None:
 
 def test_only_a_fleet_that_reported_has_something_to_replay(client: TestClient) -> None:
     id = new(client).json()["id"]
-    live: LiveFleet = client.app.state.hub.fleet(id)  # type: ignore[attr-defined]
+    live: FleetSession = client.app.state.hub.get_session(id)  # type: ignore[attr-defined]
     assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is False
-    live.recorder.seen[1] = 0
+    live.recorder.received[1] = 0
     assert client.get(f"/api/v1/fleets/{id}").json()["recorded"] is True
 
 
 def test_a_fleet_of_a_planning_job_knows_the_field_of_the_job(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path))
-    old = store.blobs.put(b"as it was")
-    job = store.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": store.blobs.put(b"")})
+    store = Store(ServiceSettings(data=tmp_path))
+    old = store.blobs.put_bytes(b"as it was")
+    job = store.add_job("plan", "north", {}, {"field/north.geojson": old, "farm/own.toml": store.blobs.put_bytes(b"")})
     store.add_file("field", "other", b"another", ".kml")
-    wanted = fleets.FleetRequest(name="north", plan=job.id)
-    contents, kept = fleets._files(store, wanted)
+    wanted = fleet_routes.FleetRequest(name="north", plan=job.id)
+    contents, kept = fleet_routes._read_replacement_files(store, wanted)
     assert contents == {"field": (".geojson", b"as it was")} and kept == {"field": (".geojson", old)}
-    given, _ = fleets._files(store, wanted.model_copy(update={"field": "other"}))
+    given, _ = fleet_routes._read_replacement_files(store, wanted.model_copy(update={"field": "other"}))
     assert given == {"field": (".kml", b"another")}
-    assert fleets._files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
+    assert fleet_routes._read_replacement_files(store, wanted.model_copy(update={"plan": "{}"})) == ({}, {})
     store.close()
 
 
 def test_the_deadline_of_a_fleet_is_by_default_that_of_its_plan(client: TestClient) -> None:
-    scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "before_s": 17 * 3600}
-    text = plan_to_json(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)
+    scenario = {"field": "mine", "tractor": "eg105", "width_m": 2.0, "start_s": 8 * 3600, "deadline_s": 17 * 3600}
+    text = format_plan(PLAN.plan, crs=None, origin_m=(1000.0, 2000.0), scenario=scenario)
     for asked, hour in (({}, 17), ({"deadline": "19:00"}, 19)):
         fleet = new(client, plan=text, **asked).json()["fleet"]
         at = datetime.fromtimestamp(time.time() + fleet["deadline_s"] + 60.0)
@@ -177,53 +184,70 @@ def test_what_cannot_be_planned_or_accepted_now_is_refused(client: TestClient) -
     assert client.get(f"/api/v1/twins/{id}/7").status_code == 422
 
 
-def state(sequence: int, north_m: float) -> frames.State:
-    at = datetime.fromtimestamp(2e9 + 0.1 * sequence, UTC)
-    return frames.State(
-        kind="state", id="t", sequence=sequence, time=at, easting_m=1000.0, northing_m=2000.0 + north_m,
-        heading_deg=0.0, speed_mps=1.0, speed_command_mps=1.0, steering_command_deg=0.0, shuttle=1, start=1,
-        mode="automatic", leg=0, leg_m=north_m, implement=1,
-    )  # fmt: skip
+def state(sequence: int, north_m: float) -> inbound_frames.StateFrame:
+    at = datetime.fromtimestamp(time.time() - 1.0 + 0.1 * sequence, UTC)
+    return inbound_frames.StateFrame(
+        kind="state",
+        id="t",
+        sequence=sequence,
+        time=at,
+        easting_m=1000.0,
+        northing_m=2000.0 + north_m,
+        heading_deg=0.0,
+        speed_mps=1.0,
+        speed_command_mps=1.0,
+        steering_command_deg=0.0,
+        shuttle=1,
+        start=1,
+        mode="automatic",
+        leg=0,
+        leg_m=north_m,
+        implement=1,
+    )
 
 
 def test_a_fleet_goes_on_after_a_restart_of_the_service(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path))
+    store = Store(ServiceSettings(data=tmp_path))
 
     async def before() -> str:
         hub = InlineHub(store)
-        fleet = await hub.create("north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}})
-        fleet.centre.start("anna", time.monotonic())
-        tractor = Client(TRACTOR, "tractor 1", 0)
-        fleet.join(tractor, time.monotonic())
+        fleet = await hub.create_session(
+            "north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
+        )
+        fleet.manager.start_fleet_work("anna", time.monotonic())
+        tractor = FleetClient(TRACTOR, "tractor 1", 0)
+        fleet.add_client(tractor, time.monotonic())
         fleet.step(time.monotonic())  # its first leg is released
         for sequence in range(8):
-            fleet.reported(tractor, state(sequence, 1.5 * sequence), time.monotonic())
+            fleet.take_state(tractor, state(sequence, 1.5 * sequence), time.monotonic())
         fleet.step(time.monotonic())
-        await hub.keep(fleet)  # and then the service is killed
+        await hub.save(fleet)  # and then the service is killed
         return fleet.id
 
     async def after(id: str) -> None:
         hub = InlineHub(store)
-        await hub.take_up()
-        fleet = hub.fleet(id)
-        assert fleet.centre.state == "running"
-        assert fleet.centre.states[0].leg_m == pytest.approx(10.5)
-        assert len([p for p in fleet.centre.painting.lines[0] if p is not None]) == 8
-        tractor = Client(TRACTOR, "tractor 1", 0)
-        fleet.join(tractor, time.monotonic())
-        welcome = json.loads(str(await tractor.outbox.take()))
+        await hub.restore_sessions()
+        fleet = hub.get_session(id)
+        assert fleet.manager.state == "running"
+        assert fleet.manager.states[0].leg_m == pytest.approx(10.5)
+        assert len([p for p in fleet.manager.coverage_map.lines[0] if p is not None]) == 8
+        tractor = FleetClient(TRACTOR, "tractor 1", 0)
+        fleet.add_client(tractor, time.monotonic())
+        welcome = json.loads(str(await tractor.outbox.take_next_frame()))
         assert (welcome["last_sequence"], welcome["leg"], welcome["leg_m"]) == (7, 0, 10.5)
-        fleet.reported(tractor, state(7, 10.5), time.monotonic())  # sent again: nothing was lost, nothing is kept twice
-        fleet.reported(tractor, state(8, 12.0), time.monotonic())
-        await hub.keep(fleet)
-        assert [row[0] for row in store.recording(id, 0)] == list(range(9))
+        fleet.take_state(
+            tractor, state(7, 10.5), time.monotonic()
+        )  # sent again: nothing was lost, nothing is kept twice
+        fleet.take_state(tractor, state(8, 12.0), time.monotonic())
+        await hub.save(fleet)
+        assert [row[0] for row in store.read_recording(id, 0)] == list(range(9))
 
     asyncio.run(after(asyncio.run(before())))
     store.close()
 
 
 def test_fleets_are_there_as_soon_as_the_service_has_started(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path))
+    store = Store(ServiceSettings(data=tmp_path))
     settings = {"times": 1.0, "way": "predict", "begin_s": 0.0}
     store.save_fleet("good", "north", TEXT, settings)
     store.save_fleet("bad", "south", TEXT, settings | {"times": "fast"})
@@ -232,7 +256,7 @@ def test_fleets_are_there_as_soon_as_the_service_has_started(tmp_path: Path) -> 
         hub = InlineHub(store)
         await hub.start()
         try:
-            assert hub.fleet("good").tractor_count == 2
+            assert hub.get_session("good").tractor_count == 2
             assert set(hub.faults) == {"bad"}
         finally:
             await hub.stop()
@@ -244,7 +268,7 @@ def test_fleets_are_there_as_soon_as_the_service_has_started(tmp_path: Path) -> 
 def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    store = Store(Settings(data=tmp_path))
+    store = Store(ServiceSettings(data=tmp_path))
     writing, go_on, add_event = threading.Event(), threading.Event(), store.add_event
 
     def slow(*arguments: Any) -> int:
@@ -256,10 +280,12 @@ def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written
 
     async def ended() -> None:
         hub = InlineHub(store)
-        fleet = await hub.create("north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}})
-        fleet.centre.note("anna", "seen once")
-        fleet.flush()
-        keeping = asyncio.create_task(hub.keep(fleet))
+        fleet = await hub.create_session(
+            "north", TEXT, {}, {"times": 1.0, "way": "predict", "deadline_s": None, "files": {}}
+        )
+        fleet.manager.log_event("anna", "seen once")
+        fleet.send_pending_outputs()
+        keeping = asyncio.create_task(hub.save(fleet))
         await asyncio.to_thread(writing.wait, 10.0)
         keeping.cancel()
         await asyncio.gather(keeping, return_exceptions=True)
@@ -267,5 +293,5 @@ def test_what_happened_is_written_once_when_the_service_ends_while_it_is_written
         await hub.stop()
 
     asyncio.run(ended())
-    assert [event.what for event in store.events()].count("seen once") == 1
+    assert [event.what for event in store.list_events()].count("seen once") == 1
     store.close()

@@ -8,11 +8,20 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from planner.service.api import create_app
-from planner.service.settings import Settings
+from planner.service.api.apps import create_app
+from planner.service.settings import ServiceSettings
 from tests.service.fake_service import CONTROL, NASTY, Made
 from tests.service.test_files import HERE_M, shapefile
-from tests.service.watching import NARROW, WIDE, Watched, needs_browser, painted, served, told_by, wide_by
+from tests.service.watching import (
+    NARROW,
+    WIDE,
+    WatchedPage,
+    count_colours,
+    evaluate_in_page,
+    find_overflow,
+    needs_browser,
+    serve_app,
+)
 
 pytestmark = needs_browser
 PAGES = {
@@ -26,19 +35,20 @@ PAGES = {
     "/diagnose": "text=Earlier diagnoses",
     "/diagnose/old": "iframe",
     "/replay/f1": ".player",
-    "/access": "text=needed to control",
+    "/access": "text=office: operate, plan, read",
 }
 """What each page has when it is whole."""
 EMPTY = {
-    "/": "text=No fleet is out yet",
+    "/": "text=No fleet yet",
     "/diagnose": "text=No logs yet",
     "/replay": "text=Nothing was recorded yet",
 }
 """The same of a service that is new."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("path", "whole"), PAGES.items())
-def test_a_page_fits_both_widths_and_is_dark_and_light(watched: Watched, path: str, whole: str) -> None:
+def test_a_page_fits_both_widths_and_is_dark_and_light(watched: WatchedPage, path: str, whole: str) -> None:
     page = watched.open(path)
     page.wait_for_selector(whole)
     back = []
@@ -46,13 +56,13 @@ def test_a_page_fits_both_widths_and_is_dark_and_light(watched: Watched, path: s
         page.set_viewport_size(size)
         for scheme in ("light", "dark"):
             page.emulate_media(color_scheme=scheme)
-            assert page.evaluate("document.documentElement.scrollWidth") <= size["width"], wide_by(page)
-            assert wide_by(page) == []
+            assert page.evaluate("document.documentElement.scrollWidth") <= size["width"], find_overflow(page)
+            assert find_overflow(page) == []
             back.append(page.evaluate("getComputedStyle(document.body).backgroundColor"))
     assert back[0] == back[2] != back[1] == back[3]
     if page.locator("canvas").count():
         page.wait_for_function("() => document.querySelector('canvas').width > 0")
-        assert painted(page) > 3
+        assert count_colours(page) > 3
     assert (
         page.evaluate(
             "[...document.querySelectorAll('button, input, select, textarea')].filter((one) =>"
@@ -66,7 +76,7 @@ def test_a_page_fits_both_widths_and_is_dark_and_light(watched: Watched, path: s
     watched.well()
 
 
-def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: Watched) -> None:
+def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: WatchedPage) -> None:
     page = watched.open("/access")
     page.reload()
     page.wait_for_selector("main h1")
@@ -92,14 +102,14 @@ def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: Watched) -> 
 
 
 def test_without_a_token_nothing_can_be_sent(pages: tuple[str, Made], browser: Browser) -> None:
-    looking = Watched(browser, pages[0])
+    looking = WatchedPage(browser, pages[0])
     page = looking.open("/fleet/f1")
     page.wait_for_selector("text=waits for tractor 1")
     assert page.locator("button.stop").is_disabled() and page.locator("text=Pause all").is_disabled()
     page.goto(f"{pages[0]}#/access")
     page.fill("input[name=token]", CONTROL)
     page.click("text=Use it in this tab")
-    page.wait_for_selector("text=The service takes this token")
+    page.wait_for_selector("text=The service accepts this token")
     assert page.evaluate("[sessionStorage.getItem('headland-token'), localStorage.length]") == [CONTROL, 0]
     page.click("text=Forget it")
     assert page.evaluate("sessionStorage.getItem('headland-token')") is None
@@ -107,11 +117,11 @@ def test_without_a_token_nothing_can_be_sent(pages: tuple[str, Made], browser: B
     page.context.close()
 
 
-def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/plan"), pages[1]
     page.select_option("select[name=fields]", NASTY)
     page.fill("input[name=width]", "-1")
-    page.fill("input[name=before]", "17:00")
+    page.fill("input[name=deadline]", "17:00")
     page.click("text=Run the plan")
     page.wait_for_selector("text=width is -1; use metres above 0.")
     assert page.evaluate("document.activeElement.name") == "width"
@@ -123,7 +133,7 @@ def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: Watched, pages
     asked = {
         "field": NASTY,
         "width": 3.5,
-        "before": "17:00",
+        "deadline": "17:00",
         "tractors": "1-3",
         "strategies": "split-field,interleaved",
         "tractor": "eg105",
@@ -133,7 +143,7 @@ def test_a_plan_is_asked_for_in_the_words_of_the_service(watched: Watched, pages
     watched.said.clear()  # the refusal above is a failed request, which a browser tells of
 
 
-def test_any_plan_of_the_table_is_played(watched: Watched) -> None:
+def test_any_plan_of_the_table_is_played(watched: WatchedPage) -> None:
     page = watched.open("/plan/old")
     page.wait_for_selector("text=Plans, best first")
     assert page.locator(".under .who").count() == 3
@@ -145,12 +155,12 @@ def test_any_plan_of_the_table_is_played(watched: Watched) -> None:
     page.click("th button:has-text('Cost')")
     assert page.locator("th[aria-sort=ascending]").inner_text().startswith("Cost")
     assert [row.split("\t")[2].strip() for row in page.locator("tbody tr").all_inner_texts()[:3]] == ["2", "3", "3"]
-    page.click("summary:has-text('The whole report')")
+    page.click("summary:has-text('Full report')")
     page.frame_locator("iframe").locator("text=the report runs").wait_for()
     watched.well()
 
 
-def test_a_job_is_cancelled_and_a_failure_is_told_in_its_sentence(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_job_is_cancelled_and_a_failure_is_shown(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     pages[1].polls = 0
     page = watched.open("/plan/made")
     page.click("text=Cancel")
@@ -161,7 +171,7 @@ def test_a_job_is_cancelled_and_a_failure_is_told_in_its_sentence(watched: Watch
     page.wait_for_selector("text=use a narrower implement")
 
 
-def test_a_field_is_drawn_by_keys_and_uploaded(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_field_is_drawn_by_keys_and_uploaded(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/plan"), pages[1]
     made.requests.clear()
     page.click("summary:has-text('Draw a field')")
@@ -179,7 +189,7 @@ def test_a_field_is_drawn_by_keys_and_uploaded(watched: Watched, pages: tuple[st
     watched.well()
 
 
-def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: Watched, tmp_path: Path) -> None:
+def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: WatchedPage, tmp_path: Path) -> None:
     log = tmp_path / "bad.csv"
     log.write_text("time_s,easting_m\n0,1\n", encoding="utf-8")
     page = watched.open("/replay")
@@ -188,10 +198,10 @@ def test_a_log_without_a_needed_column_is_refused_in_a_sentence(watched: Watched
     watched.well()
 
 
-def test_modules_by_their_closed_forms(watched: Watched) -> None:
+def test_modules_by_their_closed_forms(watched: WatchedPage) -> None:
     page = watched.open("/access")
     shares = "[9.96, 99.96, 99.75, 100].map(m.percent)"
-    assert told_by(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == [
+    assert evaluate_in_page(page, f"[m.clock(3723), m.span(45), ...{shares}, m.number(null)]") == [
         "1:02:03",
         "45\xa0s",
         "10.0\xa0%",
@@ -200,12 +210,12 @@ def test_modules_by_their_closed_forms(watched: Watched) -> None:
         "100\xa0%",
         "\u2013",
     ]
-    assert told_by(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
+    assert evaluate_in_page(page, "m.area([[0, 0], [4, 0], [4, 3]])") == 6
     lane = "{ time_s: [0, 10, 20], points_m: [[0, 0], [10, 0], [10, -5]], status: [1, 4] }"
-    there = told_by(page, f"[m.poseAt({lane}, 5), m.poseAt({lane}, 15)]")
+    there = evaluate_in_page(page, f"[m.poseAt({lane}, 5), m.poseAt({lane}, 15)]")
     assert [there[0]["x"], there[0]["heading"]] == [5, 90]
     assert there[1]["y"] == -2.5 and there[1]["heading"] % 360 == 0, "backwards to the south it looks north"
-    seen = told_by(
+    seen = evaluate_in_page(
         page,
         """(() => { const one = new m.Camera("c"); one.aim({ x: 0, y: 0, heading: 90 }, 600, 400);
       return [one.pixel(one.see(20, 0, 0)), one.pixel(one.see(20, -3, 0)), one.pixel(one.see(40, 0, 0))]; })()""",
@@ -213,14 +223,17 @@ def test_modules_by_their_closed_forms(watched: Watched) -> None:
     assert seen[0][0] == pytest.approx(300) and seen[1][0] > 300 and seen[2][1] < seen[0][1], "ahead, right, farther"
 
 
+@pytest.mark.slow
 def test_the_pages_speak_with_the_service_itself(
     browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("planner.service.links.hub.warm", lambda: None)  # no fleet drives here: nothing to compile for
-    app = create_app(Settings(data=tmp_path, workers=0), inline=True)
-    token = app.state.store.new_token("office", "control")
-    with served(app) as base:
-        watched = Watched(browser, base, token)
+    monkeypatch.setattr(
+        "planner.service.fleets.fleet_sessions.warm_up", lambda: None
+    )  # no fleet drives here: nothing to compile for
+    app = create_app(ServiceSettings(data=tmp_path, workers=0), reads_inline=True)
+    token = app.state.store.create_token_text("office", "operator planner")
+    with serve_app(app) as base:
+        watched = WatchedPage(browser, base, token)
         for path, whole in EMPTY.items():
             watched.open(path).wait_for_selector(whole)
         page = watched.open("/plan")
@@ -235,11 +248,11 @@ def test_the_pages_speak_with_the_service_itself(
         watched.well()
         page.fill("input[name=width]", "-1")
         page.click("text=Run the plan")
-        page.wait_for_selector("text=it must be above 0")
+        page.wait_for_selector("text=use more than 0")
         page.fill("input[name=width]", "3")
         page.click("text=Run the plan")
         page.wait_for_selector("text=Waiting for its turn.")
-        asked = app.state.store.jobs("plan")[0].request
+        asked = app.state.store.list_jobs("plan")[0].request
         assert asked["field"] == "myfield" and asked["local"] is True and asked["width"] == 3
         page.click("text=Cancel")
         page.wait_for_selector("text=It was cancelled.")
@@ -247,7 +260,7 @@ def test_the_pages_speak_with_the_service_itself(
         page.context.close()
 
 
-def _add_files(watched: Watched, folder: Path) -> None:
+def _add_files(watched: WatchedPage, folder: Path) -> None:
     """A Shapefile without its .prj is added once its coordinate system is said; one of several fields is chosen."""
     (folder / "north.zip").write_bytes(shapefile(HERE_M))
     ring = [[lon / 1e3, 51 + lat / 1e3] for lon, lat in ((0, 0), (2, 0), (2, 1), (0, 1), (0, 0))]
@@ -258,9 +271,9 @@ def _add_files(watched: Watched, folder: Path) -> None:
     (folder / "two.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": parcels}))
     page = watched.open("/plan")
     page.set_input_files("input[aria-label='Add a file: Field']", folder / "north.zip")
-    page.wait_for_selector("text=coordinate system its numbers are in")
+    page.wait_for_selector("text=does not name its coordinate system")
     page.fill("input[name=upload-crs]", "EPSG:25832")
-    page.click("text=Add it so")
+    page.click("text=Add with these settings")
     page.wait_for_selector(".under >> text=0.36\xa0ha")
     page.set_input_files("input[aria-label='Add a file: Field']", folder / "two.geojson")
     page.wait_for_selector("text=The file holds 2 fields; choose one of them.")
@@ -270,7 +283,7 @@ def _add_files(watched: Watched, folder: Path) -> None:
     page.wait_for_selector("h1:has-text('two b')")
 
 
-def test_a_plan_is_saved_for_a_terminal(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_plan_is_saved_for_a_terminal(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/plan/old"), pages[1]
     page.click("summary:has-text('Guidance for terminals')")
     page.select_option("select[name=form]", "agopengps")

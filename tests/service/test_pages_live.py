@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from tests.service.fake_service import NOTHING, UNDERSTEER, Made
-from tests.service.watching import Watched, needs_browser, told_by, until
+from tests.service.watching import WatchedPage, evaluate_in_page, needs_browser, until
 
 pytestmark = needs_browser
 
 
-def test_a_fleet_is_watched_and_ordered(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_fleet_is_watched_and_ordered(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/fleet/f1"), pages[1]
     page.wait_for_selector("text=waits for tractor 1")
     tiles = page.locator(".tractor").all_inner_texts()
@@ -46,7 +46,7 @@ def test_a_fleet_is_watched_and_ordered(watched: Watched, pages: tuple[str, Made
     watched.well()
 
 
-def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/fleet/f1/tractor/1"), pages[1]
     made.frames.clear()
     page.keyboard.press("Space")
@@ -67,7 +67,7 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, pa
     assert held["speed_command_mps"] == pytest.approx(0.4 * 1.4) and held["shuttle"] == 1 and held["start"] == 1
     assert held["steering_command_deg"] == pytest.approx(28.0), "to the right is positive, at full lock of the machine"
     page.evaluate("window.dispatchEvent(new Event('blur'))")
-    page.wait_for_selector("text=Let go: it stands")
+    page.wait_for_selector("text=Released: it stands")
     until(page, lambda: made.frames[-1]["speed_command_mps"] == 0)
     page.locator(".pad").scroll_into_view_if_needed()
     pad = page.locator(".pad").bounding_box()
@@ -77,18 +77,18 @@ def test_hands_drive_only_while_the_dead_man_switch_is_held(watched: Watched, pa
     page.wait_for_selector("text=Driving by touch")
     until(page, lambda: made.frames[-1]["shuttle"] == -1)
     page.mouse.up()
-    page.wait_for_selector("text=Let go: it stands")
+    page.wait_for_selector("text=Released: it stands")
     watched.well()
 
 
 def test_who_stands_for_what_cannot_be_read_is_let_go_on_by_a_button_that_says_so(
-    watched: Watched, pages: tuple[str, Made]
+    watched: WatchedPage, pages: tuple[str, Made]
 ) -> None:
     page, made = watched.open("/fleet/f1"), pages[1]
     made.frames.clear()
-    alarm = page.locator(".alarm:has-text('could not be taken')")
+    alarm = page.locator(".alarm:has-text('could not be read')")
     alarm.wait_for()
-    assert alarm.get_by_role("button").all_inner_texts() == ["Let it go on"]
+    assert alarm.get_by_role("button").all_inner_texts() == ["Let it resume"]
     alarm.get_by_role("button").click()
     until(page, lambda: bool(made.frames))
     assert {key: made.frames[0][key] for key in ("kind", "alarm")} == {"kind": "acknowledge", "alarm": 3}
@@ -98,32 +98,32 @@ def test_who_stands_for_what_cannot_be_read_is_let_go_on_by_a_button_that_says_s
 
 
 def test_a_diagnosis_that_found_nothing_has_nothing_to_take_into_the_file(
-    watched: Watched, pages: tuple[str, Made]
+    watched: WatchedPage, pages: tuple[str, Made]
 ) -> None:
     made = pages[1]
     made.diagnosed, made.finding = True, NOTHING
     page = watched.open("/fleet/f1/tractor/2")
     page.wait_for_selector("text=Nothing was found that the tractor file lacks.")
     assert page.locator("text=Read the diagnosis").count() == 1
-    assert page.locator("text=Take it into the tractor file").count() == 0
+    assert page.locator("text=Add it to the tractor file").count() == 0
     made.diagnosed = False
     watched.well()
 
 
-def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_twin_in_doubt_is_diagnosed_and_mended(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     pages[1].finding = UNDERSTEER
     page = watched.open("/fleet/f1/tractor/2")
     page.click("text=Find the cause")
     page.wait_for_selector("text=The tractor turns less than its wheels say.")
     assert page.get_attribute("text=Read the diagnosis", "href") == "#/diagnose/old"
-    page.click("text=Take it into the tractor file")
+    page.click("text=Add it to the tractor file")
     page.wait_for_selector("text=Saved as the tractor file eg105 mended")
-    page.wait_for_selector("text=Take it into the tractor file", state="detached")
+    page.wait_for_selector("text=Add it to the tractor file", state="detached")
     assert page.locator("text=Saved as the tractor file eg105 mended").count() == 1, "it is said as long as it counts"
     watched.well()
 
 
-def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> None:
+def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: WatchedPage) -> None:
     page = watched.page
     told = [("f1", "08:00", "running"), ("f2", "09:00", "running"), ("f3", "10:00", "ready")]
     items = [
@@ -138,7 +138,7 @@ def test_the_overview_opens_on_the_newest_fleet_that_runs(watched: Watched) -> N
     assert found == ["#/fleet/f2", "#/fleet/f1", "#/fleet/f3"]
 
 
-def test_stop_all_goes_another_way_where_the_link_does_not_answer(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_stop_all_uses_http_where_the_link_does_not_answer(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/fleet/f1"), pages[1]
     page.wait_for_selector("text=waits for tractor 1")
     for deaf, wanted in ((False, []), (True, [("fleets/f1/stop", None)])):
@@ -152,7 +152,7 @@ def test_stop_all_goes_another_way_where_the_link_does_not_answer(watched: Watch
     watched.well()
 
 
-def test_a_page_left_while_its_link_connects_complains_of_nothing(watched: Watched, pages: tuple[str, Made]) -> None:
+def test_a_page_left_while_its_link_connects_reports_no_error(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/access"), pages[1]
     until(page, lambda: made.left == made.knocks)
     made.shut, knocks = True, made.knocks
@@ -160,7 +160,7 @@ def test_a_page_left_while_its_link_connects_complains_of_nothing(watched: Watch
         watched.open("/fleet/f1")
         until(page, lambda: made.knocks > knocks)
         watched.open("/access")
-        page.wait_for_selector("text=needed to control")
+        page.wait_for_selector("text=Version")
         page.wait_for_timeout(200)
         watched.well()
     finally:
@@ -171,11 +171,11 @@ def test_a_page_left_while_its_link_connects_complains_of_nothing(watched: Watch
     watched.well()
 
 
-def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: Watched) -> None:
+def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: WatchedPage) -> None:
     page = watched.open("/access")
     fields = """[{ grid: "a", box: [0, 0, 200, 100] }, { grid: "b", box: [9000, 0, 9300, 100] },
       { grid: "a", box: [500, 0, 700, 100] }, { grid: "a", box: [90000, 0, 90100, 100] }]"""
-    placed = told_by(page, f"m.arranged({fields})")
+    placed = evaluate_in_page(page, f"m.arranged({fields})")
     assert [one["group"] for one in placed] == [0, 1, 0, 2]
     assert placed[0]["shift"] == placed[2]["shift"] == [0, 0], "neighbours keep their distance, the first its place"
     boxes = [[0, 0, 700, 100], [9000, 0, 9300, 100], [90000, 0, 90100, 100]]
@@ -188,12 +188,12 @@ def test_fields_far_apart_stand_beside_each_other_on_one_map(watched: Watched) -
             apart = max(one[0] - other[2], other[0] - one[2], one[1] - other[3], other[1] - one[3])
             assert apart == pytest.approx(105) or apart > 105, "a gap of 15 % of the largest side"
     assert max(abs(value) for one in shown for value in one) < 1500
-    assert told_by(page, "m.arranged([{ grid: 'a', box: [7, 8, 9, 10] }])") == [{"group": 0, "shift": [0, 0]}]
+    assert evaluate_in_page(page, "m.arranged([{ grid: 'a', box: [7, 8, 9, 10] }])") == [{"group": 0, "shift": [0, 0]}]
 
 
-def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_there_is(watched: Watched) -> None:
+def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_there_is(watched: WatchedPage) -> None:
     page = watched.open("/access")
-    told = told_by(
+    told = evaluate_in_page(
         page,
         """(() => { const box = document.createElement("div");
           const pad = { connected: true, axes: [0.5, 0.04], buttons: [] }, limits = { limit_mps: 2, steering_deg: 30 };
@@ -231,9 +231,9 @@ def test_a_gamepad_drives_by_its_shoulder_buttons_and_standing_is_what_else_ther
     assert told[2] == {"steering_command_deg": 15, "speed_command_mps": 1, "shuttle": -1, "start": 1}
 
 
-def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: Watched) -> None:
+def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: WatchedPage) -> None:
     page = watched.open("/access")
-    told = told_by(
+    told = evaluate_in_page(
         page,
         """(() => { const clock = new m.ServiceClock(), stamp = new m.Stamp(clock), said = [stamp.next(0)];
           clock.heard("2026-06-01T08:00:00.700Z", 1000);
@@ -247,7 +247,7 @@ def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: Wa
     assert told[1]["time"] == "2026-06-01T08:00:02.899Z", "a frame that was held up does not set the clock back"
 
 
-def test_names_of_a_chart_never_run_into_its_title(watched: Watched) -> None:
+def test_names_of_a_chart_never_run_into_its_title(watched: WatchedPage) -> None:
     page = watched.open("/fleet/f1/tractor/2")
     page.wait_for_selector("text=larger than noise")
     drawn = """async (width) => {

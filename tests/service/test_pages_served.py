@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
-from planner.service.pages.mount import STATIC
+from planner.service.pages.static_files import STATIC_FOLDER
 from tests.service.conftest import Shared
 
 ROOT = Path(__file__).parents[2]
-PARTS = sorted(path for path in STATIC.rglob("*") if path.is_file())
+PARTS = sorted(path for path in STATIC_FOLDER.rglob("*") if path.is_file())
 
 
 def test_the_page_lets_nothing_run_but_its_own_files(shared: Shared) -> None:
@@ -35,7 +35,7 @@ def test_the_page_lets_nothing_run_but_its_own_files(shared: Shared) -> None:
 
 @pytest.mark.parametrize("path", PARTS, ids=lambda path: path.name)
 def test_every_part_is_served_and_packaged(shared: Shared, path: Path) -> None:
-    name = path.relative_to(STATIC).as_posix()
+    name = path.relative_to(STATIC_FOLDER).as_posix()
     answer = shared[0].get(f"/static/{name}")
     assert answer.status_code == 200 and answer.headers["cache-control"] == "no-cache"
     kinds = {".js": "javascript", ".css": "text/css", ".svg": "image/svg", ".html": "text/html"}

@@ -13,25 +13,33 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.candidates.evaluate import Candidate, simulated
-from planner.candidates.refills import crowded, served_of
-from planner.saving import saved_plan
-from planner.scenario import Scenario
-from planner.service.centre import replanning
-from planner.service.centre.centre import Centre
-from planner.service.centre.course import Course
-from planner.service.centre.errors import CentreError
-from planner.service.centre.fleet_plan import FleetPlan, prepared
-from planner.service.centre.remaining import rest_of
-from planner.service.centre.replanning import Proposal, _cut, _still_there, _supply, _unknown_load, replanned
-from planner.site import prepare
-from strategies.refilling.onward import taken_up
-from strategies.supply import Supply
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.candidates.variants import find_service_conflict, find_service_stops
+from planner.evaluation.context import prepare_context
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.manager.remaining_work import extract_remaining_work
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan, prepare_fleet_plan
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.replanning import replan
+from planner.fleet.replanning.replan import (
+    ReplanProposal,
+    _cut_leg,
+    _describe_unknown_load,
+    _infer_carried_supply,
+    _is_existing_stop,
+    replan_remaining_work,
+)
+from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.request.plan_request import PlanRequest
+from strategies.program.supply import Supply
+from strategies.service_stops.stop_plan import add_stops_for_taken_work
 from tests.service.test_replanning import FIELD, at
-from vehicle.missions import REFILL, TRACK, TURN, Leg, Mission, Plan, Task
-from vehicle.plan_file import plan_to_json
-from vehicle.rehearsal import Rehearsal
-from vehicle.run import Run
+from vehicle.errors import MissionError
+from vehicle.missions.plan import REFILL, SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan_file import format_plan
+from vehicle.missions.run import SimulationRun
+from vehicle.sim.incremental import IncrementalSimulator
 
 WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
 TANK = Supply(LOAD_M2, 1.0, STAND_S)
@@ -42,29 +50,39 @@ def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     """A plan of three tractors each of which stops for a load."""
     file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
-    scenario = Scenario(field=str(file), local=True, width_m=WIDTH_M, tractors=(3,), strategies=("split-field",),
-                        entrance=(0.0, 0.0), refill=request.param)
-    site = prepare(scenario, supply=TANK)
-    run = simulated(site, Candidate("split-field", 3)).run
+    scenario = PlanRequest(
+        field=str(file),
+        local=True,
+        width_m=WIDTH_M,
+        tractors=(3,),
+        strategies=("split-field",),
+        entrance=(0.0, 0.0),
+        refill=request.param,
+    )
+    site = prepare_context(scenario, supply=TANK)
+    run = simulate_candidate(site, Candidate("split-field", 3)).run
     assert run is not None and run.plan.notes["refills"]
-    return prepared(saved_plan(site, run.plan), file)
+    return prepare_fleet_plan(write_saved_plan(site, run.plan), file)
 
 
-Made = tuple[Centre, Proposal, Run]
+Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 
 
 @pytest.fixture(scope="module", params=[0.15, 0.45])
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
-    centre, runs = at(plan, request.param), []
-    centre.fail("anna", 1, 1.0)
+    manager, runs = at(plan, request.param), []
+    manager.mark_failed("anna", 1, 1.0)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(replanning, "crowded", lambda run, job: runs.append(run) or crowded(run, job))
-        return centre, replanned(rest_of(centre, [], 100.0)), runs[-1]
+        patch.setattr(
+            replan, "find_service_conflict", lambda run, job: runs.append(run) or find_service_conflict(run, job)
+        )
+        return manager, replan_remaining_work(extract_remaining_work(manager, [], 100.0)), runs[-1]
 
 
+@pytest.mark.slow
 def test_one_is_served_at_a_time_where_only_one_can_be(plan: FleetPlan, made: Made) -> None:
-    stops = served_of(made[2])
+    stops = find_service_stops(made[2])
     assert len(stops) >= 2 and {round(stop.to_s - stop.from_s) for stop in stops} == {STAND_S}
     if plan.scenario.refill != "headland":
         assert all(after.from_s >= before.to_s - 1e-6 for before, after in pairwise(stops))
@@ -82,22 +100,22 @@ def loads_m2(legs: tuple[Leg, ...]) -> Iterator[float]:
 
 
 def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(made: Made) -> None:
-    centre, proposal, _ = made
-    most = max(load for course in centre.courses for load in loads_m2(course.legs))
-    assert 0.0 < most <= LOAD_M2 + 1e-6 and proposal.moved_m > 50.0
+    manager, proposal, _ = made
+    most = max(load for course in manager.timed_missions for load in loads_m2(course.legs))
+    assert 0.0 < most <= LOAD_M2 + 1e-6 and proposal.reassigned_m > 50.0
     for number in (0, 2):
-        new, kept = proposal.plan.courses[number].legs, proposal.kept[number]
+        new, kept = proposal.plan.timed_missions[number].legs, proposal.unchanged_legs[number]
         assert max(loads_m2(new)) <= most + WIDTH_M  # what is worked twice where a begun track is taken up
-        before = centre.courses[number].legs
+        before = manager.timed_missions[number].legs
         assert [leg.stand_s for leg in new[:kept]] == [leg.stand_s for leg in before[:kept]]
         assert {leg.stand_s for leg in new} <= {0.0, STAND_S}
-    assert sum(len(list(loads_m2(proposal.plan.courses[number].legs))) for number in (0, 2)) >= sum(
-        len(list(loads_m2(centre.courses[number].legs))) for number in (0, 2)
+    assert sum(len(list(loads_m2(proposal.plan.timed_missions[number].legs))) for number in (0, 2)) >= sum(
+        len(list(loads_m2(manager.timed_missions[number].legs))) for number in (0, 2)
     )
 
 
 def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -> None:
-    centre, proposal, _ = made
+    manager, proposal, _ = made
     legs = [mission.legs for mission in proposal.plan.plan.missions]
     for stop in proposal.plan.plan.notes["refills"]:
         leg = legs[stop["tractor"] - 1][stop["leg"]]
@@ -105,60 +123,69 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -
     for each in legs:  # who goes to the place stands there
         ends = [k for k, leg in enumerate(each[:-1]) if leg.task.kind == REFILL and each[k + 1].task.kind != REFILL]
         assert all(each[k + 1].stand_s == STAND_S for k in ends)
-    centre.adopt("anna", proposal.plan, 101.0, (1,))
-    centre.tick(102.0)
-    assert centre.version == 2
+    manager.adopt_plan("anna", proposal.plan, 101.0, (1,))
+    manager.update_fleet(102.0)
+    assert manager.version == 2
 
 
 def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan: FleetPlan) -> None:
     whole = plan.plan.missions
     place = {"x_m": 0, "y_m": 0}
-    made_up = [None, "x", {}, {"tractor": 99, "leg": 0} | place, {"tractor": 0, "leg": -1} | place,
-               {"tractor": 1, "leg": "a"} | place, {"tractor": 1, "leg": 0, "x_m": 10**400, "y_m": 0},
-               {"tractor": 10**400, "leg": 0} | place, {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0}]  # fmt: skip
-    assert not any(_still_there(stop, whole) for stop in made_up)
-    assert all(_still_there(stop, whole) for stop in plan.plan.notes["refills"])
+    made_up = [
+        None,
+        "x",
+        {},
+        {"tractor": 99, "leg": 0} | place,
+        {"tractor": 0, "leg": -1} | place,
+        {"tractor": 1, "leg": "a"} | place,
+        {"tractor": 1, "leg": 0, "x_m": 10**400, "y_m": 0},
+        {"tractor": 10**400, "leg": 0} | place,
+        {"tractor": 1, "leg": 0, "x_m": [], "y_m": 0},
+    ]
+    assert not any(_is_existing_stop(stop, whole) for stop in made_up)
+    assert all(_is_existing_stop(stop, whole) for stop in plan.plan.notes["refills"])
 
 
 def test_a_plan_that_stands_for_longer_than_a_day_is_refused_at_once(plan: FleetPlan) -> None:
     saved = plan.saved
-    told = json.loads(plan_to_json(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
+    told = json.loads(format_plan(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
     told["tractors"][1][3]["stand_s"] = 1e18
-    with pytest.raises(CentreError, match=r"Tractor 2 of the plan stands for 1e\+18 s; at most 86400 s"):
-        prepared(json.dumps(told))
+    too_long = r"Tractor 2 of the plan stops for 1e\+18 s in all; shorten that to at most 86400 s"
+    with pytest.raises(FleetManagerError, match=too_long):
+        prepare_fleet_plan(json.dumps(told))
 
 
 @pytest.mark.parametrize("place", [[1e300, 0.0], [0.0, -2e8]])
 def test_a_plan_that_lies_nowhere_is_refused(plan: FleetPlan, place: list[float]) -> None:
     saved = plan.saved
-    told = json.loads(plan_to_json(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
+    told = json.loads(format_plan(saved.plan, origin_m=saved.origin_m, scenario=saved.scenario, ground=saved.ground))
     told["origin_m"] = place
-    with pytest.raises(CentreError, match=r"reaches (1e\+300|2e\+08) m from the origin .* at most 1e\+08 m are taken"):
-        prepared(json.dumps(told))
+    with pytest.raises(MissionError, match="it must be two numbers of metres"):
+        prepare_fleet_plan(json.dumps(told))
 
 
 def test_who_stands_for_a_load_does_so_in_the_rest_though_its_place_is_not_known_to_the_centimetre() -> None:
     stands = Leg(np.array([(0.0, 0.0), (30.0, 0.0)]), 1.0, stand_s=STAND_S)
-    assert _cut(stands, 0.3).stand_s == STAND_S and _cut(stands, 5.0).stand_s == 0.0
+    assert _cut_leg(stands, 0.3).stand_s == STAND_S and _cut_leg(stands, 5.0).stand_s == 0.0
 
 
 def test_a_rest_with_long_stands_is_waited_for(monkeypatch: pytest.MonkeyPatch, plan: FleetPlan) -> None:
     """Half an hour of standing is no standstill: a rehearsal goes on for as long as stands ask for."""
     least: list[float] = []
 
-    def simulate(self: Rehearsal, what: Plan, max_time_s: float, *more: Any) -> Run:
+    def simulate(self: IncrementalSimulator, what: Plan, max_time_s: float, *more: Any) -> SimulationRun:
         least.append(max_time_s - sum(leg.stand_s for each in what.missions for leg in each.legs))
-        raise CentreError("It is seen.")
+        raise FleetManagerError("It is seen.")
 
-    monkeypatch.setattr(Rehearsal, "simulate", simulate)
-    centre = at(replace(plan, courses=tuple(longer(course) for course in plan.courses)), 0.45)
-    centre.fail("anna", 1, 1.0)
-    with pytest.raises(CentreError):
-        replanned(rest_of(centre, [], 100.0))
+    monkeypatch.setattr(IncrementalSimulator, "simulate", simulate)
+    manager = at(replace(plan, timed_missions=tuple(longer(course) for course in plan.timed_missions)), 0.45)
+    manager.mark_failed("anna", 1, 1.0)
+    with pytest.raises(FleetManagerError):
+        replan_remaining_work(extract_remaining_work(manager, [], 100.0))
     assert least and min(least) > 0.0
 
 
-def longer(course: Course) -> Course:
+def longer(course: TimedMission) -> TimedMission:
     """The same with stands of half a day."""
     legs = tuple(replace(leg, stand_s=40000.0 if leg.stand_s else 0.0) for leg in course.legs)
     return replace(course, mission=Mission(legs))
@@ -167,20 +194,20 @@ def longer(course: Course) -> Course:
 def test_tanks_of_which_the_plan_tells_nothing_are_to_be_looked_to(plan: FleetPlan) -> None:
     none = tuple(
         replace(course, mission=Mission(tuple(replace(leg, stand_s=0.0) for leg in course.legs)))
-        for course in plan.courses
+        for course in plan.timed_missions
     )
-    bare = replace(plan, courses=none)
-    told = _unknown_load(bare, _supply(bare))
-    assert told is not None and "look to the tanks" in told
-    assert _unknown_load(plan, _supply(plan)) is None
+    bare = replace(plan, timed_missions=none)
+    told = _describe_unknown_load(bare, _infer_carried_supply(bare))
+    assert told is not None and "check the tanks" in told
+    assert _describe_unknown_load(plan, _infer_carried_supply(plan)) is None
     notes = {key: value for key, value in plan.plan.notes.items() if key != "refills"}
     dry = replace(bare, saved=replace(bare.saved, plan=replace(bare.plan, notes=notes)))
-    assert _unknown_load(dry, None) is None
+    assert _describe_unknown_load(dry, None) is None
 
 
 def test_a_track_that_is_worked_on_straight_is_not_left_for_a_load_half_way() -> None:
-    ways = [((0, 0), (50, 0), TRACK), ((50, 0), (80, 0), TRACK), ((80, 0), (80, 3), TURN), ((80, 3), (20, 3), TRACK)]
-    legs = [Leg(np.array([a, b], dtype=float), 1.0, implement=kind == TRACK, task=Task(kind)) for a, b, kind in ways]
+    ways = [((0, 0), (50, 0), SWATH), ((50, 0), (80, 0), SWATH), ((80, 0), (80, 3), TURN), ((80, 3), (20, 3), SWATH)]
+    legs = [Leg(np.array([a, b], dtype=float), 1.0, implement=kind == SWATH, task=LegTask(kind)) for a, b, kind in ways]
     job: Any = SimpleNamespace(layout=SimpleNamespace(width_m=1.0), tractors=1)
-    found = taken_up(job, Supply(100.0, 1.0, STAND_S), legs, 1)
+    found = add_stops_for_taken_work(job, Supply(100.0, 1.0, STAND_S), legs, 1)
     assert [leg.stand_s for leg in found] == [0.0, 0.0, STAND_S, 0.0]

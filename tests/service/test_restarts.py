@@ -6,6 +6,7 @@ import asyncio
 import json
 import math
 import os
+import re
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,28 +15,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.service.centre.centre import Centre
-from planner.service.centre.errors import CentreError
-from planner.service.centre.fleet_plan import FleetPlan, prepared, timing_of
-from planner.service.centre.progress import progress_of, restore
-from planner.service.centre.rules import Rules
-from planner.service.links import hub as hubs
-from planner.service.links.hub import Hub
-from planner.service.links.live import LiveFleet
-from planner.service.settings import Settings
-from planner.service.store import Store
-from tests.service.fleets import EG105, driven, fleet_plan
-from vehicle.measured.answer.save import tractor_toml
-from vehicle.missions import ENTER, Leg, Mission, Plan, Task
-from vehicle.plan_file import plan_to_json
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.manager.progress_snapshot import capture_progress, restore_progress
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan, describe_timing, prepare_fleet_plan
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.tractor_state import SERVICE_RESTARTED, TractorReport
+from planner.fleet.session import fleet_session as lives
+from planner.fleet.session import state_recorder
+from planner.fleet.session.clients import TRACTOR, FleetClient
+from planner.fleet.session.fleet_session import FleetSession
+from planner.service.errors import DatabaseError
+from planner.service.fleets import fleet_sessions as hubs
+from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import Store
+from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
+from vehicle.missions.plan import ENTER, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan_file import format_plan
+from vehicle.model.tractor_writer import format_tractor_toml
 
 RING = ((90.0, 0.0), (91.0, 0.0), (91.0, 1.0))
-ORDERS: dict[str, Callable[[LiveFleet], object]] = {
-    "stop-all": lambda fleet: fleet.centre.stop_all("anna", 0.0),
-    "pause": lambda fleet: fleet.centre.pause("anna", 0, 0.0),
-    "lease": lambda fleet: fleet.centre.lease("anna", 0, False, 0.0),
-    "failure": lambda fleet: fleet.centre.fail("anna", 0, 0.0),
-    "obstacle": lambda fleet: fleet.centre.obstacle("tractor 1", RING, "stone", 0.0),
+ORDERS: dict[str, Callable[[FleetSession], object]] = {
+    "stop-all": lambda fleet: fleet.manager.stop_all("anna", 0.0),
+    "pause": lambda fleet: fleet.manager.pause_tractors("anna", 0, 0.0),
+    "lease": lambda fleet: fleet.manager.take_lease("anna", 0, False, 0.0),
+    "failure": lambda fleet: fleet.manager.mark_failed("anna", 0, 0.0),
+    "obstacle": lambda fleet: fleet.manager.report_obstacle("tractor 1", RING, "stone", 0.0),
 }
 
 
@@ -43,25 +49,25 @@ ORDERS: dict[str, Callable[[LiveFleet], object]] = {
 def test_what_was_ordered_is_kept_at_once_as_the_service_may_be_killed(
     order: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(hubs, "KEEP_S", 3600.0)
-    store = Store(Settings(data=tmp_path))
-    fleet = LiveFleet("f1", "small", fleet_plan(), Rules(), begin_s=time.time())
+    monkeypatch.setattr(hubs, "SAVE_PERIOD_S", 3600.0)
+    store = Store(ServiceSettings(data=tmp_path))
+    fleet = FleetSession("f1", "small", fleet_plan(), FleetRules(), begin_s=time.time())
     store.save_fleet("f1", "small", "{}", {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"})
 
     async def ordered() -> float:
-        hub = Hub(store)
+        hub = FleetSessions(store)
         hub.add(fleet)
-        keeping = asyncio.create_task(hub._keep_on())
-        fleet.centre.start("anna", 0.0)
-        fleet.flush()
+        keeping = asyncio.create_task(hub._save_periodically())
+        fleet.manager.start_fleet_work("anna", 0.0)
+        fleet.send_pending_outputs()
         await asyncio.sleep(0.3)
         ORDERS[order](fleet)
-        fleet.flush()
+        fleet.send_pending_outputs()
         begin = time.monotonic()
-        wanted = json.loads(json.dumps(fleet.progress(begin, time.time())["centre"]["tractors"]))
-        obstacles = len(fleet.centre.obstacles.items)
+        wanted = json.loads(json.dumps(fleet.capture_progress(begin, time.time())["centre"]["tractors"]))
+        obstacles = len(fleet.manager.obstacles.items)
         while time.monotonic() - begin < 10.0:
-            kept = store.fleet("f1").progress.get("centre", {"tractors": [], "obstacles": []})
+            kept = store.get_fleet("f1").progress.get("centre", {"tractors": [], "obstacles": []})
             same = [each["holds"] for each in kept["tractors"]] == [each["holds"] for each in wanted]
             if same and len(kept["obstacles"]) == obstacles:
                 break
@@ -78,116 +84,246 @@ def crossing() -> FleetPlan:
 
     def mission(points: list[list[float]]) -> Mission:
         onward = [points[-1], [metres + 20.0 for metres in points[-1]]]
-        return Mission((Leg(np.array(points), 1.0, task=Task(ENTER)), Leg(np.array(onward), 1.0)))
+        return Mission((Leg(np.array(points), 1.0, task=LegTask(ENTER)), Leg(np.array(onward), 1.0)))
 
     plan = fleet_plan(2, 2)
     missions = (mission([[0.0, 0.0], [40.0, 0.0]]), mission([[20.0, -20.0], [20.0, 20.0]]))
-    courses = tuple(replace(course, mission=one) for course, one in zip(plan.courses, missions, strict=True))
-    return replace(plan, saved=replace(plan.saved, plan=Plan(missions)), courses=courses, near_m=0.6)
+    courses = tuple(replace(course, mission=one) for course, one in zip(plan.timed_missions, missions, strict=True))
+    return replace(plan, saved=replace(plan.saved, plan=Plan(missions)), timed_missions=courses, min_clearance_m=0.6)
 
 
 def test_a_plan_made_anew_is_taken_up_by_its_times_and_the_guard_keeps_its_distance() -> None:
     made = crossing()
     scenario = {"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"}
-    text = plan_to_json(made.plan, origin_m=made.saved.origin_m, scenario=scenario | dict(made.saved.scenario))
-    timing = json.loads(json.dumps(timing_of(made)))
+    text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=scenario | dict(made.saved.scenario))
+    timing = json.loads(json.dumps(describe_timing(made)))
     try:
-        alone = prepared(text).near_m
-    except CentreError as refusal:
+        alone = prepare_fleet_plan(text).min_clearance_m
+    except FleetManagerError as refusal:
         alone, told = 0.0, str(refusal)
-        assert "not driven to its end" in told
+        assert "does not reach the end of the plan" in told
     assert alone < 0.1  # driven from its beginning they meet
-    again = prepared(text, timing=timing)
-    assert again.near_m == 0.6 and again.clearance_m == pytest.approx(0.48)
+    again = prepare_fleet_plan(text, timing=timing)
+    assert again.min_clearance_m == 0.6 and again.clearance_m == pytest.approx(0.48)
     assert again.finish_s == made.finish_s
-    assert [course.seconds for course in again.courses] == [course.seconds for course in made.courses]
+    assert [course.leg_seconds for course in again.timed_missions] == [
+        course.leg_seconds for course in made.timed_missions
+    ]
     timing["seconds"][0].append(1.0)
-    with pytest.raises(CentreError, match="times that are kept are those of another plan"):
-        prepared(text, timing=timing)
+    with pytest.raises(FleetManagerError, match="saved times belong to another plan"):
+        prepare_fleet_plan(text, timing=timing)
 
 
 def test_one_tractor_alone_has_no_distance_to_keep_after_a_restart_either() -> None:
-    alone = replace(fleet_plan(1), near_m=math.inf)
-    assert timing_of(alone)["near_m"] is None  # as JSON of databases has no infinity
+    alone = replace(fleet_plan(1), min_clearance_m=math.inf)
+    assert describe_timing(alone)["near_m"] is None  # as JSON of databases has no infinity
 
 
+@pytest.mark.slow
 def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
-    settings = Settings(data=tmp_path)
+    settings = ServiceSettings(data=tmp_path)
     store = Store(settings)
     made = crossing()
     scenario = {"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"}
-    text = plan_to_json(made.plan, origin_m=made.saved.origin_m, scenario=scenario)
-    fleet = LiveFleet("f1", "small", made, Rules(), begin_s=time.time())
+    text = format_plan(made.plan, origin_m=made.saved.origin_m, scenario=scenario)
+    fleet = FleetSession("f1", "small", made, FleetRules(), begin_s=time.time())
     fleet.plan_text = text
     kept = {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"}
     store.save_fleet("f1", "small", "no plan at all", kept)
 
-    async def again() -> LiveFleet:
-        hub = Hub(store)
-        await hub.take_up()
+    async def again() -> FleetSession:
+        hub = FleetSessions(store)
+        await hub.restore_sessions()
         assert hub.faults == {}
-        await hub.keep(hub.fleets["f1"])
+        await hub.save(hub.by_id["f1"])
         await hub.stop()
-        return hub.fleets["f1"]
+        return hub.by_id["f1"]
 
     async def first() -> None:
-        hub = Hub(store)
+        hub = FleetSessions(store)
         hub.add(fleet)
-        await hub.keep(fleet)
+        await hub.save(fleet)
 
     asyncio.run(first())
     for _ in range(2):
         live = asyncio.run(again())
-        assert live.plan_text == text and live.centre.plan.near_m == 0.6
+        assert live.plan_text == text and live.manager.plan.min_clearance_m == 0.6
     store.close()
 
 
 def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is_there(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path))
+    store = Store(ServiceSettings(data=tmp_path))
     mended = EG105.model_copy(update={"name": "slips", "wheel_slip": 0.1})
-    store.add_file("tractor", "mine", tractor_toml(mended).encode())
-    text = plan_to_json(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})
-    fleet = LiveFleet("f1", "small", fleet_plan(), Rules(), begin_s=time.time())
-    fleet.mended = {1: "mine", 0: "deleted meanwhile"}
+    store.add_file("tractor", "mine", format_tractor_toml(mended).encode())
+    text = format_plan(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})
+    fleet = FleetSession("f1", "small", fleet_plan(), FleetRules(), begin_s=time.time())
+    fleet.twin_files = {1: "mine", 0: "deleted meanwhile"}
     store.save_fleet("f1", "small", text, {"begin_s": fleet.begin_s, "times": 1.0, "way": "predict"})
 
-    async def again() -> LiveFleet:
-        first, second = Hub(store), Hub(store)
+    async def again() -> FleetSession:
+        first, second = FleetSessions(store), FleetSessions(store)
         first.add(fleet)
-        await first.keep(fleet)
-        await second.take_up()
+        await first.save(fleet)
+        await second.restore_sessions()
         await second.stop()
-        return second.fleets["f1"]
+        return second.by_id["f1"]
 
     live = asyncio.run(again())
-    assert [tractor.name for tractor in live.twins.tractors] == [EG105.name, "slips"] and live.mended == {1: "mine"}
+    assert [tractor.name for tractor in live.twins.tractors] == [EG105.name, "slips"] and live.twin_files == {1: "mine"}
     store.close()
 
 
-@pytest.mark.parametrize(("mode", "goes_on"), [("automatic", True), ("stopped", False)])
-def test_one_that_was_stopped_after_the_last_that_is_known_is_not_set_in_motion_by_a_restart(
-    mode: str, goes_on: bool
-) -> None:
-    first = driven()
+@pytest.mark.parametrize("mode", ["automatic", "stopped"])
+def test_after_a_restart_nobody_moves_until_somebody_orders_it(mode: str) -> None:
+    first = start_fleet()
     first.run(5)
-    kept = json.loads(json.dumps(progress_of(first.centre, first.now, 1e9)))  # the service is killed, a stop not kept
-    again = Centre(first.centre.plan, Rules())
-    restore(again, kept, 100.0, 1e9 + 3.0)
-    report = first.centre.states[0].report
+    kept = json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9)))  # the service is killed
+    again = FleetManager(first.manager.plan, FleetRules())
+    restore_progress(again, kept, 100.0, 1e9 + 3.0)
+    report = first.manager.states[0].report
     assert report is not None
     for tenth in range(50):  # the link takes its time
-        again.tick(95.0 + 0.1 * tenth)
-    assert not again.taken()[0]
-    again.joined(0, 100.0)
-    again.reported(0, report, 100.1)  # one that waited for the link
-    kinds = []
+        again.update_fleet(95.0 + 0.1 * tenth)
+    assert not again.take_outputs()[0]
+    again.connect_tractor(0, 100.0)
+    told = [(order.kind, order.data.get("reason")) for order in again.take_outputs()[0] if order.tractor == 0]
+    assert told[-1] == ("stop", SERVICE_RESTARTED), "one that drives stops as soon as it is linked"
     for tenth in range(30):
-        again.reported(0, replace(report, mode=mode, speed_mps=0.0), 100.2 + 0.1 * tenth)
-        again.tick(100.2 + 0.1 * tenth)
-        kinds += [order.kind for order in again.taken()[0] if order.tractor == 0]
-    assert ("resume" in kinds) == goes_on and again.alarms.on("stood", 0) == (not goes_on)
-    again.resume("anna", 0, 110.0)
-    assert not again.states[0].standing_ordered and not again.alarms.on("stood", 0)
+        again.take_report(0, replace(report, mode=mode, speed_mps=0.0), 100.2 + 0.1 * tenth)
+        again.update_fleet(100.2 + 0.1 * tenth)
+    assert "resume" not in [order.kind for order in again.take_outputs()[0]]
+    (alarm,) = (each for each in again.alarms.list_alarms() if not each.over and each.tractor is None)
+    assert alarm.code == "restarted" and "resume all" in alarm.sentence
+    again.resume_tractors("anna", 0, 110.0)
+    assert again.states[1].holds and again.alarms.is_alarm_on("restarted", None)
+    assert [order.kind for order in again.take_outputs()[0]] == ["resume"]
+    again.resume_tractors("anna", 1, 110.0)
+    assert not again.alarms.is_alarm_on("restarted", None)
+
+
+@pytest.mark.parametrize("order", ["start", "resume", "lease"])
+def test_what_an_operator_orders_after_a_restart_is_carried_out(order: str) -> None:
+    first = start_fleet()
+    first.run(5)
+    again = FleetManager(first.manager.plan, FleetRules())
+    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    again.connect_tractor(0, 100.0)
+    if order == "lease":
+        again.take_lease("anna", 0, False, 100.0)
+        again.take_report(0, TractorReport(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 100.1)
+        again.send_command("anna", 0, 0.0, 0.5, 100.1)
+        assert again.take_outputs()[0][-1].data["speed_mps"] == 0.5 and again.alarms.is_alarm_on("restarted", None)
+    elif order == "start":
+        again.start_fleet_work("anna", 100.0)
+    else:
+        again.resume_tractors("anna", None, 100.0)
+    assert order == "lease" or not any(state.holds or state.standing_ordered for state in again.states)
+
+
+@pytest.mark.parametrize(("began", "held"), [(False, False), (True, True)])
+def test_a_fleet_that_was_not_driven_is_not_held_for_a_restart(began: bool, held: bool) -> None:
+    first = SimulatedFleet(FleetManager(fleet_plan(), FleetRules()))
+    if began:
+        first.manager.start_fleet_work("anna", 0.0)
+        first.manager.stop_all("anna", 1.0)
+    again = FleetManager(first.manager.plan, FleetRules())
+    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    assert (
+        any(SERVICE_RESTARTED in state.holds for state in again.states)
+        == again.alarms.is_alarm_on("restarted", None)
+        == held
+    )
+
+
+def test_an_alarm_of_earlier_versions_that_nothing_ends_any_more_is_gone() -> None:
+    first = start_fleet()
+    first.manager.alarms.raise_alarm("stood", 0, "warning", "Tractor 1 was ordered to stop.", 0.0)
+    again = FleetManager(first.manager.plan, FleetRules())
+    restore_progress(again, json.loads(json.dumps(capture_progress(first.manager, first.now, 1e9))), 100.0, 1e9 + 3.0)
+    assert [alarm.code for alarm in again.alarms.list_alarms()] == ["restarted"]
+
+
+def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_default(tmp_path: Path) -> None:
+    store = Store(ServiceSettings(data=tmp_path))
+    text = format_plan(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})
+    kept = {"begin_s": time.time(), "times": 1.0, "way": "predict"}
+    store.save_fleet("f1", "old", text, kept)
+    store.save_fleet("f2", "new", text, kept | {"horizon_s": 5.0})
+
+    async def again() -> FleetSessions:
+        hub = FleetSessions(store)
+        await hub.restore_sessions()
+        await hub.stop()
+        return hub
+
+    hub = asyncio.run(again())
+    assert [hub.by_id[id].manager.rules.horizon_s for id in ("f1", "f2")] == [20.0, 5.0]
+    assert [(fleet.name, fleet.created[:2]) for fleet in hub.by_id.values()] == [("old", "20"), ("new", "20")]
+    assert [member.name for member in hub.neighbourhood.list_neighbours("f1")] == ["new"], (
+        "they are driven on one ground"
+    )
+    store.close()
+
+
+class BrokenStore:
+    """A store whose database is gone while `is_gone`, and what it was given when it was not."""
+
+    def __init__(self) -> None:
+        self.is_gone, self.events, self.rows = True, [], 0
+
+    def _reach(self) -> None:
+        if self.is_gone:
+            raise DatabaseError("The database cannot be reached.")
+
+    def add_recording(self, fleet: str, number: int, rows: list[list[object]]) -> None:
+        self._reach()
+        self.rows += len(rows)
+
+    def add_event(self, fleet: str, who: str, what: str, data: object) -> None:
+        self._reach()
+        self.events.append(what)
+
+    def save_progress(self, id: str, progress: object) -> None:
+        self._reach()
+
+
+def test_a_database_that_is_gone_holds_up_nothing_and_is_told_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lives, "UNSAVED_ALARM_S", 0.4)
+    monkeypatch.setattr(hubs, "SAVE_PERIOD_S", 0.05)
+    monkeypatch.setattr(state_recorder, "MOST_WAITING_STATES", 50)
+    monkeypatch.setattr(lives, "MOST_WAITING_STATES", 50)
+    store = BrokenStore()
+    fleet = FleetSession("f1", "small", fleet_plan(), FleetRules(), begin_s=time.time())
+    tractor = FleetClient(TRACTOR, "tractor 1", 0)
+
+    async def start_fleet() -> None:
+        hub = FleetSessions(store)  # type: ignore[arg-type]
+        hub.add(fleet)
+        tasks = [asyncio.create_task(each) for each in (hub._step_sessions_forever(), hub._save_periodically())]
+        fleet.add_client(tractor, time.monotonic())
+        for sequence in range(80):
+            fleet.recorder.add(0, [sequence])
+            await asyncio.sleep(0.01)
+        begin = time.monotonic()
+        fleet.manager.stop_all("anna", begin)
+        fleet.send_pending_outputs()
+        assert time.monotonic() - begin < 0.1 and "stop" in [kind for _, kind in tractor.outbox._waiting]
+        (alarm,) = (each for each in fleet.manager.alarms.list_alarms() if each.code == "unrecorded")
+        assert re.match(
+            r"The database has been unreachable since 2\S+Z; nothing is recorded\. Only the last 50", alarm.sentence
+        )
+        assert len(fleet.recorder.waiting[0]) == 50 and fleet.recorder.saved[0] == -1
+        assert "ack" not in [kind for _, kind in tractor.outbox._waiting]
+        store.is_gone = False
+        await asyncio.sleep(0.5)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    asyncio.run(start_fleet())
+    assert store.rows == 50 and fleet.recorder.saved[0] == 79
+    assert "stop_all" in store.events and "recorded again" in store.events
+    assert [each.over for each in fleet.manager.alarms.list_alarms() if each.code == "unrecorded"] == [True]
 
 
 def ended_the_first_time(mark: str) -> int:
@@ -198,12 +334,13 @@ def ended_the_first_time(mark: str) -> int:
     return 7
 
 
+@pytest.mark.slow
 def test_a_process_that_is_killed_at_its_work_is_replaced(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path))
+    store = Store(ServiceSettings(data=tmp_path))
 
     async def worked() -> int:
-        hub = Hub(store)
-        done: int = await hub.work(ended_the_first_time, str(tmp_path / "mark"))
+        hub = FleetSessions(store)
+        done: int = await hub.run_in_process(ended_the_first_time, str(tmp_path / "mark"))
         await hub.stop()
         return done
 

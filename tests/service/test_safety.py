@@ -13,83 +13,86 @@ from typing import Any, get_args
 
 import pytest
 
-import planner.service
-from planner.service.centre.alarms import CRITICAL, WARNING, Alarms
-from planner.service.centre.errors import CentreError
-from planner.service.centre.orders import Order
-from planner.service.centre.rules import Rules
-from planner.service.centre.seeing import UNREAD_CODE
-from planner.service.centre.tractors import ASTRAY, DRIVEN, Report
-from planner.service.links.asyncapi import document
-from planner.service.links.clients import CONTROL, TRACTOR, Client
-from planner.service.links.diagnosing import FINDING
-from planner.service.links.frames import Drive, TakeLease
-from planner.service.links.live import LiveFleet
-from planner.service.links.told import AlarmCode
-from tests.service.fleets import EG105, Driven, driven, fleet_plan
-from vehicle.missions import Follow, Gate, Mission
+import planner.fleet
+from planner.fleet.manager.fleet_manager import UNRECORDED
+from planner.fleet.manager.obstacle_reports import UNREADABLE_CODE
+from planner.fleet.manager.operator_orders import NEAR_FLEET, NEIGHBOUR_STOPPED, RESTARTED, UNKNOWN_GROUND
+from planner.fleet.model.alarms import CRITICAL, WARNING, AlarmRegister
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.tractor_state import ASTRAY, REMOTE_CONTROL, TractorOrder, TractorReport
+from planner.fleet.session.clients import CONTROL, TRACTOR, FleetClient
+from planner.fleet.session.fleet_session import FleetSession
+from planner.fleet.session.inbound_frames import CommandFrame, TakeLeaseFrame
+from planner.fleet.session.outbound_messages import AlarmCode
+from planner.service.fleets.fleet_routes import build_asyncapi_document
+from planner.service.fleets.twin_routes import FINDING
+from tests.service.fleets import EG105, SimulatedFleet, fleet_plan, start_fleet
+from vehicle.missions.plan import FollowOrder, LegGate, Mission
 
 
-def live() -> tuple[LiveFleet, Client, Client]:
+def live() -> tuple[FleetSession, FleetClient, FleetClient]:
     """A fleet with one tractor linked and one operator, whose outboxes nobody empties."""
-    fleet = LiveFleet("f", "small", fleet_plan(), Rules(), begin_s=0.0)
-    tractor, operator = Client(TRACTOR, "tractor 1", 0), Client(CONTROL, "anna")
-    fleet.join(tractor, 0.0)
-    fleet.join(operator, 0.0)
+    fleet = FleetSession("f", "small", fleet_plan(), FleetRules(), begin_s=0.0)
+    tractor, operator = FleetClient(TRACTOR, "tractor 1", 0), FleetClient(CONTROL, "anna")
+    fleet.add_client(tractor, 0.0)
+    fleet.add_client(operator, 0.0)
     return fleet, tractor, operator
 
 
-def remote(x: float = 0.0, y: float = 10.0, heading: float = math.pi / 2) -> Driven:
+def remote(x: float = 0.0, y: float = 10.0, heading: float = math.pi / 2) -> SimulatedFleet:
     """A fleet whose first tractor is driven by an operator, and stands there."""
-    fleet = driven()
+    fleet = start_fleet()
     fleet.run(1)
-    fleet.centre.lease("anna", 0, False, fleet.now)
+    fleet.manager.take_lease("anna", 0, False, fleet.now)
     fleet.obey()
     fleet.silent = {0}
-    fleet.centre.reported(0, Report(x, y, heading, 0.0, mode="remote"), fleet.now)
+    fleet.manager.take_report(0, TractorReport(x, y, heading, 0.0, mode="remote"), fleet.now)
     return fleet
 
 
-def waiting(client: Client) -> list[dict[str, Any]]:
+def waiting(client: FleetClient) -> list[dict[str, Any]]:
     """All that waits to be sent to a client, which takes it."""
-    return [json.loads(asyncio.run(client.outbox.take()) or "") for _ in range(len(client.outbox))]
+    return [json.loads(asyncio.run(client.outbox.take_next_frame()) or "") for _ in range(len(client.outbox))]
 
 
 def test_nothing_older_that_sets_a_tractor_in_motion_arrives_after_a_stop() -> None:
     fleet, tractor, _ = live()
     waiting(tractor)
-    fleet.centre.start("anna", 0.0)
-    fleet.flush()
-    fleet._send(Order(0, "command", {"steering_rad": 0.0, "speed_mps": 1.0}), False)
-    fleet.centre.stop_all("anna", 0.0)
-    fleet.flush()
-    fleet.centre.resume("anna", None, 0.0)
-    fleet.flush()
+    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.send_pending_outputs()
+    fleet._send_order(TractorOrder(0, "command", {"steering_rad": 0.0, "speed_mps": 1.0}), False)
+    fleet.manager.stop_all("anna", 0.0)
+    fleet.send_pending_outputs()
+    fleet.manager.resume_tractors("anna", None, 0.0)
+    fleet.send_pending_outputs()
     assert [frame["kind"] for frame in waiting(tractor)] == ["stop", "resume"]
 
 
 def test_a_lease_taken_over_or_again_stops_what_the_last_command_set_in_motion() -> None:
     for who in ("bert", "anna"):
         fleet = remote()
-        fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
-        fleet.centre.taken()
-        fleet.centre.lease(who, 0, True, fleet.now)
-        assert [(order.tractor, order.kind) for order in fleet.centre.taken()[0]] == [(0, "stop")]
+        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+        fleet.manager.take_outputs()
+        fleet.manager.take_lease(who, 0, True, fleet.now)
+        assert [(order.tractor, order.kind) for order in fleet.manager.take_outputs()[0]] == [(0, "stop")]
 
 
 def driving_on(mode: str, speed: float, command: float, seconds: float) -> tuple[list[float], list[str]]:
     """When a tractor is told to stand that was stopped and reports this; the sentences of critical alarms."""
-    fleet = driven()
+    fleet = start_fleet()
     fleet.run(5)
-    fleet.centre.stop_all("anna", fleet.now)
+    fleet.manager.stop_all("anna", fleet.now)
     fleet.obey()
     fleet.silent, told, begin = {0}, [], fleet.now
     for _ in range(round(10 * seconds)):
         fleet.now += 0.1
-        fleet.centre.reported(0, Report(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0), fleet.now)
-        fleet.centre.tick(fleet.now)
-        told += [fleet.now - begin for o in fleet.centre.taken()[0] if o.tractor == 0 and o.kind == "stop"]
-    items = fleet.centre.alarms.items()
+        fleet.manager.take_report(
+            0, TractorReport(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0), fleet.now
+        )
+        fleet.manager.update_fleet(fleet.now)
+        told += [fleet.now - begin for o in fleet.manager.take_outputs()[0] if o.tractor == 0 and o.kind == "stop"]
+    items = fleet.manager.alarms.list_alarms()
     return told, [alarm.sentence for alarm in items if alarm.tractor == 0 and alarm.level == CRITICAL]
 
 
@@ -97,7 +100,7 @@ def driving_on(mode: str, speed: float, command: float, seconds: float) -> tuple
 def test_one_that_drives_on_is_told_to_stand_every_second_and_everybody_is_told(mode: str) -> None:
     told, alarms = driving_on(mode, 1.0, 1.0, 3.0)
     assert told[0] <= 0.7 and len(told) == 3
-    assert alarms == ["Tractor 1 was told to stand and drives on."]
+    assert alarms == ["Tractor 1 was ordered to stop and drives on."]
 
 
 def test_one_that_brakes_or_stands_is_not_told_again_and_one_that_never_stands_is() -> None:
@@ -110,27 +113,27 @@ class Stopped:
     """A tractor at 1 m/s that is told to stand, and what it says after that, by a clock that the tests turn."""
 
     def __init__(self) -> None:
-        self.fleet = driven()
+        self.fleet = start_fleet()
         self.fleet.run(5)
         self.fleet.silent = {0}
         self.say(1.0, "automatic", 1.0)
-        self.fleet.centre.stop_all("anna", self.fleet.now)
+        self.fleet.manager.stop_all("anna", self.fleet.now)
         self.begun_s = self.fleet.now
 
     def say(self, speed: float, mode: str, command: float, delay_s: float = 0.0) -> None:
         """It reports."""
-        report = Report(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0)
-        self.fleet.centre.reported(0, report, self.fleet.now, delay_s=delay_s)
+        report = TractorReport(0.0, 5.0, math.pi / 2, speed, command, mode=mode, leg_m=5.0)
+        self.fleet.manager.take_report(0, report, self.fleet.now, delay_s=delay_s)
 
     def tick(self, seconds: float = 0.1) -> None:
         """Time passes, and the centre looks."""
         self.fleet.now += seconds
-        self.fleet.centre.tick(self.fleet.now)
+        self.fleet.manager.update_fleet(self.fleet.now)
 
     @property
     def alarmed(self) -> bool:
         """Whether everybody is told that it drives on."""
-        return self.fleet.centre.alarms.on("drives on", 0)
+        return self.fleet.manager.alarms.is_alarm_on("drives on", 0)
 
 
 @pytest.mark.parametrize(("delay_s", "at_s"), [(0.0, 0.5), (0.3, 1.1), (0.8, 2.1), (9.0, 2.5)])
@@ -184,20 +187,22 @@ def test_an_operator_drives_without_being_told_to_stand() -> None:
     fleet = remote()
     for _ in range(20):
         fleet.now += 0.1
-        fleet.centre.command("anna", 0, 0.0, 0.5, fleet.now)
-        fleet.centre.reported(0, Report(0.0, 10.0, math.pi / 2, 0.5, 0.5, mode="remote", leg_m=10.0), fleet.now)
-        fleet.centre.tick(fleet.now)
-        assert "stop" not in [order.kind for order in fleet.centre.taken()[0]]
+        fleet.manager.send_command("anna", 0, 0.0, 0.5, fleet.now)
+        fleet.manager.take_report(
+            0, TractorReport(0.0, 10.0, math.pi / 2, 0.5, 0.5, mode="remote", leg_m=10.0), fleet.now
+        )
+        fleet.manager.update_fleet(fleet.now)
+        assert "stop" not in [order.kind for order in fleet.manager.take_outputs()[0]]
 
 
 def test_a_tractor_whose_frames_were_dropped_is_told_what_counts_once_more() -> None:
     fleet, tractor, _ = live()
-    fleet.centre.start("anna", 0.0)
-    fleet.flush()
-    fleet.centre.stop_all("anna", 0.0)
-    fleet.flush()
+    fleet.manager.start_fleet_work("anna", 0.0)
+    fleet.send_pending_outputs()
+    fleet.manager.stop_all("anna", 0.0)
+    fleet.send_pending_outputs()
     for _ in range(600):
-        tractor.tell({"kind": "beat"})
+        tractor.send({"kind": "heartbeat"})
     fleet.step(1.0)
     kinds = [frame["kind"] for frame in waiting(tractor)]
     assert kinds[-3:-1] == ["release", "stop"] and "stop" not in kinds[:-3]
@@ -206,55 +211,55 @@ def test_a_tractor_whose_frames_were_dropped_is_told_what_counts_once_more() -> 
 BALE = ((-1.0, 15.0), (1.0, 15.0), (1.0, 16.0), (-1.0, 16.0))
 
 
-@pytest.mark.parametrize("order", ["pause", "fail", "obstacle"])
+@pytest.mark.parametrize("order", ["pause_tractors", "mark_failed", "obstacle"])
 def test_pause_failure_and_obstacle_stop_one_that_is_driven_by_hand_at_once(order: str) -> None:
     fleet = remote()
-    fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
-    fleet.centre.taken()
+    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.take_outputs()
     if order == "obstacle":
-        fleet.centre.obstacle("bert", BALE, "bale", fleet.now)
+        fleet.manager.report_obstacle("bert", BALE, "bale", fleet.now)
     else:
-        getattr(fleet.centre, order)("bert", 0, fleet.now)
-    assert (0, "stop") in [(each.tractor, each.kind) for each in fleet.centre.taken()[0]]
-    assert fleet.centre.states[0].remote_command[1] == 0.0
+        getattr(fleet.manager, order)("bert", 0, fleet.now)
+    assert (0, "stop") in [(each.tractor, each.kind) for each in fleet.manager.take_outputs()[0]]
+    assert fleet.manager.states[0].remote_command[1] == 0.0
 
 
 def test_who_is_paused_is_not_driven_until_the_lease_is_taken_anew() -> None:
     fleet = remote()
-    fleet.centre.pause("bert", 0, fleet.now)
-    with pytest.raises(CentreError, match="paused"):
-        fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
-    fleet.centre.lease("anna", 0, False, fleet.now)
-    fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.pause_tractors("bert", 0, fleet.now)
+    with pytest.raises(FleetManagerError, match="paused"):
+        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.take_lease("anna", 0, False, fleet.now)
+    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
 
 
 def test_no_remote_command_leads_to_an_obstacle_and_one_leads_away() -> None:
     fleet = remote(10.0, 10.0)  # off its leg
-    fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
     nose = 10.0 + EG105.length_m - EG105.rear_overhang_m - EG105.antenna_forward_m
-    fleet.centre.taken()
-    fleet.centre.obstacle("bert", tuple((x + 10.0, y + nose - 12.0) for x, y in BALE), "bale", fleet.now)
-    assert "stop" not in [order.kind for order in fleet.centre.taken()[0]]  # it stands within 2 m
-    fleet.centre.obstacle("bert", tuple((x + 10.0, y + nose - 13.0) for x, y in BALE), "stone", fleet.now)
-    assert "stop" in [order.kind for order in fleet.centre.taken()[0]]
-    with pytest.raises(CentreError, match="near an obstacle"):
-        fleet.centre.command("anna", 0, 0.0, 1.0, fleet.now)
-    fleet.centre.command("anna", 0, 0.0, -1.0, fleet.now)
+    fleet.manager.take_outputs()
+    fleet.manager.report_obstacle("bert", tuple((x + 10.0, y + nose - 12.0) for x, y in BALE), "bale", fleet.now)
+    assert "stop" not in [order.kind for order in fleet.manager.take_outputs()[0]]  # it stands within 2 m
+    fleet.manager.report_obstacle("bert", tuple((x + 10.0, y + nose - 13.0) for x, y in BALE), "stone", fleet.now)
+    assert "stop" in [order.kind for order in fleet.manager.take_outputs()[0]]
+    with pytest.raises(FleetManagerError, match="near an obstacle"):
+        fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
+    fleet.manager.send_command("anna", 0, 0.0, -1.0, fleet.now)
 
 
 @pytest.mark.parametrize(("leg", "leg_m"), [(9, 0.0), (9, 1e6), (2, 5.0), (1, 1e6), (0, 3.0)])
 def test_a_place_where_a_tractor_cannot_be_is_no_progress_and_it_stands(leg: int, leg_m: float) -> None:
-    fleet = driven(fleet_plan(legs=10, gates={(1, 3): (Gate(0, 8, 0.0),)}))
+    fleet = start_fleet(fleet_plan(legs=10, gates={(1, 3): (LegGate(0, 8, 0.0),)}))
     fleet.run(25)
-    before = fleet.centre.states[0]
-    assert (before.leg, before.released) == (1, 2)
+    before = fleet.manager.states[0]
+    assert (before.leg, before.base_end) == (1, 2)
     known = before.leg, before.leg_m
-    said = Report(0.0, 25.0, math.pi / 2, 1.0, 1.0, leg=leg, leg_m=leg_m, done=leg == 9)
-    fleet.centre.reported(0, said, fleet.now)
+    said = TractorReport(0.0, 25.0, math.pi / 2, 1.0, 1.0, leg=leg, leg_m=leg_m, done=leg == 9)
+    fleet.manager.take_report(0, said, fleet.now)
     assert (before.leg, before.leg_m, before.done) == (*known, False)
     assert ASTRAY in before.holds
-    assert [(order.tractor, order.kind) for order in fleet.centre.taken()[0]] == [(0, "stop")]
-    assert [alarm.level for alarm in fleet.centre.alarms.items()] == [CRITICAL]
+    assert [(order.tractor, order.kind) for order in fleet.manager.take_outputs()[0]] == [(0, "stop")]
+    assert [alarm.level for alarm in fleet.manager.alarms.list_alarms()] == [CRITICAL]
     fleet.run(1)  # it says where it is again
     assert not before.holds and fleet.at_m[0] > 25.0
 
@@ -262,107 +267,113 @@ def test_a_place_where_a_tractor_cannot_be_is_no_progress_and_it_stands(leg: int
 @pytest.mark.parametrize("lost", ["failed", "silent", "gone", "unheard"])
 def test_who_follows_one_that_is_lost_stands(lost: str) -> None:
     plan = fleet_plan(length_m=100.0)
-    second = plan.courses[1]
-    legs = tuple(replace(leg, follow=Follow(0, leg_number)) for leg_number, leg in enumerate(second.legs))
-    fleet = driven(replace(plan, courses=(plan.courses[0], replace(second, mission=Mission(legs)))))
+    second = plan.timed_missions[1]
+    legs = tuple(replace(leg, follow=FollowOrder(0, leg_number)) for leg_number, leg in enumerate(second.legs))
+    fleet = start_fleet(replace(plan, timed_missions=(plan.timed_missions[0], replace(second, mission=Mission(legs)))))
     told = []
     for step in range(30):
         fleet.now += 0.1
         for number in (0, 1) if step < 10 or lost != "silent" else (1,):
-            report = Report(20.0 * number, 15.0 - 15.0 * number, math.pi / 2, 1.0, 1.0)
-            fleet.centre.reported(number, report, fleet.now)
+            report = TractorReport(20.0 * number, 15.0 - 15.0 * number, math.pi / 2, 1.0, 1.0)
+            fleet.manager.take_report(number, report, fleet.now)
         if step == 10 and lost == "failed":
-            fleet.centre.fail("anna", 0, fleet.now)
+            fleet.manager.mark_failed("anna", 0, fleet.now)
         if step == 10 and lost == "gone":
-            fleet.centre.left(0, fleet.now, goodbye=True)
+            fleet.manager.disconnect_tractor(0, fleet.now, is_orderly=True)
         if step == 10 and lost == "unheard":
-            fleet.centre.states[0].report = None
-            fleet.centre.joined(1, fleet.now)
-        fleet.centre.tick(fleet.now)
-        orders = [o for o in fleet.centre.taken()[0] if o.tractor == 1 and o.kind == "release"]
+            fleet.manager.states[0].report = None
+            fleet.manager.connect_tractor(1, fleet.now)
+        fleet.manager.update_fleet(fleet.now)
+        orders = [o for o in fleet.manager.take_outputs()[0] if o.tractor == 1 and o.kind == "release"]
         told += [order.data["limit_mps"] for order in orders]
     assert 1.0 in told and 0.0 in told and None not in told
 
 
 def test_an_alarm_that_rises_or_says_something_else_has_to_be_seen_anew() -> None:
-    alarms = Alarms()
-    first = alarms.raised("near 2", 0, WARNING, "Within 2.30 m in 4.0 s.", 0.0)
+    alarms = AlarmRegister()
+    first = alarms.raise_alarm("near 2", 0, WARNING, "Within 2.30 m in 4.0 s.", 0.0)
     assert first is not None
     alarms.acknowledge(first.id, "anna")
     version = alarms.version
-    assert alarms.raised("near 2", 0, WARNING, "Within 2.30 m in 4.0 s.", 1.0) is None
+    assert alarms.raise_alarm("near 2", 0, WARNING, "Within 2.30 m in 4.0 s.", 1.0) is None
     assert alarms.version == version
-    assert alarms.raised("near 2", 0, WARNING, "Within 2.10 m in 3.5 s.", 1.0) is None
-    assert alarms.version > version and alarms.items()[0].acknowledged == "anna"
-    assert alarms.items()[0].sentence == "Within 2.10 m in 3.5 s."
-    risen = alarms.raised("near 2", 0, CRITICAL, "Within 0.40 m in 1.0 s.", 2.0)
+    assert alarms.raise_alarm("near 2", 0, WARNING, "Within 2.10 m in 3.5 s.", 1.0) is None
+    assert alarms.version > version and alarms.list_alarms()[0].acknowledged == "anna"
+    assert alarms.list_alarms()[0].sentence == "Within 2.10 m in 3.5 s."
+    risen = alarms.raise_alarm("near 2", 0, CRITICAL, "Within 0.40 m in 1.0 s.", 2.0)
     assert risen is not None and (risen.id, risen.level, risen.acknowledged) == (first.id, CRITICAL, None)
-    assert alarms.raised("near 2", 0, WARNING, "Within 0.50 m in 1.5 s.", 3.0) is None
-    assert alarms.items()[0].level == CRITICAL
+    assert alarms.raise_alarm("near 2", 0, WARNING, "Within 0.50 m in 1.5 s.", 3.0) is None
+    assert alarms.list_alarms()[0].level == CRITICAL
     alarms.acknowledge(first.id, "anna")
-    assert alarms.raised("near 2", 0, CRITICAL, "They touch.", 4.0) is not None
-    assert [alarm.acknowledged for alarm in alarms.items()] == [None]
+    assert alarms.raise_alarm("near 2", 0, CRITICAL, "They touch.", 4.0) is not None
+    assert [alarm.acknowledged for alarm in alarms.list_alarms()] == [None]
 
 
-@pytest.mark.parametrize(("gear", "heading", "goes"), [(1, 60, True), (1, 130, True), (1, 200, False), (1, 270, False),
-                                                      (-1, 270, True), (-1, 90, False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("gear", "heading", "goes"),
+    [(1, 60, True), (1, 130, True), (1, 200, False), (1, 270, False), (-1, 270, True), (-1, 90, False)],
+)
 def test_one_that_was_driven_by_hand_goes_on_only_when_it_heads_along_its_leg(
     gear: int, heading: int, goes: bool
 ) -> None:
     fleet = remote(heading=math.radians(heading))
-    course = fleet.centre.courses[0]
+    course = fleet.manager.timed_missions[0]
     legs = tuple(replace(leg, gear=gear) for leg in course.legs)  # they lead north
-    plan = fleet.centre.plan
-    fleet.centre.plan = replace(plan, courses=(replace(course, mission=Mission(legs)), *plan.courses[1:]))
-    fleet.centre.leave("anna", 0, fleet.now)
+    plan = fleet.manager.plan
+    fleet.manager.plan = replace(
+        plan, timed_missions=(replace(course, mission=Mission(legs)), *plan.timed_missions[1:])
+    )
+    fleet.manager.return_lease("anna", 0, fleet.now)
     if not goes:
-        with pytest.raises(CentreError, match="degrees away from its leg"):
-            fleet.centre.resume("bert", 0, fleet.now)
-        fleet.centre.resume("bert", None, fleet.now)
+        with pytest.raises(FleetManagerError, match="degrees away from its leg"):
+            fleet.manager.resume_tractors("bert", 0, fleet.now)
+        fleet.manager.resume_tractors("bert", None, fleet.now)
     else:
-        fleet.centre.resume("bert", 0, fleet.now)
-    assert (DRIVEN not in fleet.centre.states[0].holds) == goes
+        fleet.manager.resume_tractors("bert", 0, fleet.now)
+    assert (REMOTE_CONTROL not in fleet.manager.states[0].holds) == goes
 
 
-def drive(sequence: int, age_s: float = 0.0, speed: float = 1.0) -> Drive:
+def drive(sequence: int, age_s: float = 0.0, speed: float = 1.0) -> CommandFrame:
     """A remote command to tractor 1 of the operator."""
     at = datetime.now(UTC) - timedelta(seconds=age_s)
-    return Drive(kind="command", sequence=sequence, time=at, tractor=1, steering_command_deg=0.0,
-                 speed_command_mps=speed)  # fmt: skip
+    return CommandFrame(
+        kind="command", sequence=sequence, time=at, tractor=1, steering_command_deg=0.0, speed_command_mps=speed
+    )
 
 
 def test_a_command_that_comes_late_or_again_is_not_driven_and_one_to_stand_always_is() -> None:
     fleet, tractor, operator = live()
-    fleet.centre.reported(0, Report(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 0.0)
-    fleet.ordered(operator, TakeLease(kind="lease", tractor=1), 0.0)
-    fleet.ordered(operator, drive(5), 0.0)
+    fleet.manager.take_report(0, TractorReport(0.0, 10.0, math.pi / 2, 0.0, mode="remote"), 0.0)
+    fleet.carry_out(operator, TakeLeaseFrame(kind="lease", tractor=1), 0.0)
+    fleet.carry_out(operator, drive(5), 0.0)
     for late in (drive(6, age_s=0.8), drive(6, age_s=-2.0), drive(5), drive(4)):
-        with pytest.raises(CentreError, match="not carried out"):
-            fleet.ordered(operator, late, 0.0)
-    fleet.ordered(operator, drive(2, age_s=60.0, speed=0.0), 0.0)
-    fleet.ordered(operator, drive(6), 0.0)
-    fleet.ordered(operator, drive(9, speed=0.0), 0.0)
-    with pytest.raises(CentreError, match="after command 9"):
-        fleet.ordered(operator, drive(8), 0.0)
-    fleet.ordered(operator, TakeLease(kind="lease", tractor=1), 0.0)
-    fleet.ordered(operator, drive(0), 0.0)
+        with pytest.raises(FleetManagerError, match="was ignored"):
+            fleet.carry_out(operator, late, 0.0)
+    fleet.carry_out(operator, drive(2, age_s=60.0, speed=0.0), 0.0)
+    fleet.carry_out(operator, drive(6), 0.0)
+    fleet.carry_out(operator, drive(9, speed=0.0), 0.0)
+    with pytest.raises(FleetManagerError, match="after command 9"):
+        fleet.carry_out(operator, drive(8), 0.0)
+    fleet.carry_out(operator, TakeLeaseFrame(kind="lease", tractor=1), 0.0)
+    fleet.carry_out(operator, drive(0), 0.0)
     commands = [frame["speed_command_mps"] for frame in waiting(tractor) if frame["kind"] == "command"]
     assert commands == [1.0]  # those before the lease was taken anew are withdrawn
-    assert fleet.centre.states[0].remote_command[1] == 1.0
+    assert fleet.manager.states[0].remote_command[1] == 1.0
 
 
 def test_alarms_are_told_by_kind_with_the_other_tractor_or_obstacle() -> None:
-    alarms = Alarms()
-    for code, tractor in (("near 2", 0), ("obstacle 11", None), ("drives on", 1)):
-        alarms.raised(code, tractor, WARNING, "A sentence.", 0.0)
-    told = [(each["code"], each["other"], each["tractor"]) for each in alarms.told()]
-    assert told == [("near", 2, 1), ("obstacle", 11, None), ("drives on", None, 2)]
+    alarms = AlarmRegister()
+    for code, tractor in (("near 2", 0), ("obstacle 11", None), ("drives on", 1), ("near fleet/f1 3", 1)):
+        alarms.raise_alarm(code, tractor, WARNING, "A sentence.", 0.0)
+    told = [(each["code"], each["related_number"], each["tractor"]) for each in alarms.describe_alarms()]
+    assert told == [("near", 2, 1), ("obstacle", 11, None), ("drives on", None, 2), ("near fleet", 3, 2)]
 
 
 def test_every_kind_of_alarm_is_in_the_document_of_frames() -> None:
-    root = Path(planner.service.__file__).parent
-    source = "\n".join(path.read_text("utf-8") for name in ("centre", "links") for path in (root / name).glob("*.py"))
-    raised = set(re.findall(r'(?:_alarm|alarms\.raised)\(\s*f?"([a-z ]+?) ?[{"]', source))
-    by_name = {"near", UNREAD_CODE, FINDING, "fence"}
+    root = Path(planner.fleet.__file__).parent
+    source = "\n".join(path.read_text("utf-8") for path in root.rglob("*.py"))
+    raised = set(re.findall(r'(?:_raise_alarm|alarms\.raise_alarm)\(\s*f?"([a-z ]+?) ?[{"]', source))
+    by_name = {"near", UNREADABLE_CODE, FINDING, "fence", RESTARTED, NEIGHBOUR_STOPPED, NEAR_FLEET, UNKNOWN_GROUND}
+    by_name.add(UNRECORDED)
     assert raised | by_name == set(get_args(AlarmCode)) and len(raised) > 8
-    assert "unread obstacle" in json.dumps(document()["components"]["schemas"]["AlarmTold"])
+    assert "unread obstacle" in json.dumps(build_asyncapi_document()["components"]["schemas"]["AlarmItem"])

@@ -14,78 +14,78 @@ from alembic.runtime.migration import MigrationContext
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.service.errors import BusyError, DatabaseError, MissingError, ServiceError, TakenError
-from planner.service.settings import Settings
-from planner.service.store import Store
-from planner.service.store.backup import back_up, sweep
-from planner.service.store.base import checked_name
-from planner.service.store.database import MIGRATIONS, WRITES, Database, migrate
-from planner.service.store.models import Base, Job, Result
-from planner.service.store.restore import restore
+from planner.service.errors import BusyError, ConflictError, DatabaseError, NotFoundError, ServiceError
+from planner.service.settings import ServiceSettings
+from planner.service.store.backup import back_up, sweep_unnamed_bytes
+from planner.service.store.database import MIGRATIONS_FOLDER, WRITES_OPTION, Database, migrate_database
+from planner.service.store.restore import restore_backup
+from planner.service.store.service_store import Store
+from planner.service.store.store_part import check_name
+from planner.service.store.tables import JobRow, ResultRow, TableBase
 
 
 def test_migrations_lead_to_the_tables_of_the_models(store: Store) -> None:
     with store.database.engine.connect() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+        assert compare_metadata(MigrationContext.configure(connection), TableBase.metadata) == []
 
 
-def test_a_store_is_opened_again_with_all_it_had(both: Settings, store: Store) -> None:
+def test_a_store_is_opened_again_with_all_it_had(both: ServiceSettings, store: Store) -> None:
     store.add_file("field", "Große Breite", b"{}")
     again = Store(both)
-    assert [row.name for row in again.files("field")] == ["Große Breite"]
+    assert [row.name for row in again.list_files("field")] == ["Große Breite"]
     again.close()
 
 
-def test_a_newer_or_strange_database_is_refused(both: Settings, store: Store) -> None:
-    with store.database.writes() as session:
+def test_a_newer_or_strange_database_is_refused(both: ServiceSettings, store: Store) -> None:
+    with store.database.open_write_session() as session:
         session.execute(sa.text("UPDATE alembic_version SET version_num = '9999'"))
     with pytest.raises(DatabaseError, match=r"newer Headland \(its version is 9999"):
         Store(both)
-    with store.database.writes() as session:
+    with store.database.open_write_session() as session:
         session.execute(sa.text("DROP TABLE alembic_version"))
     with pytest.raises(DatabaseError, match="tables of other software"):
         Store(both)
 
 
-def test_tokens_are_kept_as_digests_alone(store: Store, both: Settings) -> None:
-    text = store.new_token("office", "control")
-    row = store.token(text)
-    assert row is not None and (row.name, row.scope) == ("office", "control")
+def test_tokens_are_kept_as_digests_alone(store: Store, both: ServiceSettings) -> None:
+    text = store.create_token_text("office", "planner operator")
+    row = store.find_token(text)
+    assert row is not None and (row.name, row.scopes, row.expires) == ("office", "operator planner", None)
     assert text.startswith("hl_") and len(text) > 40 and text not in repr(vars(row))
-    assert store.token(text[:-1]) is None
-    with pytest.raises(TakenError):
-        store.new_token("office", "read")
-    with pytest.raises(ServiceError, match="read, control, admin"):
-        store.new_token("other", "all")
+    assert store.find_token(text[:-1]) is None
+    with pytest.raises(ConflictError):
+        store.create_token_text("office", "read")
+    with pytest.raises(ServiceError, match="use read, planner, operator, robot or admin"):
+        store.create_token_text("other", "all")
     store.revoke_token("office")
-    assert store.token(text) is None
-    with pytest.raises(MissingError):
+    assert store.find_token(text) is None
+    with pytest.raises(NotFoundError):
         store.revoke_token("office")
 
 
 def test_a_file_keeps_its_name_until_it_is_deleted(store: Store) -> None:
     first = store.add_file("field", "north", b"one")
     assert store.add_file("field", "north", b"one").id == first.id
-    with pytest.raises(TakenError):
+    with pytest.raises(ConflictError):
         store.add_file("field", "north", b"two")
     store.add_file("log", "north", b"two")
-    assert store.blobs.get(store.file("field", "north").sha256) == b"one"
+    assert store.blobs.read_bytes(store.get_file("field", "north").sha256) == b"one"
     store.delete_file("field", "north")
-    with pytest.raises(MissingError):
-        store.file("field", "north")
+    with pytest.raises(NotFoundError):
+        store.get_file("field", "north")
     for odd in ("", "\0", "\ud800", "n" * 10_000):
-        with pytest.raises(MissingError):
-            store.file("field", odd)
+        with pytest.raises(NotFoundError):
+            store.get_file("field", odd)
 
 
 @given(st.text(st.sampled_from('aZ9ä漢 ._()+-/\\:~\0\n"<>|?*'), max_size=12))
 def test_names_are_never_paths(name: str) -> None:
     try:
-        kept = checked_name(name)
+        kept = check_name(name)
     except ServiceError:
         return
     assert len(Path(kept).parts) == 1 and not set(kept) & set('/\\:\0\n"<>|?*') and not kept.startswith(".")
-    assert checked_name(kept) == kept
+    assert check_name(kept) == kept
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_names_are_never_paths(name: str) -> None:
 )
 def test_paths_are_no_names(name: str) -> None:
     with pytest.raises(ServiceError):
-        checked_name(name)
+        check_name(name)
 
 
 def test_a_job_goes_its_way(store: Store) -> None:
@@ -103,25 +103,25 @@ def test_a_job_goes_its_way(store: Store) -> None:
     assert store.report_job(job.number, "w1", (1, 4, "At work")) and not store.report_job(job.number, "w2")
     assert not store.finish_job(job.number, "w2", [("a", b"2", "text/plain")])
     assert store.finish_job(job.number, "w1", [("a", b"1", "text/plain"), ("b", b"2", "text/plain")])
-    done = store.job(job.id, "plan")
+    done = store.get_job(job.id, "plan")
     assert (done.status, done.done, done.all, [each.name for each in done.results]) == ("done", 1, 4, ["a", "b"])
-    assert store.blobs.get(store.result(job.id, "b").sha256) == b"2"
+    assert store.blobs.read_bytes(store.get_result(job.id, "b").sha256) == b"2"
     assert not store.finish_job(job.number, "w1", [])
-    with pytest.raises(MissingError):
-        store.job(job.id, "day")
+    with pytest.raises(NotFoundError):
+        store.get_job(job.id, "day")
     store.delete_job(job.id)
-    with store.database.reads() as session:
-        assert session.scalar(sa.select(sa.func.count()).select_from(Result)) == 0
+    with store.database.open_read_session() as session:
+        assert session.scalar(sa.select(sa.func.count()).select_from(ResultRow)) == 0
 
 
 def test_a_cancelled_job_is_nobodys(store: Store) -> None:
     job = store.add_job("plan", "first", {})
     store.claim_job("w1")
-    with pytest.raises(TakenError, match="cancel it first"):
+    with pytest.raises(ConflictError, match="cancel it first"):
         store.delete_job(job.id)
     assert store.cancel_job(job.id).status == "cancelled"
     assert not store.report_job(job.number, "w1") and not store.fail_job(job.number, "w1", "why")
-    with pytest.raises(TakenError):
+    with pytest.raises(ConflictError):
         store.cancel_job(job.id)
 
 
@@ -132,29 +132,29 @@ def test_what_a_lost_worker_had_is_done_by_another_and_given_up_at_last(store: S
             assert attempt > 0  # what was begun before comes after what was not
             store.finish_job(claimed.number, f"w{attempt}", [])
         assert claimed is not None and claimed.tries == attempt + 1
-        store.release_jobs(f"w{attempt}", blame=True)
-    ended = store.job(job.id)
+        store.release_jobs(f"w{attempt}", counts_try=True)
+    ended = store.get_job(job.id)
     assert ended.status == "failed" and ended.error is not None and "ended 3 times" in ended.error
-    assert store.job(other.id).status == "done"
+    assert store.get_job(other.id).status == "done"
 
 
 def test_a_try_that_nobody_is_to_blame_for_is_not_counted(store: Store) -> None:
     job = store.add_job("plan", "first", {})
     for _ in range(5):
         assert store.claim_job("w") is not None
-        store.release_jobs("w", blame=False)
-    assert (store.job(job.id).status, store.job(job.id).tries) == ("queued", 0)
+        store.release_jobs("w", counts_try=False)
+    assert (store.get_job(job.id).status, store.get_job(job.id).tries) == ("queued", 0)
 
 
 def test_a_worker_that_does_not_report_loses_its_job(store: Store) -> None:
     job = store.add_job("plan", "first", {})
     store.claim_job("w1")
     store.release_expired()
-    assert store.job(job.id).status == "running"
-    with store.database.writes() as session:
-        session.execute(sa.update(Job).values(lease=time.time() - 0.001))
+    assert store.get_job(job.id).status == "running"
+    with store.database.open_write_session() as session:
+        session.execute(sa.update(JobRow).values(lease=time.time() - 0.001))
     store.release_expired()
-    assert store.job(job.id).status == "queued" and not store.report_job(job.number, "w1")
+    assert store.get_job(job.id).status == "queued" and not store.report_job(job.number, "w1")
 
 
 def test_no_job_is_claimed_twice(store: Store) -> None:
@@ -174,7 +174,7 @@ def test_no_job_is_claimed_twice(store: Store) -> None:
 
 
 def test_only_so_many_jobs_wait(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path, jobs_waiting=2))
+    store = Store(ServiceSettings(data=tmp_path, jobs_waiting=2))
     for number in range(2):
         store.add_job("plan", f"job {number}", {})
     with pytest.raises(BusyError):
@@ -186,44 +186,44 @@ def test_fleets_recordings_and_events(store: Store) -> None:
     store.save_fleet("f1", "north", "{}", {"times": 1})
     store.save_progress("f1", {"leg": 3})
     store.save_fleet("f1", "north", '{"legs": []}', {"times": 2})
-    fleet = store.fleet("f1")
+    fleet = store.get_fleet("f1")
     assert (fleet.plan, fleet.settings, fleet.progress) == ('{"legs": []}', {"times": 2}, {"leg": 3})
     store.add_recording("f1", 1, [[0.0, 1.5], [0.1, None]])
     store.add_recording("f1", 2, [[0.0, 9.0]])
     store.add_recording("f1", 1, [[0.2, 2.5]])
-    assert store.recording("f1", 1) == [[0.0, 1.5], [0.1, None], [0.2, 2.5]]
+    assert store.read_recording("f1", 1) == [[0.0, 1.5], [0.1, None], [0.2, 2.5]]
     first = store.add_event("f1", "office", "stop all")
     second = store.add_event("f2", "office", "resume", {"tractor": 2})
-    assert [each.id for each in store.events()] == [first, second]
-    assert [each.data for each in store.events(first)] == [{"tractor": 2}]
-    assert [each.id for each in store.events(0, "f1")] == [first]
+    assert [each.id for each in store.list_events()] == [first, second]
+    assert [each.data for each in store.list_events(first)] == [{"tractor": 2}]
+    assert [each.id for each in store.list_events(0, "f1")] == [first]
     store.delete_fleet("f1")
-    assert store.fleets() == [] and store.recording("f1", 1) == [] and len(store.events()) == 2
-    with pytest.raises(MissingError):
+    assert store.list_fleets() == [] and store.read_recording("f1", 1) == [] and len(store.list_events()) == 2
+    with pytest.raises(NotFoundError):
         store.save_progress("f1", {})
 
 
 def test_a_backup_is_a_folder_for_another_service(store: Store, tmp_path: Path) -> None:
     store.add_file("field", "north", b"bytes of the field")
-    job = store.add_job("plan", "first", {"width": 3.0}, {"field/north.geojson": store.blobs.put(b"as it was")})
+    job = store.add_job("plan", "first", {"width": 3.0}, {"field/north.geojson": store.blobs.put_bytes(b"as it was")})
     store.claim_job("w")
     store.finish_job(job.number, "w", [("result.json", b"made", "application/json")])
-    text = store.new_token("office", "admin")
+    text = store.create_token_text("office", "admin")
     assert back_up(store, tmp_path / "copy.zip") == 3
     with zipfile.ZipFile(tmp_path / "copy.zip") as packed:
         packed.extractall(tmp_path / "copy")
-    again = Store(Settings(data=tmp_path / "copy"))
-    assert again.blobs.get(again.file("field", "north").sha256) == b"bytes of the field"
-    kept = again.job(job.id)
-    assert kept.request == {"width": 3.0} and again.blobs.get(kept.results[0].sha256) == b"made"
-    assert again.blobs.get(kept.inputs["field/north.geojson"]) == b"as it was"
-    assert again.token(text) is not None
+    again = Store(ServiceSettings(data=tmp_path / "copy"))
+    assert again.blobs.read_bytes(again.get_file("field", "north").sha256) == b"bytes of the field"
+    kept = again.get_job(job.id)
+    assert kept.request == {"width": 3.0} and again.blobs.read_bytes(kept.results[0].sha256) == b"made"
+    assert again.blobs.read_bytes(kept.inputs["field/north.geojson"]) == b"as it was"
+    assert again.find_token(text) is not None
     again.close()
     assert not list(tmp_path.glob(".headland-*"))
 
 
-def test_a_backup_is_brought_back_into_either_database(both: Settings, store: Store, tmp_path: Path) -> None:
-    plain = Store(Settings(data=tmp_path / "plain"))
+def test_a_backup_is_brought_back_into_either_database(both: ServiceSettings, store: Store, tmp_path: Path) -> None:
+    plain = Store(ServiceSettings(data=tmp_path / "plain"))
     plain.add_file("field", "north", b"bytes of the field", options={"crs": "EPSG:25832"})
     job = plain.add_job("plan", "first", {"width": 3.0})
     plain.claim_job("w")
@@ -231,38 +231,38 @@ def test_a_backup_is_brought_back_into_either_database(both: Settings, store: St
     plain.save_fleet("f1", "north", "{}", {})
     plain.add_recording("f1", 1, [[0.0, 1.5]])
     seen = plain.add_event(None, "office", "plan asked for")
-    token = plain.new_token("office", "admin")
+    token = plain.create_token_text("office", "admin")
     back_up(plain, tmp_path / "copy.zip")
     plain.close()
-    assert restore(store, tmp_path / "copy.zip") == 2
-    assert store.blobs.get(store.file("field", "north").sha256) == b"bytes of the field"
-    assert store.file("field", "north").options == {"crs": "EPSG:25832"}
-    assert store.blobs.get(store.result(job.id, "result.json").sha256) == b"made"
-    assert store.token(token) is not None and store.recording("f1", 1) == [[0.0, 1.5]]
+    assert restore_backup(store, tmp_path / "copy.zip") == 2
+    assert store.blobs.read_bytes(store.get_file("field", "north").sha256) == b"bytes of the field"
+    assert store.get_file("field", "north").options == {"crs": "EPSG:25832"}
+    assert store.blobs.read_bytes(store.get_result(job.id, "result.json").sha256) == b"made"
+    assert store.find_token(token) is not None and store.read_recording("f1", 1) == [[0.0, 1.5]]
     assert store.add_job("plan", "second", {}).number > job.number, "numbers go on after those of the backup"
     assert store.add_event(None, "office", "more") > seen and store.add_file("field", "south", b"") is not None
-    with pytest.raises(TakenError, match="nothing is written over"):
-        restore(store, tmp_path / "copy.zip")
+    with pytest.raises(ConflictError, match="nothing is written over"):
+        restore_backup(store, tmp_path / "copy.zip")
 
 
 def test_what_is_no_backup_leaves_nothing_behind(tmp_path: Path) -> None:
-    store = Store(Settings(data=tmp_path / "data"))
+    store = Store(ServiceSettings(data=tmp_path / "data"))
     for parts in ({"headland.db": b"x"}, {"headland.db": b"", "../evil": b""}, {"bytes/aa/" + "a" * 64: b""}):
         with zipfile.ZipFile(tmp_path / "odd.zip", "w") as packed:
             for name, content in parts.items():
                 packed.writestr(name, content)
         with pytest.raises(ServiceError) as refusal:
-            restore(store, tmp_path / "odd.zip")
+            restore_backup(store, tmp_path / "odd.zip")
         assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)
-    assert store.files("field") == [] and not (tmp_path / "evil").exists()
+    assert store.list_files("field") == [] and not (tmp_path / "evil").exists()
     store.close()
 
 
-def test_an_older_database_is_brought_up_to_date_with_all_it_had(both: Settings) -> None:
+def test_an_older_database_is_brought_up_to_date_with_all_it_had(both: ServiceSettings) -> None:
     old = Database(both.url)
     both.data.mkdir()
-    migrate(old.engine, "0001")
-    with old.writes() as session:
+    migrate_database(old.engine, "0001")
+    with old.open_write_session() as session:
         session.execute(
             sa.text(
                 "INSERT INTO files (kind, name, suffix, sha256, size, media, created) VALUES "
@@ -271,38 +271,40 @@ def test_an_older_database_is_brought_up_to_date_with_all_it_had(both: Settings)
         )
     old.close()
     store = Store(both)
-    row = store.file("field", "north")
+    row = store.get_file("field", "north")
     assert (row.sha256, row.size, row.options) == ("abc", 3, {})
     with store.database.engine.connect() as connection:
-        assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+        assert compare_metadata(MigrationContext.configure(connection), TableBase.metadata) == []
     store.close()
 
 
 def test_migrations_can_be_taken_back(store: Store) -> None:
     config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS))
-    with store.database.engine.connect().execution_options(**{WRITES: True}) as connection:
+    config.set_main_option("script_location", str(MIGRATIONS_FOLDER))
+    with store.database.engine.connect().execution_options(**{WRITES_OPTION: True}) as connection:
         config.attributes["connection"] = connection
         command.downgrade(config, "base")
         assert set(sa.inspect(connection).get_table_names()) <= {"alembic_version"}
         connection.commit()
-    migrate(store.database.engine)
-    assert store.files("field") == []
+    migrate_database(store.database.engine)
+    assert store.list_files("field") == []
 
 
 def test_bytes_that_nobody_names_are_swept(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     store.add_file("field", "north", b"kept")
-    job = store.add_job("plan", "first", {}, {"field/x": store.blobs.put(b"input")})
-    stray = store.blobs.put(b"stray")
-    assert sweep(store) == 0  # what is new may be about to be named
-    monkeypatch.setattr("planner.service.store.backup.KEPT_S", -1.0)
-    assert sweep(store) == 1 and not store.blobs.path(stray).exists()
+    job = store.add_job("plan", "first", {}, {"field/x": store.blobs.put_bytes(b"input")})
+    stray = store.blobs.put_bytes(b"stray")
+    assert sweep_unnamed_bytes(store) == 0  # what is new may be about to be named
+    monkeypatch.setattr("planner.service.store.backup.SWEEP_MIN_AGE_S", -1.0)
+    assert sweep_unnamed_bytes(store) == 1 and not store.blobs.get_path(stray).exists()
     store.delete_job(job.id)
-    assert sweep(store) == 1 and store.blobs.get(store.file("field", "north").sha256) == b"kept"
+    assert (
+        sweep_unnamed_bytes(store) == 1 and store.blobs.read_bytes(store.get_file("field", "north").sha256) == b"kept"
+    )
 
 
 @pytest.mark.parametrize("url", ["mysql://x", "nonsense", "postgresql+nodriver://x/y"])
 def test_other_databases_are_refused_in_a_sentence(url: str, tmp_path: Path) -> None:
     with pytest.raises(ServiceError) as refusal:
-        Store(Settings(data=tmp_path, database=url))
+        Store(ServiceSettings(data=tmp_path, database=url))
     assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)

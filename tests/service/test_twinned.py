@@ -10,35 +10,35 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.service.centre.centre import Centre
-from planner.service.centre.chances import Chances, chances_of
-from planner.service.centre.foresight import Array
-from planner.service.centre.rules import Rules
-from planner.service.centre.tractors import DRIVEN
-from planner.service.links.telling import fleet_told
-from tests.service.fleets import Driven, driven, fleet_plan
+from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.tractor_state import REMOTE_CONTROL
+from planner.fleet.safety.motion_prediction import Array
+from planner.fleet.session.frame_content import build_tick_fleet
+from tests.service.fleets import SimulatedFleet, fleet_plan, start_fleet
 
-WHOLE = Chances(planned_s=1000.0, p50_s=1100.0, p80_s=1200.0, p95_s=1400.0)
+WHOLE = FinishDistribution(planned_s=1000.0, p50_s=1100.0, p80_s=1200.0, p95_s=1400.0)
 
 
-class Told:
+class FixedTwins:
     """Twins of which a test says where they are and will be."""
 
     def __init__(self) -> None:
         self.places: dict[int, tuple[float, float]] = {}
         self.paths: dict[int, Array] = {}
 
-    def place(self, number: int) -> tuple[float, float] | None:
+    def find_place(self, number: int) -> tuple[float, float] | None:
         return self.places.get(number)
 
-    def path(self, number: int, times_s: Array) -> Array | None:
+    def predict_path(self, number: int, times_s: Array) -> Array | None:
         return self.paths.get(number)
 
 
-def watched(apart_m: float = 20.0) -> tuple[Driven, Told]:
-    twins = Told()
-    fleet = Driven(Centre(fleet_plan(apart_m=apart_m), Rules(), twins))
-    fleet.centre.start("anna", 0.0)
+def watched(apart_m: float = 20.0) -> tuple[SimulatedFleet, FixedTwins]:
+    twins = FixedTwins()
+    fleet = SimulatedFleet(FleetManager(fleet_plan(apart_m=apart_m), FleetRules(), twins))
+    fleet.manager.start_fleet_work("anna", 0.0)
     fleet.obey()
     return fleet, twins
 
@@ -47,54 +47,54 @@ def test_the_forecast_begins_where_the_twin_is_by_now() -> None:
     fleet, twins = watched()
     fleet.run(18.0)
     fleet.silent.add(0)  # no more is heard of it, and its twin drives on
-    fleet.centre.twins = twins
-    before = fleet.centre.states[0].leg_m
+    fleet.manager.twins = twins
+    before = fleet.manager.states[0].leg_m
     twins.places[0] = (0.0, before + 4.0)
     fleet.run(1.0)
     left_m = 60.0 - before - 4.0
-    assert fleet.centre.finish_in_s[0] == pytest.approx(left_m, abs=0.6)
+    assert fleet.manager.finish_in_s[0] == pytest.approx(left_m, abs=0.6)
     twins.places[0] = (0.0, before - 3.0)  # behind what it has reported itself
     fleet.run(1.0)
-    assert fleet.centre.finish_in_s[0] == pytest.approx(60.0 - before, abs=0.6)
+    assert fleet.manager.finish_in_s[0] == pytest.approx(60.0 - before, abs=0.6)
 
 
 def test_a_place_on_the_next_leg_is_of_that_leg_as_far_as_legs_are_released() -> None:
-    course = fleet_plan().courses[0]
-    assert course.onward(0, 18.0, 2, (0.1, 21.5)) == (1, pytest.approx(1.5, abs=0.13))
-    assert course.onward(0, 18.0, 1, (0.1, 21.5)) == (1, pytest.approx(0.0))  # the end of what is released
-    assert course.onward(2, 19.0, 3, (0.0, 70.0)) == (2, pytest.approx(20.0))
+    course = fleet_plan().timed_missions[0]
+    assert course.locate_ahead(0, 18.0, 2, (0.1, 21.5)) == (1, pytest.approx(1.5, abs=0.13))
+    assert course.locate_ahead(0, 18.0, 1, (0.1, 21.5)) == (1, pytest.approx(0.0))  # the end of what is released
+    assert course.locate_ahead(2, 19.0, 3, (0.0, 70.0)) == (2, pytest.approx(20.0))
 
 
 @pytest.mark.parametrize("towards, stopped", [(True, True), (False, False)])
 def test_who_drives_by_hand_is_foreseen_by_the_twin(towards: bool, stopped: bool) -> None:
     fleet, twins = watched(apart_m=6.0)
-    centre = fleet.centre
+    manager = fleet.manager
     fleet.run(5.0)
-    one = centre.states[0]
+    one = manager.states[0]
     assert one.report is not None
-    one.holds.add(DRIVEN)
+    one.holds.add(REMOTE_CONTROL)
     one.report = replace(one.report, mode="remote", speed_mps=1.0)  # straight ahead, and the twin knows better
     x, y = one.report.x_m, one.report.y_m
     steps = np.linspace(0.0, 1.0, 11)
     aside = 6.0 * steps if towards else 0.0 * steps
     twins.paths[0] = np.column_stack([x + aside, y + 5.0 * steps, np.full(11, 0.5 * math.pi)])
-    dangers = centre.guard.dangers(centre.states, centre.courses)
+    dangers = manager.guard.find_dangers(manager.states, manager.timed_missions)
     assert bool([each for each in dangers if (each.first, each.second) == (0, 1)]) is stopped
 
 
 def test_chances_of_the_whole_are_those_of_the_draws() -> None:
     for left_s, share in ((1100.0, 0.5), (1200.0, 0.8), (1400.0, 0.95)):
-        assert WHOLE.in_time(1000.0, left_s) == pytest.approx(share, abs=1e-3)
-    assert WHOLE.in_time(math.inf, 100.0) is None
-    assert (WHOLE.in_time(0.0, 1.0), WHOLE.in_time(0.0, -1.0)) == (1.0, 0.0)
-    sure = Chances(1000.0, 1000.0, 1000.0, 1000.0)
-    assert (sure.in_time(500.0, 501.0), sure.in_time(500.0, 499.0)) == (1.0, 0.0)
+        assert WHOLE.compute_probability(1000.0, left_s) == pytest.approx(share, abs=1e-3)
+    assert WHOLE.compute_probability(math.inf, 100.0) is None
+    assert (WHOLE.compute_probability(0.0, 1.0), WHOLE.compute_probability(0.0, -1.0)) == (1.0, 0.0)
+    sure = FinishDistribution(1000.0, 1000.0, 1000.0, 1000.0)
+    assert (sure.compute_probability(500.0, 501.0), sure.compute_probability(500.0, 499.0)) == (1.0, 0.0)
 
 
 @given(st.floats(0.0, 2000.0), st.floats(-100.0, 3000.0), st.floats(0.0, 500.0))
 def test_more_time_never_makes_it_less_likely_nor_less_work(rest_s: float, left_s: float, more_s: float) -> None:
-    base = WHOLE.in_time(rest_s, left_s)
-    later = WHOLE.in_time(rest_s, left_s + more_s)
+    base = WHOLE.compute_probability(rest_s, left_s)
+    later = WHOLE.compute_probability(rest_s, left_s + more_s)
     assert base is not None and later is not None and 0.0 <= base <= later <= 1.0
 
 
@@ -102,18 +102,18 @@ def test_chances_are_those_of_the_plan_that_is_driven() -> None:
     one = {"strategy": "circuit", "tractors": 2, "time_s": 10.0, "p50_s": 11.0, "p80_s": 12.0, "p95_s": 13.0}
     other = one | {"strategy": "split-field", "p95_s": None}
     result = {"best": one, "plans": [one, other]}
-    assert chances_of(result, "plan.json") == Chances(10.0, 11.0, 12.0, 13.0)
-    assert chances_of(result, "plan-circuit-2.json") == Chances(10.0, 11.0, 12.0, 13.0)
-    assert chances_of(result, "plan-split-field-2.json") is None  # made without draws
-    assert chances_of({"best": None, "plans": []}, "plan.json") is None
+    assert read_finish_distribution(result, "plan.json") == FinishDistribution(10.0, 11.0, 12.0, 13.0)
+    assert read_finish_distribution(result, "plan-circuit-2.json") == FinishDistribution(10.0, 11.0, 12.0, 13.0)
+    assert read_finish_distribution(result, "plan-split-field-2.json") is None  # made without draws
+    assert read_finish_distribution({"best": None, "plans": []}, "plan.json") is None
 
 
 def test_a_tick_tells_the_probability_where_there_are_draws_and_a_deadline() -> None:
-    fleet = driven()
-    assert fleet_told(fleet.centre, 65.0, WHOLE)["probability"] is None  # nobody knows how long it takes yet
+    fleet = start_fleet()
+    assert build_tick_fleet(fleet.manager, 65.0, WHOLE)["probability"] is None  # nobody knows how long it takes yet
     fleet.run(5.0)
-    drawn = Chances(60.0, 60.0, 66.0, 72.0)
-    told = fleet_told(fleet.centre, 60.0, drawn)
-    assert 0.5 < told["probability"] < fleet_told(fleet.centre, 65.0, drawn)["probability"] < 1.0
-    assert fleet_told(fleet.centre, None, drawn)["probability"] is None
-    assert fleet_told(fleet.centre, 60.0, None)["probability"] is None
+    drawn = FinishDistribution(60.0, 60.0, 66.0, 72.0)
+    told = build_tick_fleet(fleet.manager, 60.0, drawn)
+    assert 0.5 < told["probability"] < build_tick_fleet(fleet.manager, 65.0, drawn)["probability"] < 1.0
+    assert build_tick_fleet(fleet.manager, None, drawn)["probability"] is None
+    assert build_tick_fleet(fleet.manager, 60.0, None)["probability"] is None

@@ -24,7 +24,7 @@ WIDE, NARROW = {"width": 1280, "height": 860}, {"width": 390, "height": 844}
 
 
 @contextlib.contextmanager
-def served(app: FastAPI) -> Iterator[str]:
+def serve_app(app: FastAPI) -> Iterator[str]:
     """The address of an app that is served in a thread of its own."""
     server = uvicorn.Server(uvicorn.Config(app, host="127.0.0.1", port=0, log_level="error", ws="websockets-sansio"))
     thread = threading.Thread(target=server.run)
@@ -37,7 +37,7 @@ def served(app: FastAPI) -> Iterator[str]:
     thread.join()
 
 
-class Watched:
+class WatchedPage:
     """A page with what its console said and what it asked for."""
 
     def __init__(self, browser: Browser, base: str, token: str | None = None) -> None:
@@ -71,7 +71,7 @@ def until(page: Page, holds: Callable[[], bool]) -> None:
     pytest.fail("it never came to hold")
 
 
-def wide_by(page: Page) -> list[str]:
+def find_overflow(page: Page) -> list[str]:
     """What sticks out at the right of the window, but for what scrolls in a box of its own."""
     found: list[str] = page.evaluate("""() => [...document.querySelectorAll("main *")].filter((one) =>
       !one.closest(".scroll, .spoken") && one.getBoundingClientRect().right > innerWidth + 1)
@@ -79,7 +79,7 @@ def wide_by(page: Page) -> list[str]:
     return found
 
 
-def painted(page: Page) -> int:
+def count_colours(page: Page) -> int:
     """How many colours the largest canvas has: more than a few when something is drawn."""
     found: int = page.evaluate("""() => {
       const all = [...document.querySelectorAll("canvas")].sort((a, b) => b.width * b.height - a.width * a.height);
@@ -90,7 +90,7 @@ def painted(page: Page) -> int:
     return found
 
 
-def told_by(page: Page, expression: str) -> Any:
+def evaluate_in_page(page: Page, expression: str) -> Any:
     """What an expression comes to, with modules of the page as `m`."""
     return page.evaluate(f"""async () => {{
       const m = {{}};

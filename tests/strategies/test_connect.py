@@ -12,13 +12,24 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely import LineString, MultiPoint, Point, Polygon, box
 
-from strategies.ways.chains import UNKNOWN, layered, link_s, quickest_chain
-from strategies.ways.connect import Connector, TurnCosts, _boundary
-from strategies.ways.paths import Path, Pose, Segment, TurnError, dubins_paths, straight
-from strategies.ways.reach import APART, UNASKED, Layers, Spots, rings_lead
-from strategies.ways.routes import Corners, corner_poses, ring_poses
-from strategies.ways.search import fitting_forward, fitting_in_room, room_m
-from strategies.ways.turns import TURN_KINDS, fishtail, omega_turn, switch_back, u_turn
+from strategies.path_planning.connector import Connector, TurnCosts, _list_boundary_edges
+from strategies.path_planning.paths import DrivePath, PathSegment, Pose, TurnError, make_straight_path
+from strategies.path_planning.primitive_search import find_fitting_forward, find_fitting_in_room, measure_room_m
+from strategies.path_planning.route_search import (
+    APART,
+    UNCHECKED,
+    UNKNOWN,
+    RouteLayers,
+    RoutePoses,
+    can_rings_connect,
+    compute_link_s,
+    find_quickest_chain,
+    link_layers,
+)
+from strategies.path_planning.turn_kinds import TURN_KINDS
+from strategies.path_planning.turns import build_fishtail, build_omega_turn, build_switch_back, build_u_turn
+from strategies.path_planning.visibility_graph import VisibilityGraph, list_corner_poses, list_ring_poses
+from tests.strategies.primitive_paths import find_dubins_paths
 
 R = 4.0
 COSTS = TurnCosts(speed_mps=2.0, reverse_speed_mps=1.0, cusp_s=5.0)
@@ -30,11 +41,11 @@ HOLED = Polygon(box(0, 0, 160, 100).exterior, [box(60, 30, 100, 70).exterior.coo
 BLIND = Polygon([(0, 0), (80, 0), (80, 6), (40, 6), (40, 40), (0, 40)])
 
 
-def line(path: Path, step: float = 0.1) -> LineString:
+def line(path: DrivePath, step: float = 0.1) -> LineString:
     return LineString(np.concatenate([points for _, points in path.sample(step)]))
 
 
-def assert_good(path: Path | None, a: Pose, b: Pose, free: shapely.Polygon) -> None:
+def assert_good(path: DrivePath | None, a: Pose, b: Pose, free: shapely.Polygon) -> None:
     assert path is not None
     assert path.start == a
     assert math.dist(path.end[:2], b[:2]) <= 1e-8
@@ -43,7 +54,7 @@ def assert_good(path: Path | None, a: Pose, b: Pose, free: shapely.Polygon) -> N
     assert free.buffer(0.0101).covers(line(path))
 
 
-def turn_in(headland_m: float, spacing: float, costs: TurnCosts = COSTS, **options) -> Path | None:
+def turn_in(headland_m: float, spacing: float, costs: TurnCosts = COSTS, **options) -> DrivePath | None:
     """The turn at y = 50 between upward and downward tracks, with so much room above."""
     free = box(0, 0, 100, 50 + headland_m)
     a, b = (40.0, 50.0, UP), (40.0 + spacing, 50.0, DOWN)
@@ -54,47 +65,49 @@ def turn_in(headland_m: float, spacing: float, costs: TurnCosts = COSTS, **optio
 
 
 def test_time_counts_speeds_and_direction_changes() -> None:
-    path = Path((0, 0, 0), (Segment(6, 0.0, 1), Segment(3, 0.1, -1), Segment(2, 0.0, 1)), "switch-back")
-    assert COSTS.time_s(path) == pytest.approx((6 + 3 + 2) / 1 + 2 * 5)
+    path = DrivePath(
+        (0, 0, 0), (PathSegment(6, 0.0, 1), PathSegment(3, 0.1, -1), PathSegment(2, 0.0, 1)), "switch-back"
+    )
+    assert COSTS.compute_time_s(path) == pytest.approx((6 + 3 + 2) / 1 + 2 * 5)
 
 
 def test_a_path_that_ends_in_reverse_is_charged_the_change_after_it() -> None:
-    assert COSTS.time_s(straight((0, 0, 0), 4.0)) == 2.0
-    assert COSTS.time_s(straight((0, 0, 0), -4.0)) == 4.0 + 2 * 5
-    assert COSTS.time_s(straight((0, 0, 0), 0.0)) == 0.0
+    assert COSTS.compute_time_s(make_straight_path((0, 0, 0), 4.0)) == 2.0
+    assert COSTS.compute_time_s(make_straight_path((0, 0, 0), -4.0)) == 4.0 + 2 * 5
+    assert COSTS.compute_time_s(make_straight_path((0, 0, 0), 0.0)) == 0.0
 
 
 def test_u_turn_when_tracks_are_far_enough() -> None:
     path = turn_in(20.0, 9.0)
     assert path.kind == "u"
-    assert path.length_m == pytest.approx(u_turn((40, 50, UP), (49, 50, DOWN), R).length_m, abs=1e-9)
+    assert path.length_m == pytest.approx(build_u_turn((40, 50, UP), (49, 50, DOWN), R).length_m, abs=1e-9)
 
 
 def test_omega_when_a_direction_change_is_dear() -> None:
     path = turn_in(20.0, 3.0)
     assert path.kind == "omega"
-    assert path.length_m == pytest.approx(omega_turn((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
+    assert path.length_m == pytest.approx(build_omega_turn((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
 
 
 def test_switch_back_when_a_direction_change_is_cheap() -> None:
     path = turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, 1.0))
     assert path.kind == "switch-back"
-    assert path.length_m == pytest.approx(fishtail((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
+    assert path.length_m == pytest.approx(build_fishtail((40, 50, UP), (43, 50, DOWN), R).length_m, abs=1e-9)
 
 
 def test_reversing_on_an_arc_is_charged_although_it_is_shorter() -> None:
     a, b = (40.0, 50.0, UP), (43.0, 50.0, DOWN)
     connector = Connector(SQUARE, R, TurnCosts(2.0, 2.0, 1.0))
-    tail, arcs = fishtail(a, b, R), switch_back(a, b, R)
+    tail, arcs = build_fishtail(a, b, R), build_switch_back(a, b, R)
     assert arcs.length_m < tail.length_m
-    assert connector.cost(tail) == pytest.approx(connector.costs.time_s(tail))
-    assert connector.cost(arcs) > connector.cost(tail)
+    assert connector.compute_cost_s(tail) == pytest.approx(connector.costs.compute_time_s(tail))
+    assert connector.compute_cost_s(arcs) > connector.compute_cost_s(tail)
 
 
 def test_the_change_from_omega_to_switch_back_is_where_their_times_meet() -> None:
-    omega, back = (make((40, 50, UP), (43, 50, DOWN), R) for make in (omega_turn, fishtail))
+    omega, back = (make((40, 50, UP), (43, 50, DOWN), R) for make in (build_omega_turn, build_fishtail))
     free_cusp = TurnCosts(2.0, 2.0, 0.0)
-    meet = (free_cusp.time_s(omega) - free_cusp.time_s(back)) / 2
+    meet = (free_cusp.compute_time_s(omega) - free_cusp.compute_time_s(back)) / 2
     assert meet > 0
     assert turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, meet - 0.01)).kind == "switch-back"
     assert turn_in(20.0, 3.0, TurnCosts(2.0, 2.0, meet + 0.01)).kind == "omega"
@@ -126,14 +139,14 @@ def test_skewed_ends_are_connected_inside() -> None:
         assert_good(Connector(free, R, COSTS).connect(a, b), a, b, free)
 
 
-def test_the_quickest_of_the_fitting_words_is_taken() -> None:
+def test_the_quickest_of_the_fitting_primitives_is_taken() -> None:
     connector = Connector(SQUARE, R, COSTS)
     draw = random.Random(4)
     for _ in range(40):
         a, b = ((draw.uniform(20, 80), draw.uniform(20, 80), draw.uniform(-3, 3)) for _ in range(2))
         path = connector.connect(a, b)
-        fitting = [COSTS.time_s(w) for w in dubins_paths(a, b, R) if connector.fits(w)]
-        assert COSTS.time_s(path) <= min(fitting) + 1e-6
+        fitting = [COSTS.compute_time_s(w) for w in find_dubins_paths(a, b, R) if connector.fits(w)]
+        assert COSTS.compute_time_s(path) <= min(fitting) + 1e-6
 
 
 @given(
@@ -252,9 +265,9 @@ def test_same_input_same_output_whatever_was_asked_before() -> None:
         (lambda: TurnCosts(0.0, 1.0, 1.0), "speed_mps 0.0 must be above zero"),
         (lambda: TurnCosts(1.0, math.inf, 1.0), "reverse_speed_mps inf must be above zero and finite"),
         (lambda: TurnCosts(1.0, 1.0, -1.0), "cusp_s -1.0 must be zero or more"),
-        (lambda: Connector(Polygon(), R, COSTS), "empty"),
+        (lambda: Connector(Polygon(), R, COSTS), "No room is left"),
         (lambda: Connector(SQUARE, 0.0, COSTS), "Turning radius 0.0 m"),
-        (lambda: Connector(SQUARE, R, COSTS, kinds=("u", "loop")), 'Turn kind "loop" is not known'),
+        (lambda: Connector(SQUARE, R, COSTS, kinds=("u", "loop")), 'Turn kind "loop" is unknown'),
     ],
 )
 def test_values_that_make_no_sense_are_refused(make, says: str) -> None:
@@ -263,9 +276,9 @@ def test_values_that_make_no_sense_are_refused(make, says: str) -> None:
 
 
 def test_ways_round_a_hole_are_the_two_taut_strings() -> None:
-    corners = Corners(HOLED, HOLED.buffer(0.007))
-    ways = corners.ways((20.0, 45.0, 0.0), (140.0, 45.0, 0.0))
-    lengths = [sum(math.dist(p, q) for p, q in pairwise(way)) for way in ways]
+    corners = VisibilityGraph(HOLED, HOLED.buffer(0.007))
+    paths = corners.find_shortest_lines((20.0, 45.0, 0.0), (140.0, 45.0, 0.0))
+    lengths = [sum(math.dist(p, q) for p, q in pairwise(way)) for way in paths]
     below, above = (2 * math.hypot(40 - 0.25, abs(45 - y)) + 40.5 for y in (29.75, 70.25))
     assert lengths[0] == pytest.approx(below, abs=1e-9)
     assert any(length == pytest.approx(above, abs=1e-9) for length in lengths)
@@ -273,7 +286,7 @@ def test_ways_round_a_hole_are_the_two_taut_strings() -> None:
 
 
 def test_a_straight_way_is_one_way() -> None:
-    assert Corners(SQUARE, SQUARE).ways((10, 10, 0.0), (90, 50, 0.0)) == [[(10, 10), (90, 50)]]
+    assert VisibilityGraph(SQUARE, SQUARE).find_shortest_lines((10, 10, 0.0), (90, 50, 0.0)) == [[(10, 10), (90, 50)]]
 
 
 def test_sight_follows_a_bend_too_gentle_for_a_corner() -> None:
@@ -288,7 +301,7 @@ def test_sight_follows_a_bend_too_gentle_for_a_corner() -> None:
 
 
 def test_corner_poses_pass_outside_the_bend() -> None:
-    poses = corner_poses((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), R)
+    poses = list_corner_poses((0.0, 0.0), (10.0, 0.0), (10.0, 10.0), R)
     assert poses[0] == pytest.approx((10.0, 0.0, math.pi / 4))
     for x, y, heading in poses:
         assert (x - 10.0) >= -1e-9 and y <= 1e-9  # to the right of a left bend
@@ -296,7 +309,7 @@ def test_corner_poses_pass_outside_the_bend() -> None:
 
 
 def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
-    poses = ring_poses(HOLED, R)
+    poses = list_ring_poses(HOLED, R)
     assert all(HOLED.covers(Point(pose[:2])) for pose in poses)
     headings: dict[tuple[float, float], list[float]] = {}
     for x, y, heading in poses:
@@ -305,36 +318,34 @@ def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
         assert abs(math.remainder(forth - back, 2 * math.pi)) == pytest.approx(math.pi)
 
 
-@given(
-    st.lists(st.floats(-14.0, 14.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2)
-)
-def test_room_tells_only_words_that_do_not_fit(places: list[float], headings: list[float]) -> None:
-    """As many words fit, and the same, whether the room of their arcs is known or not."""
-    edges = _boundary(Polygon([(-15, -15), (15, -15), (15, 15), (4, 15), (4, 2), (-4, 2), (-4, 15), (-15, 15)]))
+@given(st.lists(st.floats(-14.0, 14.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2))
+def test_room_tells_only_primitives_that_do_not_fit(places: list[float], headings: list[float]) -> None:
+    """As many primitives fit, and the same, whether the room of their arcs is known or not."""
+    edges = _list_boundary_edges(
+        Polygon([(-15, -15), (15, -15), (15, 15), (4, 15), (4, 2), (-4, 2), (-4, 15), (-15, 15)])
+    )
     a, b = np.array([*places[:2], headings[0]]), np.array([*places[2:], headings[1]])
     ahead, behind, plain, told = np.empty(2), np.empty(2), np.zeros((5, 3)), np.zeros((5, 3))
-    room_m(a, 1.0, R, edges, ahead)
-    room_m(b, -1.0, R, edges, behind)
-    kind = fitting_forward(a, b, R, edges, 3, plain)
+    measure_room_m(a, 1.0, R, edges, ahead)
+    measure_room_m(b, -1.0, R, edges, behind)
+    kind = find_fitting_forward(a, b, R, edges, 3, plain)
     for barrier in (np.full((1, 4), np.inf), edges[3:4].copy()):
-        assert fitting_in_room(a, b, ahead, behind, barrier, R, edges, 3, told) == kind
+        assert find_fitting_in_room(a, b, ahead, behind, barrier, R, edges, 3, told) == kind
         assert plain.tobytes() == told.tobytes()
 
 
-@given(
-    st.lists(st.floats(-40.0, 40.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2)
-)
+@given(st.lists(st.floats(-40.0, 40.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2))
 def test_a_link_that_fits_is_never_told_to_point_away(places: list[float], headings: list[float]) -> None:
     """A link has the seconds of its word, or none where no word fits, on a field with a narrow neck."""
     neck = [(-45, -45), (-3, -45), (-3, -8), (3, -8), (3, -45), (45, -45), (45, 45), (3, 45), (3, 0), (-3, 0), (-3, 45)]
     field = Polygon([*neck, (-45, 45)])
     assume(field.buffer(-0.01).contains(MultiPoint([places[:2], places[2:]])))
-    edges, word = _boundary(field), np.zeros((5, 3))
+    edges, primitive = _list_boundary_edges(field), np.zeros((5, 3))
     poses = np.array([[*places[:2], headings[0]], [*places[2:], headings[1]]])
-    kind, speeds = fitting_forward(poses[0], poses[1], R, edges, 3, word), np.array([2.0, 2.0, 0.0, 0.0])
+    kind, speeds = find_fitting_forward(poses[0], poses[1], R, edges, 3, primitive), np.array([2.0, 2.0, 0.0, 0.0])
     rooms, barrier = np.full((2, 4), UNKNOWN), np.full((1, 4), np.inf)
-    seconds = link_s(poses, 0, 1, rooms, barrier, R, speeds, edges, np.zeros((5, 3)))
-    assert seconds == pytest.approx(word[:, 0].sum() / 2.0 if kind >= 0 else math.inf, abs=1e-9)
+    seconds = compute_link_s(poses, 0, 1, rooms, barrier, R, speeds, edges, np.zeros((5, 3)))
+    assert seconds == pytest.approx(primitive[:, 0].sum() / 2.0 if kind >= 0 else math.inf, abs=1e-9)
 
 
 def rings(poses: list[Pose], joined: list[tuple[int, int]]) -> bool:
@@ -342,15 +353,29 @@ def rings(poses: list[Pose], joined: list[tuple[int, int]]) -> bool:
     count, no_edges, speeds = len(poses) - 2, np.empty((0, 4)), np.array([2.0, 2.0, 0.0, 0.0])
     after = [[j for i, j in joined if i == k] for k in range(count)]
     kept = (
-        np.cumsum([0, *(len(each) for each in after)]), np.array([j for each in after for j in each], np.int64),
+        np.cumsum([0, *(len(each) for each in after)]),
+        np.array([j for each in after for j in each], np.int64),
         np.full(len(joined), UNKNOWN),
-    )  # fmt: skip
-    start, goal = (np.full(count, UNASKED, np.int8) for _ in range(2))
+    )
+    start, goal = (np.full(count, UNCHECKED, np.int8) for _ in range(2))
     goal[: count - 1] = APART  # only the last of the rings is joined to the goal
     rooms = np.full((len(poses), 4), UNKNOWN)
-    return bool(rings_lead(
-        np.array(poses), rooms, 1, len(poses) - 1, kept, start, goal, 6.0, 2.0, 2.0, speeds, no_edges,
-    ))  # fmt: skip
+    return bool(
+        can_rings_connect(
+            np.array(poses),
+            rooms,
+            1,
+            len(poses) - 1,
+            kept,
+            start,
+            goal,
+            6.0,
+            2.0,
+            2.0,
+            speeds,
+            no_edges,
+        )
+    )
 
 
 def test_rings_lead_where_their_links_do() -> None:
@@ -362,14 +387,18 @@ def test_rings_lead_where_their_links_do() -> None:
 
 
 def test_what_is_learnt_of_spots_together_is_known_to_each_part() -> None:
-    parts = [Spots.at([(0.0, 0.0, 0.0)]), Spots.at([]), Spots.at([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)])]
-    spots = Spots.of(parts)
+    parts = [
+        RoutePoses.from_poses([(0.0, 0.0, 0.0)]),
+        RoutePoses.from_poses([]),
+        RoutePoses.from_poses([(1.0, 2.0, 3.0), (4.0, 5.0, 6.0)]),
+    ]
+    spots = RoutePoses.from_parts(parts)
     assert spots.poses.tolist() == [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
     assert (spots.rooms == UNKNOWN).all() and spots.rooms.shape == (3, 4)
     spots.rooms[2, 1] = 7.0
-    spots.learn(parts)
+    spots.update_parts(parts)
     assert parts[2].rooms.tolist() == [[UNKNOWN] * 4, [UNKNOWN, 7.0, UNKNOWN, UNKNOWN]] and len(parts[1].rooms) == 0
-    assert Layers.of([[(0.0, 0.0, 0.0)], [], [(1.0, 1.0, 1.0)]]).sizes == [1, 0, 1]
+    assert RouteLayers.from_layers([[(0.0, 0.0, 0.0)], [], [(1.0, 1.0, 1.0)]]).sizes == [1, 0, 1]
 
 
 def test_a_route_that_fails_leaves_the_next_as_it_would_be_alone() -> None:
@@ -388,24 +417,27 @@ def test_a_route_that_fails_leaves_the_next_as_it_would_be_alone() -> None:
 def test_room_of_arcs_before_a_wall() -> None:
     wall = np.array([[3.0, -50.0, 3.0, 50.0]])
     room = np.empty(2)
-    room_m(np.array([0.0, 0.0, 0.0]), 1.0, 6.0, wall, room)
+    measure_room_m(np.array([0.0, 0.0, 0.0]), 1.0, 6.0, wall, room)
     assert room == pytest.approx([6.0 * math.pi / 6.0] * 2)  # 6 sin(angle) = 3
-    room_m(np.array([0.0, 0.0, math.pi]), -1.0, 6.0, wall, room)
+    measure_room_m(np.array([0.0, 0.0, math.pi]), -1.0, 6.0, wall, room)
     assert room == pytest.approx([6.0 * math.pi / 6.0] * 2)
-    room_m(np.array([-20.0, 0.0, 0.0]), 1.0, 6.0, wall, room)
+    measure_room_m(np.array([-20.0, 0.0, 0.0]), 1.0, 6.0, wall, room)
     assert np.isinf(room).all()
 
 
 def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = math.inf) -> list[int]:
     """The quickest chain over straight links at 2 m/s between all poses, from the first to the last."""
     count = len(poses)
-    steps = [math.inf if (i, j) in blocked else math.dist(poses[i][:2], poses[j][:2]) / 2.0
-             for i in range(count) for j in range(count)]  # fmt: skip
+    steps = [
+        math.inf if (i, j) in blocked else math.dist(poses[i][:2], poses[j][:2]) / 2.0
+        for i in range(count)
+        for j in range(count)
+    ]
     graph = np.arange(0, count * count + 1, count), np.tile(np.arange(count), count), np.array(steps)
     none = np.zeros(count + 1, np.int64), np.empty(0, np.int64), np.empty(0)
     speeds, no_edges, nothing = np.array([2.0, 2.0, 0.0, 0.0]), np.empty((0, 4)), np.zeros(1)
     rooms = np.full((count, 4), UNKNOWN)
-    found = quickest_chain(np.array(poses), rooms, nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
+    found = find_quickest_chain(np.array(poses), rooms, nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
     return [int(place) for place in found]
 
 
@@ -425,7 +457,7 @@ def test_quickest_chain_stops_at_its_limit() -> None:
 
 
 def test_every_pose_of_a_layer_leads_to_every_pose_of_the_next() -> None:
-    indptr, after = layered(np.array([2, 3, 1]))
+    indptr, after = link_layers(np.array([2, 3, 1]))
     follow = [after[indptr[i] : indptr[i + 1]].tolist() for i in range(6)]
     assert follow == [[2, 3, 4], [2, 3, 4], [5], [5], [5], []]
 

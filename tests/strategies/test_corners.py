@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from shapely import affinity
 
-from strategies.headland.corners import corner_arc, corner_ways, missed_m2, worked_into
+from strategies.headland.corners import build_corner_arc, compute_missed_m2, compute_worked_reach_m, find_corner_paths
 
 
 def strip(first_m: float, last_m: float, width_m: float, heading: float) -> shapely.Polygon:
@@ -29,16 +29,16 @@ def headland(turn_rad: float, width_m: float, reach_m: float = 200.0) -> shapely
 @settings(max_examples=80, deadline=None)
 def test_square_corners_miss_nothing(degrees: float, width: float, hand: int) -> None:
     turn = hand * math.radians(degrees)
-    before, after = worked_into(turn, width)
+    before, after = compute_worked_reach_m(turn, width)
     worked = strip(-300, before, width, 0.0).union(strip(after, 300, width, turn))
     assert headland(turn, width).difference(worked.buffer(1e-6)).area < 1e-3
 
 
 def test_right_angle_by_hand() -> None:
     """The bar stops where the next side begins, and that begins at the edge: one half width short, one back."""
-    assert worked_into(math.pi / 2, 3.0) == pytest.approx((-1.5, -1.5))
-    assert missed_m2(math.pi / 2, 3.0, 4.0) == pytest.approx((1 - math.pi / 4) * 5.5**2)
-    assert missed_m2(math.pi / 2, 3.0, 4.0) == pytest.approx(6.49, abs=0.01)
+    assert compute_worked_reach_m(math.pi / 2, 3.0) == pytest.approx((-1.5, -1.5))
+    assert compute_missed_m2(math.pi / 2, 3.0, 4.0) == pytest.approx((1 - math.pi / 4) * 5.5**2)
+    assert compute_missed_m2(math.pi / 2, 3.0, 4.0) == pytest.approx(6.49, abs=0.01)
 
 
 @given(degrees=st.floats(46, 130), width=st.floats(2, 6), radius=st.floats(3, 8))
@@ -46,35 +46,42 @@ def test_right_angle_by_hand() -> None:
 def test_round_corners_miss_what_is_said(degrees: float, width: float, radius: float) -> None:
     turn = math.radians(degrees)
     assume(radius > 0.5 * width)
-    arc = shapely.LineString(corner_arc((0.0, 0.0), 0.0, turn, radius).sample(0.02)[0][1])
+    arc = shapely.LineString(build_corner_arc((0.0, 0.0), 0.0, turn, radius).sample(0.02)[0][1])
     (x0, _), (x1, y1) = arc.coords[0], arc.coords[-1]
     half = 0.5 * width
     begin, corner = (x0, -half), (half * math.tan(0.5 * turn), -half)
     end = (x1 + half * math.sin(turn), y1 - half * math.cos(turn))
     missed = shapely.Polygon([begin, corner, end]).difference(arc.buffer(half, cap_style="flat").convex_hull)
-    assert missed.area == pytest.approx(missed_m2(turn, width, radius), rel=0.1)
+    assert missed.area == pytest.approx(compute_missed_m2(turn, width, radius), rel=0.1)
 
 
 @given(
-    x=st.floats(-20, 20), y=st.floats(-20, 20), turn=st.floats(-2.6, 2.6), heading=st.floats(-3, 3),
+    x=st.floats(-20, 20),
+    y=st.floats(-20, 20),
+    turn=st.floats(-2.6, 2.6),
+    heading=st.floats(-3, 3),
     radius=st.floats(2, 8),
-)  # fmt: skip
+)
 @settings(max_examples=100, deadline=None)
 def test_ways_end_where_they_should(
     same_pose: Callable[[Sequence[float], Sequence[float]], bool],
-    x: float, y: float, turn: float, heading: float, radius: float,
-) -> None:  # fmt: skip
+    x: float,
+    y: float,
+    turn: float,
+    heading: float,
+    radius: float,
+) -> None:
     assume(abs(math.sin(turn)) > 0.1)
     a, b = (1.0, 2.0, heading), (1.0 + x, 2.0 + y, heading + turn)
-    forth, back = corner_ways(a, b, radius)
-    for way in (forth, back):
-        assert math.dist(way.end[:2], b[:2]) < 0.07
-        assert abs(math.remainder(way.end[2] - b[2], 2 * math.pi)) < 1e-6
-        assert {round(abs(s.curvature), 9) for s in way.segments} <= {0.0, round(1 / radius, 9)}
+    forth, back = find_corner_paths(a, b, radius)
+    for path in (forth, back):
+        assert math.dist(path.end[:2], b[:2]) < 0.07
+        assert abs(math.remainder(path.end[2] - b[2], 2 * math.pi)) < 1e-6
+        assert {round(abs(s.curvature), 9) for s in path.segments} <= {0.0, round(1 / radius, 9)}
     assert [s.gear for s in forth.segments if s.curvature] == [1]
     assert [s.gear for s in back.segments if s.curvature] == [-1]
 
 
 def test_parallel_lines_have_no_corner() -> None:
     poses: Any = ((0.0, 0.0, 0.0), (5.0, 3.0, 0.0))
-    assert corner_ways(*poses, 4.0) == []
+    assert find_corner_paths(*poses, 4.0) == []

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from shapely import Polygon, box
 
 from fields import Field
-from strategies.job import Job, Pass, starting_corner
-from strategies.ways.connect import Connector, TurnCosts
-from strategies.ways.fence import Body, Fence
+from strategies.path_planning.collision_check import FenceChecker, MachineBody
+from strategies.path_planning.connector import Connector, TurnCosts
+from strategies.program.field_job import FieldJob, SwathPass, find_starting_corner
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 WHOLE = [(0.0, 100.0)]
@@ -22,18 +22,18 @@ WHOLE = [(0.0, 100.0)]
 class TestPoses:
     def test_entry_and_exit_by_hand(self, jobs: Any, same_pose: Any) -> None:
         job = jobs.drawn([WHOLE] * 3)
-        track = job.layout.tracks[2]
-        assert same_pose(job.entry(Pass(track, 1)), (0.0, 6.0, 0.0))
-        assert same_pose(job.exit(Pass(track, 1)), (102.3, 6.0, 0.0))
-        assert same_pose(job.entry(Pass(track, -1)), (100.0, 6.0, math.pi))
-        assert same_pose(job.exit(Pass(track, -1)), (-2.3, 6.0, math.pi))
+        swath = job.layout.swaths[2]
+        assert same_pose(job.get_entry_pose(SwathPass(swath, 1)), (0.0, 6.0, 0.0))
+        assert same_pose(job.get_exit_pose(SwathPass(swath, 1)), (102.3, 6.0, 0.0))
+        assert same_pose(job.get_entry_pose(SwathPass(swath, -1)), (100.0, 6.0, math.pi))
+        assert same_pose(job.get_exit_pose(SwathPass(swath, -1)), (-2.3, 6.0, math.pi))
 
     @QUICK
     @given(bearing=st.floats(-1.57, 1.57), direction=st.sampled_from([1, -1]))
     def test_the_exit_lies_a_tool_length_past_the_far_end(self, jobs: Any, bearing: float, direction: int) -> None:
         job = jobs.drawn([WHOLE] * 2, bearing_rad=bearing)
-        this = Pass(job.layout.tracks[1], direction)
-        (ax, ay, heading), (bx, by, _) = job.entry(this), job.exit(this)
+        this = SwathPass(job.layout.swaths[1], direction)
+        (ax, ay, heading), (bx, by, _) = job.get_entry_pose(this), job.get_exit_pose(this)
         ahead = (bx - ax) * math.cos(heading) + (by - ay) * math.sin(heading)
         aside = (by - ay) * math.cos(heading) - (bx - ax) * math.sin(heading)
         assert ahead == pytest.approx(100.0 + jobs.tool_m, abs=1e-6)
@@ -47,22 +47,22 @@ class TestTurnTime:
     )
     def test_comes_from_the_table_and_grows_by_driving_across(self, jobs: Any, lines: int, seconds: float) -> None:
         job = jobs.drawn([WHOLE] * 7)
-        a, b = Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[lines], -1)
-        assert job.turn_time(a, b) == pytest.approx(seconds + jobs.tool_m / 1.5)
+        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[lines], -1)
+        assert job.estimate_turn_time_s(a, b) == pytest.approx(seconds + jobs.tool_m / 1.5)
 
     def test_to_the_same_direction_is_a_drive_round(self, jobs: Any) -> None:
         job = jobs.drawn([WHOLE] * 4)
-        a, b = Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[3], 1)
+        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[3], 1)
         expected = (100.0 + jobs.tool_m + 9.0 + 2 * math.pi * jobs.radius_m) / 1.5
-        assert job.turn_time(a, b) == pytest.approx(expected)
+        assert job.estimate_turn_time_s(a, b) == pytest.approx(expected)
 
     @QUICK
     @given(bearing=st.floats(-1.5, 1.5), a=st.integers(0, 6), b=st.integers(0, 6), way=st.sampled_from([1, -1]))
     def test_does_not_change_when_the_field_is_rotated(
         self, jobs: Any, bearing: float, a: int, b: int, way: int
     ) -> None:
-        def seconds(job: Job) -> float:
-            return job.turn_time(Pass(job.layout.tracks[a], 1), Pass(job.layout.tracks[b], way))
+        def seconds(job: FieldJob) -> float:
+            return job.estimate_turn_time_s(SwathPass(job.layout.swaths[a], 1), SwathPass(job.layout.swaths[b], way))
 
         still, turned = jobs.drawn([WHOLE] * 7), jobs.drawn([WHOLE] * 7, bearing_rad=bearing)
         assert seconds(turned) == pytest.approx(seconds(still), abs=1e-6)
@@ -71,31 +71,40 @@ class TestTurnTime:
 class TestWay:
     def test_is_found_once_and_remembered(self, jobs: Any) -> None:
         job = jobs.rectangle(8)
-        a, b = job.exit(Pass(job.layout.tracks[0], 1)), job.entry(Pass(job.layout.tracks[4], -1))
-        first = job.way(a, b)
-        assert first is not None and job.way(a, b) is first
-        assert list(job.ways) == [(a, b)]
+        a, b = (
+            job.get_exit_pose(SwathPass(job.layout.swaths[0], 1)),
+            job.get_entry_pose(SwathPass(job.layout.swaths[4], -1)),
+        )
+        first = job.find_path(a, b)
+        assert first is not None and job.find_path(a, b) is first
+        assert list(job.path_cache) == [(a, b)]
 
     def test_keeps_to_the_headland_although_across_is_as_quick(self, jobs: Any) -> None:
         job = jobs.rectangle(8, 60.0)
         top = box(1.5, 60.0 + 9.0, 22.5, 76.5)  # beyond the ends of the tracks only
         beside = Connector(top, 4.3, job.connector.costs)
-        job = replace(job, headland=beside, ways={})
-        up = 1 if job.layout.tracks[0].end[1] > 40 else -1
-        path = job.way(job.exit(Pass(job.layout.tracks[0], up)), job.entry(Pass(job.layout.tracks[4], -up)))
+        job = replace(job, headland_connector=beside, path_cache={})
+        up = 1 if job.layout.swaths[0].end_m[1] > 40 else -1
+        path = job.find_path(
+            job.get_exit_pose(SwathPass(job.layout.swaths[0], up)),
+            job.get_entry_pose(SwathPass(job.layout.swaths[4], -up)),
+        )
         assert path is not None
         assert all(y >= 69.0 - 0.02 for _, points in path.sample(0.25) for _, y in points)
 
     def test_goes_across_when_the_headland_offers_nothing(self, jobs: Any) -> None:
         job = jobs.rectangle(8, 60.0)
         far = Connector(box(500, 500, 560, 560), 4.3, job.connector.costs)
-        both = replace(job, headland=far, ways={})
-        a, b = job.exit(Pass(job.layout.tracks[0], 1)), job.entry(Pass(job.layout.tracks[4], -1))
-        assert both.way(a, b) == job.way(a, b) is not None
+        both = replace(job, headland_connector=far, path_cache={})
+        a, b = (
+            job.get_exit_pose(SwathPass(job.layout.swaths[0], 1)),
+            job.get_entry_pose(SwathPass(job.layout.swaths[4], -1)),
+        )
+        assert both.find_path(a, b) == job.find_path(a, b) is not None
 
     def test_is_none_where_nothing_fits(self, jobs: Any) -> None:
         job = replace(jobs.rectangle(3), connector=Connector(box(0, 0, 2, 2), 4.3, jobs.rectangle(3).connector.costs))
-        assert job.way((1.0, 1.0, 0.0), (50.0, 1.0, 0.0)) is None
+        assert job.find_path((1.0, 1.0, 0.0), (50.0, 1.0, 0.0)) is None
 
 
 BEND = Polygon([(0, 0), (90, 0), (90, 40), (45, 44), (40, 90), (0, 90)], [box(18, 15, 26, 24).exterior.coords])
@@ -111,17 +120,23 @@ class TestManyTurns:
         self, jobs: Any, starts: list[Any], ends: list[Any], spared: bool, fenced: bool
     ) -> None:
         costs = TurnCosts(1.5, 1.0, 4.0)
-        beside, body = BEND.difference(box(8, 8, 80, 30)).buffer(-1.5), Body(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2)
-        fence = Fence(BEND.exterior, BEND.interiors[0], body, 0.2) if fenced else None
+        beside, body = (
+            BEND.difference(box(8, 8, 80, 30)).buffer(-1.5),
+            MachineBody(((-1.0, 3.5, 1.0), (-2.5, -1.0, 1.6)), 1.2),
+        )
+        fence = FenceChecker(BEND.exterior, BEND.interiors[0], body, 0.2) if fenced else None
         job = replace(
-            jobs.drawn([WHOLE]), connector=Connector(BEND.buffer(-1.5), 4.3, costs), spare_tracks=spared, fence=fence,
-            headland=Connector(beside, 4.3, costs),
-        )  # fmt: skip
+            jobs.drawn([WHOLE]),
+            connector=Connector(BEND.buffer(-1.5), 4.3, costs),
+            avoids_swaths=spared,
+            fence=fence,
+            headland_connector=Connector(beside, 4.3, costs),
+        )
         pairs = [(p, q) for p in range(len(starts)) for q in range(len(ends))]
-        found = job.turn_costs(np.array(starts), np.array(ends), np.array(pairs))
+        found = job.compute_turn_costs_s(np.array(starts), np.array(ends), np.array(pairs))
         for (p, q), seconds in zip(pairs, found.tolist(), strict=True):
-            turn = job.turn(starts[p], ends[q])
-            assert seconds == pytest.approx(math.inf if turn is None else job.connector.cost(turn))
+            turn = job.find_turn(starts[p], ends[q])
+            assert seconds == pytest.approx(math.inf if turn is None else job.connector.compute_cost_s(turn))
 
 
 class TestStartingCorner:
@@ -131,11 +146,11 @@ class TestStartingCorner:
         job = jobs.rectangle(10, 80.0, entrance=(x, y))
         assert job.corner is not None
         from_last, direction = job.corner
-        track = job.layout.tracks[-1 if from_last else 0]
-        start = track.start if direction > 0 else track.end
-        ends = [end for t in job.layout.tracks for end in (t.start, t.end)]
+        swath = job.layout.swaths[-1 if from_last else 0]
+        start = swath.start_m if direction > 0 else swath.end_m
+        ends = [end for t in job.layout.swaths for end in (t.start_m, t.end_m)]
         assert math.dist(start, (x, y)) == min(math.dist(end, (x, y)) for end in ends)
 
     def test_is_open_without_an_entrance(self, jobs: Any) -> None:
         job = jobs.on_field(Field("f", box(0, 0, 50, 100)))
-        assert starting_corner(job.layout) is None
+        assert find_starting_corner(job.layout) is None

@@ -11,12 +11,19 @@ from hypothesis import strategies as st
 from shapely import box
 
 from fields import Field
-from fields.field import GroundZone
-from strategies.errors import StrategyError
-from strategies.job import Job, Pass
-from strategies.legs import mission_of, pass_legs, straight_leg, turn_legs, way_legs, with_stops
-from strategies.ways.paths import Path, Segment
-from vehicle.missions import Leg, Plan, Task, check_plan
+from fields.geometry.field import GroundZone
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import DrivePath, PathSegment
+from strategies.program.field_job import FieldJob, SwathPass
+from strategies.program.legs import (
+    add_wait_points,
+    build_mission,
+    build_swath_legs,
+    build_turn_legs,
+    get_path_legs,
+    get_straight_leg,
+)
+from vehicle.missions.plan import Leg, LegTask, Plan, check_plan
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 
@@ -25,8 +32,8 @@ class TestStraightLeg:
     @QUICK
     @given(angle=st.floats(-math.pi, math.pi), start=st.floats(-20, 20), length=st.floats(0.1, 300), work=st.booleans())
     def test_lies_ahead_of_the_pose(self, jobs: Any, angle: float, start: float, length: float, work: bool) -> None:
-        task = Task("track" if work else "drive-in", 3)
-        leg = straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, task)
+        task = LegTask("track" if work else "drive-in", 3)
+        leg = get_straight_leg(jobs.rectangle(4), (7.0, -3.0, angle), start, start + length, task)
         offset = leg.points - (7.0, -3.0)
         assert np.allclose(offset @ (math.cos(angle), math.sin(angle)), [start, start + length], atol=1e-9)
         assert np.allclose(offset @ (-math.sin(angle), math.cos(angle)), 0.0, atol=1e-9)
@@ -35,13 +42,13 @@ class TestStraightLeg:
 
     def test_work_and_driving_in_have_their_own_speeds(self, jobs: Any) -> None:
         job = jobs.rectangle(4, work_speed_mps=2.0, turn_speed_mps=1.1)
-        speeds = [straight_leg(job, (0, 0, 0), 0, 5, Task(kind)).speed_mps for kind in ("track", "drive-in")]
+        speeds = [get_straight_leg(job, (0, 0, 0), 0, 5, LegTask(kind)).speed_mps for kind in ("track", "drive-in")]
         assert speeds == [2.0, 1.1]
 
     def test_takes_the_ground_under_its_middle(self, jobs: Any) -> None:
         yard = GroundZone("asphalt", box(0, 0, 30, 30))
-        job = jobs.on_field(Field("f", box(0, 0, 60, 100), grounds=(yard,)))
-        grounds = [straight_leg(job, (10.0, y, math.pi / 2), 0, 10, Task("track")).ground for y in (5.0, 50.0)]
+        job = jobs.on_field(Field("f", box(0, 0, 60, 100), ground_zones=(yard,)))
+        grounds = [get_straight_leg(job, (10.0, y, math.pi / 2), 0, 10, LegTask("track")).ground for y in (5.0, 50.0)]
         assert grounds == ["asphalt", "soil"]
 
 
@@ -49,30 +56,36 @@ class TestPass:
     @pytest.mark.parametrize("direction", [1, -1])
     def test_drives_in_then_works_the_whole_track(self, jobs: Any, direction: int) -> None:
         job = jobs.rectangle(4, 80.0)
-        track = job.layout.tracks[1]
-        drive_in, main, last = pass_legs(job, Pass(track, direction))
+        swath = job.layout.swaths[1]
+        drive_in, main, last = build_swath_legs(job, SwathPass(swath, direction))
         assert drive_in.length_m == pytest.approx(jobs.tool_m)
-        assert main.length_m + last.length_m == pytest.approx(track.length)
-        assert last.length_m == pytest.approx(job.manner.hold_back_m)
+        assert main.length_m + last.length_m == pytest.approx(swath.length_m)
+        assert last.length_m == pytest.approx(job.driving_rules.hold_back_m)
         assert (drive_in.implement, main.implement, last.implement) == (False, True, True)
-        assert [leg.task for leg in (drive_in, main, last)] == [Task("drive-in", 1), Task("track", 1), Task("track", 1)]
+        assert [leg.task for leg in (drive_in, main, last)] == [
+            LegTask("drive-in", 1),
+            LegTask("track", 1),
+            LegTask("track", 1),
+        ]
         assert [leg.may_wait for leg in (drive_in, main, last)] == [False, False, True]
-        ends = (track.start, track.end)[::direction]
+        ends = (swath.start_m, swath.end_m)[::direction]
         assert np.allclose(drive_in.points[0], ends[0])
-        beyond = np.array(ends[1]) + jobs.tool_m * (np.array(ends[1]) - ends[0]) / track.length
+        beyond = np.array(ends[1]) + jobs.tool_m * (np.array(ends[1]) - ends[0]) / swath.length_m
         assert np.allclose(last.points[-1], beyond)
 
     def test_a_short_track_is_halved(self, jobs: Any) -> None:
         job = jobs.rectangle(4, 10.0)
-        _, main, last = pass_legs(job, Pass(job.layout.tracks[0], 1))
+        _, main, last = build_swath_legs(job, SwathPass(job.layout.swaths[0], 1))
         assert main.length_m == pytest.approx(5.0) and last.length_m == pytest.approx(5.0)
 
 
 class TestWay:
     def test_one_leg_per_gear_at_manoeuvring_speed(self, jobs: Any) -> None:
         job = jobs.rectangle(4, reverse_speed_mps=0.8)
-        path = Path((0, 0, 0), (Segment(6, 0.0, 1), Segment(4, 0.1, -1), Segment(5, 0.0, 1)), "switch-back")
-        legs = way_legs(job, path, job.layout.tracks[2])
+        path = DrivePath(
+            (0, 0, 0), (PathSegment(6, 0.0, 1), PathSegment(4, 0.1, -1), PathSegment(5, 0.0, 1)), "switch-back"
+        )
+        legs = get_path_legs(job, path, job.layout.swaths[2])
         assert [leg.gear for leg in legs] == [1, -1, 1]
         assert [leg.speed_mps for leg in legs] == [0.8] * 3
         assert [leg.length_m for leg in legs] == pytest.approx([6, 4, 5], abs=1e-3)
@@ -80,42 +93,41 @@ class TestWay:
 
     def test_forward_only_at_turning_speed(self, jobs: Any) -> None:
         job = jobs.rectangle(4, turn_speed_mps=1.2, reverse_speed_mps=0.8)
-        (leg,) = way_legs(job, Path((0, 0, 0), (Segment(6, 0.1, 1),), "u"), job.layout.tracks[2])
+        (leg,) = get_path_legs(job, DrivePath((0, 0, 0), (PathSegment(6, 0.1, 1),), "u"), job.layout.swaths[2])
         assert leg.speed_mps == 1.2 and leg.gear == 1 and not leg.implement
 
     @pytest.mark.parametrize(("kind", "task"), [("u", "turn"), ("switch-back", "turn"), ("route", "way")])
     def test_says_which_track_it_leads_to(self, jobs: Any, kind: str, task: str) -> None:
-        track = jobs.drawn([[(0, 40)], [(0, 40), (60, 100)]]).layout.tracks[2]
-        (leg,) = way_legs(jobs.rectangle(4), Path((0, 0, 0), (Segment(6, 0.1, 1),), kind), track)
-        assert leg.task == Task(task, number=1, piece=1) and not leg.may_wait
+        swath = jobs.drawn([[(0, 40)], [(0, 40), (60, 100)]]).layout.swaths[2]
+        (leg,) = get_path_legs(jobs.rectangle(4), DrivePath((0, 0, 0), (PathSegment(6, 0.1, 1),), kind), swath)
+        assert leg.task == LegTask(task, number=1, piece=1) and not leg.may_wait
 
     def test_joins_the_passes_it_leads_between_and_is_counted(self, jobs: Any) -> None:
         job = jobs.rectangle(8)
-        a, b = Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[4], -1)
-        legs = turn_legs(job, a, b)
-        assert np.allclose(legs[0].points[0], job.exit(a)[:2], atol=1e-6)
-        assert np.allclose(legs[-1].points[-1], job.entry(b)[:2], atol=1e-6)
+        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[4], -1)
+        legs = build_turn_legs(job, a, b)
+        assert np.allclose(legs[0].points[0], job.get_exit_pose(a)[:2], atol=1e-6)
+        assert np.allclose(legs[-1].points[-1], job.get_entry_pose(b)[:2], atol=1e-6)
         # Two arcs of 4.3 m, half a circle together, and the straight between their centres, 12 - 8.6 m and 2.3 m apart.
         assert sum(leg.length_m for leg in legs) == pytest.approx(math.pi * 4.3 + math.hypot(3.4, 2.3), abs=0.02)
-        assert job.used == {"u": 1}
+        assert job.turn_counts == {"u": 1}
 
     def test_no_way_is_refused_with_radius_tracks_and_place(self, jobs: Any) -> None:
-        job: Job = jobs.rectangle(4, 60.0)
-        job.ways.update(dict.fromkeys(
-            [(job.exit(Pass(job.layout.tracks[0], 1)), job.entry(Pass(job.layout.tracks[1], -1)))]
-        ))  # fmt: skip
-        with pytest.raises(StrategyError, match=r"radius 4\.3 m leads from track 0 to track 1 \(at .* m\) inside"):
-            turn_legs(job, Pass(job.layout.tracks[0], 1), Pass(job.layout.tracks[1], -1))
+        job: FieldJob = jobs.rectangle(4, 60.0)
+        a, b = SwathPass(job.layout.swaths[0], 1), SwathPass(job.layout.swaths[1], -1)
+        job.path_cache[job.get_exit_pose(a), job.get_entry_pose(b)] = None
+        with pytest.raises(StrategyError, match=r"radius of 4\.3 m leads from track 0 to track 1 \(at .* m\) inside"):
+            build_turn_legs(job, a, b)
 
     def test_a_field_as_narrow_as_its_tracks_is_refused(self, jobs: Any) -> None:
         from dataclasses import replace
 
-        from strategies.ways.connect import Connector
+        from strategies.path_planning.connector import Connector
 
         job = jobs.rectangle(6, 60.0)
         tight = replace(job, connector=Connector(box(1.5, 6, 16.5, 72), 4.3, job.connector.costs, ("u",)))
-        with pytest.raises(StrategyError, match="No way of turning radius"):
-            mission_of(tight, [Pass(job.layout.tracks[i], 1) for i in range(2)])
+        with pytest.raises(StrategyError, match="No path with a turning radius"):
+            build_mission(tight, [SwathPass(job.layout.swaths[i], 1) for i in range(2)])
 
 
 class TestMission:
@@ -123,9 +135,9 @@ class TestMission:
     @given(lines=st.permutations(range(6)), first=st.sampled_from([1, -1]), data=st.data())
     def test_any_order_of_passes_joins_up(self, jobs: Any, lines: list[int], first: int, data: Any) -> None:
         job = jobs.rectangle(6, 60.0)
-        ways = data.draw(st.lists(st.sampled_from([1, -1]), min_size=6, max_size=6))
-        order = [Pass(job.layout.tracks[line], way) for line, way in zip(lines, ways, strict=True)]
-        plan = Plan((mission_of(job, order),))
+        paths = data.draw(st.lists(st.sampled_from([1, -1]), min_size=6, max_size=6))
+        order = [SwathPass(job.layout.swaths[line], way) for line, way in zip(lines, paths, strict=True)]
+        plan = Plan((build_mission(job, order),))
         check_plan(plan)
         jobs.assert_all_once(job, plan)
         for a, b in pairwise(plan.missions[0].legs):
@@ -133,16 +145,16 @@ class TestMission:
 
     def test_one_pass_is_a_mission(self, jobs: Any) -> None:
         job = jobs.rectangle(3)
-        mission = mission_of(job, [Pass(job.layout.tracks[2], -1)])
+        mission = build_mission(job, [SwathPass(job.layout.swaths[2], -1)])
         assert len(mission.legs) == 3
         x, y, heading = mission.start
-        assert math.isclose(heading, job.heading(Pass(job.layout.tracks[2], -1)), abs_tol=1e-9)
-        assert (x, y) == pytest.approx(job.layout.tracks[2].end)
+        assert math.isclose(heading, job.compute_heading(SwathPass(job.layout.swaths[2], -1)), abs_tol=1e-9)
+        assert (x, y) == pytest.approx(job.layout.swaths[2].end_m)
 
 
 def test_parts_between_stops_are_as_long_as_they_measure() -> None:
     angles = np.linspace(0.0, 5.0, 211)
     whole = Leg(np.column_stack([20.0 * np.cos(angles), 20.0 * np.sin(angles)]), 1.0)
-    parts = with_stops([whole, Leg(np.array([[0.0, 0.0], [1.0, 2.0]]), 1.0, gear=-1)], 7.0)
+    parts = add_wait_points([whole, Leg(np.array([[0.0, 0.0], [1.0, 2.0]]), 1.0, gear=-1)], 7.0)
     assert len(parts) == round(whole.length_m / 7.0) + 1
     assert [part.length_m for part in parts] == [Leg(part.points, 1.0).length_m for part in parts]

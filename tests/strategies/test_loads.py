@@ -8,10 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from strategies.orders.tours import FAR_S
-from strategies.refilling.cuts import cheapest, cheapest_known
-from strategies.refilling.loads import Task, forwards, split
-from strategies.refilling.search import in_loads, kicked, longest_load
+from strategies.sequencing.tour_search import UNREACHABLE_S
+from strategies.service_stops.load_search import (
+    LoadOrderingTask,
+    compute_load_begins,
+    count_swaths_of_load,
+    order_in_loads,
+    search_with_kicks,
+    split_into_loads,
+)
+from strategies.service_stops.stops import find_cheapest_exact_stops, find_cheapest_stops
 from tests.benchmarks.orders import (
     B_STAR,
     IN_LOADS,
@@ -25,17 +31,17 @@ from tests.benchmarks.orders import (
 
 
 @st.composite
-def tasks(draw: st.DrawFn, most: int = 5) -> Task:
+def tasks(draw: st.DrawFn, most: int = 5) -> LoadOrderingTask:
     """A few tracks with any seconds and needs, none above a load."""
     n = draw(st.integers(1, most))
     random = np.random.default_rng(draw(st.integers(0, 10_000)))
     turns, detours = random.uniform(1.0, 50.0, (2, 2 * n, 2 * n))
     need, capacity = random.uniform(0.2, 1.0, n), draw(st.sampled_from([1.0, 1.3, 2.0, 4.0]))
     room = max(float(need.max()), capacity * draw(st.sampled_from([0.5, 1.0])))
-    return Task(turns, detours, *random.uniform(0.0, 30.0, (2, 2 * n)), need, room, capacity)
+    return LoadOrderingTask(turns, detours, *random.uniform(0.0, 30.0, (2, 2 * n)), need, room, capacity)
 
 
-def cost_of(passes: list[int], cuts: tuple[int, ...], task: Task) -> float:
+def cost_of(passes: list[int], cuts: tuple[int, ...], task: LoadOrderingTask) -> float:
     """Seconds of an order with these directions and stops, added up one by one."""
     total = float(task.first[passes[0]] + task.last[passes[-1]])
     for k in range(1, len(passes)):
@@ -43,26 +49,26 @@ def cost_of(passes: list[int], cuts: tuple[int, ...], task: Task) -> float:
     return total
 
 
-def enough(order: list[int], cuts: tuple[int, ...], task: Task) -> bool:
+def enough(order: list[int], cuts: tuple[int, ...], task: LoadOrderingTask) -> bool:
     """Whether no load is above what a tank holds, the first above what is left in it."""
     edges = [0, *cuts, len(order)]
     loads = [sum(task.need[t] for t in order[a:b]) for a, b in pairwise(edges)]
-    return all(load <= (task.room if k == 0 else task.capacity) + 1e-9 for k, load in enumerate(loads))
+    return all(load <= (task.first_load if k == 0 else task.capacity) + 1e-9 for k, load in enumerate(loads))
 
 
-def brute(order: list[int], task: Task) -> float:
+def brute(order: list[int], task: LoadOrderingTask) -> float:
     """The least over all directions and all stops."""
     n = len(order)
     every_cut = [cuts for size in range(n) for cuts in combinations(range(1, n), size) if enough(order, cuts, task)]
-    every_way = [[2 * t + way for t, way in zip(order, ways, strict=True)] for ways in product((0, 1), repeat=n)]
+    every_way = [[2 * t + path for t, path in zip(order, paths, strict=True)] for paths in product((0, 1), repeat=n)]
     return min(cost_of(passes, cuts, task) for cuts in every_cut for passes in every_way)
 
 
 @settings(max_examples=60, deadline=None)
 @given(tasks())
-def test_the_split_of_an_order_is_exact(task: Task) -> None:
+def test_the_split_of_an_order_is_exact(task: LoadOrderingTask) -> None:
     order = list(range(len(task.need)))
-    found = split(np.array(order), task)
+    found = split_into_loads(np.array(order), task)
     assert found.seconds == pytest.approx(brute(order, task), abs=1e-9)
     assert (found.passes // 2).tolist() == order
     assert cost_of(found.passes.tolist(), found.cuts, task) == pytest.approx(found.seconds, abs=1e-9), "as it says"
@@ -71,27 +77,27 @@ def test_the_split_of_an_order_is_exact(task: Task) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(tasks(most=8), st.integers(0, 5))
-def test_the_search_promises_what_the_split_keeps(task: Task, seed: int) -> None:
-    arrays = task.turns, task.detours, task.first, task.last, task.need, task.room, task.capacity
-    order, seconds = kicked(np.arange(len(task.need)), *arrays, longest_load(task), 20_000, seed)
+def test_the_search_promises_what_the_split_keeps(task: LoadOrderingTask, seed: int) -> None:
+    arrays = task.turns, task.detours, task.first, task.last, task.need, task.first_load, task.capacity
+    order, seconds = search_with_kicks(np.arange(len(task.need)), *arrays, count_swaths_of_load(task), 20_000, seed)
     assert sorted(order.tolist()) == list(range(len(task.need)))
-    assert split(order, task).seconds == pytest.approx(seconds, abs=1e-6), "tables of parts give the whole"
-    assert seconds <= split(np.arange(len(task.need)), task).seconds + 1e-6
+    assert split_into_loads(order, task).seconds == pytest.approx(seconds, abs=1e-6), "tables of parts give the whole"
+    assert seconds <= split_into_loads(np.arange(len(task.need)), task).seconds + 1e-6
 
 
 def test_the_search_finds_the_best_of_all_orders() -> None:
     from itertools import permutations
 
     task = from_depot(6, 2, 13.0)
-    best = min(split(np.array(order), task).seconds for order in permutations(range(6)))
-    assert in_loads(task, [list(range(6))]).seconds == pytest.approx(best)
+    best = min(split_into_loads(np.array(order), task).seconds for order in permutations(range(6)))
+    assert order_in_loads(task, [list(range(6))]).seconds == pytest.approx(best)
 
 
 @pytest.mark.parametrize(("n", "load", "depot_m", "in_a_row", "known"), IN_LOADS)
 def test_known_answers_from_a_depot(n: int, load: int, depot_m: float, in_a_row: float, known: float) -> None:
     task = from_depot(n, load, depot_m)
-    assert without_stops(split(np.arange(n), task).seconds, task) == pytest.approx(in_a_row, abs=0.005)
-    found = in_loads(task, starts_for(n, LOADS_WIDTH_M, LOADS_RADIUS_M))
+    assert without_stops(split_into_loads(np.arange(n), task).seconds, task) == pytest.approx(in_a_row, abs=0.005)
+    found = order_in_loads(task, starts_for(n, LOADS_WIDTH_M, LOADS_RADIUS_M))
     assert len(found.cuts) == n // load - 1
     ours = without_stops(found.seconds, task)
     assert ours <= known * 1.005
@@ -102,27 +108,29 @@ def test_known_answers_from_a_depot(n: int, load: int, depot_m: float, in_a_row:
 @pytest.mark.parametrize("radius", [6.0, 10.9])
 def test_an_order_in_loads_is_never_dearer_than_the_printed_one(radius: float) -> None:
     task = turned_only(radius)
-    printed = split(np.array(B_STAR) - 1, task)
+    printed = split_into_loads(np.array(B_STAR) - 1, task)
     assert printed.cuts == (8, 16)
-    assert in_loads(task, starts_for(24, LOADS_WIDTH_M, radius)).seconds <= printed.seconds
+    assert order_in_loads(task, starts_for(24, LOADS_WIDTH_M, radius)).seconds <= printed.seconds
 
 
 def test_the_same_input_gives_the_same_order() -> None:
     task = from_depot(12, 4, 40.0)
-    one, two = (in_loads(task, [list(range(12))]) for _ in range(2))
+    one, two = (order_in_loads(task, [list(range(12))]) for _ in range(2))
     assert (one.passes.tolist(), one.cuts, one.seconds) == (two.passes.tolist(), two.cuts, two.seconds)
 
 
 def test_an_order_that_cannot_be_is_far() -> None:
     task = from_depot(3, 1, 0.0)  # every load begins and ends below, and one track alone ends above
-    assert split(np.arange(3), task).seconds >= FAR_S
+    assert split_into_loads(np.arange(3), task).seconds >= UNREACHABLE_S
 
 
 def test_tables_of_starts_grow_by_the_place() -> None:
     task, begun = from_depot(6, 2, 0.0), np.empty((6, 2))
-    forwards(np.arange(6), 0, task.turns, task.detours, task.first, task.need, task.room, task.capacity, begun)
+    compute_load_begins(
+        np.arange(6), 0, task.turns, task.detours, task.first, task.need, task.first_load, task.capacity, begun
+    )
     assert begun[0].tolist() == task.first[:2].tolist()
-    assert begun[2, 0] < FAR_S <= begun[1, 0], "after one track the depot is on the other side"
+    assert begun[2, 0] < UNREACHABLE_S <= begun[1, 0], "after one track the depot is on the other side"
 
 
 needs_and_costs = st.integers(1, 9).flatmap(
@@ -142,7 +150,7 @@ def test_stops_in_a_given_order_are_the_cheapest(values: tuple[list[float], list
         return all(math.fsum(needs[a:b]) <= capacity + 1e-9 for a, b in pairwise(edges))
 
     every = [cuts for size in range(n) for cuts in combinations(range(1, n), size) if fits(cuts)]
-    found = cheapest(needs, costs, capacity)
+    found = find_cheapest_stops(needs, costs, capacity)
     assert found is not None and fits(found[1])
     assert found[0] == pytest.approx(min(sum(costs[cut] for cut in cuts) for cuts in every), abs=1e-4)
 
@@ -156,22 +164,20 @@ def test_bounds_in_place_of_costs_change_no_sum(values: tuple[list[float], list[
         asked.append(gap)
         return costs[gap]
 
-    found = cheapest_known(needs, [share * each for each in costs], cost, 1.5)
-    exact = cheapest(needs, costs, 1.5)
+    found = find_cheapest_exact_stops(needs, [share * each for each in costs], cost, 1.5)
+    exact = find_cheapest_stops(needs, costs, 1.5)
     assert found is not None and exact is not None
     assert sum(costs[cut] for cut in found) == pytest.approx(exact[0], abs=1e-4)
     assert len(asked) == len(set(asked)), "nothing is worked out twice"
 
 
 def test_a_piece_above_a_load_has_no_stops() -> None:
-    assert cheapest([0.5, 1.2], [0.0, 1.0], 1.0) is None
-    assert cheapest_known([0.5, 1.2], [0.0, 1.0], lambda gap: 1.0, 1.0) is None
+    assert find_cheapest_stops([0.5, 1.2], [0.0, 1.0], 1.0) is None
+    assert find_cheapest_exact_stops([0.5, 1.2], [0.0, 1.0], lambda gap: 1.0, 1.0) is None
 
 
 def test_of_equal_stops_the_latest_is_taken() -> None:
-    assert cheapest([1.0] * 5, [7.0] * 5, 3.0) == (7.0, (3,))
-
-
+    assert find_cheapest_stops([1.0] * 5, [7.0] * 5, 3.0) == (7.0, (3,))
 
 
 @given(needs_and_costs, st.floats(0.0, 12.0), st.floats(0.5, 6.0))
@@ -194,7 +200,7 @@ def test_stops_are_the_cheapest_where_one_waits_for_another(
 
     edges = [(0, *cuts, n) for size in range(n) for cuts in combinations(range(1, n), size)]
     fitting = [e[1:-1] for e in edges if all(math.fsum(needs[a:b]) <= 1.5 + 1e-9 for a, b in pairwise(e))]
-    found = cheapest(needs, costs, 1.5, wait)
+    found = find_cheapest_stops(needs, costs, 1.5, wait)
     assert found is not None
     assert found[0] == pytest.approx(seconds(found[1]), abs=1e-4)
     assert found[0] == pytest.approx(min(seconds(cuts) for cuts in fitting), abs=1e-4)

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-from strategies.errors import StrategyError
-from strategies.interleaved import interleaved
-from strategies.job import Job
+from strategies.interleaved import plan_interleaved
+from strategies.path_planning.errors import StrategyError
+from strategies.program.field_job import FieldJob
 from strategies.registry import STRATEGIES
-from strategies.split_field import split_field
-from vehicle.missions import Gate, Plan, check_plan
+from strategies.split_field import plan_split_field
+from vehicle.missions.plan import LegGate, Plan, check_plan
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 
@@ -20,27 +20,27 @@ QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None
 class TestBlocks:
     def test_equal_tracks_are_shared_equally(self, jobs: Any) -> None:
         job = jobs.rectangle(12, tractors=4)
-        shares = [len(stretches) for stretches in tracks_by_tractor(jobs, job, split_field(job)).values()]
+        shares = [len(segments) for segments in tracks_by_tractor(jobs, job, plan_split_field(job)).values()]
         assert sorted(shares) == [3, 3, 3, 3]
 
     def test_blocks_are_contiguous(self, jobs: Any) -> None:
         job = jobs.rectangle(13, tractors=3)
-        for lines in tracks_by_tractor(jobs, job, split_field(job)).values():
+        for lines in tracks_by_tractor(jobs, job, plan_split_field(job)).values():
             assert sorted(lines) == list(range(min(lines), max(lines) + 1))
 
     def test_more_tractors_than_lines_are_refused_with_the_number_that_fits(self, jobs: Any) -> None:
         job = jobs.drawn([[(0, 100)]] * 3, tractors=4)
-        for make in (split_field, interleaved):
+        for make in (plan_split_field, plan_interleaved):
             with pytest.raises(StrategyError, match=r"4 tractors are more than the 3 tracks.*use 3 or fewer"):
                 make(job)
 
 
-def tracks_by_tractor(jobs: Any, job: Job, plan: Plan) -> dict[int, set[int]]:
+def tracks_by_tractor(jobs: Any, job: FieldJob, plan: Plan) -> dict[int, set[int]]:
     """Lines that each tractor works."""
     lines: dict[int, set[int]] = {}
-    for track, stretches in jobs.worked(job, plan).items():
-        for _, _, tractor in stretches:
-            lines.setdefault(tractor, set()).add(track.line)
+    for swath, segments in jobs.worked(job, plan).items():
+        for _, _, tractor in segments:
+            lines.setdefault(tractor, set()).add(swath.line)
     return lines
 
 
@@ -66,14 +66,14 @@ class TestPlans:
 
     def test_a_block_is_worked_by_one_tractor(self, jobs: Any) -> None:
         job = jobs.rectangle(12, tractors=3)
-        worked = jobs.worked(job, split_field(job))
-        who = [stretches[0][2] for _, stretches in sorted(worked.items(), key=lambda item: item[0].line)]
+        worked = jobs.worked(job, plan_split_field(job))
+        who = [segments[0][2] for _, segments in sorted(worked.items(), key=lambda item: item[0].line)]
         assert who == [0] * 4 + [1] * 4 + [2] * 4
 
     @pytest.mark.parametrize("name", ["split-field", "interleaved"])
     def test_turned_tractors_drive_from_the_end_to_the_beginning(self, jobs: Any, name: str) -> None:
         job = jobs.rectangle(9, tractors=2)
-        plain, turned = (STRATEGIES[name].build(each) for each in (job, replace(job, turned=(1,))))
+        plain, turned = (STRATEGIES[name].build(each) for each in (job, replace(job, reversed_tractors=(1,))))
         check_plan(turned)
         jobs.assert_all_once(job, turned)
         lines = [[leg.task.number for leg in mission.legs if leg.implement] for mission in plain.missions]
@@ -84,7 +84,7 @@ class TestPlans:
         job = jobs.rectangle(8, turn_s=(0.0, 90.0, 80.0, 10.0, 10.0))
         steps = []
         for jump in (1, 3):
-            plan = split_field(replace(job, jump=jump))
+            plan = plan_split_field(replace(job, jump=jump))
             worked = [leg for leg in plan.missions[0].legs if leg.implement][::2]
             lines = [int(leg.points[0][0] // jobs.width_m) for leg in worked]
             steps.append([abs(b - a) for a, b in pairwise(lines)])
@@ -94,27 +94,31 @@ class TestPlans:
     @pytest.mark.parametrize("tractors", [2, 3, 4])
     def test_interleaved_takes_every_nth_line(self, jobs: Any, tractors: int) -> None:
         job = jobs.rectangle(10, tractors=tractors)
-        worked = jobs.worked(job, interleaved(job))
-        for track, stretches in worked.items():
-            assert stretches[0][2] == track.line % tractors
+        worked = jobs.worked(job, plan_interleaved(job))
+        for swath, segments in worked.items():
+            assert segments[0][2] == swath.line % tractors
 
     def test_interleaved_tractors_start_one_behind_the_other(self, jobs: Any) -> None:
         job = jobs.rectangle(9, tractors=3)
-        plan = interleaved(job)
+        plan = plan_interleaved(job)
         gates = [mission.legs[0].gates for mission in plan.missions]
-        assert gates == [(), (Gate(0, 1, job.manner.stagger_m),), (Gate(1, 1, job.manner.stagger_m),)]
+        assert gates == [
+            (),
+            (LegGate(0, 1, job.driving_rules.stagger_m),),
+            (LegGate(1, 1, job.driving_rules.stagger_m),),
+        ]
 
     def test_short_tracks_do_not_ask_for_more_metres_than_they_have(self, jobs: Any) -> None:
         job = jobs.rectangle(6, 10.0, tractors=3)
-        check_plan(interleaved(job))  # refuses gates beyond the end of a leg
+        check_plan(plan_interleaved(job))  # refuses gates beyond the end of a leg
 
     def test_split_field_starts_all_at_once(self, jobs: Any) -> None:
-        plan = split_field(jobs.rectangle(9, tractors=3))
+        plan = plan_split_field(jobs.rectangle(9, tractors=3))
         assert not any(leg.gates or leg.follow for mission in plan.missions for leg in mission.legs)
 
     def test_same_job_same_plan(self, jobs: Any) -> None:
-        from vehicle.plan_file import plan_to_json
+        from vehicle.missions.plan_file import format_plan
 
         for name in ("split-field", "interleaved", "row-by-row", "col-by-col"):
-            first, second = (plan_to_json(STRATEGIES[name].build(jobs.rectangle(9, tractors=3))) for _ in range(2))
+            first, second = (format_plan(STRATEGIES[name].build(jobs.rectangle(9, tractors=3))) for _ in range(2))
             assert first == second

@@ -9,25 +9,25 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fields import Track
-from strategies.job import Job, Pass
-from strategies.orders.sequence import (
-    cells_of,
-    driven_time,
-    jumps,
-    order_time,
-    order_tracks,
-    patterned,
-    searched,
-    skip_pattern,
+from fields import Swath
+from strategies.program.field_job import FieldJob, SwathPass
+from strategies.sequencing.swath_order import (
+    build_skip_pattern,
+    compute_driven_time_s,
+    estimate_order_time_s,
+    group_same_bearing_cells,
+    list_jumps,
+    order_shares_in_pattern,
+    order_swaths,
+    search_order,
 )
-from strategies.orders.table import TurnTable
+from strategies.sequencing.turn_table import TurnTable
 
 QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
 WHOLE = [(0.0, 100.0)]
 SPLIT = [(0.0, 40.0), (60.0, 100.0)]
 AROUND_HOLE = [WHOLE] * 3 + [SPLIT] * 4 + [WHOLE] * 3
-CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
+CORNERS = [(last, path) for last in (False, True) for path in (1, -1)]
 
 
 @st.composite
@@ -41,17 +41,17 @@ def spans(draw: Any) -> list[list[tuple[float, float]]]:
     return lines
 
 
-def keys(tracks: list[Track]) -> list[tuple[int, int]]:
-    return [(track.line, track.piece) for track in tracks]
+def keys(swaths: list[Swath]) -> list[tuple[int, int]]:
+    return [(swath.line, swath.piece) for swath in swaths]
 
 
-def taken(order: list[Pass]) -> list[tuple[int, int]]:
-    return [(this.track.line, this.track.piece) for this in order]
+def taken(order: list[SwathPass]) -> list[tuple[int, int]]:
+    return [(this.swath.line, this.swath.piece) for this in order]
 
 
 class TestCells:
     def test_a_hole_makes_four_cells(self, jobs: Any) -> None:
-        cells = cells_of(list(jobs.drawn(AROUND_HOLE).layout.tracks), 0.0)
+        cells = group_same_bearing_cells(list(jobs.drawn(AROUND_HOLE).layout.swaths), 0.0)
         assert sorted(keys(cell) for cell in cells) == sorted(
             [
                 [(0, 0), (1, 0), (2, 0)],
@@ -62,31 +62,31 @@ class TestCells:
         )
 
     def test_lines_without_interruption_are_one_cell(self, jobs: Any) -> None:
-        assert len(cells_of(list(jobs.drawn([WHOLE] * 12).layout.tracks), 0.0)) == 1
+        assert len(group_same_bearing_cells(list(jobs.drawn([WHOLE] * 12).layout.swaths), 0.0)) == 1
 
     def test_a_hole_laid_in_a_real_field_is_worked_around(self, jobs: Any) -> None:
         from shapely import box
 
         job = jobs.rectangle(20, 100.0, hole=box(24, 50, 36, 65))
-        cells = cells_of(list(job.layout.tracks), job.layout.bearing_rad)
-        split = sum(track.piece for track in job.layout.tracks)
+        cells = group_same_bearing_cells(list(job.layout.swaths), job.layout.bearing_rad)
+        split = sum(swath.piece for swath in job.layout.swaths)
         assert split > 0
         sizes = sorted(len(cell) for cell in cells)
-        assert len(cells) == 4 and sizes.count(split) >= 2 and sum(sizes) == len(job.layout.tracks)
+        assert len(cells) == 4 and sizes.count(split) >= 2 and sum(sizes) == len(job.layout.swaths)
 
     @QUICK
     @given(spans=spans(), bearing=st.floats(-1.5, 1.5))
     def test_cells_share_out_all_tracks_and_climb(self, jobs: Any, spans: Any, bearing: float) -> None:
-        tracks = list(jobs.drawn(spans, bearing_rad=bearing).layout.tracks)
-        cells = cells_of(tracks, bearing)
-        assert sorted(keys([track for cell in cells for track in cell])) == sorted(keys(tracks))
+        swaths = list(jobs.drawn(spans, bearing_rad=bearing).layout.swaths)
+        cells = group_same_bearing_cells(swaths, bearing)
+        assert sorted(keys([swath for cell in cells for swath in cell])) == sorted(keys(swaths))
         for cell in cells:
             assert all(b.line == a.line + 1 for a, b in pairwise(cell))
 
     @QUICK
     @given(spans=spans(), bearing=st.floats(-1.5, 1.5))
     def test_neighbours_in_a_cell_lie_side_by_side(self, jobs: Any, spans: Any, bearing: float) -> None:
-        for cell in cells_of(list(jobs.drawn(spans, bearing_rad=bearing).layout.tracks), bearing):
+        for cell in group_same_bearing_cells(list(jobs.drawn(spans, bearing_rad=bearing).layout.swaths), bearing):
             for a, b in pairwise(cell):
                 (a0, a1), (b0, b1) = spans[a.line][a.piece], spans[b.line][b.piece]
                 assert max(a0, b0) < min(a1, b1)
@@ -96,24 +96,24 @@ class TestSkipPattern:
     @QUICK
     @given(st.integers(1, 200), st.integers(1, 12))
     def test_every_index_once(self, count: int, jump: int) -> None:
-        assert sorted(skip_pattern(count, jump)) == list(range(count))
+        assert sorted(build_skip_pattern(count, jump)) == list(range(count))
 
     @QUICK
     @given(st.integers(1, 8), st.integers(2, 9))
     def test_whole_blocks_jump_as_said(self, blocks: int, jump: int) -> None:
-        order = skip_pattern(blocks * 2 * jump, jump)
+        order = build_skip_pattern(blocks * 2 * jump, jump)
         for block in range(blocks):
             steps = [b - a for a, b in pairwise(order[block * 2 * jump : (block + 1) * 2 * jump])]
             assert steps == [jump, -(jump - 1)] * (jump - 1) + [jump]
 
     def test_by_hand(self) -> None:
-        assert skip_pattern(6, 3) == [0, 3, 1, 4, 2, 5]
-        assert skip_pattern(9, 3) == [0, 3, 1, 4, 2, 5, 6, 8, 7]
-        assert skip_pattern(1, 4) == [0]
+        assert build_skip_pattern(6, 3) == [0, 3, 1, 4, 2, 5]
+        assert build_skip_pattern(9, 3) == [0, 3, 1, 4, 2, 5, 6, 8, 7]
+        assert build_skip_pattern(1, 4) == [0]
 
     def test_jumps_leave_room_for_a_u_turn(self, jobs: Any) -> None:
-        assert jumps(jobs.drawn([WHOLE], radius_m=4.3)) == [1, 3, 4]  # 2 x 4.3 m over lines 3 m apart
-        assert jumps(jobs.drawn([WHOLE], radius_m=1.4)) == [1]
+        assert list_jumps(jobs.drawn([WHOLE], radius_m=4.3)) == [1, 3, 4]  # 2 x 4.3 m over lines 3 m apart
+        assert list_jumps(jobs.drawn([WHOLE], radius_m=1.4)) == [1]
 
 
 class TestOrder:
@@ -121,76 +121,82 @@ class TestOrder:
     @given(spans=spans(), jump=st.integers(1, 5), corner=st.sampled_from(CORNERS))
     def test_every_track_exactly_once(self, jobs: Any, spans: Any, jump: int, corner: tuple[bool, int]) -> None:
         job = jobs.drawn(spans)
-        order = order_tracks(list(job.layout.tracks), job, jump, corner)
-        assert sorted(taken(order)) == sorted(keys(list(job.layout.tracks)))
+        order = order_swaths(list(job.layout.swaths), job, jump, corner)
+        assert sorted(taken(order)) == sorted(keys(list(job.layout.swaths)))
         assert {this.direction for this in order} <= {1, -1}
 
     @pytest.mark.parametrize("corner", CORNERS)
     @pytest.mark.parametrize("jump", [1, 3, 4])
     def test_begins_in_the_corner_asked_for_and_alternates(self, jobs: Any, jump: int, corner: Any) -> None:
         job = jobs.drawn([WHOLE] * 14)
-        order = order_tracks(list(job.layout.tracks), job, jump, corner)
-        assert order[0] == Pass(job.layout.tracks[-1 if corner[0] else 0], corner[1])
+        order = order_swaths(list(job.layout.swaths), job, jump, corner)
+        assert order[0] == SwathPass(job.layout.swaths[-1 if corner[0] else 0], corner[1])
         assert all(a.direction == -b.direction for a, b in pairwise(order))
 
     def test_one_after_another_is_in_line_order(self, jobs: Any) -> None:
         job = jobs.drawn([WHOLE] * 7)
-        order = order_tracks(list(job.layout.tracks), job, 1, (True, 1))
+        order = order_swaths(list(job.layout.swaths), job, 1, (True, 1))
         assert [line for line, _ in taken(order)] == [6, 5, 4, 3, 2, 1, 0]
 
     def test_a_cell_is_finished_before_the_next_is_begun(self, jobs: Any) -> None:
         job = jobs.drawn(AROUND_HOLE)
-        order = order_tracks(list(job.layout.tracks), job, 1, (False, 1))
-        cell = {key: number for number, c in enumerate(cells_of(list(job.layout.tracks), 0.0)) for key in keys(c)}
+        order = order_swaths(list(job.layout.swaths), job, 1, (False, 1))
+        cell = {
+            key: number
+            for number, c in enumerate(group_same_bearing_cells(list(job.layout.swaths), 0.0))
+            for key in keys(c)
+        }
         visits = [cell[key] for key in taken(order)]
         assert sum(a != b for a, b in pairwise(visits)) == 3
 
     def test_time_of_an_order_by_hand(self, jobs: Any) -> None:
         job = jobs.drawn([WHOLE] * 3)
-        order = order_tracks(list(job.layout.tracks), job, 1, (False, 1))
+        order = order_swaths(list(job.layout.swaths), job, 1, (False, 1))
         # Three tracks of 100 m at 1.5 m/s; two turns of 30 s; the guided point leaves 2.3 m past the line.
-        assert order_time(order, job) == pytest.approx(300 / 1.5 + 2 * (30.0 + jobs.tool_m / 1.5))
+        assert estimate_order_time_s(order, job) == pytest.approx(300 / 1.5 + 2 * (30.0 + jobs.tool_m / 1.5))
 
     def test_begins_on_the_outermost_line_where_a_notch_makes_a_late_cell(self, jobs: Any) -> None:
         job = jobs.drawn([[(0.0, 40.0)]] * 5 + [SPLIT] * 2 + [[(0.0, 40.0)]] * 3)
-        tracks = list(job.layout.tracks)
-        assert order_tracks(tracks, job, 1, (True, 1))[0].track.line == 9
-        assert order_tracks(tracks, job, 1, (False, 1))[0].track.line == 0
+        swaths = list(job.layout.swaths)
+        assert order_swaths(swaths, job, 1, (True, 1))[0].swath.line == 9
+        assert order_swaths(swaths, job, 1, (False, 1))[0].swath.line == 0
 
     def test_an_interrupted_first_line_is_begun_at_either_piece(self, jobs: Any) -> None:
         job = jobs.drawn([SPLIT] * 4)
         for last_piece in (False, True):
-            order = order_tracks(list(job.layout.tracks), job, 1, (True, 1), last_piece)
-            assert (order[0].track.line, order[0].track.piece) == (3, int(last_piece))
+            order = order_swaths(list(job.layout.swaths), job, 1, (True, 1), last_piece)
+            assert (order[0].swath.line, order[0].swath.piece) == (3, int(last_piece))
 
 
 class TestSearched:
     def test_no_pattern_from_any_corner_is_driven_quicker(self, jobs: Any) -> None:
-        job: Job = jobs.rectangle(14, 60.0)
-        tracks = list(job.layout.tracks)
-        best = searched(tracks, job, TurnTable(job, tracks))
-        others = [order_tracks(tracks, job, jump, corner) for jump in (1, 2, 3, 4) for corner in CORNERS]
-        assert best.seconds == pytest.approx(driven_time(best.order, job), abs=0.02) and best.gap_pct < 1.0
-        assert best.seconds <= min(driven_time(other, job) for other in others) + 0.02
+        job: FieldJob = jobs.rectangle(14, 60.0)
+        swaths = list(job.layout.swaths)
+        best = search_order(swaths, job, TurnTable(job, swaths))
+        others = [order_swaths(swaths, job, jump, corner) for jump in (1, 2, 3, 4) for corner in CORNERS]
+        assert best.seconds == pytest.approx(compute_driven_time_s(best.order, job), abs=0.02) and best.gap_pct < 1.0
+        assert best.seconds <= min(compute_driven_time_s(other, job) for other in others) + 0.02
 
     def test_every_track_once_around_a_hole(self, jobs: Any) -> None:
-        job: Job = jobs.rectangle(14, 100.0, hole=shapely.box(15, 50, 27, 62))
-        tracks = list(job.layout.tracks)
-        order = searched(tracks, job, TurnTable(job, tracks)).order
-        assert sorted((one.track.line, one.track.piece) for one in order) == [(t.line, t.piece) for t in tracks]
-        assert all(job.way(job.exit(a), job.entry(b)) for a, b in pairwise(order))
+        job: FieldJob = jobs.rectangle(14, 100.0, hole=shapely.box(15, 50, 27, 62))
+        swaths = list(job.layout.swaths)
+        order = search_order(swaths, job, TurnTable(job, swaths)).order
+        assert sorted((one.swath.line, one.swath.piece) for one in order) == [(t.line, t.piece) for t in swaths]
+        assert all(job.find_path(job.get_exit_pose(a), job.get_entry_pose(b)) for a, b in pairwise(order))
 
     def test_begins_and_ends_near_an_entrance(self, jobs: Any) -> None:
         for x, y in ((0, 0), (30, 0), (0, 98), (30, 98)):
-            job: Job = jobs.rectangle(10, 80.0, entrance=(x, y))
-            tracks = list(job.layout.tracks)
-            order = searched(tracks, job, TurnTable(job, tracks)).order
-            apart = math.dist(job.entry(order[0])[:2], (x, y)) + math.dist(job.exit(order[-1])[:2], (x, y))
+            job: FieldJob = jobs.rectangle(10, 80.0, entrance=(x, y))
+            swaths = list(job.layout.swaths)
+            order = search_order(swaths, job, TurnTable(job, swaths)).order
+            apart = math.dist(job.get_entry_pose(order[0])[:2], (x, y)) + math.dist(
+                job.get_exit_pose(order[-1])[:2], (x, y)
+            )
             assert apart < 30.0
 
 
 def test_a_pattern_keeps_to_the_corner_of_an_entrance(jobs: Any) -> None:
     for x, y in ((0, 0), (30, 0), (0, 98), (30, 98)):
-        job: Job = jobs.rectangle(10, 80.0, entrance=(x, y))
-        (order,) = patterned([list(job.layout.tracks)], job, 1)
-        assert math.dist(job.entry(order[0])[:2], (x, y)) < 10.0
+        job: FieldJob = jobs.rectangle(10, 80.0, entrance=(x, y))
+        (order,) = order_shares_in_pattern([list(job.layout.swaths)], job, 1)
+        assert math.dist(job.get_entry_pose(order[0])[:2], (x, y)) < 10.0

@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.orders.shares import balanced, cut
+from strategies.split_field import balance_borders, cut_balanced_blocks
 
 
 @given(st.lists(st.integers(10, 400), min_size=1, max_size=9), st.data())
 def test_contiguous_complete_and_as_even_as_can_be(weights: list[int], data: st.DataObject) -> None:
     count = data.draw(st.integers(1, len(weights)))
-    borders = cut(weights, count)
+    borders = cut_balanced_blocks(weights, count)
     assert borders[0] == 0 and borders[-1] == len(weights) and len(borders) == count + 1
     assert all(a < b for a, b in pairwise(borders))
     cuts = combinations(range(1, len(weights)), count - 1)
@@ -25,12 +25,12 @@ def test_balancing_never_makes_the_last_later(costs: list[int], count: int) -> N
     def cost(first: int, last: int) -> float:
         return float(sum(costs[first:last])) + 3.0 * ((last - first) % 3)
 
-    begun = cut([1.0] * len(costs), count)
-    ended = balanced(begun, cost)
+    begun = cut_balanced_blocks([1.0] * len(costs), count)
+    ended = balance_borders(begun, cost)
     assert all(a < b for a, b in pairwise(ended)) and (ended[0], ended[-1]) == (0, len(costs))
     worst = [max(cost(a, b) for a, b in pairwise(borders)) for borders in (begun, ended)]
     assert worst[1] <= worst[0]
 
 
 def test_a_line_moves_to_the_lighter_side() -> None:
-    assert balanced([0, 5, 6], lambda first, last: float(last - first)) == [0, 3, 6]
+    assert balance_borders([0, 5, 6], lambda first, last: float(last - first)) == [0, 3, 6]

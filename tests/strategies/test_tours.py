@@ -9,10 +9,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from strategies.orders.bounds import bound_by_ends, held_karp, least_between
-from strategies.orders.exact import best_order
-from strategies.orders.sequence import skip_pattern
-from strategies.orders.tours import FAR_S, FARTHEST, GAIN_S, _improve, _swap, run_tables, seconds_of, sharpened, tour
+from strategies.sequencing.swath_order import build_skip_pattern
+from strategies.sequencing.tour_bounds import (
+    bound_by_end_prices,
+    bound_by_swath_prices,
+    compute_least_between_s,
+    find_best_order,
+)
+from strategies.sequencing.tour_search import (
+    MAX_MOVE_SWATHS,
+    MIN_GAIN_S,
+    UNREACHABLE_S,
+    _apply_best_move,
+    _swap_runs,
+    compute_order_seconds,
+    find_best_tour,
+    sharpen_bound,
+    update_run_tables,
+)
 from tests.benchmarks.circuit import circuit
 from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for, turn_m
 
@@ -20,9 +34,9 @@ from tests.benchmarks.orders import PROVEN, fleet, parallel, slanted, starts_for
 @cache
 def orders(n: int) -> np.ndarray:
     """Passes of all orders and directions (how many, n)."""
-    tracks = np.array(list(permutations(range(n))))
-    ways = np.array(list(product((0, 1), repeat=n)))
-    return (2 * tracks[:, None] + ways[None]).reshape(-1, n)
+    swaths = np.array(list(permutations(range(n))))
+    paths = np.array(list(product((0, 1), repeat=n)))
+    return (2 * swaths[:, None] + paths[None]).reshape(-1, n)
 
 
 def quickest(turns: np.ndarray, first: np.ndarray, last: np.ndarray) -> float:
@@ -44,7 +58,7 @@ def test_bounds_hold_and_small_orders_are_the_best(drawn: tuple[list[int], list[
     n = len(drawn[1]) // 4
     turns = np.array(drawn[0], dtype=float).reshape(2 * n, 2 * n)
     first, last = np.array(drawn[1], dtype=float).reshape(2, 2 * n)
-    best = tour(turns, first, last, [list(range(n)), list(range(n))[::-1]])
+    best = find_best_tour(turns, first, last, [list(range(n)), list(range(n))[::-1]])
     exact = quickest(turns, first, last)
     assert sorted(best.passes // 2) == list(range(n))
     assert best.bound_s - 1e-6 <= exact <= best.seconds + 1e-6
@@ -52,12 +66,12 @@ def test_bounds_hold_and_small_orders_are_the_best(drawn: tuple[list[int], list[
     assert best.seconds == pytest.approx(first[best.passes[0]] + steps + last[best.passes[-1]])
     if n >= 4:
         assert best.seconds <= exact * 1.0005 + 1e-3
-    plain = held_karp(least_between(turns, first, last), math.inf)
-    assert plain <= bound_by_ends(turns, first, last, math.inf) <= exact + 1e-6
-    passes = best_order(turns, first, last, math.inf)
+    plain = bound_by_swath_prices(compute_least_between_s(turns, first, last), math.inf)[0]
+    assert plain <= bound_by_end_prices(turns, first, last, math.inf) <= exact + 1e-6
+    passes = find_best_order(turns, first, last, math.inf)
     assert sorted(passes // 2) == list(range(n))
     assert first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]] == pytest.approx(exact)
-    assert len(best_order(turns, first, last, exact)) == 0  # nothing takes less than the best
+    assert len(find_best_order(turns, first, last, exact)) == 0  # nothing takes less than the best
 
 
 def test_prices_per_end_see_that_a_tour_comes_to_both_ends_of_a_track() -> None:
@@ -65,17 +79,17 @@ def test_prices_per_end_see_that_a_tour_comes_to_both_ends_of_a_track() -> None:
     n = 6
     turns = np.where(np.arange(2 * n)[:, None] % 2 == 0, 9.0, 1.0) * np.ones(2 * n)
     same = np.arange(2 * n)[:, None] % 2 == np.arange(2 * n) % 2
-    turns[same | (np.arange(2 * n)[:, None] // 2 == np.arange(2 * n) // 2)] = FAR_S
+    turns[same | (np.arange(2 * n)[:, None] // 2 == np.arange(2 * n) // 2)] = UNREACHABLE_S
     free = np.zeros(2 * n)
     exact = 3 * 1.0 + 2 * 9.0
     assert quickest_of(turns, free) == exact
-    assert held_karp(least_between(turns, free, free), math.inf) == pytest.approx(5.0)
-    assert 0.999 * exact <= bound_by_ends(turns, free, free, math.inf) <= exact + 1e-6
+    assert bound_by_swath_prices(compute_least_between_s(turns, free, free), math.inf)[0] == pytest.approx(5.0)
+    assert 0.999 * exact <= bound_by_end_prices(turns, free, free, math.inf) <= exact + 1e-6
 
 
 def quickest_of(turns: np.ndarray, free: np.ndarray) -> float:
     """Seconds of the best order, proven."""
-    passes = best_order(turns, free, free, math.inf)
+    passes = find_best_order(turns, free, free, math.inf)
     return float(turns[passes[:-1], passes[1:]].sum())
 
 
@@ -88,25 +102,25 @@ def test_a_turn_in_closed_form() -> None:
 def test_proven_optima(n: int, width: float, radius: float, proven: float) -> None:
     """Optima of a circuit model with every arc allowed, given to two decimals of a turn's length each."""
     turns, free = parallel(n, width, radius), np.zeros(2 * n)
-    best = tour(turns, free, free, starts_for(n, width, radius))
+    best = find_best_tour(turns, free, free, starts_for(n, width, radius))
     assert best.seconds <= proven * 1.0005
     assert best.seconds >= best.bound_s >= 0.99 * proven
     for start in starts_for(n, width, radius):
-        assert best.seconds <= seconds_of(np.array(start), turns, free, free) + 1e-6
+        assert best.seconds <= compute_order_seconds(np.array(start), turns, free, free) + 1e-6
 
 
 def test_the_same_bytes_twice() -> None:
     turns, free = parallel(33, 3.0, 5.0), np.zeros(66)
-    one, two = (tour(turns, free, free, [list(range(33)), skip_pattern(33, 4)]) for _ in range(2))
+    one, two = (find_best_tour(turns, free, free, [list(range(33)), build_skip_pattern(33, 4)]) for _ in range(2))
     assert one.passes.tobytes() == two.passes.tobytes() and one.seconds == two.seconds
 
 
 def test_few_tracks_are_proven_where_the_bound_is_weak_as_by_a_circuit_model() -> None:
     turns, free = parallel(12, 3.0, 4.0), np.zeros(24)
-    assert held_karp(least_between(turns, free, free), math.inf) < 0.995 * 165.32
-    best = tour(turns, free, free, [list(range(12))])
+    assert bound_by_swath_prices(compute_least_between_s(turns, free, free), math.inf)[0] < 0.995 * 165.32
+    best = find_best_tour(turns, free, free, [list(range(12))])
     assert best.gap_pct < 0.01 and best.seconds == pytest.approx(165.32, abs=0.05)
-    solved = circuit(turns, free, free, best.passes, FAR_S)
+    solved = circuit(turns, free, free, best.passes, UNREACHABLE_S)
     assert solved is not None and solved[1] == pytest.approx(best.seconds, abs=0.02)
 
 
@@ -121,28 +135,28 @@ def test_a_fleet_keeps_near_its_bound(n: int, tractors: int) -> None:
 def test_tables_renewed_in_part_are_those_of_the_whole_order(n: int, seed: int) -> None:
     draw = np.random.default_rng(seed)
     turns, (first, last) = draw.uniform(1.0, 60.0, (2 * n, 2 * n)), draw.uniform(0.0, 20.0, (2, 2 * n))
-    order, most, free = draw.permutation(n), min(n, FARTHEST), np.zeros(2 * n)
+    order, most, free = draw.permutation(n), min(n, MAX_MOVE_SWATHS), np.zeros(2 * n)
     onward, backward = (np.empty((n, most, 2, 2)) for _ in range(2))
     shortest, head, tail = np.empty((n, most, 2)), np.empty((n, 2)), np.empty((n, 2))
-    run_tables(order, 0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
+    update_run_tables(order, 0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
     low, high = sorted(draw.integers(0, n, 2).tolist())
     order[low : high + 1] = order[low : high + 1][::-1].copy()
-    run_tables(order, low, high, turns, first, last, onward, backward, shortest, head, tail)
+    update_run_tables(order, low, high, turns, first, last, onward, backward, shortest, head, tail)
     for i, w in draw.integers(0, (n, most), (20, 2)).tolist():
         if 0 < w < n - i:
             run = order[i : i + w + 1]
             assert shortest[i, w].tolist() == [onward[i, w].min(), backward[i, w].min()]
-            assert onward[i, w].min() == pytest.approx(seconds_of(run, turns, free, free))
-            assert backward[i, w].min() == pytest.approx(seconds_of(run[::-1].copy(), turns, free, free))
-        assert head[i].min() == pytest.approx(seconds_of(order[: i + 1], turns, first, free))
-        assert tail[i].min() == pytest.approx(seconds_of(order[i:], turns, free, last))
+            assert onward[i, w].min() == pytest.approx(compute_order_seconds(run, turns, free, free))
+            assert backward[i, w].min() == pytest.approx(compute_order_seconds(run[::-1].copy(), turns, free, free))
+        assert head[i].min() == pytest.approx(compute_order_seconds(order[: i + 1], turns, first, free))
+        assert tail[i].min() == pytest.approx(compute_order_seconds(order[i:], turns, free, last))
 
 
 def test_a_bound_may_be_sharpened_afterwards() -> None:
     turns, free = parallel(60, 3.0, 4.0), np.zeros(120)
-    plain = tour(turns, free, free, [list(range(60))], bounded=False)
-    whole = tour(turns, free, free, [list(range(60))])
-    later = sharpened(plain)
+    plain = find_best_tour(turns, free, free, [list(range(60))], bounded=False)
+    whole = find_best_tour(turns, free, free, [list(range(60))])
+    later = sharpen_bound(plain)
     assert plain.bound_s <= later.bound_s == whole.bound_s and plain.seconds == later.seconds == whole.seconds
     assert plain.passes.tolist() == later.passes.tolist() == whole.passes.tolist()
 
@@ -150,15 +164,15 @@ def test_a_bound_may_be_sharpened_afterwards() -> None:
 def test_a_bound_sharpened_from_known_prices_is_that_from_the_beginning() -> None:
     rng = np.random.default_rng(5)
     turns, (first, last) = rng.uniform(10.0, 60.0, (48, 48)), rng.uniform(0.0, 90.0, (2, 48))
-    plain = tour(turns, first, last, [list(range(24))], bounded=False)
+    plain = find_best_tour(turns, first, last, [list(range(24))], bounded=False)
     assert plain.bound_s < 0.99 * plain.seconds and plain.ascent is not None
-    afresh = bound_by_ends(turns, first, last, plain.seconds - GAIN_S)
-    assert plain.bound_s < sharpened(plain).bound_s == afresh < plain.seconds
-    assert sharpened(sharpened(plain)).bound_s == afresh
+    afresh = bound_by_end_prices(turns, first, last, plain.seconds - MIN_GAIN_S)
+    assert plain.bound_s < sharpen_bound(plain).bound_s == afresh < plain.seconds
+    assert sharpen_bound(sharpen_bound(plain)).bound_s == afresh
 
 
 def test_the_search_is_compiled_for_no_constant() -> None:
     """Constants handed over as such have a callee compiled for each of them; what is kept on disk is not listed."""
-    tour(parallel(20, 3.0, 4.0), np.zeros(40), np.zeros(40), [list(range(20))])
-    kinds = [str(kind) for one in (_swap, _improve, run_tables) for kind in one.signatures]
+    find_best_tour(parallel(20, 3.0, 4.0), np.zeros(40), np.zeros(40), [list(range(20))])
+    kinds = [str(kind) for one in (_swap_runs, _apply_best_move, update_run_tables) for kind in one.signatures]
     assert not [kind for kind in kinds if "literal" in kind.lower()]

@@ -19,7 +19,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 @pytest.fixture(scope="session")
 def eg105() -> Any:
-    from vehicle.tractor import load_tractor
+    from vehicle.model.tractor import load_tractor
 
     return load_tractor("eg105")
 
@@ -27,6 +27,6 @@ def eg105() -> Any:
 @pytest.fixture(scope="session")
 def circles(eg105: Any) -> dict[tuple[str, float], Any]:
     """The nine drives of Table 4.1 by model and angle."""
-    from vehicle.trials.fixed import table_4_1
+    from vehicle.trials.fixed_steering import drive_table_4_1
 
-    return {(drive.model, drive.steering_deg): drive for drive in table_4_1(eg105)}
+    return {(drive.model, drive.steering_deg): drive for drive in drive_table_4_1(eg105)}

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vehicle.missions import TRACK, Leg, Mission, Task
-from vehicle.tractor import Implement, load_tractor
-from vehicle.twin.motion import Noise
-from vehicle.twin.stepper import Stepper, StepperState
-from vehicle.twin.twin import Fix, Twin
+from vehicle.missions.plan import SWATH, Leg, LegTask, Mission
+from vehicle.model.tractor import Implement, load_tractor
+from vehicle.twin.robot_tractor import RobotState, RobotTractor
+from vehicle.twin.step_motion import TractorNoise
+from vehicle.twin.twin import PoseFix, Twin
 
 
 def hook(speed_mps: float = 1.1) -> Mission:
@@ -23,14 +23,14 @@ def hook(speed_mps: float = 1.1) -> Mission:
     arc = np.stack([8.0 * np.cos(angles) - 8.0, 15.0 + 8.0 * np.sin(angles)], axis=1)
     first, last = np.array([[0.0, 0.0], [0.0, 15.0]]), np.array([[-8.0, 23.0], [-25.0, 23.0]])
     return Mission((
-        Leg(first, speed_mps, implement=True, task=Task(TRACK)), Leg(arc, speed_mps),
-        Leg(last, speed_mps, implement=True, task=Task(TRACK)),
+        Leg(first, speed_mps, implement=True, task=LegTask(SWATH)), Leg(arc, speed_mps),
+        Leg(last, speed_mps, implement=True, task=LegTask(SWATH)),
     ))  # fmt: skip
 
 
-def fix_of(state: StepperState, age_s: float = 0.0) -> Fix:
-    """What comes in of a state, so late."""
-    return Fix(state.time_s, state.x_m, state.y_m, state.heading_rad, state.speed_mps, state.time_s + age_s)
+def fix_of(state: RobotState, age_s: float = 0.0) -> PoseFix:
+    """The fix of a state, with an age."""
+    return PoseFix(state.time_s, state.x_m, state.y_m, state.heading_rad, state.speed_mps, state.time_s + age_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,31 +43,38 @@ class Followed:
 
 
 def follow(
-    way: str, rate_hz: float, age_s: float, *, hidden: Mapping[str, float] | None = None, noise: Noise | None = None,
-    exact: bool = False, mission: Mission | None = None, master: str = "eg105",
-) -> Followed:  # fmt: skip
+    method: str,
+    rate_hz: float,
+    age_s: float,
+    *,
+    hidden: Mapping[str, float] | None = None,
+    noise: TractorNoise | None = None,
+    exact: bool = False,
+    mission: Mission | None = None,
+    master: str = "eg105",
+) -> Followed:
     """A twin of the EG105 that follows a mission driven by a master; with `exact` it knows when commands changed."""
     mission = mission or hook()
-    real = Stepper(mission, load_tractor(master), Implement(), hidden=hidden, noise=noise, seed=3)
-    real.released = len(mission.legs)
-    twin = Twin(load_tractor("eg105"), Implement(), fix_of(real.state), way=way)
-    frames: list[StepperState] = []
+    real = RobotTractor(mission, load_tractor(master), Implement(), hidden_effects=hidden, noise=noise, seed=3)
+    real.base_legs = len(mission.legs)
+    twin = Twin(load_tractor("eg105"), Implement(), fix_of(real.state), method=method)
+    frames: list[RobotState] = []
     apart, step = [], 0
     while not real.state.done:
         step += 1
         if exact:
             real.advance((step - 1) / rate_hz + 0.5 / 60.0 + 1e-6)
-            told = real.state
-            twin.command((step - 1) / rate_hz, told.steering_command_rad, told.speed_command_mps, exact=True)
+            state = real.state
+            twin.add_command((step - 1) / rate_hz, state.steering_command_rad, state.speed_command_mps, is_exact=True)
         now = step / rate_hz
         frames.append(real.advance(now))
         while frames and frames[0].time_s + age_s <= now + 1e-9:
             frame = frames.pop(0)
             twin.advance(frame.time_s + age_s)
             if not exact:
-                twin.command(frame.time_s, frame.steering_command_rad, frame.speed_command_mps, frame.implement)
-            twin.measured(fix_of(frame, age_s))
-        mine, true = twin.advance(now), real.truth
+                twin.add_command(frame.time_s, frame.steering_command_rad, frame.speed_command_mps, frame.implement)
+            twin.add_fix(fix_of(frame, age_s))
+        mine, true = twin.advance(now), real.true_state
         apart.append((math.hypot(mine.x_m - true.x_m, mine.y_m - true.y_m), mine.heading_rad - true.heading_rad))
     table = np.array(apart)
     return Followed(table[:, 0], table[:, 1], twin)
@@ -75,13 +82,13 @@ def follow(
 
 @pytest.fixture(scope="session")
 def following() -> Callable[..., Followed]:
-    """`follow`, each drive once."""
-    kept: dict[Any, Followed] = {}
+    """`follow` with a cache, so that each drive runs once."""
+    cache: dict[Any, Followed] = {}
 
-    def once(*words: Any, **more: Any) -> Followed:
+    def follow_once(*words: Any, **more: Any) -> Followed:
         key = (words, tuple(sorted((name, str(value)) for name, value in more.items())))
-        if key not in kept:
-            kept[key] = follow(*words, **more)
-        return kept[key]
+        if key not in cache:
+            cache[key] = follow(*words, **more)
+        return cache[key]
 
-    return once
+    return follow_once

@@ -1,10 +1,10 @@
 """Two runs that must be the same bit for bit."""
 
-from vehicle.run import Run
+from vehicle.missions.run import SimulationRun
 
 
-def assert_same_bits(run: Run, other: Run) -> None:
-    """All that a run tells is the same in both."""
+def assert_same_bits(run: SimulationRun, other: SimulationRun) -> None:
+    """Assert that both runs are the same bit for bit."""
     assert run.outcome == other.outcome
     assert run.record.tobytes() == other.record.tobytes()
     assert run.time_s.tobytes() == other.time_s.tobytes()

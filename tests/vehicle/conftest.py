@@ -1,4 +1,4 @@
-"""Plans and parameters that the tests of the room `vehicle` share."""
+"""Plans and parameters for the tests of the package `vehicle`."""
 
 import importlib.util
 import math
@@ -15,26 +15,26 @@ settings.load_profile("headland")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Drop compiled functions older than any source of the room: numba looks at the caller's file only."""
+    """Drop compiled functions older than any source of the package: numba only checks the caller's file."""
     spec = importlib.util.find_spec("vehicle")
     folder = Path(str(spec.origin)).parent if spec else Path()
-    newest = max((source.stat().st_mtime for source in folder.glob("*.py")), default=0.0)
-    for index in folder.glob("__pycache__/*.nbi"):
+    newest = max((source.stat().st_mtime for source in folder.rglob("*.py")), default=0.0)
+    for index in folder.rglob("__pycache__/*.nbi"):
         if index.stat().st_mtime < newest:
             index.unlink(missing_ok=True)
 
 
 class Build:
-    """Short ways to write the legs and plans of the tests; metres, x = east and y = north."""
+    """Builders of legs and plans for the tests; metres, x = east and y = north."""
 
     speed = 5.0 / 3.6
 
     def leg(self, *points: Sequence[float], **options: Any) -> Any:
-        from vehicle.missions import Leg, Task
+        from vehicle.missions.plan import Leg, LegTask
 
         options.setdefault("speed_mps", self.speed)
         if "kind" in options:
-            options["task"] = Task(options.pop("kind"))
+            options["task"] = LegTask(options.pop("kind"))
         return Leg(np.array(points, dtype=np.float64), **options)
 
     def arc(self, centre: Sequence[float], radius: float, start_deg: float, end_deg: float, **options: Any) -> Any:
@@ -45,7 +45,7 @@ class Build:
         return self.leg(*points, **{"kind": "turn", **options})
 
     def plan(self, *missions: Sequence[Any]) -> Any:
-        from vehicle.missions import Mission, Plan
+        from vehicle.missions.plan import Mission, Plan
 
         return Plan(tuple(Mission(tuple(legs)) for legs in missions))
 
@@ -78,31 +78,31 @@ def build() -> Build:
 
 @pytest.fixture(scope="session")
 def eg105() -> Any:
-    from vehicle.tractor import load_tractor
+    from vehicle.model.tractor import load_tractor
 
     return load_tractor("eg105")
 
 
 @pytest.fixture(scope="session")
 def implement() -> Any:
-    from vehicle.tractor import Implement
+    from vehicle.model.tractor import Implement
 
     return Implement(width_m=3.0, hitch_m=1.5, length_m=1.0)
 
 
 @pytest.fixture(scope="session")
 def model(eg105: Any, implement: Any) -> Any:
-    from vehicle.compile import compile_model
+    from vehicle.sim.compile import build_model_record
 
-    return np.array([compile_model(eg105, implement)])[0]
+    return np.array([build_model_record(eg105, implement)])[0]
 
 
 @pytest.fixture(scope="session")
 def soil() -> Any:
-    from vehicle.compile import compile_grounds
-    from vehicle.ground import ground_index
+    from vehicle.model.ground import find_ground_index
+    from vehicle.sim.compile import build_ground_records
 
-    return compile_grounds()[ground_index("soil")]
+    return build_ground_records()[find_ground_index("soil")]
 
 
 @pytest.fixture(scope="session")

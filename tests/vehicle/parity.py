@@ -9,17 +9,16 @@ import numpy as np
 import numpy.typing as npt
 import pymunk
 
-from vehicle.bodies import make_body
-from vehicle.calibration import steering_tables
-from vehicle.compile import compile_grounds, compile_model, compile_plan
-from vehicle.engine import Engine
-from vehicle.ground import ground_index
-from vehicle.layout import BODY_ANGLE, BODY_PLACE, DT_S, GATE, LEG, STATE
-from vehicle.measured.replay.course import Stretch
-from vehicle.measured.replay.replaying import own_rig, replay, seen
-from vehicle.missions import Mission, Plan
-from vehicle.tractor import EffectSetting, Implement, Rest, Tractor
-from vehicle.trials.loop import COLUMNS, run_trials
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.rig import build_rig_and_corrections, replay_segment, simulate_logged_values
+from vehicle.missions.plan import Mission, Plan
+from vehicle.model.ground import find_ground_index
+from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Implement, Tractor
+from vehicle.records import BODY_ANGLE, BODY_PLACE, DT_S, GATE, LEG, STATE
+from vehicle.sim.calibration import build_steering_tables
+from vehicle.sim.compile import build_ground_records, build_model_record, compile_plan
+from vehicle.sim.pymunk_bridge import PymunkEngine, create_body
+from vehicle.trials.drive import TRACE_COLUMNS, run_trials
 
 GROUND = "soil"
 SPEED_MPS = 2.5
@@ -27,26 +26,28 @@ NORTH = 0.5 * math.pi
 Array = npt.NDArray[np.float64]
 
 
-def taught(tractor: Tractor, name: str, values: Mapping[str, float]) -> Tractor:
+def add_effect(tractor: Tractor, name: str, values: Mapping[str, float]) -> Tractor:
     """The tractor with one effect."""
     return tractor.model_copy(update={"effects": {name: EffectSetting(value=dict(values))}})
 
 
-def with_rest(tractor: Tractor, **amounts: float) -> Tractor:
-    """The tractor with a rest that was seen at every speed and angle of these drives."""
-    return tractor.model_copy(update={"rest": Rest(amounts=amounts, speed_mps=(0.0, 5.0), angle_deg=(-35.0, 35.0))})
+def add_discrepancy_model(tractor: Tractor, **amounts: float) -> Tractor:
+    """The tractor with a discrepancy model for every speed and angle of these drives."""
+    return tractor.model_copy(
+        update={"discrepancy_model": DiscrepancyModel(amounts=amounts, speed_mps=(0.0, 5.0), angle_deg=(-35.0, 35.0))}
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """What the loop did: columns of vehicle.trials.loop per step (n, 12), and whether the implement worked."""
+    """What the loop did: columns of vehicle.trials.drive per step (n, 12), and whether the implement worked."""
 
     rows: Array
     working: float
 
     def column(self, name: str) -> Array:
         """One column (n,)."""
-        return np.ascontiguousarray(self.rows[:, COLUMNS.index(name)])
+        return np.ascontiguousarray(self.rows[:, TRACE_COLUMNS.index(name)])
 
     @property
     def place(self) -> Array:
@@ -54,13 +55,11 @@ class Driven:
         return self.rows[:, BODY_PLACE]
 
 
-def by_command(
-    tractor: Tractor, commands_deg: Array, working: float = 0.0, speed_mps: float = SPEED_MPS
-) -> Driven:
-    """Drive commands (n,) from standing, one per step."""
+def by_command(tractor: Tractor, commands_deg: Array, working: float = 0.0, speed_mps: float = SPEED_MPS) -> Driven:
+    """Drive commands (n,) from standstill, one per step."""
     states, legs = np.zeros(1, dtype=STATE), np.zeros(1, dtype=LEG)
     states["stage"], states["working"] = 1, working
-    legs["speed"], legs["ground"] = speed_mps, ground_index(GROUND)
+    legs["speed"], legs["ground"] = speed_mps, find_ground_index(GROUND)
     empty = (np.zeros(0, dtype=GATE), np.zeros((1, 2)), np.zeros(1))
     return _drive(tractor, (0.0, 0.0, NORTH), states, legs, *empty, np.radians(commands_deg)[:, None], working)
 
@@ -80,12 +79,13 @@ def _drive(
     cumulative: Any, commands: Array, working: float, steps: int = 0,
 ) -> Driven:  # fmt: skip
     space = pymunk.Space()
-    engine = Engine(space, [make_body(space, tractor, pose)])
+    engine = PymunkEngine(space, [create_body(space, tractor, pose)])
     steps = steps or len(commands)
-    track = np.empty((steps, 1, len(COLUMNS)))
+    track = np.empty((steps, 1, len(TRACE_COLUMNS)))
     rows = run_trials(
-        steps, DT_S, max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S))), 1, engine.door, states,
-        np.array([compile_model(tractor, Implement())]), compile_grounds(), steering_tables(tractor), legs, gates,
+        steps, DT_S, max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S))), 1, engine.bridge, states,
+        np.array([build_model_record(tractor, Implement())]), build_ground_records(), build_steering_tables(tractor),
+        legs, gates,
         points, cumulative, commands, np.zeros((0, 4)), track,
     )  # fmt: skip
     return Driven(track[:rows, 0], working)
@@ -104,8 +104,8 @@ def replayed(tractor: Tractor, driven: Driven, target: Array) -> tuple[Array, Ar
         "east": x, "north": y, "heading": angle, "speed": zero,
     }  # fmt: skip
     grids["wheel"] = zero
-    rig, settings = own_rig(tractor, GROUND, (0.0, 0.0))
-    stretch = Stretch(0, 0.0, time, x, y, angle, True, zero, True, None, grids["command"], target, zero, grids)
-    states = replay(rig, stretch, settings, from_sensor=False, from_speed=False)
-    antenna, heading, _, _ = seen(rig, stretch, states, settings)
+    rig, settings = build_rig_and_corrections(tractor, GROUND, (0.0, 0.0))
+    stretch = DriveSegment(0, 0.0, time, x, y, angle, True, zero, True, None, grids["command"], target, zero, grids)
+    states = replay_segment(rig, stretch, settings, from_sensor=False, from_speed=False)
+    antenna, heading, _, _ = simulate_logged_values(rig, stretch, states, settings)
     return states, antenna, heading

@@ -7,17 +7,17 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from vehicle.calibration import (
-    TABLE_STEPS,
-    drive_circle,
-    identity_table,
-    kinematic_radius,
-    steering_table,
-    steering_tables,
-)
 from vehicle.errors import VehicleError
-from vehicle.ground import GROUNDS, ground_names
-from vehicle.tractor import PowerLaw, Tractor, load_tractor, tractor_names
+from vehicle.model.ground import GROUNDS, list_ground_names
+from vehicle.model.tractor import PowerLaw, Tractor, list_tractor_names, load_tractor
+from vehicle.sim.calibration import (
+    TABLE_STEPS,
+    build_identity_table,
+    build_steering_table,
+    build_steering_tables,
+    compute_kinematic_radius,
+    drive_circle,
+)
 
 ANGLES = (-35.0, -25.0, -15.0, -5.0, 5.0, 15.0, 25.0, 35.0)
 
@@ -37,14 +37,14 @@ def fitted_radius(track: npt.NDArray[np.float64]) -> float:
 
 
 @pytest.mark.parametrize("angle", ANGLES)
-@pytest.mark.parametrize("ground", ground_names())
-@pytest.mark.parametrize("name", tractor_names())
+@pytest.mark.parametrize("ground", list_ground_names())
+@pytest.mark.parametrize("name", list_tractor_names())
 def test_circles_have_the_measured_radius(name: str, ground: str, angle: float) -> None:
     tractor = load_tractor(name)
     circle = drive_circle(tractor, angle, ground)
-    measured = tractor.power_law(ground).radius_m(angle)
+    measured = tractor.get_power_law(ground).compute_radius_m(angle)
     assert circle.radius_m == pytest.approx(measured, rel=0.01)
-    assert fitted_radius(circle.track[-1800:]) == pytest.approx(measured, rel=0.01)
+    assert fitted_radius(circle.antenna_path[-1800:]) == pytest.approx(measured, rel=0.01)
 
 
 @pytest.mark.parametrize(("name", "ground"), AT_FULL_LOCK)
@@ -53,42 +53,44 @@ def test_full_lock_against_the_formulas(name: str, ground: str) -> None:
     right, left = AT_FULL_LOCK[name, ground]
     assert drive_circle(tractor, 35.0, ground).radius_m == pytest.approx(right, rel=0.01)
     assert drive_circle(tractor, -35.0, ground).radius_m == pytest.approx(left, rel=0.01)
-    assert tractor.smallest_radius_m(ground) == pytest.approx(max(right, left))
+    assert tractor.compute_smallest_radius_m(ground) == pytest.approx(max(right, left))
 
 
 def test_radii_of_the_thesis() -> None:
     """Section 2.3.3: 3.75 m to the right and 3.99 m to the left at full lock on soil."""
-    law = load_tractor("eg105").power_law("soil")
-    assert law.radius_m(35.0) == pytest.approx(3.75, abs=0.02)
-    assert law.radius_m(-35.0) == pytest.approx(3.99, abs=0.02)
-    assert math.isinf(law.radius_m(0.0))
+    law = load_tractor("eg105").get_power_law("soil")
+    assert law.compute_radius_m(35.0) == pytest.approx(3.75, abs=0.02)
+    assert law.compute_radius_m(-35.0) == pytest.approx(3.99, abs=0.02)
+    assert math.isinf(law.compute_radius_m(0.0))
 
 
 @pytest.mark.parametrize("antenna", [-1.0, 0.0, 1.8, 2.4])
 def test_the_radius_holds_wherever_the_antenna_stands(eg105: Tractor, antenna: float) -> None:
     tractor = eg105.model_copy(update={"antenna_forward_m": antenna})
-    measured = tractor.power_law("soil").radius_m(30.0)
+    measured = tractor.get_power_law("soil").compute_radius_m(30.0)
     circle = drive_circle(tractor, 30.0, "soil")
     assert circle.radius_m == pytest.approx(measured, rel=0.01)
-    assert fitted_radius(circle.track[-1800:]) == pytest.approx(measured, rel=0.01)
+    assert fitted_radius(circle.antenna_path[-1800:]) == pytest.approx(measured, rel=0.01)
 
 
 @pytest.mark.parametrize("angle", [-20.0, 20.0])
 def test_positive_angles_turn_right(eg105: Tractor, angle: float) -> None:
     """A circle to the right, from a start heading north, lies east of the start."""
-    track = drive_circle(eg105, angle, "soil").track
+    track = drive_circle(eg105, angle, "soil").antenna_path
     assert np.sign(track[:, 0].mean()) == np.sign(angle)
 
 
 def test_kinematic_radius_by_hand(eg105: Tractor) -> None:
     # Rear axle centre at 2.4 / tan 45 = 2.4 m, the antenna 1.1 m ahead of it.
     angles = np.radians([45.0, 30.0])
-    assert kinematic_radius(eg105, angles) == pytest.approx([math.hypot(2.4, 1.1), math.hypot(2.4 * 3**0.5, 1.1)])
+    assert compute_kinematic_radius(eg105, angles) == pytest.approx(
+        [math.hypot(2.4, 1.1), math.hypot(2.4 * 3**0.5, 1.1)]
+    )
 
 
-@pytest.mark.parametrize("name", tractor_names())
+@pytest.mark.parametrize("name", list_tractor_names())
 def test_tables_rise_from_lock_to_lock_through_zero(name: str) -> None:
-    tables = steering_tables(load_tractor(name))
+    tables = build_steering_tables(load_tractor(name))
     assert tables.shape == (len(GROUNDS), TABLE_STEPS)
     assert (np.diff(tables, axis=1) > 0.0).all()
     assert (tables[:, TABLE_STEPS // 2] == 0.0).all()
@@ -96,9 +98,9 @@ def test_tables_rise_from_lock_to_lock_through_zero(name: str) -> None:
 
 def test_a_ground_without_measurements_leaves_the_angle_alone(eg105: Tractor) -> None:
     bare = eg105.model_copy(update={"radius": {}})
-    assert (steering_table(bare, 0) == identity_table(35.0)).all()
+    assert (build_steering_table(bare, 0) == build_identity_table(35.0)).all()
     with pytest.raises(VehicleError, match=r"No turning radii of Yanmar EG105 are known on 'soil'; use one of: none\."):
-        bare.power_law("soil")
+        bare.get_power_law("soil")
 
 
 @pytest.mark.parametrize("law", [
@@ -110,4 +112,4 @@ def test_a_radius_tighter_than_the_wheelbase_allows_is_refused(eg105: Any, law: 
     with pytest.raises(
         VehicleError, match=r"cannot turn on a radius of \d\.\d+ m as measured on soil.*; check the radius"
     ):
-        steering_tables(tight)
+        build_steering_tables(tight)

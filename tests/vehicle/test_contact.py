@@ -11,24 +11,24 @@ from shapely import Polygon
 from shapely.affinity import rotate, translate
 from shapely.ops import unary_union
 
-from vehicle.clearance import beside, outline_distance, point_box, too_close
-from vehicle.compile import compile_model, outline
-from vehicle.layout import STATE
-from vehicle.tractor import Implement, Tractor, load_tractor
-from vehicle.world import simulate
+from vehicle.model.tractor import Implement, Tractor, load_tractor
+from vehicle.records import STATE
+from vehicle.sim.clearance import compute_outline_distance, compute_point_distance, find_too_close, is_beside
+from vehicle.sim.compile import build_model_record, compute_contact_boxes
+from vehicle.sim.world import simulate
 
 SPEED = 5.0 / 3.6
 # A start at 0.7 m/s^2 loses v / 2a.
 START_LOSS_S = SPEED / (2 * 0.7)
 POSES = st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0), st.floats(-math.pi, math.pi))
 TRACTOR = load_tractor("eg105")
-MODEL_3M = np.array([compile_model(TRACTOR, Implement(width_m=3.0))])[0]
+MODEL_3M = np.array([build_model_record(TRACTOR, Implement(width_m=3.0))])[0]
 NARROW, WIDE = Implement(width_m=1.5), Implement(width_m=6.0, hitch_m=2.5)
 
 
 def shape(implement: Implement, pose: tuple[float, float, float]) -> Any:
     """The outline as shapely sees it: tractor box and implement box, turned and moved."""
-    boxes = outline(TRACTOR, implement)
+    boxes = compute_contact_boxes(TRACTOR, implement)
     parts = [
         Polygon([(rear, -half), (front, -half), (front, half), (rear, half)])
         for rear, front, half in (
@@ -49,14 +49,14 @@ def states_at(*poses: tuple[float, float, float]) -> Any:
 
 def test_the_outline_by_hand() -> None:
     # Rear end 1.1 + 0.74 behind the centre of mass, nose 4.26 - 1.84 ahead; tool centre 1.1 + 1.5 behind.
-    assert outline(TRACTOR, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0)) == pytest.approx({
+    assert compute_contact_boxes(TRACTOR, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0)) == pytest.approx({
         "nose": 2.42, "tail": -1.84, "half_width": 1.02, "tool_front": -2.1, "tool_tail": -3.1, "tool_half_width": 1.35,
     })  # fmt: skip
 
 
 @pytest.mark.parametrize(("x", "y", "expected"), [(0, 0, 0), (3, 0, 1), (-2, 0, 1), (0, -2, 1.5), (5, 4.5, 5)])
 def test_point_to_box_by_hand(x: float, y: float, expected: float) -> None:
-    assert point_box(x, y, -1.0, 2.0, 0.5) == pytest.approx(expected)
+    assert compute_point_distance(x, y, -1.0, 2.0, 0.5) == pytest.approx(expected)
 
 
 @given(POSES, POSES, st.sampled_from([NARROW, WIDE]), st.sampled_from([NARROW, WIDE]))
@@ -66,9 +66,9 @@ def test_distance_of_outlines_agrees_with_shapely(
     expected = shape(first, a).distance(shape(second, b))
     assume(expected > 0.0)
     states = states_at(a, b)
-    models = [np.array([compile_model(TRACTOR, implement)])[0] for implement in (first, second)]
-    assert outline_distance(states[0], models[0], states[1], models[1]) == pytest.approx(expected, abs=1e-9)
-    assert outline_distance(states[1], models[1], states[0], models[0]) == pytest.approx(expected, abs=1e-9)
+    models = [np.array([build_model_record(TRACTOR, implement)])[0] for implement in (first, second)]
+    assert compute_outline_distance(states[0], models[0], states[1], models[1]) == pytest.approx(expected, abs=1e-9)
+    assert compute_outline_distance(states[1], models[1], states[0], models[0]) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -81,21 +81,21 @@ def test_distance_of_outlines_agrees_with_shapely(
 )
 def test_distance_of_outlines_by_hand(pose: tuple[float, float, float], expected: float) -> None:
     states = states_at((0.0, 0.0, 0.0), (pose[0], pose[1], math.radians(pose[2])))
-    model = np.array([compile_model(TRACTOR, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0))])[0]
-    assert outline_distance(states[0], model, states[1], model) == pytest.approx(expected, abs=1e-9)
-    assert outline_distance(states[1], model, states[0], model) == pytest.approx(expected, abs=1e-9)
+    model = np.array([build_model_record(TRACTOR, Implement(width_m=3.0, hitch_m=1.5, length_m=1.0))])[0]
+    assert compute_outline_distance(states[0], model, states[1], model) == pytest.approx(expected, abs=1e-9)
+    assert compute_outline_distance(states[1], model, states[0], model) == pytest.approx(expected, abs=1e-9)
 
 
 def test_outlines_that_cross_like_a_plus_touch_though_no_corner_is_inside() -> None:
     # A beam 5.4 m across and 0.5 m deep, 4.1 to 4.6 m behind; a tractor 2.04 m wide, from -1.84 to 2.42 m, across it.
-    model = np.array([compile_model(TRACTOR, Implement(width_m=6.0, hitch_m=3.0, length_m=0.5))])[0]
+    model = np.array([build_model_record(TRACTOR, Implement(width_m=6.0, hitch_m=3.0, length_m=0.5))])[0]
     beam = (float(model["tool_tail"]) + float(model["tool_front"])) / 2.0
     assert model["tool_half_width"] > 2.42 and model["tool_front"] - model["tool_tail"] < 2.04
     states = states_at((0.0, 0.0, 0.0), (beam, 0.0, math.pi / 2))
-    assert outline_distance(states[0], model, states[1], model) == 0.0
-    assert outline_distance(states[1], model, states[0], model) == 0.0
+    assert compute_outline_distance(states[0], model, states[1], model) == 0.0
+    assert compute_outline_distance(states[1], model, states[0], model) == 0.0
     clearances = np.full(2, np.inf)
-    assert too_close(states, np.array([model]), clearances, 0.5, 0.5) == (0.0, 0, 1)
+    assert find_too_close(states, np.array([model]), clearances, 0.5, 0.5) == (0.0, 0, 1)
 
 
 @given(st.lists(POSES, min_size=2, max_size=6))
@@ -104,10 +104,10 @@ def test_smallest_clearances_agree_with_all_pairs(poses: list[tuple[float, float
     shapes = [shape(NARROW, pose) for pose in spread]
     table = np.array([[a.distance(b) if a is not b else np.inf for b in shapes] for a in shapes])
     assume((table > 0.0).all())
-    states, models = states_at(*spread), np.array([compile_model(TRACTOR, NARROW)])
+    states, models = states_at(*spread), np.array([build_model_record(TRACTOR, NARROW)])
     for clearance in (-1.0, 1e8):
         clearances = np.full(len(poses), np.inf)
-        closest, first, second = too_close(states, models, clearances, clearance, clearance)
+        closest, first, second = find_too_close(states, models, clearances, clearance, clearance)
         assert clearances.min() == pytest.approx(table.min(), abs=1e-9)
         assert (clearances >= table.min(axis=1) - 1e-9).all(), "never closer than the true neighbour"
     assert closest == pytest.approx(table.min(), abs=1e-9)
@@ -186,10 +186,10 @@ def test_a_single_tractor_has_no_clearance(build: Any, eg105: Tractor, implement
     ((4.0, 0.0, math.radians(12.0)), False),
     ((4.0, 0.0, math.radians(90.0)), False),
 ])  # fmt: skip
-def test_who_is_beside_whom(pose: tuple[float, float, float], expected: bool) -> None:
+def test_beside_by_hand(pose: tuple[float, float, float], expected: bool) -> None:
     x, y, turned = pose
     states, model = states_at((5.0, 7.0, math.pi / 2), (5.0 + x, 7.0 + y, math.pi / 2 + turned)), MODEL_3M
-    assert beside(states[0], model, states[1], model) == beside(states[1], model, states[0], model) == expected
+    assert is_beside(states[0], model, states[1], model) == is_beside(states[1], model, states[0], model) == expected
 
 
 @pytest.mark.parametrize("slow", [False, True])
@@ -199,9 +199,7 @@ def test_beside_each_other_another_clearance_counts(
 ) -> None:
     """Two pass each other 3 m apart, with 3 - 2.7 m between their implements."""
     plan = build.plan([build.leg((0, 0), (0, 25))], [build.leg((3, 25), (3, 0))])
-    run = simulate(
-        plan, eg105, Implement(width_m=3.0), stop_clearance_m=0.5, beside_clearance_m=beside_m, slow=slow
-    )
+    run = simulate(plan, eg105, Implement(width_m=3.0), stop_clearance_m=0.5, beside_clearance_m=beside_m, slow=slow)
     assert run.outcome == outcome
     assert outcome == "conflict" or run.min_clearance_m == pytest.approx(0.3, abs=1e-6)
 
@@ -216,5 +214,5 @@ def test_a_pair_that_is_too_close_counts_however_close_another_has_been() -> Non
     """Without that, a pair at 0.4 m would pass unseen once others had been at 0.3 m."""
     states = states_at((0.0, 0.0, 0.0), (0.0, 3.0, 0.0), (60.0, 0.0, 0.0), (65.0 + 0.22, 0.0, math.pi))
     models, clearances = np.array([MODEL_3M]), np.full(4, 0.3)
-    found = too_close(states, models, clearances, 0.5, 0.1)
+    found = find_too_close(states, models, clearances, 0.5, 0.1)
     assert found[1:] == (2, 3) and found[0] == pytest.approx(5.22 - 2 * 2.42)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vehicle.missions import Follow, Gate, Plan
-from vehicle.run import Run
-from vehicle.tractor import Implement, Tractor
-from vehicle.world import simulate
+from vehicle.missions.plan import FollowOrder, LegGate, Plan
+from vehicle.missions.run import SimulationRun
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.world import simulate
 
 EXPECTED: dict[str, Any] = {
     "outcome": "done",
@@ -32,23 +32,23 @@ EXPECTED: dict[str, Any] = {
 def golden_plan(build: Any) -> Plan:
     """Two tractors with a U-turn behind gates, a third in a switch-back, a fourth in formation with it."""
     second = build.two_passes(-3.0)
-    second[0] = second[0].with_gates([Gate(0, 0, 10.0)])
-    second[1] = second[1].with_gates([Gate(0, 1, 9.0)])
+    second[0] = second[0].copy_with_gates([LegGate(0, 0, 10.0)])
+    second[1] = second[1].copy_with_gates([LegGate(0, 1, 9.0)])
     apart = [
         build.leg(*(leg.points + np.array([30.0, 0.0])), gear=leg.gear, speed_mps=leg.speed_mps, task=leg.task)
         for leg in build.switch_back()
     ]
-    behind = [build.leg((24, -8), (24, 5), follow=Follow(2, 0), ground="asphalt")]
+    behind = [build.leg((24, -8), (24, 5), follow=FollowOrder(2, 0), ground="asphalt")]
     plan: Plan = build.plan(build.two_passes(), second, apart, behind)
     return plan
 
 
-def summary(run: Run) -> dict[str, Any]:
+def summary(run: SimulationRun) -> dict[str, Any]:
     """What is compared: times exactly to the tenth, places to the millimetre."""
     return {
         "outcome": run.outcome,
         "finish_s": [round(float(time), 1) for time in run.finish_s],
-        "waiting_s": [round(float(time), 1) for time in run.time_shares()["waiting"]],
+        "waiting_s": [round(float(time), 1) for time in run.compute_time_shares()["waiting"]],
         "contacts": [(round(time, 3), first, second) for time, first, second in run.contacts],
         "min_clearance_m": round(run.min_clearance_m, 3),
         "poses": [[round(float(value), 3) for value in row[:3]] for row in run.record[-1]],

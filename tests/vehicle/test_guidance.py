@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString, Point
 
-from vehicle.guidance import project, steering_command, target_point, wrapped
+from vehicle.control.guidance import compute_steering_command, find_target_point, project_point, wrap_angle
 
 DEG = math.radians(1.0)
 Points = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ def polyline(segments: list[tuple[float, float]], turn: float) -> tuple[Points, 
 
 def command(lateral: float, heading_deg: float, lock_deg: float = 35.0) -> float:
     """Eq. 2.5 with the gains of the thesis, in degrees."""
-    return math.degrees(steering_command(lateral, heading_deg * DEG, 30 * DEG, 0.8, 0.7, lock_deg * DEG))
+    return math.degrees(compute_steering_command(lateral, heading_deg * DEG, 30 * DEG, 0.8, 0.7, lock_deg * DEG))
 
 
 @given(SEGMENTS, SPINS, PLACES, OFFSETS)
@@ -44,7 +44,7 @@ def test_projection_agrees_with_shapely(
     along = np.array([math.cos(heading), math.sin(heading)])
     left = np.array([-along[1], along[0]])
     x, y = points[segment] + share * along + offset * left
-    found, progress, lateral = project(points, cumulative, 0, len(segments) - 1, x, y)
+    found, progress, lateral = project_point(points, cumulative, 0, len(segments) - 1, x, y)
     line = LineString(points)
     assert found == segment
     assert progress == pytest.approx(line.project(Point(x, y)), abs=1e-8)
@@ -56,28 +56,28 @@ def test_projection_agrees_with_shapely(
 def test_target_point_lies_at_its_arc_distance(segments: list[tuple[float, float]], turn: float, place: float) -> None:
     points, cumulative = polyline(segments, turn)
     progress = place * cumulative[-1]
-    found = target_point(points, cumulative, 0, len(segments) - 1, progress)
+    found = find_target_point(points, cumulative, 0, len(segments) - 1, progress)
     assert found == pytest.approx(LineString(points).interpolate(progress).coords[0], abs=1e-8)
 
 
 def test_beyond_the_last_segment_the_path_goes_straight_on() -> None:
     points, cumulative = np.array([[0.0, 0.0], [0.0, 4.0], [3.0, 8.0], [9.0, 8.0]]), np.array([0.0, 4.0, 9.0, 15.0])
-    assert target_point(points, cumulative, 0, 1, 14.0) == pytest.approx((6.0, 12.0))
-    assert target_point(points, cumulative, 0, 2, 17.0) == pytest.approx((11.0, 8.0))
-    segment, progress, lateral = project(points, cumulative, 0, 1, 6.0, 12.0)
+    assert find_target_point(points, cumulative, 0, 1, 14.0) == pytest.approx((6.0, 12.0))
+    assert find_target_point(points, cumulative, 0, 2, 17.0) == pytest.approx((11.0, 8.0))
+    segment, progress, lateral = project_point(points, cumulative, 0, 1, 6.0, 12.0)
     assert (segment, progress, lateral) == (1, pytest.approx(14.0), pytest.approx(0.0, abs=1e-12))
 
 
 def test_projection_never_goes_back() -> None:
     points, cumulative = np.array([[0.0, 0.0], [0.0, 4.0], [0.0, 8.0]]), np.array([0.0, 4.0, 8.0])
-    assert project(points, cumulative, 1, 1, 0.0, 1.0) == (1, pytest.approx(1.0), 0.0)
-    assert project(points, cumulative, 0, 1, 0.0, 1.0) == (0, pytest.approx(1.0), 0.0)
+    assert project_point(points, cumulative, 1, 1, 0.0, 1.0) == (1, pytest.approx(1.0), 0.0)
+    assert project_point(points, cumulative, 0, 1, 0.0, 1.0) == (0, pytest.approx(1.0), 0.0)
 
 
 @pytest.mark.parametrize(("x", "lateral"), [(-1.0, 1.0), (2.0, -2.0), (0.0, 0.0)])
 def test_a_path_to_the_right_is_a_positive_error(x: float, lateral: float) -> None:
     northward = np.array([[0.0, 0.0], [0.0, 10.0]])
-    _, progress, found = project(northward, np.array([0.0, 10.0]), 0, 0, x, 6.0)
+    _, progress, found = project_point(northward, np.array([0.0, 10.0]), 0, 0, x, 6.0)
     assert (progress, found) == (pytest.approx(6.0), pytest.approx(lateral))
 
 
@@ -106,7 +106,7 @@ def test_the_command_is_odd_and_within_the_lock(lateral: float, heading: float, 
 
 @given(st.floats(-50.0, 50.0))
 def test_wrapping_keeps_the_direction(angle: float) -> None:
-    found = wrapped(angle)
+    found = wrap_angle(angle)
     assert -math.pi <= found <= math.pi
     assert math.cos(found) == pytest.approx(math.cos(angle), abs=1e-9)
     assert math.sin(found) == pytest.approx(math.sin(angle), abs=1e-9)

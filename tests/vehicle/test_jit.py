@@ -1,4 +1,4 @@
-"""What compiled functions keep on disk: it saves time, and never changes or ends a run."""
+"""The cache of compiled functions on disk: it saves time, and never changes or ends a run."""
 
 import os
 import shutil
@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-CALLEE = "from vehicle.jit import compiled\n\n@compiled\ndef inner(x):\n    return {} * x\n"
-CALLER = "from vehicle.jit import compiled\nfrom vehicle.one import inner\n\n"
-CALLER += "@compiled\ndef outer(x):\n    return inner(x) + 1.0\n"
+CALLEE = "from vehicle.jit import compile_function\n\n@compile_function\ndef inner(x):\n    return {} * x\n"
+CALLER = "from vehicle.jit import compile_function\nfrom vehicle.one import inner\n\n"
+CALLER += "@compile_function\ndef outer(x):\n    return inner(x) + 1.0\n"
 CODE = "from vehicle.two import outer; print(outer(3.0), sum(outer.stats.cache_hits.values()))"
 DAMAGED = """
 import sys
@@ -20,10 +20,10 @@ from itertools import product
 from pathlib import Path
 from vehicle import jit
 
-def loaded():
+def load():
     for name in ("vehicle.one", "vehicle.two"):
         sys.modules.pop(name, None)
-    jit._remark.cache_clear()
+    jit._print_once.cache_clear()
     from vehicle.two import outer
     print(outer(3.0), sum(outer.stats.cache_hits.values()), file=sys.stderr)
 
@@ -32,16 +32,16 @@ for kind, damage in product(("*.nbi", "*.nbc"), ("empty", "cut", "garbage")):
     for path in Path("kept").rglob(kind):
         content = path.read_bytes()
         path.write_bytes({"empty": b"", "cut": content[: len(content) // 2], "garbage": b"\\xff" * 99}[damage])
-    loaded()
-    loaded()
+    load()
+    load()
 """
-"""Every damage to what is kept in turn; after each both modules are loaded anew, twice, as processes would."""
+"""Each damage to the cache in turn; after each both modules are loaded again, twice, as processes would."""
 Run = Callable[..., tuple[str, str]]
 
 
 @pytest.fixture
 def room(tmp_path: Path) -> Path:
-    """A copy of the two rooms that compile, with a function of one module that calls one of another."""
+    """A copy of the two packages, with a function of one module that calls one of another."""
     for name in ("fields", "vehicle"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "vehicle" / "one.py").write_text(CALLEE.format("2.0"))
@@ -51,7 +51,7 @@ def room(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def run(room: Path) -> Run:
-    """Result and number of functions taken from disk, and what was said, of a process of its own."""
+    """Output of a separate process: result and number of functions loaded from disk, and standard error."""
 
     def start(code: str = CODE, **environment: str) -> tuple[str, str]:
         whole = {**os.environ, "PYTHONPATH": str(room), "NUMBA_CACHE_DIR": str(room / "kept"), **environment}
@@ -62,7 +62,7 @@ def run(room: Path) -> Run:
     return start
 
 
-def test_the_second_run_takes_it_from_disk(run: Run) -> None:
+def test_the_second_run_loads_from_disk(run: Run) -> None:
     assert run() == ("7.0 0", "")
     assert run() == ("7.0 1", "")
 
@@ -74,7 +74,8 @@ def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> 
     assert run() == ("16.0 1", "")
 
 
-def test_so_it_is_in_a_room_that_uses_this_one(run: Run, room: Path) -> None:
+@pytest.mark.slow
+def test_a_changed_callee_in_another_package_is_compiled_into_its_callers(run: Run, room: Path) -> None:
     (room / "strategies").mkdir()
     (room / "strategies" / "__init__.py").touch()
     (room / "strategies" / "inner.py").write_text(CALLEE.format("2.0"))
@@ -91,24 +92,25 @@ def test_so_it_is_in_a_room_that_uses_this_one(run: Run, room: Path) -> None:
     assert start() == "16.0 0\n"
 
 
-def test_damaged_files_are_compiled_anew(run: Run) -> None:
+@pytest.mark.slow
+def test_damaged_files_are_compiled_again(run: Run) -> None:
     run()
     _, said = run(DAMAGED)
-    told = said.split("damaged: ")[1:]
-    assert len(told) == 6
-    for each in told:
-        how, note, anew, kept = each.splitlines()
-        assert note.startswith("Note: ") and "is compiled anew" in note, how
+    reports = said.split("damaged: ")[1:]
+    assert len(reports) == 6
+    for report in reports:
+        how, note, anew, kept = report.splitlines()
+        assert note.startswith("Note: ") and "is compiled again" in note, how
         assert (anew, kept) == ("7.0 0", "7.0 1"), how
 
 
-def test_without_any_folder_to_keep_it_in(run: Run) -> None:
-    """Only the folder that is named may be used, and it cannot be made: a read-only installation without a home."""
+def test_without_a_folder_that_can_be_written_to(run: Run) -> None:
+    """Only the named folder may be used, and it cannot be created: a read-only installation without a home."""
     nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": f"{__file__}/no"}
     for _ in range(2):
         result, said = run(**nowhere)
         assert result == "7.0 0"
-        assert said.count("\n") == 1 and "cannot be kept on disk" in said and "NUMBA_CACHE_DIR" in said
+        assert said.count("\n") == 1 and "cannot be stored on disk" in said and "NUMBA_CACHE_DIR" in said
 
 
 def test_a_disk_that_fills_up(run: Run, room: Path) -> None:
@@ -120,4 +122,4 @@ def test_a_disk_that_fills_up(run: Run, room: Path) -> None:
     words = [sys.executable, "-B", "-c", limited + CODE]
     done = subprocess.run(words, capture_output=True, text=True, env=whole, timeout=120, cwd=room, check=False)
     assert (done.returncode, done.stdout.strip()) == (0, "7.0 0"), done.stderr
-    assert done.stderr.count("\n") == 1 and "cannot be kept on disk" in done.stderr
+    assert done.stderr.count("\n") == 1 and "cannot be stored on disk" in done.stderr

@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 
 from vehicle.errors import MissionError, VehicleError
-from vehicle.missions import (
-    JOINT_M,
-    Follow,
-    Gate,
-    Mission,
-    Plan,
-    Task,
-    check_plan,
-)
-from vehicle.world import World
+from vehicle.missions.plan import MAX_JOINT_GAP_M, FollowOrder, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.sim.world import World
 
 
 def changed(plan: Plan, tractor: int, leg: int, **values: Any) -> Plan:
@@ -45,15 +37,15 @@ def test_length_by_hand(build: Any, points: list[tuple[float, float]], expected:
     assert build.leg(*points).length_m == pytest.approx(expected)
 
 
-def test_a_leg_that_is_linked_otherwise_is_as_long(build: Any) -> None:
+def test_a_copied_leg_has_the_same_length(build: Any) -> None:
     leg = build.leg((0, 0), (3, 4), (3, 0))
-    early, measured = leg.linked(may_wait=True), (leg.length_m, leg.ends)
-    late = leg.linked(gates=(Gate(0, 0, 1.0),)).with_gates([Gate(0, 1, 2.0)])
+    early, measured = leg.copy_with(may_wait=True), (leg.length_m, leg.ends)
+    late = leg.copy_with(gates=(LegGate(0, 0, 1.0),)).copy_with_gates([LegGate(0, 1, 2.0)])
     assert measured == (early.length_m, early.ends) == (late.length_m, late.ends)
     assert early.points is late.points is leg.points and early.may_wait and not leg.may_wait
-    assert late.gates == (Gate(0, 0, 1.0), Gate(0, 1, 2.0)) and late.speed_mps == leg.speed_mps
+    assert late.gates == (LegGate(0, 0, 1.0), LegGate(0, 1, 2.0)) and late.speed_mps == leg.speed_mps
     with pytest.raises(TypeError):
-        leg.linked(points=2.0 * leg.points)
+        leg.copy_with(points=2.0 * leg.points)
 
 
 @pytest.mark.parametrize(("gear", "heading_deg"), [(1, 45.0), (-1, -135.0)])
@@ -76,20 +68,20 @@ def test_a_mission_starts_facing_its_path_or_away_from_it(build: Any, gear: int,
     ({"speed_mps": -1.4}, r"speed -1\.4 m/s is not above 0"),
     ({"speed_mps": math.nan}, "speed nan m/s"),
     ({"speed_mps": math.inf}, "speed inf m/s"),
-    ({"task": Task("plough")}, "task 'plough' is unknown; use one of: track, round, turn, way, drive-in, drive"),
-    ({"task": Task("track", -1)}, "task 'track' has number -1 and piece 0; both count from 0"),
-    ({"task": Task("track", 3, -2)}, "task 'track' has number 3 and piece -2; both count from 0"),
-    ({"gates": (Gate(0, 0),)}, "refers to tractor 0; name another tractor"),
-    ({"gates": (Gate(2, 0),)}, "refers to tractor 2; name another tractor"),
-    ({"gates": (Gate(-1, 0),)}, "refers to tractor -1"),
-    ({"gates": (Gate(1, 1),)}, "refers to leg 1 of tractor 1, which has no such leg"),
-    ({"gates": (Gate(1, -1),)}, "refers to leg -1 of tractor 1"),
-    ({"gates": (Gate(1, 0, 10.5),)}, r"waits for 10\.5 m of leg 0 of tractor 1, which is 10\.00 m long"),
-    ({"gates": (Gate(1, 0, -0.1),)}, r"waits for -0\.1 m of leg 0"),
-    ({"gates": (Gate(1, 0, math.nan),)}, "waits for nan m"),
-    ({"follow": Follow(0, 0)}, "refers to tractor 0; name another"),
-    ({"follow": Follow(7, 0)}, "refers to tractor 7"),
-    ({"follow": Follow(1, 4)}, "refers to leg 4 of tractor 1"),
+    ({"task": LegTask("plough")}, "task 'plough' is unknown; use one of: track, round, turn, way, drive-in, drive"),
+    ({"task": LegTask("track", -1)}, "task 'track' has number -1 and piece 0; both count from 0"),
+    ({"task": LegTask("track", 3, -2)}, "task 'track' has number 3 and piece -2; both count from 0"),
+    ({"gates": (LegGate(0, 0),)}, "refers to tractor 0; name another tractor"),
+    ({"gates": (LegGate(2, 0),)}, "refers to tractor 2; name another tractor"),
+    ({"gates": (LegGate(-1, 0),)}, "refers to tractor -1"),
+    ({"gates": (LegGate(1, 1),)}, "refers to leg 1 of tractor 1, which has no such leg"),
+    ({"gates": (LegGate(1, -1),)}, "refers to leg -1 of tractor 1"),
+    ({"gates": (LegGate(1, 0, 10.5),)}, r"waits for 10\.5 m of leg 0 of tractor 1, which is 10\.00 m long"),
+    ({"gates": (LegGate(1, 0, -0.1),)}, r"waits for -0\.1 m of leg 0"),
+    ({"gates": (LegGate(1, 0, math.nan),)}, "waits for nan m"),
+    ({"follow": FollowOrder(0, 0)}, "refers to tractor 0; name another"),
+    ({"follow": FollowOrder(7, 0)}, "refers to tractor 7"),
+    ({"follow": FollowOrder(1, 4)}, "refers to leg 4 of tractor 1"),
 ])  # fmt: skip
 def test_legs_no_world_can_execute_are_refused(plan: Plan, values: dict[str, Any], sentence: str) -> None:
     broken = changed(plan, 0, 1, **values)
@@ -98,19 +90,19 @@ def test_legs_no_world_can_execute_are_refused(plan: Plan, values: dict[str, Any
 
 
 def test_empty_plans_are_refused(plan: Plan) -> None:
-    with pytest.raises(MissionError, match="at least one tractor; it has none"):
+    with pytest.raises(MissionError, match="The plan has no tractor; it needs at least one"):
         check_plan(Plan(()))
     with pytest.raises(MissionError, match="Tractor 1 has no legs"):
         check_plan(Plan((plan.missions[0], Mission(()))))
 
 
 def test_legs_may_meet_within_the_joint(plan: Plan) -> None:
-    check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 0.99 * JOINT_M], [0.0, 20.0]])))
+    check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 0.99 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
     with pytest.raises(MissionError, match="must meet within"):
-        check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 1.01 * JOINT_M], [0.0, 20.0]])))
+        check_plan(changed(plan, 0, 1, points=np.array([[0.0, 10.0 + 1.01 * MAX_JOINT_GAP_M], [0.0, 20.0]])))
 
 
-def test_a_world_refuses_what_cannot_be_executed(plan: Plan, eg105: Any, implement: Any) -> None:
+def test_a_world_refuses_plans_that_cannot_be_executed(plan: Plan, eg105: Any, implement: Any) -> None:
     with pytest.raises(MissionError, match="gear 3"):
         World(changed(plan, 0, 0, gear=3), eg105, implement)
     with pytest.raises(VehicleError, match="ground 'ice' is unknown; use one of: asphalt, soil"):
@@ -120,18 +112,20 @@ def test_a_world_refuses_what_cannot_be_executed(plan: Plan, eg105: Any, impleme
 @pytest.mark.parametrize(("kind", "works"), [
     ("track", True), ("round", True), ("turn", False), ("way", False), ("drive-in", False), ("drive", False),
 ])  # fmt: skip
-def test_tracks_and_rounds_are_worked_and_nothing_else(kind: str, works: bool) -> None:
-    assert Task(kind).works is works
+def test_only_swaths_and_headland_passes_are_work(kind: str, works: bool) -> None:
+    assert LegTask(kind).is_work is works
 
 
 def test_a_goal_is_a_number_and_a_piece(build: Any) -> None:
-    track = Task("track", 7, 1)
-    assert Task("turn", 7, 1).same_goal(track) and Task("drive-in", 7, 1).same_goal(track)
-    assert not Task("turn", 7, 0).same_goal(track) and not Task("turn", 6, 1).same_goal(track)
+    track = LegTask("track", 7, 1)
+    assert LegTask("turn", 7, 1).has_same_goal(track) and LegTask("drive-in", 7, 1).has_same_goal(track)
+    assert not LegTask("turn", 7, 0).has_same_goal(track) and not LegTask("turn", 6, 1).has_same_goal(track)
 
 
-@pytest.mark.parametrize(("kind", "lookahead"), [("track", "lookahead_m"), ("round", "lookahead_m"),
-                                                 ("turn", "turn_lookahead_m"), ("drive", "turn_lookahead_m")])
+@pytest.mark.parametrize(
+    ("kind", "lookahead"),
+    [("track", "lookahead_m"), ("round", "lookahead_m"), ("turn", "turn_lookahead_m"), ("drive", "turn_lookahead_m")],
+)
 def test_guidance_looks_ahead_by_task(build: Any, eg105: Any, implement: Any, kind: str, lookahead: str) -> None:
-    world = World(build.plan([build.leg((0, 0), (0, 10), task=Task(kind))]), eg105, implement)
+    world = World(build.plan([build.leg((0, 0), (0, 10), task=LegTask(kind))]), eg105, implement)
     assert world.program.legs["lookahead"].tolist() == [getattr(eg105.guidance, lookahead)]

@@ -1,4 +1,4 @@
-"""World and replay are two ways to drive the same tractor: for every effect and every term of the rest they agree.
+"""World and replay drive the same tractor the same, for every effect and every term of the discrepancy model.
 
 Parametrised over the catalogue, so that a new effect is compared from its first day.
 """
@@ -8,16 +8,25 @@ import math
 import numpy as np
 import pytest
 
-from tests.vehicle.parity import GROUND, SPEED_MPS, Array, by_command, by_plan, replayed, taught, with_rest
-from vehicle.calibration import drive_circle
-from vehicle.effects import CATALOGUE, POSITION
-from vehicle.guidance import project, steering_command, target_point, wrapped
-from vehicle.layout import DT_S
-from vehicle.measured.answer.demo import draw_hidden
-from vehicle.measured.replay.states import ANGLE, STEERING, X, Y
-from vehicle.missions import Leg, Mission, Task
-from vehicle.rest import REST
-from vehicle.tractor import Tractor, load_tractor
+from tests.vehicle.parity import (
+    GROUND,
+    SPEED_MPS,
+    Array,
+    add_discrepancy_model,
+    add_effect,
+    by_command,
+    by_plan,
+    replayed,
+)
+from vehicle.control.guidance import compute_steering_command, find_target_point, project_point, wrap_angle
+from vehicle.identification.replay.state_cache import ANGLE_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.identification.verdict.demo_logs import draw_hidden_effect
+from vehicle.missions.plan import Leg, LegTask, Mission
+from vehicle.model.discrepancy_model import DISCREPANCY_TERMS
+from vehicle.model.effects import CATALOGUE, POSITION
+from vehicle.model.tractor import Tractor, load_tractor
+from vehicle.records import DT_S
+from vehicle.sim.calibration import drive_circle
 
 EG105 = load_tractor("eg105")
 STEPS, TICK_STEPS = 1500, 6
@@ -34,17 +43,18 @@ TRACKS = {
 
 
 def effects() -> dict[str, Tractor]:
-    """The tractor with each effect at about its usual size, and with each term of the rest."""
-    hidden = {entry.id: draw_hidden(1, EG105, entry.id).values for entry in CATALOGUE}
-    by_name = {name: taught(EG105, name, values) for name, values in hidden.items()}
-    return by_name | {f"rest {term.id}": with_rest(EG105, **{term.id: term.typical}) for term in REST}
+    """The tractor with each effect at about its usual size, and with each term of the discrepancy model."""
+    hidden = {entry.id: draw_hidden_effect(1, EG105, entry.id).values for entry in CATALOGUE}
+    by_name = {name: add_effect(EG105, name, values) for name, values in hidden.items()}
+    terms = {term.id: add_discrepancy_model(EG105, **{term.id: term.typical}) for term in DISCREPANCY_TERMS}
+    return by_name | {f"discrepancy {name}": tractor for name, tractor in terms.items()}
 
 
 TRACTORS = effects()
 # On ground that is carried along, a replay keeps the speed on that ground through a change of direction, as a log
 # measures it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries
 # 1.25 m in a drive of 25 s; the two differ by up to 7 cm of that.
-CARRIED, CARRIED_M, CARRIED_RAD = ("rest push_to_east", "rest push_to_north"), 0.08, 0.01
+CARRIED, CARRIED_M, CARRIED_RAD = ("discrepancy push_to_east", "discrepancy push_to_north"), 0.08, 0.01
 POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION]
 
 
@@ -55,13 +65,13 @@ def test_loop_and_replay_drive_the_same(name: str, commands: Array) -> None:
     driven = by_command(tractor, commands, working=1.0)
     states, _, _ = replayed(tractor, driven, np.full(STEPS, SPEED_MPS))
     off_m, off_rad = (CARRIED_M, CARRIED_RAD) if name in CARRIED else (1e-6, 1e-7)
-    assert np.abs(states[:, [X, Y]] - driven.place).max() < off_m
-    assert np.abs(states[:, ANGLE] - driven.column("angle")).max() < off_rad
-    assert np.abs(states[1:, STEERING] - driven.column("steering")[:-1]).max() < 1e-12
+    assert np.abs(states[:, [X_COLUMN, Y_COLUMN]] - driven.place).max() < off_m
+    assert np.abs(states[:, ANGLE_COLUMN] - driven.column("angle")).max() < off_rad
+    assert np.abs(states[1:, STEERING_COLUMN] - driven.column("steering")[:-1]).max() < 1e-12
 
 
 @pytest.mark.parametrize("name", TRACTORS)
-def test_what_is_compared_shows(name: str) -> None:
+def test_every_effect_changes_the_compared_drives(name: str) -> None:
     """Without this, two drives could agree because an effect acts in neither: what is driven or shown differs."""
 
     def shown(tractor: Tractor) -> Array:
@@ -77,17 +87,17 @@ def test_what_is_compared_shows(name: str) -> None:
 def test_guidance_steers_by_what_a_log_would_show(name: str, track: str) -> None:
     """The commands of guidance, replayed, show antenna and heading: Eq. 2.5 on these gives the commands again."""
     tractor = TRACTORS.get(name, EG105)
-    leg = Leg(TRACKS[track], SPEED_MPS, ground=GROUND, implement=True, task=Task("track"))
+    leg = Leg(TRACKS[track], SPEED_MPS, ground=GROUND, implement=True, task=LegTask("track"))
     driven = by_plan(tractor, Mission((leg,)), 14.0, working=1.0)
     states, antenna, heading = replayed(tractor, driven, np.full(len(driven.rows), SPEED_MPS))
-    assert np.abs(states[:, [X, Y]] - driven.place).max() < 1e-6
+    assert np.abs(states[:, [X_COLUMN, Y_COLUMN]] - driven.place).max() < 1e-6
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T))])
     errors, segment, last = [], 0, len(along) - 2
     for step in range(0, len(driven.rows), TICK_STEPS):
-        segment, progress, lateral = project(leg.points, along, segment, last, *antenna[step])
-        x, y = target_point(leg.points, along, segment, last, progress + tractor.guidance.lookahead_m)
-        aside = wrapped(heading[step] - math.atan2(y - antenna[step, 1], x - antenna[step, 0]))
-        command = steering_command(
+        segment, progress, lateral = project_point(leg.points, along, segment, last, *antenna[step])
+        x, y = find_target_point(leg.points, along, segment, last, progress + tractor.guidance.lookahead_m)
+        aside = wrap_angle(heading[step] - math.atan2(y - antenna[step, 1], x - antenna[step, 0]))
+        command = compute_steering_command(
             lateral, aside, math.radians(tractor.guidance.lateral_gain_deg_per_m), tractor.guidance.heading_gain,
             tractor.guidance.lateral_limit_m, math.radians(tractor.max_steering_deg),
         )  # fmt: skip
@@ -96,11 +106,11 @@ def test_guidance_steers_by_what_a_log_would_show(name: str, track: str) -> None
     assert np.abs(np.degrees(driven.column("command"))).max() > 3.0
 
 
-def test_a_rest_is_not_calibrated_away() -> None:
+def test_calibration_does_not_remove_a_discrepancy_model() -> None:
     """A tenth more grip per m/s, at 5 km/h: 1.139 times the curvature, in the world as in a replay."""
     pace = 5.0 / 3.6
     exact = EG105.steering.model_copy(update={"dead_band_deg": 0.0})  # else the wheels stop a tenth of a degree short
-    tractor = with_rest(EG105, grip_by_speed=0.1).model_copy(update={"steering": exact})
+    tractor = add_discrepancy_model(EG105, grip_by_speed=0.1).model_copy(update={"steering": exact})
     plain, world = (drive_circle(one, 15.0, GROUND).radius_m for one in (EG105, tractor))
     lever = EG105.antenna_forward_m
     rear = math.sqrt(plain**2 - lever**2) / (1.0 + 0.1 * pace)

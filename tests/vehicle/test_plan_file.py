@@ -1,4 +1,4 @@
-"""Saved plans: what is written comes back, and what is no saved plan is refused in one sentence."""
+"""Saved plans: they are read back exactly, and anything else is refused in one sentence."""
 
 import json
 import math
@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vehicle.errors import MissionError
-from vehicle.missions import TASKS, Follow, Gate, Leg, Mission, Plan, Task, check_plan
-from vehicle.plan_file import VERSION, SavedPlan, plan_from_json, plan_to_json, saved_from_json
+from vehicle.missions.plan import TASKS, FollowOrder, Leg, LegGate, LegTask, Mission, Plan, check_plan
+from vehicle.missions.plan_file import FORMAT_VERSION, SavedPlan, format_plan, parse_plan, parse_saved_plan
 
 NUMBERS = st.floats(-1e6, 1e6)
 POINT = st.tuples(NUMBERS, NUMBERS)
-TASK = st.builds(Task, st.sampled_from(TASKS), st.none() | st.integers(0, 500), st.integers(0, 3))
+TASK = st.builds(LegTask, st.sampled_from(TASKS), st.none() | st.integers(0, 500), st.integers(0, 3))
 
 
 @st.composite
@@ -38,15 +38,16 @@ def plans(draw: st.DrawFn) -> Plan:
     for tractor, other in ((0, 1), (1, 0)):
         leg = draw(st.integers(0, len(plan.missions[other].legs) - 1))
         length = plan.missions[other].legs[leg].length_m
-        plan = plan.with_gate(tractor, 0, Gate(other, leg, draw(st.floats(0.0, 1.0)) * length))
+        plan = plan.copy_with_gate(tractor, 0, LegGate(other, leg, draw(st.floats(0.0, 1.0)) * length))
         if draw(st.booleans()):
             first, *rest = plan.missions[tractor].legs
-            led = Mission((replace(first, follow=Follow(other, leg, draw(st.floats(1.0, 30.0)))), *rest))
+            led = Mission((replace(first, follow=FollowOrder(other, leg, draw(st.floats(1.0, 30.0)))), *rest))
             plan = replace(plan, missions=(led, plan.missions[1]) if tractor == 0 else (plan.missions[0], led))
     return plan
 
 
 METRES = st.floats(allow_nan=False, allow_infinity=False)
+PLACES = st.floats(-1e8, 1e8)
 PLAIN = st.recursive(
     st.none() | st.booleans() | st.integers() | METRES | st.text(max_size=5),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
@@ -55,14 +56,14 @@ PLAIN = st.recursive(
 
 
 @given(
-    plans(), st.none() | st.just("EPSG:32654"), st.tuples(METRES, METRES), st.dictionaries(st.text(max_size=5), PLAIN)
+    plans(), st.none() | st.just("EPSG:32654"), st.tuples(PLACES, PLACES), st.dictionaries(st.text(max_size=5), PLAIN)
 )
 def test_json_gives_everything_back(
     plan: Plan, crs: str | None, origin_m: tuple[float, float], scenario: dict[str, Any]
 ) -> None:
     check_plan(plan)
-    text = plan_to_json(plan, crs=crs, origin_m=origin_m, scenario=scenario)
-    saved = saved_from_json(text)
+    text = format_plan(plan, crs=crs, origin_m=origin_m, scenario=scenario)
+    saved = parse_saved_plan(text)
     assert (saved.crs, saved.origin_m, saved.scenario) == (crs, origin_m, scenario)
     again = saved.plan
     assert again.notes == plan.notes and again.tractors == plan.tractors
@@ -71,25 +72,26 @@ def test_json_gives_everything_back(
             assert a.points.tobytes() == b.points.tobytes()
             same = replace(a, points=b.points)
             assert all(getattr(same, one.name) == getattr(b, one.name) for one in fields(b) if one.name != "points")
-    assert plan_to_json(again, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario) == text
+    assert format_plan(again, crs=saved.crs, origin_m=saved.origin_m, scenario=saved.scenario) == text
 
 
 @pytest.fixture
 def data(build: Any) -> dict[str, Any]:
     """A saved plan of two tractors as an object."""
     two = [build.leg((0, 0), (0, 10)), build.leg((0, 10), (0, 20))]
-    saved: dict[str, Any] = json.loads(plan_to_json(build.plan(two, [build.leg((5, 0), (5, 10))])))
+    saved: dict[str, Any] = json.loads(format_plan(build.plan(two, [build.leg((5, 0), (5, 10))])))
     return saved
 
 
 def test_a_plan_without_a_place_is_in_local_metres(data: dict[str, Any]) -> None:
-    saved = saved_from_json(json.dumps(data))
+    saved = parse_saved_plan(json.dumps(data))
     assert replace(saved, plan=Plan(())) == SavedPlan(Plan(()), None, (0.0, 0.0), {})
 
 
 @pytest.mark.parametrize(("version", "sentence"), [
-    (VERSION + 1, f"saved in version {VERSION + 1} of the format, and this Headland reads up to {VERSION}; use"),
-    (None, "has no 'format_version', so it was saved before there was one or is no plan; save it again"),
+    (FORMAT_VERSION + 1,
+     f"has format version {FORMAT_VERSION + 1}, and this Headland reads versions up to {FORMAT_VERSION}; use"),
+    (None, "has no 'format_version', so it is not a saved plan; save it again"),
     (0, "format_version 0; it must be a whole number from 1"),
     ("1", "format_version '1'; it must be"),
     (True, "format_version True; it must be"),
@@ -97,14 +99,14 @@ def test_a_plan_without_a_place_is_in_local_metres(data: dict[str, Any]) -> None
 ])  # fmt: skip
 def test_another_version_is_refused(data: dict[str, Any], version: Any, sentence: str) -> None:
     with pytest.raises(MissionError, match=sentence) as refusal:
-        plan_from_json(json.dumps(data | {"format_version": version}))
+        parse_plan(json.dumps(data | {"format_version": version}))
     assert str(refusal.value).endswith(".") and "\n" not in str(refusal.value)
 
 
 def test_a_file_from_before_versions_is_refused(data: dict[str, Any]) -> None:
     del data["format_version"]
     with pytest.raises(MissionError, match="has no 'format_version'"):
-        plan_from_json(json.dumps(data))
+        parse_plan(json.dumps(data))
 
 
 @pytest.mark.parametrize(("text", "sentence"), [
@@ -117,38 +119,38 @@ def test_a_file_from_before_versions_is_refused(data: dict[str, Any]) -> None:
 ])  # fmt: skip
 def test_text_that_is_no_plan_is_refused(text: str, sentence: str) -> None:
     with pytest.raises(MissionError, match=sentence):
-        plan_from_json(text)
+        parse_plan(text)
 
 
 @pytest.mark.parametrize(("values", "sentence"), [
     ({"tractors": 3}, "The plan: tractors is 3, not a list"),
-    ({"tractors": []}, "at least one tractor"),
+    ({"tractors": []}, "needs at least one"),
     ({"tractors": [[]]}, "Tractor 0 has no legs"),
     ({"tractors": [[{"points_m": [[0, 0], [1, 2]]}]]}, "Tractor 0, leg 0 has no 'task'"),
     ({"tractors": [3]}, "tractor 0 is 3, not a list of legs"),
     ({"crs": 32654}, "crs is 32654, not a text"),
-    ({"origin_m": [1.0]}, "origin_m is .*, not two numbers of metres"),
-    ({"origin_m": [1, 2, 3]}, "origin_m is .*, not two numbers of metres"),
-    ({"origin_m": [1.0, math.nan]}, "origin_m is .*, not two numbers of metres"),
+    ({"origin_m": [1.0]}, "origin_m is .*; it must be two numbers of metres"),
+    ({"origin_m": [1, 2, 3]}, "origin_m is .*; it must be two numbers of metres"),
+    ({"origin_m": [1.0, math.nan]}, "origin_m is .*; it must be two numbers of metres"),
     ({"scenario": ["plan"]}, "scenario is .*, not an object"),
 ])  # fmt: skip
 def test_garbled_entries_are_refused(data: dict[str, Any], values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(MissionError, match=sentence):
-        plan_from_json(json.dumps(data | values))
+        parse_plan(json.dumps(data | values))
 
 
 @pytest.mark.parametrize("key", ["crs", "origin_m", "scenario", "notes", "tractors"])
 def test_a_missing_entry_is_named(data: dict[str, Any], key: str) -> None:
     del data[key]
     with pytest.raises(MissionError, match=f"The plan has no '{key}'"):
-        plan_from_json(json.dumps(data))
+        parse_plan(json.dumps(data))
 
 
 @pytest.mark.parametrize("key", ["points_m", "speed_mps", "gear", "implement", "ground", "task", "may_wait", "gates"])
 def test_a_missing_entry_of_a_leg_is_named(data: dict[str, Any], key: str) -> None:
     del data["tractors"][1][0][key]
     with pytest.raises(MissionError, match=f"Tractor 1, leg 0 has no '{key}'"):
-        plan_from_json(json.dumps(data))
+        parse_plan(json.dumps(data))
 
 
 @pytest.mark.parametrize(("values", "sentence"), [
@@ -162,8 +164,8 @@ def test_a_missing_entry_of_a_leg_is_named(data: dict[str, Any], key: str) -> No
     ({"speed_mps": "fast"}, "leg 1: speed_mps is 'fast', not a number."),
     ({"ground": ["soil"] * 99}, "leg 1: ground is ['soil', 'soil', 'soil', 'soil', 'soil',..., not a text."),
 ])  # fmt: skip
-def test_what_is_garbled_in_a_leg_is_named(data: dict[str, Any], values: dict[str, Any], sentence: str) -> None:
+def test_a_garbled_entry_of_a_leg_is_named(data: dict[str, Any], values: dict[str, Any], sentence: str) -> None:
     data["tractors"][0][1] |= values
     with pytest.raises(MissionError) as refusal:
-        plan_from_json(json.dumps(data))
+        parse_plan(json.dumps(data))
     assert str(refusal.value) == f"Tractor 0, {sentence}"

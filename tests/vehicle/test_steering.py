@@ -7,25 +7,32 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.calibration import identity_table
-from vehicle.steering import HOLD, SLEW, TRACK, ackermann, corrected_angle, steering_step
+from vehicle.control.steering import (
+    FOLLOW,
+    HOLD,
+    SLEW,
+    compute_ackermann_directions,
+    convert_to_base_angle,
+    step_steering_simulator,
+)
+from vehicle.sim.calibration import build_identity_table
 
 DT = 1.0 / 60.0
 DEG = math.radians(1.0)
 ANGLES = st.floats(-35.0, 35.0)
-STAGES = st.sampled_from([HOLD, TRACK, SLEW])
+STAGES = st.sampled_from([HOLD, FOLLOW, SLEW])
 WHEELBASE, TRACK_M = 2.4, 1.8
 
 
 def step(angle_deg: float, command_deg: float, stage: int, lag: float = 0.1) -> tuple[float, int]:
     """One step with the numbers of the thesis, in degrees."""
-    angle, stage = steering_step(
+    angle, stage = step_steering_simulator(
         angle_deg * DEG, command_deg * DEG, stage, DT, 0.1 * DEG, 5.0 * DEG, 16.0 * DEG, lag, 1.0
     )
     return math.degrees(angle), stage
 
 
-@pytest.mark.parametrize("stage", [HOLD, TRACK, SLEW])
+@pytest.mark.parametrize("stage", [HOLD, FOLLOW, SLEW])
 @pytest.mark.parametrize("gap", [0.0, 0.05, 0.0999, -0.0999])
 def test_inside_the_dead_band_the_wheels_hold(gap: float, stage: int) -> None:
     assert step(2.0, 2.0 + gap, stage) == (pytest.approx(2.0, abs=1e-12), HOLD)
@@ -39,7 +46,7 @@ def test_inside_the_dead_band_the_wheels_hold(gap: float, stage: int) -> None:
     (0.0, 4.9999, 4.9999 / 6),
 ])  # fmt: skip
 def test_small_gaps_are_followed_as_a_first_order_lag(angle: float, command: float, expected: float) -> None:
-    assert step(angle, command, HOLD) == (pytest.approx(expected, abs=1e-9), TRACK)
+    assert step(angle, command, HOLD) == (pytest.approx(expected, abs=1e-9), FOLLOW)
 
 
 @pytest.mark.parametrize(("angle", "command", "expected"), [
@@ -48,7 +55,7 @@ def test_small_gaps_are_followed_as_a_first_order_lag(angle: float, command: flo
     (0.0, -5.0001, -16.0 / 60),
     (35.0, -35.0, 35.0 - 16.0 / 60),
 ])  # fmt: skip
-@pytest.mark.parametrize("stage", [HOLD, TRACK])
+@pytest.mark.parametrize("stage", [HOLD, FOLLOW])
 def test_large_gaps_are_slewed_at_sixteen_degrees_a_second(
     angle: float, command: float, expected: float, stage: int
 ) -> None:
@@ -79,7 +86,7 @@ def test_a_step_of_three_degrees_decays_by_five_sixths_a_step() -> None:
         assert 3.0 - angle == pytest.approx(3.0 * (5 / 6) ** count, abs=1e-9)
     # 3 (5/6)^18 = 0.113 deg is outside the dead band and 3 (5/6)^19 = 0.094 deg inside.
     angle, stage = step(angle, 3.0, stage)
-    assert stage == TRACK
+    assert stage == FOLLOW
     assert step(angle, 3.0, stage) == (pytest.approx(angle, abs=1e-12), HOLD)
 
 
@@ -89,7 +96,7 @@ def test_slewing_ends_only_in_hold(commands: list[float], angle: float, stage: i
         for _ in range(5):
             before = stage
             angle, stage = step(angle, command, stage)
-            assert not (before == SLEW and stage == TRACK)
+            assert not (before == SLEW and stage == FOLLOW)
 
 
 @given(ANGLES, ANGLES, STAGES, st.floats(DT, 1.0))
@@ -114,7 +121,7 @@ def test_slewing_is_never_faster_than_its_rate(angle: float, command: float, sta
 
 def wheel_tangents(mean: float, base: float, track: float) -> tuple[float, float]:
     """Tangents of the left and the right wheel angle; cosine and sine of each must be of one angle."""
-    cos_left, sin_left, cos_right, sin_right = ackermann(math.tan(mean), 0.5 * track / base)
+    cos_left, sin_left, cos_right, sin_right = compute_ackermann_directions(math.tan(mean), 0.5 * track / base)
     assert (math.hypot(cos_left, sin_left), math.hypot(cos_right, sin_right)) == pytest.approx((1.0, 1.0), abs=1e-15)
     return sin_left / cos_left, sin_right / cos_right
 
@@ -134,7 +141,7 @@ def test_the_right_wheel_is_the_inner_one_of_a_right_turn() -> None:
     # 2.4 / tan 30 = 4.15692 m; 2.4 / (4.15692 + 0.9) and 2.4 / (4.15692 - 0.9)
     assert left == pytest.approx(0.474597, abs=1e-6)
     assert right == pytest.approx(0.736892, abs=1e-6)
-    assert ackermann(0.0, 0.375) == (1.0, 0.0, 1.0, 0.0)
+    assert compute_ackermann_directions(0.0, 0.375) == (1.0, 0.0, 1.0, 0.0)
 
 
 @given(st.one_of(st.floats(-50.0, -0.5), st.floats(0.5, 50.0)), st.floats(1.5, 4.0), st.floats(1.0, 2.5))
@@ -155,10 +162,10 @@ def test_both_front_wheels_roll_about_one_point_of_the_rear_axle_line(
 def test_the_table_is_read_by_linear_interpolation(values: list[float], angle: float) -> None:
     table, limit = np.array(values), 0.6
     expected = np.interp(angle, np.linspace(-limit, limit, len(table)), table)
-    assert corrected_angle(angle, table, limit) == pytest.approx(expected, abs=1e-12)
+    assert convert_to_base_angle(angle, table, limit) == pytest.approx(expected, abs=1e-12)
 
 
 @given(ANGLES)
 def test_the_identity_table_changes_nothing(angle_deg: float) -> None:
-    table = identity_table(35.0)
-    assert corrected_angle(angle_deg * DEG, table, 35 * DEG) == pytest.approx(angle_deg * DEG, abs=1e-12)
+    table = build_identity_table(35.0)
+    assert convert_to_base_angle(angle_deg * DEG, table, 35 * DEG) == pytest.approx(angle_deg * DEG, abs=1e-12)

@@ -8,18 +8,25 @@ import numpy.typing as npt
 import pytest
 from shapely import LineString, Point
 
-from vehicle.missions import Plan
-from vehicle.run import Run
-from vehicle.tractor import Guidance, Implement, Steering, Tractor, load_tractor, tractor_names
-from vehicle.world import World, simulate
+from vehicle.missions.plan import Plan
+from vehicle.missions.run import SimulationRun
+from vehicle.model.tractor import (
+    GuidanceParameters,
+    Implement,
+    SteeringParameters,
+    Tractor,
+    list_tractor_names,
+    load_tractor,
+)
+from vehicle.sim.world import World, simulate
 
 SPEED = 5.0 / 3.6
 # Eq. 2.8 switched off: the wheels stand at the command one step later.
-IMMEDIATE = Steering(dead_band_deg=0.0, switch_deg=180.0, rate_deg_per_s=1e4, lag_s=1.0 / 60.0)
+IMMEDIATE = SteeringParameters(dead_band_deg=0.0, switch_deg=180.0, rate_deg_per_s=1e4, lag_s=1.0 / 60.0)
 
 
-def offset_run(tractor: Tractor, plan: Plan, offset: float, turn_deg: float = 0.0) -> Run:
-    """The plan with its first tractor put aside (m, to its left) and turned (clockwise) at the start."""
+def offset_run(tractor: Tractor, plan: Plan, offset: float, turn_deg: float = 0.0) -> SimulationRun:
+    """The plan with its first tractor moved to its left (m) and turned clockwise at the start."""
     world = World(plan, tractor, Implement())
     body = world.bodies[0]
     left = body.angle + 0.5 * math.pi
@@ -32,9 +39,9 @@ def peak_to_peak_deg(record: npt.NDArray[np.float64]) -> float:
     return float(np.degrees(np.ptp(record[:, 3])))
 
 
-@pytest.mark.parametrize("name", tractor_names())
+@pytest.mark.parametrize("name", list_tractor_names())
 @pytest.mark.parametrize("bearing_deg", [0.0, 90.0, 203.0])
-def test_a_straight_line_is_kept_to_the_centimetre(build: Any, name: str, bearing_deg: float) -> None:
+def test_a_straight_line_is_driven_to_the_centimetre(build: Any, name: str, bearing_deg: float) -> None:
     end = 100.0 * np.array([math.sin(math.radians(bearing_deg)), math.cos(math.radians(bearing_deg))])
     plan = build.plan([build.leg((0, 0), end, kind="track")])
     run = offset_run(load_tractor(name), plan, 0.3, 2.0)
@@ -71,10 +78,13 @@ def test_a_step_of_one_metre(build: Any, eg105: Tractor, offset: float, kind: st
 @pytest.mark.parametrize("offset", [1.5, -2.5])
 def test_larger_steps_converge_thanks_to_the_lateral_limit(build: Any, eg105: Tractor, offset: float) -> None:
     plan = build.plan([build.leg((0, 0), (0, 120), kind="track")])
-    far = lambda run: np.abs(run.record[run.record[:, 0, 1] > 80.0, 0, 0]).max()  # noqa: E731
-    assert far(offset_run(eg105, plan, offset)) < 0.01
-    plain = eg105.model_copy(update={"guidance": Guidance(lateral_limit_m=100.0)})
-    assert far(offset_run(plain, plan, offset)) > 0.1, "Eq. 2.5 as printed weaves on"
+
+    def measure_error_m(run: SimulationRun) -> float:
+        return float(np.abs(run.record[run.record[:, 0, 1] > 80.0, 0, 0]).max())
+
+    assert measure_error_m(offset_run(eg105, plan, offset)) < 0.01
+    plain = eg105.model_copy(update={"guidance": GuidanceParameters(lateral_limit_m=100.0)})
+    assert measure_error_m(offset_run(plain, plan, offset)) > 0.1, "Eq. 2.5 as printed weaves on"
 
 
 @pytest.mark.parametrize("side", [1, -1])

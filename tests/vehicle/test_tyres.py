@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vehicle.compile import compile_grounds
 from vehicle.errors import VehicleError
-from vehicle.ground import GROUNDS, ground_index, ground_names
-from vehicle.tyres import CREEP_MPS, side_resistance
+from vehicle.model.ground import GROUNDS, find_ground_index, list_ground_names
+from vehicle.sim.compile import build_ground_records
+from vehicle.sim.dynamics import CREEP_MPS, compute_side_resistance
 
 SPEEDS = st.floats(-6.0, 6.0)
 SIDEWAYS = st.floats(-3.0, 3.0)
@@ -21,7 +21,7 @@ LIMITS = st.floats(0.01, 0.5)
 def side_friction(slip: float, slope: float, limit: float, speed: float = 1.0) -> float:
     """Side force per load of a wheel that rolls at a speed and slips by an angle."""
     sliding = speed * math.tan(slip)
-    return -side_resistance(speed, sliding, slope, limit) * sliding
+    return -compute_side_resistance(speed, sliding, slope, limit) * sliding
 
 
 @pytest.mark.parametrize(("slope_per_deg", "slip_deg", "expected"), [
@@ -44,10 +44,10 @@ def test_side_friction_by_hand(slope_per_deg: float, slip_deg: float, expected: 
 def test_side_friction_is_capped_and_against_the_sliding(
     forward: float, sideways: float, slope: float, limit: float
 ) -> None:
-    resistance = side_resistance(forward, sideways, slope, limit)
+    resistance = compute_side_resistance(forward, sideways, slope, limit)
     assert resistance > 0.0
-    assert resistance == side_resistance(forward, -sideways, slope, limit)
-    assert resistance == side_resistance(-forward, sideways, slope, limit)
+    assert resistance == compute_side_resistance(forward, -sideways, slope, limit)
+    assert resistance == compute_side_resistance(-forward, sideways, slope, limit)
     slip = min(math.atan(abs(sideways) / max(abs(forward), CREEP_MPS)), limit)
     assert resistance * abs(sideways) == pytest.approx(slope * slip, rel=1e-14, abs=1e-300)
 
@@ -61,19 +61,19 @@ def test_side_friction_is_capped_and_against_the_sliding(
 ])  # fmt: skip
 def test_slip_by_hand(forward: float, sideways: float, slip_deg: float) -> None:
     """Below the creep a wheel slips as if it rolled that fast."""
-    found = side_resistance(forward, sideways, 1.0, math.pi) * abs(sideways)
+    found = compute_side_resistance(forward, sideways, 1.0, math.pi) * abs(sideways)
     assert math.degrees(found) == pytest.approx(slip_deg, abs=1e-9)
 
 
 @given(SPEEDS, SLOPES, LIMITS)
 def test_resistance_at_no_slip_is_the_derivative_of_the_friction(forward: float, slope: float, limit: float) -> None:
     h = 1e-7
-    before, after = (-side_resistance(forward, side, slope, limit) * side for side in (-h, h))
-    assert side_resistance(forward, 0.0, slope, limit) == pytest.approx((before - after) / (2 * h), rel=1e-6)
+    before, after = (-compute_side_resistance(forward, side, slope, limit) * side for side in (-h, h))
+    assert compute_side_resistance(forward, 0.0, slope, limit) == pytest.approx((before - after) / (2 * h), rel=1e-6)
 
 
-def test_compiled_grounds_keep_the_forces_of_the_grounds() -> None:
-    rows = compile_grounds()
+def test_compiled_grounds_have_the_forces_of_the_grounds() -> None:
+    rows = build_ground_records()
     assert len(rows) == len(GROUNDS)
     for row, ground in zip(rows, GROUNDS, strict=True):
         for axle in ("front", "rear"):
@@ -85,6 +85,6 @@ def test_compiled_grounds_keep_the_forces_of_the_grounds() -> None:
 
 
 def test_grounds_are_found_by_name_and_unknown_ones_refused() -> None:
-    assert [ground_index(name) for name in ground_names()] == list(range(len(GROUNDS)))
+    assert [find_ground_index(name) for name in list_ground_names()] == list(range(len(GROUNDS)))
     with pytest.raises(VehicleError, match="'ice' is unknown; use one of: asphalt, soil"):
-        ground_index("ice")
+        find_ground_index("ice")

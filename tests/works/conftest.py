@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.works.example import COLUMNS, records
+from planner.task_logs.example_logs import DDI_COLUMNS, encode_records
 from tests.fields.farm_files import METRE_EAST, METRE_NORTH, place
 
 WIDTH_M, WORK_MPS, TURN_MPS = 6.0, 2.0, 1.0
 TRACK_M, STOP_S, TURN_S = 100, 20, 10
 TRACKS = 3
 
-_NAMED = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in COLUMNS)
+_NAMED = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
 HEADER = f'<TIM A="" D="4"><PTN A="" B="" D=""/>{_NAMED}</TIM>'
 
 
@@ -68,7 +68,7 @@ def values(time_s: np.ndarray, xy: np.ndarray, works: np.ndarray) -> np.ndarray:
 def binary() -> bytes:
     """The drive as a binary time log."""
     time_s, xy, works = drive()
-    return records(time_s, lonlat(xy), values(time_s, xy, works))
+    return encode_records(time_s, lonlat(xy), values(time_s, xy, works))
 
 
 def main_file(logs: str = '<TLG A="TLG00001"/>') -> str:

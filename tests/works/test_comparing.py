@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from dataclasses import replace
@@ -11,47 +12,51 @@ import numpy as np
 import pytest
 import shapely
 
-from planner.errors import ScenarioError
-from planner.planning import plan
-from planner.saving import saved_plan
-from planner.scenario import Scenario
-from planner.works.comparing import compare
-from planner.works.example import PACE, Example, example
-from planner.works.ground import ground
-from planner.works.importing import imported
-from planner.works.metres import course_deg
-from planner.works.record import Driven
-from reports.work_compare import comparison_json, comparison_page, comparison_table, rows
-from reports.work_results import STANDING, TURNING, WORKING, Comparison
+from planner.errors import RequestError
+from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.pipeline.planning import plan
+from planner.request.plan_request import PlanRequest
+from planner.task_logs.example_logs import EXAMPLE_PACE, ExampleTaskData, simulate_task_data
+from planner.task_logs.log_import import import_runs
+from planner.task_logs.plan_comparison import compare_plan_with_runs
+from planner.task_logs.runs.run_records import ProjectedRun, compute_course_deg
+from planner.task_logs.runs.worked_ground import measure_coverage
+from reports.task_logs.plan_comparison import (
+    build_comparison_table,
+    format_comparison_json,
+    list_comparison_rows,
+    render_comparison_page,
+)
+from reports.task_logs.run_results import STANDING, TURNING, WORKING, PlanComparison
 from tests.fields.farm_files import place
 
 WIDTH_M = 6.0
 
 
-def straight(*xs: float) -> Driven:
+def straight(*xs: float) -> ProjectedRun:
     """Tracks of 100 m to the north at these eastings, off work between them; 1 m a second."""
     xy = np.concatenate([np.column_stack([np.full(101, x), np.arange(101.0)]) for x in xs])
     works = np.tile(np.append(np.ones(100, dtype=bool), False), len(xs))
     time_s = np.arange(float(len(xy)))
-    return Driven("by hand", "CSV", "EPSG:32633", time_s, xy, np.zeros(len(xy)), np.ones(len(xy)), works)
+    return ProjectedRun("by hand", "CSV", "EPSG:32633", time_s, xy, np.zeros(len(xy)), np.ones(len(xy)), works)
 
 
 def test_ground_by_hand() -> None:
     field = shapely.box(0.0, 0.0, 30.0, 100.0)
     # 6 m wide at 3, 8 and 17: 0 to 6, 5 to 11 and 14 to 20 m; 1 m twice, 3 and 10 m not at all.
-    found = ground([straight(3.0, 8.0), straight(17.0)], field, WIDTH_M, 0.0)
+    found = measure_coverage([straight(3.0, 8.0), straight(17.0)], field, WIDTH_M, 0.0)
     assert found.worked_m2 == pytest.approx(1700.0, abs=1.0)
     assert found.overlap_m2 == pytest.approx(100.0, abs=1.0)
     assert found.missed_m2 == pytest.approx(1300.0, abs=1.0)
-    assert [round(shapely.Polygon(ring).area) for ring in found.missed] == [1000, 300]
-    assert shapely.union_all([shapely.Polygon(ring) for ring in found.again]).area == pytest.approx(100.0, abs=1.0)
+    assert [round(shapely.Polygon(ring).area) for ring in found.unworked] == [1000, 300]
+    assert shapely.union_all([shapely.Polygon(ring) for ring in found.overlaps]).area == pytest.approx(100.0, abs=1.0)
 
 
 def test_the_tool_is_behind_the_antenna() -> None:
     field = shapely.box(0.0, -50.0, 6.0, 150.0)
-    found = ground([straight(3.0)], field, WIDTH_M, 2.0)
+    found = measure_coverage([straight(3.0)], field, WIDTH_M, 2.0)
     assert found.worked_m2 == pytest.approx(600.0, abs=1.0)
-    missed = sorted((shapely.Polygon(ring).bounds for ring in found.missed), key=lambda bounds: bounds[1])
+    missed = sorted((shapely.Polygon(ring).bounds for ring in found.unworked), key=lambda bounds: bounds[1])
     assert missed[0][3] == pytest.approx(-2.0, abs=0.01) and missed[1][1] == pytest.approx(98.0, abs=0.01)
 
 
@@ -60,90 +65,95 @@ def test_standing_adds_no_ground() -> None:
     stands = np.random.default_rng(1).normal(0.0, 0.4, (60, 2)) + np.array([3.0, 50.0])
     xy = np.concatenate([run.xy[:50], stands, run.xy[50:]])
     speed = np.concatenate([np.ones(50), np.zeros(60), np.ones(51)])
-    works = np.concatenate([run.works[:50], np.ones(60, dtype=bool), run.works[50:]])
+    works = np.concatenate([run.is_working[:50], np.ones(60, dtype=bool), run.is_working[50:]])
     jittered = replace(
-        run, xy=xy, speed_mps=speed, works=works, heading_deg=course_deg(xy), time_s=np.arange(float(len(xy)))
+        run,
+        xy=xy,
+        speed_mps=speed,
+        is_working=works,
+        heading_deg=compute_course_deg(xy),
+        time_s=np.arange(float(len(xy))),
     )
-    assert ground([jittered], shapely.box(0, 0, 6, 100), WIDTH_M, 0.0).overlap_m2 < 8.0
+    assert measure_coverage([jittered], shapely.box(0, 0, 6, 100), WIDTH_M, 0.0).overlap_m2 < 8.0
 
 
 @pytest.fixture(scope="module")
-def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Example]:
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, ExampleTaskData]:
     """A plan for two tractors, runs that were imported of its example, and the truth of that."""
     folder = tmp_path_factory.mktemp("plan")
     corners = [(0, 0), (60, 0), (60, 120), (0, 120), (0, 0)]
     ring = [list(reversed(place(*corner))) for corner in corners]
     (folder / "field.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    scenario = Scenario(
-        field=str(folder / "field.geojson"), width_m=WIDTH_M, tractors=(2,), strategies=("split-field",), draws=0
+    scenario = PlanRequest(
+        field=str(folder / "field.geojson"), width_m=WIDTH_M, tractors=(2,), strategies=("split-field",), samples=0
     )
     found = plan(scenario)
     assert found.run is not None
-    (folder / "plan.json").write_text(saved_plan(found.site, found.run.plan))
-    made = example(folder / "plan.json", seed=4)
+    (folder / "plan.json").write_text(write_saved_plan(found.context, found.run.plan))
+    made = simulate_task_data(folder / "plan.json", seed=4)
     (folder / "TASKDATA").mkdir()
     for name, content in made.files.items():
         (folder / "TASKDATA" / name).write_bytes(content)
     (folder / "runs").mkdir()
-    for name, text in imported([str(folder / "TASKDATA")]).files.items():
+    for name, text in import_runs([str(folder / "TASKDATA")]).files.items():
         (folder / "runs" / name).write_text(text)
     return folder / "plan.json", folder / "runs", made
 
 
 @pytest.fixture(scope="module")
-def found(driven: tuple[Path, Path, Example]) -> Comparison:
-    return compare(driven[0], [driven[1]])
+def found(driven: tuple[Path, Path, ExampleTaskData]) -> PlanComparison:
+    return compare_plan_with_runs(driven[0], [driven[1]])
 
 
-def test_the_truth_of_the_example_comes_back(driven: tuple[Path, Path, Example], found: Comparison) -> None:
+def test_the_truth_of_the_example_comes_back(driven: tuple[Path, Path, ExampleTaskData], found: PlanComparison) -> None:
     stops = [seconds for truth in driven[2].truths for seconds in truth.stops_s]
-    assert len(stops) >= 2 and found.driven.machines == 2
-    a, b = found.planned.figures, found.driven.figures
+    assert len(stops) >= 2 and found.as_driven.machines == 2
+    a, b = found.planned.figures, found.as_driven.figures
     assert b.stops == len(stops)
     assert b.by_kind_s[STANDING] == pytest.approx(sum(stops), abs=1.0 * len(stops))
-    assert b.working_mps == pytest.approx(PACE * (a.working_mps or 0.0), rel=0.01)
-    assert b.by_kind_s[WORKING] == pytest.approx(a.by_kind_s[WORKING] / PACE, rel=0.02)
-    assert b.by_kind_s[TURNING] == pytest.approx(a.by_kind_s[TURNING] / PACE, rel=0.05)
+    assert b.working_mps == pytest.approx(EXAMPLE_PACE * (a.working_mps or 0.0), rel=0.01)
+    assert b.by_kind_s[WORKING] == pytest.approx(a.by_kind_s[WORKING] / EXAMPLE_PACE, rel=0.02)
+    assert b.by_kind_s[TURNING] == pytest.approx(a.by_kind_s[TURNING] / EXAMPLE_PACE, rel=0.05)
     assert (a.turns, a.lifts) == (b.turns, b.lifts)
     assert b.active_m == pytest.approx(a.active_m, rel=0.005)
 
 
-def test_ground_is_the_same_where_the_same_lines_were_driven(found: Comparison) -> None:
-    a, b = found.planned.ground, found.driven.ground
+def test_ground_is_the_same_where_the_same_lines_were_driven(found: PlanComparison) -> None:
+    a, b = found.planned.ground, found.as_driven.ground
     assert a is not None and b is not None and found.field_m2 == pytest.approx(7200.0, rel=2e-3)
     assert a.worked_m2 + a.missed_m2 == pytest.approx(found.field_m2)
     # Once a second a track begins and ends up to 1.25 m late or early: 0.5 m in the mean, 6 m wide, 40 times.
-    assert b.worked_m2 == pytest.approx(a.worked_m2, abs=0.5 * WIDTH_M * 2 * (found.driven.figures.lifts or 0))
+    assert b.worked_m2 == pytest.approx(a.worked_m2, abs=0.5 * WIDTH_M * 2 * (found.as_driven.figures.lifts or 0))
 
 
-def test_differences_add_up(found: Comparison) -> None:
-    whole = found.driven.figures.seconds - found.planned.figures.seconds
+def test_differences_add_up(found: PlanComparison) -> None:
+    whole = found.as_driven.figures.seconds - found.planned.figures.seconds
     assert sum(one.seconds for one in found.differences) == pytest.approx(whole, abs=5.0)
     sizes = [abs(one.seconds) for one in found.differences]
     assert sizes == sorted(sizes, reverse=True)
     (slower,) = (one for one in found.differences if one.words.startswith("at work "))
     kmh = [float(word) for word in re.findall(r"[\d.]+(?= km/h)", slower.words)]
-    assert kmh[0] == pytest.approx(PACE * kmh[1], abs=0.1)
+    assert kmh[0] == pytest.approx(EXAMPLE_PACE * kmh[1], abs=0.1)
     # As much longer as the pace says, of all that was planned at work.
     planned_s = found.planned.figures.by_kind_s[WORKING]
-    assert slower.seconds == pytest.approx(planned_s * (1.0 / PACE - 1.0), rel=0.1)
+    assert slower.seconds == pytest.approx(planned_s * (1.0 / EXAMPLE_PACE - 1.0), rel=0.1)
 
 
-def test_table_page_and_json_tell_the_same(found: Comparison) -> None:
+def test_table_page_and_json_tell_the_same(found: PlanComparison) -> None:
     from rich.console import Console
 
-    console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115 - closed with the console
-    console.print(comparison_table(found))
-    text, page, told = console.export_text(), comparison_page(found), json.loads(comparison_json(found))
+    console = Console(width=80, record=True, file=io.StringIO())
+    console.print(build_comparison_table(found))
+    text, page, told = console.export_text(), render_comparison_page(found), json.loads(format_comparison_json(found))
     console.file.close()
-    for what, planned, driven, _ in rows(found):
+    for what, planned, driven, _ in list_comparison_rows(found):
         assert what in text and planned in text and driven in text
         assert f"<td>{planned}</td><td>{driven}</td>" in page
-    assert told["driven"]["stops"] == found.driven.figures.stops
+    assert told["driven"]["stops"] == found.as_driven.figures.stops
     assert told["planned"]["ground"]["worked_m2"] == pytest.approx(found.planned.ground.worked_m2)  # type: ignore[union-attr]
 
 
-def test_runs_of_other_fields_are_left_out(driven: tuple[Path, Path, Example], tmp_path: Path) -> None:
+def test_runs_of_other_fields_are_left_out(driven: tuple[Path, Path, ExampleTaskData], tmp_path: Path) -> None:
     plan_file, runs, _ = driven
     for path in runs.iterdir():
         text = path.read_text()
@@ -151,24 +161,26 @@ def test_runs_of_other_fields_are_left_out(driven: tuple[Path, Path, Example], t
             told = json.loads(text)
             text = json.dumps(told | {"crs": "EPSG:32634"})
         (tmp_path / path.name).write_text(text)
-    with pytest.raises(ScenarioError, match="None of the 2 runs lies in the field"):
-        compare(plan_file, [tmp_path])
-    both = compare(plan_file, [runs, tmp_path])
-    assert both.driven.machines == 2 and both.notes[0] == "2 runs in other places left out."
+    with pytest.raises(RequestError, match="None of 2 runs is in the field"):
+        compare_plan_with_runs(plan_file, [tmp_path])
+    both = compare_plan_with_runs(plan_file, [runs, tmp_path])
+    assert both.as_driven.machines == 2 and both.notes[0] == "2 runs in other places skipped."
 
 
-def test_runs_without_a_work_state_compare_what_they_know(driven: tuple[Path, Path, Example], tmp_path: Path) -> None:
+def test_runs_without_a_work_state_compare_what_they_know(
+    driven: tuple[Path, Path, ExampleTaskData], tmp_path: Path
+) -> None:
     plan_file, runs, made = driven
     for path in runs.iterdir():
         text = path.read_text()
         if path.suffix == ".csv":
             text = "\n".join(line.rpartition(",")[0] for line in text.splitlines())
         (tmp_path / path.name).write_text(text)
-    found = compare(plan_file, [tmp_path])
-    assert found.driven.ground is None and found.driven.work == ()
+    found = compare_plan_with_runs(plan_file, [tmp_path])
+    assert found.as_driven.ground is None and found.as_driven.work_lines == ()
     assert {one.what for one in found.differences} == {"moving", STANDING}
-    told = {row[0] for row in rows(found)}
+    told = {row[0] for row in list_comparison_rows(found)}
     assert "moving" in told and not told & {WORKING, TURNING, "worked, ha"}
-    assert "Not every run says when the implement worked, so ground and work are not compared." in found.notes
+    assert "Some runs have no work state, so ground and work are not compared." in found.notes
     stops = sum(seconds for truth in made.truths for seconds in truth.stops_s)
-    assert found.driven.figures.stops_s == pytest.approx(stops, rel=0.1)
+    assert found.as_driven.figures.stops_s == pytest.approx(stops, rel=0.1)

@@ -14,12 +14,11 @@ import pytest
 import shapely
 
 from fields.errors import HeadlandError
-from planner.works.files import read_run
-from planner.works.forms.tlg import read_time_log
-from planner.works.importing import imported
-from planner.works.metres import driven
-from planner.works.reading import read_runs
-from planner.works.summary import summary
+from planner.task_logs.formats.isoxml_logs import parse_time_log
+from planner.task_logs.log_import import import_runs, read_task_logs
+from planner.task_logs.runs.phases import summarise_run
+from planner.task_logs.runs.run_files import load_imported_run
+from planner.task_logs.runs.run_records import project_run
 from tests.fields.farm_files import agopengps
 from tests.fields.test_fuzz_forms import damaged
 from tests.works.conftest import HEADER, binary, main_file
@@ -98,8 +97,8 @@ def test_binary_time_logs(stick: Path) -> None:
 
     def read(number: int) -> None:
         (stick / "TLG00001.bin").write_bytes(damaged_bytes(whole, draw, places))
-        for run in read_runs(str(stick)).runs:
-            told = summary(driven(run))
+        for run in read_task_logs(str(stick)).runs:
+            told = summarise_run(project_run(run))
             assert np.isfinite([told.seconds, told.placed_m, *told.by_kind_s.values()]).all()
             assert sum(told.by_kind_s.values()) == pytest.approx(told.seconds)
 
@@ -108,7 +107,7 @@ def test_binary_time_logs(stick: Path) -> None:
 
 def test_headers_of_time_logs() -> None:
     draw, whole = random.Random(20264), binary()[:2000]
-    survey(lambda number: read_time_log(damaged(HEADER, draw).encode(errors="replace"), whole, "x"))
+    survey(lambda number: parse_time_log(damaged(HEADER, draw).encode(errors="replace"), whole, "x"))
 
 
 def test_task_files(stick: Path) -> None:
@@ -118,7 +117,7 @@ def test_task_files(stick: Path) -> None:
 
     def read(number: int) -> None:
         (stick / "TASKDATA.XML").write_text(damaged(whole, draw), errors="replace")
-        imported([str(stick)])
+        import_runs([str(stick)])
 
     survey(read)
 
@@ -131,8 +130,8 @@ def test_shapefiles_of_points(place: Path, ending: str) -> None:
 
     def read(number: int) -> None:
         path.write_bytes(damaged_bytes(whole, draw, places))
-        for run in read_runs(str(path.with_suffix(".shp"))).runs:
-            summary(driven(run))
+        for run in read_task_logs(str(path.with_suffix(".shp"))).runs:
+            summarise_run(project_run(run))
 
     survey(read, CASES // 2)
 
@@ -143,8 +142,8 @@ def test_recorded_paths(place: Path) -> None:
 
     def read(number: int) -> None:
         (folder / "RecPath.txt").write_text(damaged(whole, draw))
-        for run in read_runs(str(folder)).runs:
-            summary(driven(run))
+        for run in read_task_logs(str(folder)).runs:
+            summarise_run(project_run(run))
 
     survey(read)
 
@@ -163,7 +162,7 @@ def test_csv_files_and_mappings(place: Path) -> None:
             mapping.write_text(damaged(MAPPING, draw))
         if number == CASES // 2:
             log.write_text(lines)
-        read_runs(str(log), str(mapping))
+        read_task_logs(str(log), str(mapping))
 
     survey(read)
 
@@ -172,7 +171,7 @@ def test_files_of_runs(stick: Path, place: Path) -> None:
     draw = random.Random(20269)
     data = binary()
     (stick / "TLG00001.bin").write_bytes(data[: starts(data)[5 * ROWS]])
-    (log, text), (about, told) = sorted(imported([str(stick)]).files.items())
+    (log, text), (about, told) = sorted(import_runs([str(stick)]).files.items())
     lines = "\n".join(text.split("\n")[:30])
 
     (place / about).write_text(told)
@@ -184,8 +183,8 @@ def test_files_of_runs(stick: Path, place: Path) -> None:
             (place / about).write_text(damaged(told, draw))
         if number == CASES // 2:
             (place / log).write_text(lines)
-        run = read_run(place / log)
-        summary(run)
+        run = load_imported_run(place / log)
+        summarise_run(run)
         assert run.outline is None or isinstance(run.outline, shapely.Polygon)
 
     survey(read)

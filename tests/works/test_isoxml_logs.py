@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from fields.errors import HeadlandError
-from planner.works.example import COLUMNS, GOOD_FIX, records
-from planner.works.files import read_run
-from planner.works.forms.tlg import moment, read_time_log
-from planner.works.importing import imported
-from planner.works.metres import course_deg, driven
-from planner.works.phases import phases
-from planner.works.reading import read_runs
-from planner.works.summary import summary
-from reports.work_results import STANDING, TURNING, WORKING
+from planner.task_logs.example_logs import DDI_COLUMNS, FIX_QUALITY, encode_records
+from planner.task_logs.formats.isoxml_logs import format_isoxml_time, parse_time_log
+from planner.task_logs.log_import import import_runs, read_task_logs
+from planner.task_logs.runs.phases import classify_phases, summarise_run
+from planner.task_logs.runs.run_files import load_imported_run
+from planner.task_logs.runs.run_records import compute_course_deg, project_run
+from reports.task_logs.run_results import STANDING, TURNING, WORKING
 from tests.works.conftest import (
     HEADER,
     STOP_S,
@@ -31,25 +29,25 @@ from tests.works.conftest import (
     main_file,
     values,
 )
-from vehicle.measured.errors import LogError
-from vehicle.measured.logs.reading import read_log
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.reader import read_log
 
 
 def test_a_drive_comes_back(taskdata: Path) -> None:
-    found = read_runs(str(taskdata))
+    found = read_task_logs(str(taskdata))
     (run,) = found.runs
     assert found.notes == ()
     time_s, xy, works = drive()
     assert (run.name, run.field, run.start, run.width_m) == ("TLG00001", "Long acre", "2026-05-04T08:00:00", WIDTH_M)
     assert run.outline_m2 == 3300.0 and len(run.outline[0]) in (4, 5)
     np.testing.assert_array_equal(run.time_s, time_s)
-    np.testing.assert_array_equal(run.works, works)
+    np.testing.assert_array_equal(run.is_working, works)
     np.testing.assert_allclose(run.lonlat, lonlat(xy), atol=1e-7)
 
 
 def test_figures_by_hand(taskdata: Path) -> None:
-    run = driven(read_runs(str(taskdata)).runs[0])
-    what, done = summary(run), phases(run)
+    run = project_run(read_task_logs(str(taskdata)).runs[0])
+    what, done = summarise_run(run), classify_phases(run)
     track_s = TRACK_M / WORK_MPS
     assert what.seconds == TRACKS * track_s + STOP_S + (TRACKS - 1) * TURN_S
     assert what.by_kind_s[STANDING] == what.stops_s == STOP_S and what.stops == 1
@@ -63,13 +61,13 @@ def test_figures_by_hand(taskdata: Path) -> None:
     assert what.working_mps == pytest.approx(WORK_MPS, abs=1e-3)
     for turn in done.turns:
         assert turn.bend_deg == pytest.approx(180.0, abs=1.0)
-        assert turn.apart_m == pytest.approx(WIDTH_M, abs=0.05)
+        assert turn.offset_m == pytest.approx(WIDTH_M, abs=0.05)
 
 
 def test_course_over_ground() -> None:
     xy = np.array([[0.0, 0.0], [0.0, 0.1], [0.0, 1.0], [1.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]])
-    np.testing.assert_allclose(course_deg(xy), [0.0, 0.0, 90.0, 180.0, 180.0, 270.0, 270.0])
-    assert (course_deg(np.zeros((3, 2))) == 0.0).all()
+    np.testing.assert_allclose(compute_course_deg(xy), [0.0, 0.0, 90.0, 180.0, 180.0, 270.0, 270.0])
+    assert (compute_course_deg(np.zeros((3, 2))) == 0.0).all()
 
 
 def test_a_log_cut_off_anywhere_keeps_what_is_whole() -> None:
@@ -80,7 +78,7 @@ def test_a_log_cut_off_anywhere_keeps_what_is_whole() -> None:
         place += 16 + 5 * whole[place + 15]
         ends.append(place)
     for size in range(len(whole) + 1):
-        log = read_time_log(HEADER.encode(), whole[:size], "TLG00001")
+        log = parse_time_log(HEADER.encode(), whole[:size], "TLG00001")
         expected = sum(end <= size for end in ends[1:])
         assert len(log.time_s) == expected and log.lost_bytes == size - ends[expected]
         counts.append(len(log.time_s))
@@ -88,9 +86,9 @@ def test_a_log_cut_off_anywhere_keeps_what_is_whole() -> None:
 
 
 def test_a_log_out_of_step_ends_there() -> None:
-    head = struct.pack("<IHiiB", 0, 16_000, 480_000_000, 150_000_000, GOOD_FIX)
-    good, bad = head + b"\x01" + struct.pack("<Bi", 0, 7), head + b"\x01" + struct.pack("<Bi", len(COLUMNS), 7)
-    log = read_time_log(HEADER.encode(), good + bad + good, "x")
+    head = struct.pack("<IHiiB", 0, 16_000, 480_000_000, 150_000_000, FIX_QUALITY)
+    good, bad = head + b"\x01" + struct.pack("<Bi", 0, 7), head + b"\x01" + struct.pack("<Bi", len(DDI_COLUMNS), 7)
+    log = parse_time_log(HEADER.encode(), good + bad + good, "x")
     assert len(log.time_s) == 1 and log.lost_bytes == len(bad + good)
 
 
@@ -98,11 +96,11 @@ def test_the_cut_is_told_and_the_rest_of_the_task_read(taskdata: Path) -> None:
     (taskdata / "TASKDATA.XML").write_text(main_file('<TLG A="TLG00001"/><TLG A="TLG00002"/><TLG A="TLG00003"/>'))
     (taskdata / "TLG00002.xml").write_text(HEADER)
     (taskdata / "TLG00002.bin").write_bytes(binary()[:-3])
-    found = imported([str(taskdata)])
+    found = import_runs([str(taskdata)])
     assert [run.name for run in found.runs] == ["TLG00001", "TLG00002"]
     rows = len(drive()[0]) - 1
-    assert any(f"behind {rows} records make no whole record" in note for note in found.runs[1].notes)
-    assert found.notes == ("TLG00003 is left out: TLG00003.xml is not in the folder; copy it whole.",)
+    assert any(f"after {rows} records skipped: not a complete record" in note for note in found.runs[1].notes)
+    assert found.notes == ("TLG00003 is skipped: TLG00003.xml is missing in the folder; copy the whole folder.",)
 
 
 def test_zips_and_capitals(taskdata: Path, tmp_path: Path) -> None:
@@ -111,7 +109,7 @@ def test_zips_and_capitals(taskdata: Path, tmp_path: Path) -> None:
         archive.write(taskdata / "TASKDATA.XML", "USB/TASKDATA/taskdata.xml")
         archive.write(taskdata / "TLG00001.xml", "USB/TASKDATA/TLG00001.XML")
         archive.write(taskdata / "TLG00001.bin", "USB/TASKDATA/tlg00001.BIN")
-    again, first = read_runs(str(pack)).runs[0], read_runs(str(taskdata / "TASKDATA.XML")).runs[0]
+    again, first = read_task_logs(str(pack)).runs[0], read_task_logs(str(taskdata / "TASKDATA.XML")).runs[0]
     np.testing.assert_array_equal(again.lonlat, first.lonlat)
 
 
@@ -121,23 +119,23 @@ def test_rows_without_a_place_or_out_of_order_are_counted(taskdata: Path) -> Non
     places[3] = 0.0
     places[40] += 0.5  # fifty kilometres in a second
     time_s[60] = 5.0
-    (taskdata / "TLG00001.bin").write_bytes(records(time_s, places, values(time_s, xy, works)))
-    (run,) = read_runs(str(taskdata)).runs
+    (taskdata / "TLG00001.bin").write_bytes(encode_records(time_s, places, values(time_s, xy, works)))
+    (run,) = read_task_logs(str(taskdata)).runs
     assert len(run.time_s) == len(time_s) - 3
-    for words in ("1 row without a position", "1 row whose time does not rise", "1 row at a place nobody drives to"):
+    for words in ("1 row without a position", "1 row out of order in time", "1 row with an impossible jump"):
         assert any(words in note for note in run.notes), run.notes
 
 
 def test_a_terminal_that_forgets_midnight(taskdata: Path) -> None:
     time_s, xy, works = drive()
     late = time_s + 57_500.0  # from 23:58:20 on
-    data = bytearray(records(late, lonlat(xy), values(time_s, xy, works)))
+    data = bytearray(encode_records(late, lonlat(xy), values(time_s, xy, works)))
     place = 0
     while place < len(data):
         struct.pack_into("<H", data, place + 4, 17_000)
         place += 16 + 5 * data[place + 15]
     (taskdata / "TLG00001.bin").write_bytes(bytes(data))
-    (run,) = read_runs(str(taskdata)).runs
+    (run,) = read_task_logs(str(taskdata)).runs
     np.testing.assert_array_equal(run.time_s, time_s)
     assert any("midnight" in note for note in run.notes)
 
@@ -152,9 +150,9 @@ def test_speeds_of_makers_by_what_their_device_shows(taskdata: Path) -> None:
     (taskdata / "TASKDATA.XML").write_text(main_file().replace("<PFD", device + "<PFD"))
     time_s, xy, works = drive()
     table = values(time_s, xy, works)
-    table[:, COLUMNS.index("018D")] = 72  # tenths of km/h
-    (taskdata / "TLG00001.bin").write_bytes(records(time_s, lonlat(xy), table))
-    np.testing.assert_allclose(read_runs(str(taskdata)).runs[0].speed_mps, 2.0)
+    table[:, DDI_COLUMNS.index("018D")] = 72  # tenths of km/h
+    (taskdata / "TLG00001.bin").write_bytes(encode_records(time_s, lonlat(xy), table))
+    np.testing.assert_allclose(read_task_logs(str(taskdata)).runs[0].speed_mps, 2.0)
 
 
 def test_sections_say_when_an_implement_without_a_work_state_works(taskdata: Path) -> None:
@@ -162,44 +160,44 @@ def test_sections_say_when_an_implement_without_a_work_state_works(taskdata: Pat
     time_s, xy, works = drive()
     table = values(time_s, xy, works)
     # Sections 1 to 4 off (0), on (1), in error (2), not there (3): 0b11_10_01_00 is at work, 0b11_10_10_00 is not.
-    table[:, COLUMNS.index("008D")] = np.where(works, 0b11100100, 0b11101000)
-    (taskdata / "TLG00001.bin").write_bytes(records(time_s, lonlat(xy), table))
-    (run,) = read_runs(str(taskdata)).runs
-    np.testing.assert_array_equal(run.works, works)
-    assert "at work is where a section is on" in run.notes
+    table[:, DDI_COLUMNS.index("008D")] = np.where(works, 0b11100100, 0b11101000)
+    (taskdata / "TLG00001.bin").write_bytes(encode_records(time_s, lonlat(xy), table))
+    (run,) = read_task_logs(str(taskdata)).runs
+    np.testing.assert_array_equal(run.is_working, works)
+    assert "the work state is from the sections: working if any section is on" in run.notes
 
 
 def test_entities_and_files_that_lead_out_are_refused(taskdata: Path, tmp_path: Path) -> None:
     bomb = '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>' + main_file().split("?>", 1)[1]
     (taskdata / "TASKDATA.XML").write_text(bomb)
     with pytest.raises(HeadlandError, match="entities"):
-        read_runs(str(taskdata))
+        read_task_logs(str(taskdata))
     pack = tmp_path / "out.zip"
     with zipfile.ZipFile(pack, "w") as archive:
         archive.writestr("../TASKDATA.XML", main_file())
-    with pytest.raises(HeadlandError, match="leads out of it"):
-        read_runs(str(pack))
+    with pytest.raises(HeadlandError, match="a path outside the archive"):
+        read_task_logs(str(pack))
 
 
 def test_run_files_read_back_and_diagnosis_refuses_them_for_what_they_lack(taskdata: Path, tmp_path: Path) -> None:
-    found = imported([str(taskdata)])
+    found = import_runs([str(taskdata)])
     for name, text in found.files.items():
         (tmp_path / name).write_text(text)
     assert sorted(found.files) == ["2026-05-04_Long-acre_TLG00001.csv", "2026-05-04_Long-acre_TLG00001.json"]
     log = tmp_path / "2026-05-04_Long-acre_TLG00001.csv"
-    again, first = read_run(log), driven(read_runs(str(taskdata)).runs[0])
+    again, first = load_imported_run(log), project_run(read_task_logs(str(taskdata)).runs[0])
     np.testing.assert_allclose(again.xy, first.xy, atol=6e-4)
-    np.testing.assert_array_equal(again.works, first.works)
+    np.testing.assert_array_equal(again.is_working, first.is_working)
     assert again.counters == first.counters and again.crs == first.crs
     assert again.outline is not None and first.outline is not None
     assert again.outline.area == pytest.approx(first.outline.area, rel=1e-4)
-    one, other = summary(again), summary(first)
+    one, other = summarise_run(again), summarise_run(first)
     assert one.by_kind_s == pytest.approx(other.by_kind_s) and one.lifts == other.lifts
     with pytest.raises(LogError, match="has no column steering_command_deg or steering_deg"):
         read_log(log)
 
 
 def test_moments() -> None:
-    assert moment(0.0) == "1980-01-01T00:00:00"
-    assert moment(86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
-    assert moment(1e18) == ""
+    assert format_isoxml_time(0.0) == "1980-01-01T00:00:00"
+    assert format_isoxml_time(86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
+    assert format_isoxml_time(1e18) == ""

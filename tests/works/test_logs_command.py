@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from planner.main import main
+from planner.cli.main import main
 from tests.works.conftest import STOP_S, TRACK_M, TRACKS
 
 
@@ -55,7 +55,7 @@ def test_nothing_is_written_over_unless_asked(headland: Callable[..., Any], task
     before = {path: path.read_bytes() for path in (tmp_path / "runs").iterdir()}
     (tmp_path / "runs" / "2026-05-04_Long-acre_TLG00001.csv").write_text("mine")
     status, out, err = headland(*words)
-    assert status == 2 and out == "" and "is there already" in err
+    assert status == 2 and out == "" and "exists already" in err
     assert (tmp_path / "runs" / "2026-05-04_Long-acre_TLG00001.csv").read_text() == "mine"
     assert headland(*words, "--force")[0] == 0
     assert {path: path.read_bytes() for path in (tmp_path / "runs").iterdir()} == before
@@ -64,7 +64,7 @@ def test_nothing_is_written_over_unless_asked(headland: Callable[..., Any], task
 def test_a_refusal_leaves_no_folder(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
     (taskdata / "TLG00001.bin").unlink()
     status, out, err = headland("logs", "import", taskdata, "-o", tmp_path / "runs")
-    assert status == 2 and out == "" and "TLG00001.bin is not in the folder" in err
+    assert status == 2 and out == "" and "TLG00001.bin is missing in the folder" in err
     assert not (tmp_path / "runs").exists()
 
 
@@ -92,7 +92,7 @@ def test_learning_writes_where_it_is_told_to(headland: Callable[..., Any], taskd
     assert status == 0 and "Note" not in err and "implements.mower.speed_kmh" in out
     assert farm.read_text() == FARM and "speed_kmh = 7.2 " in other.read_text()
     status, _, err = headland("learn", tmp_path / "runs", "--farm", farm, "-o", other)
-    assert status == 2 and "is there already" in err
+    assert status == 2 and "exists already" in err
     assert headland("learn", tmp_path / "runs", "--farm", farm)[0] == 0
     assert farm.read_text() == other.read_text()
     status, out, _ = headland("farm", "check", farm, "--json")
@@ -113,7 +113,7 @@ def test_runs_of_one_name_in_two_folders_are_two(headland: Callable[..., Any], t
     ("words", "said"),
     [
         (("compare", "plan.json", "nowhere"), "There is no file or folder"),
-        (("compare", "plan.json", "."), "holds no imported run"),
+        (("compare", "plan.json", "."), "contains no imported run"),
         (("learn", "nowhere", "--farm", "farm.toml"), "There is no file or folder"),
         (("logs", "import", "nowhere", "-o", "runs"), "There is no file or folder"),
         (("logs", "example", "nowhere.json", "-o", "TASKDATA"), "There is no file"),

@@ -9,12 +9,12 @@ import pytest
 import shapely
 from pyogrio.raw import write
 
-from planner.works.metres import driven
-from planner.works.reading import read_runs
-from planner.works.summary import summary
+from planner.task_logs.log_import import read_task_logs
+from planner.task_logs.runs.phases import summarise_run
+from planner.task_logs.runs.run_records import project_run
 from tests.fields.farm_files import agopengps
 from tests.works.conftest import TRACKS, WIDTH_M, WORK_MPS, drive, lonlat
-from vehicle.measured.errors import LogError
+from vehicle.identification.errors import LogError
 
 START = datetime(2017, 11, 29, 16, 21, 32)
 
@@ -40,26 +40,26 @@ def write_points(folder: Path, encoding: str = "UTF-8", most: int = 1_000, **col
 
 
 def test_points_of_a_shapefile(tmp_path: Path) -> None:
-    (run,) = read_runs(str(write_points(tmp_path))).runs
+    (run,) = read_task_logs(str(write_points(tmp_path))).runs
     time_s, xy, works = drive()
     rows = np.flatnonzero(works)
     assert run.start == "2017-11-29T16:21:32" and run.width_m == pytest.approx(WIDTH_M)
     np.testing.assert_allclose(run.time_s, time_s[rows])
     np.testing.assert_allclose(run.lonlat, lonlat(xy[rows]), atol=1e-9)
-    assert run.works is not None
-    np.testing.assert_array_equal(run.works, xy[rows, 1] < 90.0)
+    assert run.is_working is not None
+    np.testing.assert_array_equal(run.is_working, xy[rows, 1] < 90.0)
     assert any("appliedrat" in note for note in run.notes)
-    assert driven(run).speed_logged is False
+    assert project_run(run).has_logged_speed is False
 
 
 def test_the_metadata_say_the_field_and_the_unit_of_the_width(tmp_path: Path) -> None:
     path = write_points(tmp_path)
     told = {"FieldName": "Jen-3", "DataAttributes": [{"Name": "SWATHWIDTH", "Unit": "m"}]}
     (tmp_path / "points-Deere-Metadata.json").write_text(json.dumps(told))
-    (run,) = read_runs(str(path)).runs
+    (run,) = read_task_logs(str(path)).runs
     assert run.field == "Jen-3" and run.width_m == pytest.approx(WIDTH_M / 0.3048)
     (tmp_path / "points-Deere-Metadata.json").write_text("[")
-    assert read_runs(str(path)).runs[0].width_m == pytest.approx(WIDTH_M)
+    assert read_task_logs(str(path)).runs[0].width_m == pytest.approx(WIDTH_M)
 
 
 def test_a_shapefile_without_time_or_without_points_is_told(tmp_path: Path) -> None:
@@ -68,7 +68,7 @@ def test_a_shapefile_without_time_or_without_points_is_told(tmp_path: Path) -> N
         geometry_type="Point", crs="EPSG:4326", driver="ESRI Shapefile",
     )  # fmt: skip
     with pytest.raises(LogError, match="no column IsoTime or Time"):
-        read_runs(str(tmp_path / "a.shp"))
+        read_task_logs(str(tmp_path / "a.shp"))
 
 
 def test_names_in_another_encoding_are_read_and_told(tmp_path: Path) -> None:
@@ -76,7 +76,7 @@ def test_names_in_another_encoding_are_read_and_told(tmp_path: Path) -> None:
     names = np.array(["Grüner Weg"] * int(works.sum()), dtype=object)
     path = write_points(tmp_path, encoding="ISO-8859-1", Product=names)
     path.with_suffix(".cpg").write_text("UTF-8")
-    (run,) = read_runs(str(path)).runs
+    (run,) = read_task_logs(str(path)).runs
     assert any("Latin-1" in note for note in run.notes)
 
 
@@ -90,10 +90,10 @@ def test_a_recorded_path_of_agopengps(tmp_path: Path, comma: bool) -> None:
         cells = ",".join(f"{value:.3f}".replace(".", "," if comma else ".") for value in (east, north, 0.5, speed))
         lines.append(f"{cells},{at_work}")
     (folder / "RecPath.txt").write_text("\n".join([*lines, "half a line"]))
-    (run,) = read_runs(str(folder)).runs
-    assert (run.field, run.form) == ("Back forty", "AgOpenGPS") and len(run.outline) == 3
-    assert any("no clock" in note for note in run.notes) and any("1 line" in note for note in run.notes)
-    what = summary(driven(run))
+    (run,) = read_task_logs(str(folder)).runs
+    assert (run.field, run.log_format) == ("Back forty", "AgOpenGPS") and len(run.outline) == 3
+    assert any("no clock" in note for note in run.notes) and any("1 unreadable line" in note for note in run.notes)
+    what = summarise_run(project_run(run))
     # One row a second was written; while the machine stands a path tells no time.
     assert what.working_mps == pytest.approx(WORK_MPS, abs=0.01)
     assert (what.lifts, what.u_turns) == (TRACKS, TRACKS - 1)
@@ -119,12 +119,12 @@ MAPPING = (
 def test_a_csv_file_with_a_mapping(tmp_path: Path, mark: str, comma: str) -> None:
     (tmp_path / "log.csv").write_text(csv_lines(mark, comma))
     (tmp_path / "map.toml").write_text(MAPPING)
-    (run,) = read_runs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml")).runs
+    (run,) = read_task_logs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml")).runs
     time_s, xy, works = drive()
     np.testing.assert_array_equal(run.time_s, time_s)
     np.testing.assert_allclose(run.lonlat, lonlat(xy), atol=1e-8)
-    assert run.works is not None and run.speed_mps is not None
-    np.testing.assert_array_equal(run.works, works)
+    assert run.is_working is not None and run.speed_mps is not None
+    np.testing.assert_array_equal(run.is_working, works)
     np.testing.assert_allclose(run.speed_mps, 2.0)
     assert (run.field, run.width_m, run.start) == ("Lange Wiese", 6.0, "2017-11-29T16:21:32")
 
@@ -134,7 +134,7 @@ def test_a_csv_file_with_a_mapping(tmp_path: Path, mark: str, comma: str) -> Non
     [
         (("time = ", "tine = "), "'tine' in [columns] (did you mean 'time'?)"),
         (('"Lon"', '"Lom"'), "no column 'Lom' (did you mean 'Lon'?)"),
-        (('latitude = "Lat"\n', ""), "which column holds latitude"),
+        (('latitude = "Lat"\n', ""), "does not name the column of latitude"),
         (("width_m = 6.0", "width_m = 600.0"), "use 0.1 to 100 m"),
         (("[columns]", "[colums]"), "no table [columns]"),
         (("[values]", "[values"), "is not TOML"),
@@ -144,17 +144,17 @@ def test_a_mapping_that_is_wrong_says_where(tmp_path: Path, change: tuple[str, s
     (tmp_path / "log.csv").write_text(csv_lines())
     (tmp_path / "map.toml").write_text(MAPPING.replace(*change))
     with pytest.raises(LogError) as refusal:
-        read_runs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml"))
+        read_task_logs(str(tmp_path / "log.csv"), str(tmp_path / "map.toml"))
     assert words in str(refusal.value)
 
 
 def test_what_is_no_log_is_told(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text(csv_lines())
-    with pytest.raises(LogError, match="no column known as time"):
-        read_runs(str(tmp_path / "log.csv"))
+    with pytest.raises(LogError, match="has no column time"):
+        read_task_logs(str(tmp_path / "log.csv"))
     with pytest.raises(LogError, match="There is no file or folder"):
-        read_runs(str(tmp_path / "nothing"))
-    with pytest.raises(LogError, match="holds no log of driven work"):
-        read_runs(str(tmp_path))
+        read_task_logs(str(tmp_path / "nothing"))
+    with pytest.raises(LogError, match="contains no task log"):
+        read_task_logs(str(tmp_path))
     with pytest.raises(LogError, match="no recorded path"):
-        read_runs(str(agopengps(tmp_path)))
+        read_task_logs(str(agopengps(tmp_path)))

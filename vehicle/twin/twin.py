@@ -1,39 +1,120 @@
-"""The virtual tractor of a real one: fed with the same commands, corrected by fixes that come late and rarely."""
+"""The twin of a real tractor: it gets the same commands, is corrected by late and sparse fixes, and records a log."""
 
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vehicle.errors import VehicleError
-from vehicle.ground import ground_index
-from vehicle.layout import DT_S
-from vehicle.tractor import Implement, Tractor
-from vehicle.twin.belief import Belief, tracking, witnessing
-from vehicle.twin.doubt import Doubt, Test
-from vehicle.twin.leaps import Leap
-from vehicle.twin.motion import Array, Noise, make_machine, new_body, new_state
-from vehicle.twin.record import Recording
-from vehicle.twin.rolling import PIECE, Commands, Rolled, antenna_of
-from vehicle.twin.ways import OLDEST, Anchor, Following, Predicting
+from vehicle.model.ground import find_ground_index
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.records import DT_S
+from vehicle.twin.correction import MAX_LATENESS_STEPS, PredictionCorrector, StateAtFix, ThesisCorrector
+from vehicle.twin.kalman_filter import PoseFilter, build_monitor_parameters, build_tracker_parameters
+from vehicle.twin.mismatch import MismatchTest, ModelMismatch, PositionJump
+from vehicle.twin.propagation import PIECE_STEPS, CommandBuffer, PropagatedTractor, compute_antenna_place
+from vehicle.twin.step_motion import Array, TractorNoise, create_body, create_state, make_tractor_arrays
+
+if TYPE_CHECKING:
+    from vehicle.identification.logs.schema import Log
+
+
+LOG_COLUMNS = (
+    "time_s",
+    "easting_m",
+    "northing_m",
+    "heading_deg",
+    "speed_mps",
+    "speed_command_mps",
+    "steering_command_deg",
+    "shuttle",
+    "implement",
+)
+STANDING_MPS = 0.03
+
+
+class TwinRecording:
+    """Commands and fixes of a link, from which a log is made: one row per fix, with the command at its time."""
+
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._commands: list[tuple[float, float, float]] = []
+        self._fixes: dict[float, tuple[float, float, float, float]] = {}
+
+    def add_command(self, time_s: float, steering_rad: float, speed_mps: float, implement: float) -> None:
+        """Add a command from a time on; one that repeats the last is ignored."""
+        place = bisect_right(self._times, time_s)
+        command = (steering_rad, speed_mps, implement)
+        if place and self._commands[place - 1] == command:
+            return
+        self._times.insert(place, time_s)
+        self._commands.insert(place, command)
+
+    def add_fix(self, time_s: float, x_m: float, y_m: float, heading_rad: float, speed_mps: float) -> None:
+        """Add a fix, in the frame of PoseFix."""
+        self._fixes[time_s] = (x_m, y_m, heading_rad, speed_mps)
+
+    def __len__(self) -> int:
+        return len(self._fixes)
+
+    def build_rows(self, origin_m: tuple[float, float] = (0.0, 0.0)) -> list[tuple[float, ...]]:
+        """One row of LOG_COLUMNS per fix, positions with the plan's origin added; speeds are 0 or more."""
+        out: list[tuple[float, ...]] = []
+        for time_s, (x, y, heading, speed) in sorted(self._fixes.items()):
+            place = bisect_right(self._times, time_s)
+            steering, target, implement = self._commands[place - 1] if place else (0.0, 0.0, 0.0)
+            moving = target if abs(target) > STANDING_MPS else speed if abs(speed) > STANDING_MPS else 1.0
+            out.append(
+                (
+                    round(time_s, 4),
+                    round(origin_m[0] + x, 4),
+                    round(origin_m[1] + y, 4),
+                    round((90.0 - math.degrees(heading)) % 360.0, 3),
+                    round(abs(speed), 4),
+                    round(abs(target), 4),
+                    round(math.degrees(steering), 4),
+                    math.copysign(1.0, moving),
+                    implement,
+                )
+            )
+        return out
+
+    def format_csv(self, origin_m: tuple[float, float] = (0.0, 0.0)) -> str:
+        """The log as text that `headland diagnose` reads."""
+        lines = [",".join(LOG_COLUMNS)]
+        for row in self.build_rows(origin_m):
+            lines.append(",".join(f"{value:.10g}" for value in row))
+        return "\n".join(lines) + "\n"
+
+    def build_log(self, name: str) -> Log:
+        """The log as an object. Raises LogError if it is too short, or the tractor never moved."""
+        import pandas as pd
+
+        from vehicle.identification.logs.reader import build_log
+
+        return build_log(pd.DataFrame(self.build_rows(), columns=list(LOG_COLUMNS)), name)
+
 
 THESIS, PREDICT = "thesis", "predict"
-WAYS = (PREDICT, THESIS)
-APART_MPS, APART_S = 0.5 / 3.6, 3.0  # section 5.2.2: driven otherwise than commanded "consistently"; for 3 s here
-COLUMNS = ("time_s", "arrived_s", "ahead_m", "right_m", "heading_rad")
-UNTOLD_S = 0.4  # commands seen more rarely say too little of how a tractor was steered to doubt its file for that
-LONGEST_UNSEEN_S = 2.0  # a link that was silent for longer tells nothing of when a command came into force
-KEPT = 36_000  # corrections: an hour at 10 Hz
+CORRECTION_METHODS = (PREDICT, THESIS)
+# Section 5.2.2: a speed that differs "consistently" from the command; here for 3 s.
+SPEED_MISMATCH_MPS, SPEED_MISMATCH_S = 0.5 / 3.6, 3.0
+CORRECTION_COLUMNS = ("time_s", "arrived_s", "ahead_m", "right_m", "heading_rad")
+MAX_COMMAND_GAP_S = 0.4  # rarer commands say too little about the steering to be evidence against the file
+LONGEST_UNSEEN_S = 2.0  # upper bound of the uncertainty of when a command took effect
+MAX_CORRECTIONS = 36_000  # an hour at 10 Hz
 
 
 @dataclass(frozen=True)
-class Fix:
-    """A measured state of the real tractor and when it came in, all times on one clock (s).
+class PoseFix:
+    """A measured state of the real tractor and its time of arrival, all times on one clock (s).
 
-    Metres east and north of the plan's origin of the antenna; the heading mathematical (from east, counter-clockwise);
-    the speed negative in reverse.
+    `x_m` and `y_m` are of the antenna, from the plan's origin; the heading is mathematical (from east,
+    counter-clockwise); the speed is negative in reverse.
     """
 
     time_s: float
@@ -46,8 +127,8 @@ class Fix:
 
 @dataclass(frozen=True)
 class TwinState:
-    """The twin at a time, in the frame of Fix. `sure_m` and `sure_rad` are standard deviations of the last correction;
-    without any trust in that the thesis's way has the same."""
+    """The twin at a time, in the frame of PoseFix. `sigma_m` and `sigma_rad` are standard deviations of the filter at
+    the last fix, for both methods."""
 
     time_s: float
     x_m: float
@@ -55,187 +136,205 @@ class TwinState:
     heading_rad: float
     speed_mps: float
     wheel_angle_rad: float
-    sure_m: float
-    sure_rad: float
+    sigma_m: float
+    sigma_rad: float
 
 
 class Twin:
-    """One virtual tractor, standing or driving where `start` says, and as the tractor's file says.
+    """One virtual tractor that begins as `start` says and drives as the tractor's file says.
 
-    `way` is how it is corrected, see vehicle.twin.ways; `noise` what is believed of instruments and soil. Twins draw no
-    random numbers: the same calls give the same states bit for bit. Raises VehicleError for an unknown way or ground
-    and for numbers that are none.
+    `method` is how it is corrected (vehicle.twin.correction); `noise` is the assumed noise of instruments and soil.
+    Twins draw no random numbers: the same calls give the same states bit for bit. Raises VehicleError for an unknown
+    method or ground and for numbers that are not finite.
     """
 
     def __init__(
-        self, tractor: Tractor, implement: Implement, start: Fix, *, way: str = PREDICT, ground: str = "soil",
-        noise: Noise | None = None,
-    ) -> None:  # fmt: skip
-        if way not in WAYS:
-            raise VehicleError(f"The way of correction {way!r} is unknown; use one of: {', '.join(WAYS)}.")
-        _check(start)
-        self.tractor, self.implement, self.way, self.ground = tractor, implement, way, ground
+        self,
+        tractor: Tractor,
+        implement: Implement,
+        start: PoseFix,
+        *,
+        method: str = PREDICT,
+        ground: str = "soil",
+        noise: TractorNoise | None = None,
+    ) -> None:
+        if method not in CORRECTION_METHODS:
+            raise VehicleError(
+                f"The correction method {method!r} is unknown; use one of: {', '.join(CORRECTION_METHODS)}."
+            )
+        _check_fix(start)
+        self.tractor, self.implement, self.method, self.ground = tractor, implement, method, ground
         self._start_s = start.time_s
-        noise = noise or Noise()
-        machine = make_machine(tractor, implement)
+        noise = noise or TractorNoise()
+        machine = make_tractor_arrays(tractor, implement)
         angle = start.heading_rad - machine.bias_rad
-        x, y = antenna_of(machine, np.array([0.0, 0.0, angle]))
-        body = new_body(start.x_m - x, start.y_m - y, angle, start.speed_mps)
-        rolled = Rolled(machine, ground_index(ground), new_state(0.0, start.speed_mps), body, 0)
-        self._machine = machine
-        self._commands = Commands(0.0, start.speed_mps)
-        self._test = Test(tractor, start.time_s)
-        self._anchor = Anchor(
-            rolled, Belief(tracking(noise), body[:3]), Belief(witnessing(noise), body[:3]), self._test
-        )  # fmt: skip
-        kind = Predicting if way == PREDICT else Following
-        self._way: Predicting | Following = kind(self._anchor, self._commands)
+        x, y = compute_antenna_place(machine, np.array([0.0, 0.0, angle]))
+        body = create_body(start.x_m - x, start.y_m - y, angle, start.speed_mps)
+        rolled = PropagatedTractor(machine, find_ground_index(ground), create_state(0.0, start.speed_mps), body, 0)
+        self._arrays = machine
+        self._commands = CommandBuffer(0.0, start.speed_mps)
+        self._test = MismatchTest(tractor, start.time_s)
+        self._anchor = StateAtFix(
+            rolled,
+            PoseFilter(build_tracker_parameters(noise), body[:3]),
+            PoseFilter(build_monitor_parameters(noise), body[:3]),
+            self._test,
+        )
+        kind = PredictionCorrector if method == PREDICT else ThesisCorrector
+        self._corrector: PredictionCorrector | ThesisCorrector = kind(self._anchor, self._commands)
         self._step = 0
-        self._waiting: list[Fix] = []
-        self._seen_s, self._told = start.time_s, (0.0, start.speed_mps, 0.0)
+        self._pending_fixes: list[PoseFix] = []
+        self._seen_s, self._last_command = start.time_s, (0.0, start.speed_mps, 0.0)
         self._unseen_s = 0.0
-        self._apart_since: float | None = None
-        self._instead: float | None = None
+        self._mismatch_since_s: float | None = None
+        self._measured_speed_mps: float | None = None
         self._rows: list[tuple[float, ...]] = []
-        self.late = 0
-        self.recording = Recording()
+        self.late_count = 0
+        self.recording = TwinRecording()
 
-    def _at(self, time_s: float) -> int:
+    def _compute_step(self, time_s: float) -> int:
         return round((time_s - self._start_s) / DT_S)
 
-    def command(
-        self, time_s: float, steering_rad: float, speed_mps: float, implement: bool = False, *, exact: bool = False
+    def add_command(
+        self, time_s: float, steering_rad: float, speed_mps: float, implement: bool = False, *, is_exact: bool = False
     ) -> None:
-        """What the real tractor was told at a time, which may be gone by: steering (positive right), speed (negative in
-        reverse), whether the implement works. It holds until the next one; one older than the last is not taken.
+        """Add a command of the real tractor at a time, which may be past: steering (positive right), speed (negative
+        in reverse), whether the implement works. It holds until the next; a command older than the last is ignored.
 
-        `exact` is a command from just that time on; without it, it was seen then, and may have come into force since
-        the last one was seen: halfway is taken, and by how much that may be wrong is heeded. Raises VehicleError for
-        numbers that are none.
+        `is_exact` means that the command took effect at this time. Otherwise it was observed then, and may have taken
+        effect at any time since the last observation: the middle is used, with its uncertainty. Raises VehicleError
+        for numbers that are not finite.
         """
         if not all(map(math.isfinite, (time_s, steering_rad, speed_mps))):
-            raise VehicleError(f"A command of {steering_rad} rad, {speed_mps} m/s at {time_s} s is none; give numbers.")
+            raise VehicleError(
+                f"A command of {steering_rad} rad, {speed_mps} m/s at {time_s} s is not finite; give numbers."
+            )
         if time_s < self._seen_s:
             return
         lock = math.radians(self.tractor.max_steering_deg)
-        told = (min(max(steering_rad, -lock), lock), speed_mps, float(implement))
-        unseen = 0.0 if exact else min(time_s - self._seen_s, LONGEST_UNSEEN_S)
+        command = (min(max(steering_rad, -lock), lock), speed_mps, float(implement))
+        unseen = 0.0 if is_exact else min(time_s - self._seen_s, LONGEST_UNSEEN_S)
         self._seen_s, self._unseen_s = time_s, unseen
-        if told == self._told:
+        if command == self._last_command:
             return
-        self._told = told
-        self.recording.commanded(time_s, *told)
-        self._hold(self._at(time_s - 0.5 * unseen), unseen)
+        self._last_command = command
+        self.recording.add_command(time_s, *command)
+        self._hold_command(self._compute_step(time_s - 0.5 * unseen), unseen)
 
-    def _hold(self, step: int, unseen_s: float) -> None:
-        """Hold what was told from a step on, or the measured speed where that has long been another (section 5.2.2)."""
-        steering, speed, implement = self._told
-        speed = speed if self._instead is None else self._instead
-        self._commands.set(max(step, self._commands.since), np.array([steering, speed, implement, unseen_s]))
-        self._way.commanded(step, self._commands.held)
+    def _hold_command(self, step: int, unseen_s: float) -> None:
+        """Hold the last command from a step on, with the measured speed if that differs for long (section 5.2.2)."""
+        steering, speed, implement = self._last_command
+        speed = speed if self._measured_speed_mps is None else self._measured_speed_mps
+        self._commands.set_command(max(step, self._commands.since), np.array([steering, speed, implement, unseen_s]))
+        self._corrector.add_command(step, self._commands.held_command)
 
-    def measured(self, fix: Fix) -> None:
-        """A fix that comes in at its `arrived_s`: taken then, when the twin is advanced to that time.
+    def add_fix(self, fix: PoseFix) -> None:
+        """Add a fix, which is used when the twin is advanced to its `arrived_s`.
 
-        One more than 4 s old, or older than one taken before, is counted in `late` and left out. Raises VehicleError
-        for numbers that are none.
+        A fix more than 4 s old, or older than one used before, is counted in `late_count` and ignored. Raises
+        VehicleError for numbers that are not finite.
         """
-        _check(fix)
-        self._waiting.append(fix)
-        self._waiting.sort(key=lambda one: one.arrived_s)
+        _check_fix(fix)
+        self._pending_fixes.append(fix)
+        self._pending_fixes.sort(key=lambda pending: pending.arrived_s)
 
     def advance(self, time_s: float) -> TwinState:
-        """Drive up to a time in steps of 1/60 s and take the fixes that have come in by then.
-
-        A time gone by does nothing.
-        """
-        end = self._at(time_s)
-        while self._waiting and self._at(self._waiting[0].arrived_s) <= end:
-            fix = self._waiting.pop(0)
-            self._to(self._at(fix.arrived_s))
-            self._take(fix)
-        self._to(end)
-        self._way.to(self._step)
+        """Drive up to a time in steps of 1/60 s, using the fixes that have arrived; a past time does nothing."""
+        end = self._compute_step(time_s)
+        while self._pending_fixes and self._compute_step(self._pending_fixes[0].arrived_s) <= end:
+            fix = self._pending_fixes.pop(0)
+            self._advance_to(self._compute_step(fix.arrived_s))
+            self._process_arrived_fix(fix)
+        self._advance_to(end)
+        self._corrector.propagate_to(self._step)
         return self.state
 
-    def _to(self, step: int) -> None:
+    def _advance_to(self, step: int) -> None:
         if step > self._step:
-            self._commands.extend(step)
-            self._anchor.to(step - OLDEST, self._commands)
-            self._way.to(step)
+            self._commands.hold_until(step)
+            self._anchor.propagate_to(step - MAX_LATENESS_STEPS, self._commands)
+            self._corrector.propagate_to(step)
             self._step = step
 
-    def _take(self, fix: Fix) -> None:
-        seen_s = fix.time_s - self._machine.late_s
+    def _process_arrived_fix(self, fix: PoseFix) -> None:
+        seen_s = fix.time_s - self._arrays.latency_s
         step = min(math.floor((seen_s - self._start_s) / DT_S + 1e-6), self._step)
         if step < self._anchor.rolled.step:
-            self.late += 1
+            self.late_count += 1
             return
-        self._anchor.to(step, self._commands)
-        row = self._shifted_back(fix, seen_s - self._start_s - step * DT_S)
-        off = self._anchor.take(row, fix.time_s, self._unseen_s <= UNTOLD_S)
-        self._heed_speed(fix)
-        self.recording.measured(fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps)
-        self._way.corrected(step, row)
-        if self.way == PREDICT:
-            self._note(fix.time_s, fix.arrived_s, off)
+        self._anchor.propagate_to(step, self._commands)
+        row = self._shift_fix_to_step(fix, seen_s - self._start_s - step * DT_S)
+        offset = self._anchor.correct_by_fix(row, fix.time_s, self._unseen_s <= MAX_COMMAND_GAP_S)
+        self._update_speed_mismatch(fix)
+        self.recording.add_fix(fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps)
+        self._corrector.note_correction(step, row)
+        if self.method == PREDICT:
+            self._record_correction(fix.time_s, fix.arrived_s, offset)
         else:
-            self._note_applied(fix)
+            self._record_applied(fix)
 
-    def _shifted_back(self, fix: Fix, late_s: float) -> Array:
-        """The fix as it would have been at the step before its time, and without the compass's known bias."""
-        angle, body = fix.heading_rad - self._machine.bias_rad, self._anchor.rolled.body
+    def _shift_fix_to_step(self, fix: PoseFix, late_s: float) -> Array:
+        """The fix as it would have been at the step before its time, without the known bias of the heading."""
+        angle, body = fix.heading_rad - self._arrays.bias_rad, self._anchor.rolled.body
         angle -= float(body[5]) * late_s
-        way = fix.speed_mps * late_s
-        return np.array([fix.x_m - way * math.cos(angle), fix.y_m - way * math.sin(angle), angle, fix.speed_mps])
+        distance_m = fix.speed_mps * late_s
+        return np.array(
+            [fix.x_m - distance_m * math.cos(angle), fix.y_m - distance_m * math.sin(angle), angle, fix.speed_mps]
+        )
 
-    def _heed_speed(self, fix: Fix) -> None:
-        before = self._instead
-        kept = self._kept_share()
-        if abs(fix.speed_mps - self._told[1] * kept) <= APART_MPS:
-            self._apart_since, self._instead = None, None
-        elif self._apart_since is None:
-            self._apart_since = fix.time_s
-        elif fix.time_s - self._apart_since >= APART_S:
-            self._instead = fix.speed_mps / kept
-        if self._instead != before:
-            self._hold(self._at(fix.time_s), 0.0)
+    def _update_speed_mismatch(self, fix: PoseFix) -> None:
+        before = self._measured_speed_mps
+        speed_share = self._compute_speed_share()
+        if abs(fix.speed_mps - self._last_command[1] * speed_share) <= SPEED_MISMATCH_MPS:
+            self._mismatch_since_s, self._measured_speed_mps = None, None
+        elif self._mismatch_since_s is None:
+            self._mismatch_since_s = fix.time_s
+        elif fix.time_s - self._mismatch_since_s >= SPEED_MISMATCH_S:
+            self._measured_speed_mps = fix.speed_mps / speed_share
+        if self._measured_speed_mps != before:
+            self._hold_command(self._compute_step(fix.time_s), 0.0)
 
-    def _kept_share(self) -> float:
-        """The share of a commanded speed that the slip of the tractor's file leaves over ground."""
-        model = self._machine.models[0]
-        return float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._told[2]))
+    def _compute_speed_share(self) -> float:
+        """Speed over ground as a share of the commanded speed, by the slip in the tractor's file."""
+        model = self._arrays.models[0]
+        return float((1.0 - model["slip"]) * (1.0 - model["tool_slip"] * self._last_command[2]))
 
-    def _note(self, time_s: float, arrived_s: float, off: Array) -> None:
-        self._rows.append((time_s, arrived_s, *(float(value) for value in off)))
-        del self._rows[:-KEPT]
+    def _record_correction(self, time_s: float, arrived_s: float, offset: Array) -> None:
+        self._rows.append((time_s, arrived_s, *(float(value) for value in offset)))
+        del self._rows[:-MAX_CORRECTIONS]
 
-    def _note_applied(self, fix: Fix) -> None:
-        assert isinstance(self._way, Following)
-        for step, off in self._way.applied:
-            self._note(fix.time_s, self._start_s + step * DT_S, off)
-        self._way.applied.clear()
+    def _record_applied(self, fix: PoseFix) -> None:
+        assert isinstance(self._corrector, ThesisCorrector)
+        for step, off in self._corrector.applied:
+            self._record_correction(fix.time_s, self._start_s + step * DT_S, off)
+        self._corrector.applied.clear()
 
     @property
     def state(self) -> TwinState:
-        """Where the twin is now."""
-        rolled = self._way.rolled
-        x, y = rolled.antenna()
-        cov = self._anchor.tracker.cov
+        """The twin now."""
+        rolled = self._corrector.rolled
+        x, y = rolled.compute_antenna()
+        cov = self._anchor.tracker.covariance
         return TwinState(
-            self._start_s + self._step * DT_S, x, y, float(rolled.body[2]), self._speed(rolled),
-            float(rolled.state["steering"][0]), math.sqrt(0.5 * (cov[0, 0] + cov[1, 1])), math.sqrt(cov[2, 2]),
-        )  # fmt: skip
+            self._start_s + self._step * DT_S,
+            x,
+            y,
+            float(rolled.body[2]),
+            self._compute_speed(rolled),
+            float(rolled.state["steering"][0]),
+            math.sqrt(0.5 * (cov[0, 0] + cov[1, 1])),
+            math.sqrt(cov[2, 2]),
+        )
 
-    def _speed(self, rolled: Rolled) -> float:
-        return rolled.forward_mps * (1.0 + float(self._way.learnt[1]))
+    def _compute_speed(self, rolled: PropagatedTractor) -> float:
+        return rolled.forward_mps * (1.0 + float(self._corrector.adaptation[1]))
 
-    def ahead(self, seconds: float) -> Array:
-        """The path (n, 3) foretold under the held command: antenna east and north (m), heading (rad), every 0.1 s from
-        now on."""
-        pieces = max(0, round(seconds / (PIECE * DT_S)))
-        poses = self._way.rolled.path(pieces, self._commands, self._way.learnt)
-        angle, machine = poses[:, 2], self._machine
+    def predict_path(self, seconds: float) -> Array:
+        """The predicted path (n, 3) under the held command: antenna east and north (m), heading (rad), every 0.1 s
+        from now on."""
+        pieces = max(0, round(seconds / (PIECE_STEPS * DT_S)))
+        poses = self._corrector.rolled.predict_path(pieces, self._commands, self._corrector.adaptation)
+        angle, machine = poses[:, 2], self._arrays
         poses[:, 0] += machine.ahead_m * np.cos(angle) + machine.right_m * np.sin(angle)
         poses[:, 1] += machine.ahead_m * np.sin(angle) - machine.right_m * np.cos(angle)
         return poses
@@ -243,43 +342,43 @@ class Twin:
     @property
     def corrections(self) -> dict[str, Array]:
         """The last 36,000 corrections as columns (k,): time of the fix and of its arrival (thesis: of the correction),
-        measured less foretold ahead and to the right (m) and in heading (rad).
+        measured less predicted ahead and to the right (m) and in heading (rad).
         """
-        table = np.array(self._rows, dtype=np.float64).reshape(-1, len(COLUMNS))
-        return {name: table[:, column].copy() for column, name in enumerate(COLUMNS)}
+        table = np.array(self._rows, dtype=np.float64).reshape(-1, len(CORRECTION_COLUMNS))
+        return {name: table[:, column].copy() for column, name in enumerate(CORRECTION_COLUMNS)}
 
     @property
     def last_correction(self) -> tuple[float, float, float] | None:
-        """The last of the corrections: ahead and to the right (m) and in heading (rad); None before the first."""
+        """The last correction: ahead and to the right (m) and in heading (rad); None before the first."""
         return None if not self._rows else (self._rows[-1][2], self._rows[-1][3], self._rows[-1][4])
 
-    def doubt(self) -> Doubt | None:
+    def find_mismatch(self) -> ModelMismatch | None:
         """Whether, and since when, the corrections exceed what noise explains.
 
-        Where commands are seen less often than every 0.4 s it cannot be told, and nothing is doubted.
+        If commands are observed less often than every 0.4 s there is no evidence, and no mismatch.
         """
-        return self._test.doubt()
+        return self._test.find_mismatch()
 
     @property
     def evidence_s(self) -> float:
-        """Noise alone would say as much against the twin once in so many seconds (vehicle.twin.doubt)."""
-        return self._test.seconds
+        """Noise alone would give as much evidence against the twin once in so many seconds (vehicle.twin.mismatch)."""
+        return self._test.evidence_s
 
     @property
-    def leaps(self) -> tuple[Leap, ...]:
-        """Where fixes were suddenly elsewhere: no evidence against the tractor's file (vehicle.twin.leaps)."""
-        return tuple(self._anchor.leaps.told)
+    def jumps(self) -> tuple[PositionJump, ...]:
+        """Jumps of the fix, which are no evidence against the tractor's file (vehicle.twin.mismatch)."""
+        return tuple(self._anchor.jump_detector.jumps)
 
     @property
-    def rejected(self) -> int:
-        """Fixes left out as absurd: more than 8 standard deviations from what was foretold."""
-        return self._anchor.rejected
+    def rejected_count(self) -> int:
+        """Number of outliers: fixes more than 8 standard deviations from the prediction."""
+        return self._anchor.rejected_count
 
 
-def _check(fix: Fix) -> None:
+def _check_fix(fix: PoseFix) -> None:
     if not all(map(math.isfinite, (fix.time_s, fix.x_m, fix.y_m, fix.heading_rad, fix.speed_mps, fix.arrived_s))):
-        raise VehicleError(f"{fix} holds what is no finite number; give numbers.")
+        raise VehicleError(f"{fix} holds a number that is not finite; give finite numbers.")
     if fix.arrived_s < fix.time_s:
         raise VehicleError(
-            f"A fix of {fix.time_s:g} s cannot have come in at {fix.arrived_s:g} s; give both on one clock."
+            f"A fix of {fix.time_s:g} s cannot arrive at {fix.arrived_s:g} s; give both times on one clock."
         )

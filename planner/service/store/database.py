@@ -1,10 +1,15 @@
-"""One database for all: SQLite with a write-ahead log, or PostgreSQL; brought up to date or refused."""
+"""The database: SQLite with a write-ahead log, or PostgreSQL; it is brought up to date or refused.
+
+One service at a time on a folder and on a database: two would each drive the same fleets and do the same jobs.
+"""
 
 from __future__ import annotations
 
+import os
 import sqlite3
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -15,71 +20,105 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy.orm import Session
 
-from planner.service.errors import DatabaseError
-from planner.service.store.models import Base
+from planner.service.errors import ConflictError, DatabaseError
+from planner.service.settings import ServiceSettings
+from planner.service.store.disk_storage import translate_disk_full
+from planner.service.store.tables import TableBase
 
-WAIT_MS = 20_000
-WRITES = "headland_writes"
-MIGRATIONS = Path(__file__).parent / "migrations"
+SQLITE_BUSY_TIMEOUT_MS, POOL_TIMEOUT_S = 10_000, 5.0
+"""How long SQLite waits for another writer, and a session for a connection; PostgreSQL's limits are in postgresql."""
+WRITES_OPTION = "headland_writes"
+SELECT_VERSION = "SELECT version_num FROM alembic_version"
+MIGRATIONS_FOLDER = Path(__file__).parent / "migrations"
 
 
 class Database:
     """An engine whose sessions either read or write."""
 
     def __init__(self, url: str) -> None:
-        self.engine = _engine(url)
+        self.engine = _create_engine(url)
+        file = self.engine.url.database if self.engine.dialect.name == "sqlite" else None
+        self._folder = Path(file).absolute().parent if file else None
 
     @contextmanager
-    def reads(self) -> Iterator[Session]:
-        """A session that reads."""
-        with Session(self.engine, expire_on_commit=False) as session:
+    def open_read_session(self) -> Iterator[Session]:
+        """A session that reads. Raises StorageError where even this needs more room on the disk."""
+        with translate_disk_full(self._folder), Session(self.engine, expire_on_commit=False) as session:
             yield session
 
     @contextmanager
-    def writes(self) -> Iterator[Session]:
-        """A session whose changes are kept whole, or not at all where the body raises."""
+    def open_write_session(self) -> Iterator[Session]:
+        """A session whose changes are stored completely, or not at all where the body raises or the disk is full.
+
+        Raises StorageError for the latter.
+        """
         with (
-            self.engine.connect().execution_options(**{WRITES: True}) as connection,
+            translate_disk_full(self._folder),
+            self.engine.connect().execution_options(**{WRITES_OPTION: True}) as connection,
             Session(connection, expire_on_commit=False) as session,
         ):
             yield session
             session.commit()
 
+    def check_database(self) -> None:
+        """Raise DatabaseError where the database does not answer within about five seconds."""
+        try:
+            with self.engine.connect() as connection:
+                connection.exec_driver_sql(SELECT_VERSION)
+        except sa.exc.SQLAlchemyError as error:
+            raise DatabaseError("The database does not answer; see that it runs and can be reached.") from error
+
     def close(self) -> None:
-        """Let go of all connections."""
+        """Close all connections."""
         self.engine.dispose()
 
 
-def migrate(engine: sa.Engine, to: str = "head") -> None:
+def get_current_version() -> str:
+    """The version of the tables that this Headland works with."""
+    return str(ScriptDirectory(str(MIGRATIONS_FOLDER)).get_current_head())
+
+
+def migrate_database(engine: sa.Engine, revision: str = "head") -> None:
     """Bring the tables up to date, or to a version.
 
-    Raises DatabaseError for a database that is newer, or somebody else's.
+    Raises DatabaseError for a database that is newer, or of another program.
     """
-    scripts = ScriptDirectory(str(MIGRATIONS))
-    with _connected(engine) as connection:
-        now = MigrationContext.configure(connection).get_current_revision()
+    scripts = ScriptDirectory(str(MIGRATIONS_FOLDER))
+    with _open_connection(engine) as connection:
+        current = MigrationContext.configure(connection).get_current_revision()
         tables = set(sa.inspect(connection).get_table_names())
-    if now is not None and now not in {each.revision for each in scripts.walk_revisions()}:
+    if current is not None and current not in {each.revision for each in scripts.walk_revisions()}:
         raise DatabaseError(
-            f"The database is of a newer Headland (its version is {now}, this one knows {scripts.get_current_head()}); "
+            f"The database is of a newer Headland (its version is {current}, this one knows "
+            f"{scripts.get_current_head()}); "
             "update Headland, or give another --database or --data."
         )
-    if now is None and tables & set(Base.metadata.tables):
+    if current is None and tables & set(TableBase.metadata.tables):
         raise DatabaseError(
             "The database holds tables of other software by the names that Headland uses; give another --database."
         )
-    if now == scripts.get_current_head():
+    if current == scripts.get_current_head():
         return
     config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-    with engine.connect().execution_options(**{WRITES: True}) as connection:
+    config.set_main_option("script_location", str(MIGRATIONS_FOLDER).replace("%", "%%"))
+    with engine.connect().execution_options(**{WRITES_OPTION: True}) as connection:
         config.attributes["connection"] = connection
-        command.upgrade(config, to)
-        connection.commit()
+        with lift_timeouts(connection):
+            command.upgrade(config, revision)
+            connection.commit()
+
+
+def lift_timeouts(connection: sa.Connection) -> AbstractContextManager[None]:
+    """Lift the time limits for one transaction, on any database."""
+    if connection.dialect.name != "postgresql":
+        return nullcontext()
+    from planner.service.store import postgresql
+
+    return postgresql.lift_timeouts(connection)
 
 
 @contextmanager
-def _connected(engine: sa.Engine) -> Iterator[sa.Connection]:
+def _open_connection(engine: sa.Engine) -> Iterator[sa.Connection]:
     try:
         with engine.connect() as connection:
             yield connection
@@ -89,12 +128,13 @@ def _connected(engine: sa.Engine) -> Iterator[sa.Connection]:
         raise DatabaseError(f"The database {place} cannot be used: {why}.") from None
 
 
-def _engine(url: str) -> sa.Engine:
+def _create_engine(url: str) -> sa.Engine:
     try:
         parsed = sa.make_url(url)
         if parsed.get_backend_name() not in ("sqlite", "postgresql"):
             raise DatabaseError(f"A database of {parsed.get_backend_name()} is not known; use SQLite or PostgreSQL.")
-        engine = sa.create_engine(parsed, pool_pre_ping=parsed.get_backend_name() != "sqlite")
+        shared = parsed.database not in (None, "", ":memory:")
+        engine = sa.create_engine(parsed, **({"pool_timeout": POOL_TIMEOUT_S} if shared else {}))
     except sa.exc.ArgumentError:
         raise DatabaseError(
             "The database is not a URL; write one such as postgresql://user@host/name or sqlite:///file.db."
@@ -104,22 +144,134 @@ def _engine(url: str) -> sa.Engine:
             f"The driver of the database is missing ({error.name}); install 'headland[postgres]' or leave the "
             "database to SQLite."
         ) from None
-    if parsed.get_backend_name() == "sqlite":
-        _prepare_sqlite(engine)
+    _PREPARE_BY_BACKEND[parsed.get_backend_name()](engine)
     return engine
 
 
-def _prepare_sqlite(engine: sa.Engine) -> None:
-    """Transactions begin where they are told to; a writer takes its turn at once, so that it never has to be undone."""
+def _prepare_postgresql(engine: sa.Engine) -> None:
+    """Set time limits on connections; other drivers than psycopg have none."""
+    if engine.dialect.driver == "psycopg":
+        from planner.service.store.postgresql import limit_engine_waits
 
-    def connected(connection: sqlite3.Connection, _record: Any) -> None:
+        limit_engine_waits(engine)
+
+
+def _prepare_sqlite(engine: sa.Engine) -> None:
+    """Begin transactions explicitly; a writer locks at once, so that it never has to roll back."""
+
+    def configure_connection(connection: sqlite3.Connection, _record: Any) -> None:
         connection.isolation_level = None
-        for pragma in (f"busy_timeout={WAIT_MS}", "journal_mode=WAL", "foreign_keys=ON", "synchronous=NORMAL"):
+        for pragma in (
+            f"busy_timeout={SQLITE_BUSY_TIMEOUT_MS}",
+            "journal_mode=WAL",
+            "foreign_keys=ON",
+            "synchronous=NORMAL",
+        ):
             connection.execute(f"PRAGMA {pragma}")
 
-    def begun(connection: sa.Connection) -> None:
-        writes = connection.get_execution_options().get(WRITES, False)
+    def begin_transaction(connection: sa.Connection) -> None:
+        writes = connection.get_execution_options().get(WRITES_OPTION, False)
         connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
-    sa.event.listen(engine, "connect", connected)
-    sa.event.listen(engine, "begin", begun)
+    sa.event.listen(engine, "connect", configure_connection)
+    sa.event.listen(engine, "begin", begin_transaction)
+
+
+_PREPARE_BY_BACKEND = {"sqlite": _prepare_sqlite, "postgresql": _prepare_postgresql}
+
+
+LOCK_FILE = "headland.lock"
+LOCK_SUFFIX = ".lock"
+TAKE_ADVISORY_LOCK = (
+    "SELECT pg_try_advisory_lock(hashtext('headland service'), hashtext(coalesce(current_schema(), '')))"
+)
+SET_KEEPALIVES = (
+    "SELECT set_config('tcp_keepalives_idle', '10', false), set_config('tcp_keepalives_interval', '10', false), "
+    "set_config('tcp_keepalives_count', '3', false)"
+)
+"""So that the server drops a machine that has vanished within a minute."""
+
+
+@contextmanager
+def hold_service_lock(settings: ServiceSettings) -> Iterator[None]:
+    """Lock the folder and the database while the body runs; the system releases both if the process is killed.
+
+    Raises ConflictError where another service has one of them, DatabaseError.
+    """
+    with ExitStack() as stack:
+        stack.enter_context(_lock_file(settings.data / LOCK_FILE, f"the folder {settings.data}", "--data"))
+        if settings.database:
+            database = Database(settings.url)
+            stack.callback(database.close)
+            stack.enter_context(_lock_database(database.engine))
+        yield
+
+
+def _lock_database(engine: sa.Engine) -> AbstractContextManager[None]:
+    if engine.dialect.name == "postgresql":
+        return _lock_schema(engine)
+    file = engine.url.database
+    if not file or file == ":memory:":
+        return nullcontext()
+    return _lock_file(Path(file + LOCK_SUFFIX), f"the file {file}", "--database")
+
+
+def _build_already_running_error(resource: str, option: str) -> ConflictError:
+    return ConflictError(
+        f"Another headland serve has {resource}; end it, or give another {option}.", parameter=option.removeprefix("--")
+    )
+
+
+@contextmanager
+def _lock_file(path: Path, resource: str, option: str) -> Iterator[None]:
+    """An open, locked file; it is not deleted, as another service may be opening it."""
+    try:
+        number = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise DatabaseError(f"The file {path} cannot be made: {error.strerror}; give another {option}.") from None
+    try:
+        if not _try_lock(number):
+            raise _build_already_running_error(resource, option)
+        yield
+    finally:
+        os.close(number)
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _try_lock(number: int) -> bool:
+        """Lock an open file; whether that succeeded."""
+        try:
+            msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+
+else:
+    import fcntl
+
+    def _try_lock(number: int) -> bool:
+        """Lock an open file; whether that succeeded."""
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
+
+
+@contextmanager
+def _lock_schema(engine: sa.Engine) -> Iterator[None]:
+    """A connection that holds the advisory lock of the schema."""
+    database_url = engine.url.render_as_string(hide_password=True)
+    with ExitStack() as stack:
+        try:
+            connection = stack.enter_context(engine.connect().execution_options(isolation_level="AUTOCOMMIT"))
+            connection.exec_driver_sql(SET_KEEPALIVES)
+            is_taken = connection.scalar(sa.text(TAKE_ADVISORY_LOCK))
+        except sa.exc.DBAPIError as error:
+            why = " ".join(str(error.orig).split())[:200]
+            raise DatabaseError(f"The database {database_url} cannot be used: {why}.") from None
+        if not is_taken:
+            raise _build_already_running_error(f"the database {database_url}", "--database")
+        yield

@@ -1,1 +1,1 @@
-"""The experiments of the thesis by name, each as a sheet: its numbers beside the printed ones, and pictures."""
+"""The experiments of the thesis as sheets for reports: numbers beside the printed ones, plots and tables."""

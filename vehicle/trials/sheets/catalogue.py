@@ -1,43 +1,49 @@
-"""The experiments by name."""
+"""Runs experiments and design studies by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from fields.errors import nearest
+from fields.errors import suggest_name
 from vehicle.errors import VehicleError
-from vehicle.tractor import Tractor, load_tractor
-from vehicle.trials.sheets.sheet import Sheet
+from vehicle.model.tractor import Tractor, load_tractor
+from vehicle.trials.sheets.sheet import ExperimentSheet
 
 EXPERIMENTS = ("circles", "step", "zigzag", "navigation", "fixed", "changing", "slip", "twin")
 STUDIES = ("tyres", "mass")
 
 
-def check_name(name: str, known: tuple[str, ...], what: str) -> None:
+def check_name(name: str, names: tuple[str, ...], kind: str) -> None:
     """Raise VehicleError for an unknown experiment or study, naming the known ones."""
-    if name not in known:
-        raise VehicleError(f"The {what} {name!r} is unknown{nearest(name, known)}; use one of: {', '.join(known)}.")
+    if name not in names:
+        raise VehicleError(
+            f"The {kind} {name!r} is unknown{suggest_name(name, names)}; use one of: {', '.join(names)}."
+        )
 
 
-def validate(
+def run_experiments(
     names: tuple[str, ...] = EXPERIMENTS, *, seed: int = 1, progress: Callable[[int, int], None] | None = None
-) -> tuple[Sheet, ...]:
-    """Run experiments with the thesis's tractor, in the order given."""
-    from vehicle.trials.sheets.circles import changing, circles, fixed
-    from vehicle.trials.sheets.paths import navigation_sheet, slip, zigzag_sheet
-    from vehicle.trials.sheets.step import step
-    from vehicle.trials.sheets.twin import twin_sheet
+) -> tuple[ExperimentSheet, ...]:
+    """Run experiments with the thesis's tractor, in the order given. Raises VehicleError for an unknown name."""
+    from vehicle.trials.sheets.fixed_steering import build_changing_sheet, build_circles_sheet, build_fixed_sheet
+    from vehicle.trials.sheets.path_following import (
+        build_navigation_sheet,
+        build_slip_sheet,
+        build_zigzag_sheet,
+    )
+    from vehicle.trials.sheets.step_response import build_step_sheet
+    from vehicle.trials.sheets.twin_link import build_twin_sheet
 
     tractor = load_tractor("eg105")
-    runs: dict[str, Callable[[Tractor], Sheet]] = {
-        "circles": circles,
-        "step": lambda machine: step(machine, seed),
-        "zigzag": zigzag_sheet,
-        "navigation": lambda machine: navigation_sheet(machine, seed),
-        "fixed": fixed,
-        "changing": changing,
-        "slip": slip,
-        "twin": lambda machine: twin_sheet(machine, seed),
+    runs: dict[str, Callable[[Tractor], ExperimentSheet]] = {
+        "circles": build_circles_sheet,
+        "step": lambda machine: build_step_sheet(machine, seed),
+        "zigzag": build_zigzag_sheet,
+        "navigation": lambda machine: build_navigation_sheet(machine, seed),
+        "fixed": build_fixed_sheet,
+        "changing": build_changing_sheet,
+        "slip": build_slip_sheet,
+        "twin": lambda machine: build_twin_sheet(machine, seed),
     }
     sheets = []
     for number, name in enumerate(names):
@@ -48,10 +54,10 @@ def validate(
     return tuple(sheets)
 
 
-def design(study: str, tractor: str = "eg105") -> Sheet:
+def run_design_study(study: str, tractor: str = "eg105") -> ExperimentSheet:
     """Run a design study for a tractor; raises VehicleError for an unknown study."""
-    from vehicle.trials.sheets.design import mass, tyres
+    from vehicle.trials.sheets.fixed_steering import build_mass_sheet, build_tyres_sheet
 
     check_name(study, STUDIES, "study")
     machine = load_tractor(tractor)
-    return tyres(machine) if study == "tyres" else mass(machine)
+    return build_tyres_sheet(machine) if study == "tyres" else build_mass_sheet(machine)

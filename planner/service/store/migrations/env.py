@@ -2,11 +2,11 @@
 
 from alembic import context
 
-from planner.service.store.models import Base
+from planner.service.store.tables import TableBase
 
 context.configure(
     connection=context.config.attributes["connection"],
-    target_metadata=Base.metadata,
+    target_metadata=TableBase.metadata,
     render_as_batch=True,
     compare_type=True,
 )

@@ -3,7 +3,7 @@
 const TOKEN = "headland-token";
 const ROOT = new URL("api/v1/", document.baseURI);
 
-/** What the service refused, in its own words; `parameter` names the value that was wrong, where one was. */
+/** A refusal in the service's words; `parameter` names the wrong value, if one was. */
 export class ServiceError extends Error {
   constructor(sentence, status, parameter = null) {
     super(sentence);
@@ -29,9 +29,9 @@ async function ask(method, path, body = null, headers = {}) {
   if (secret) headers.Authorization = `Bearer ${secret}`;
   let answer;
   try {
-    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache: "no-store", credentials: "omit" });
+    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache: "no-store", credentials: "same-origin" });
   } catch {
-    throw new ServiceError("The service does not answer; see whether it is still running.", 0);
+    throw new ServiceError("The service does not answer; check that it is still running.", 0);
   }
   if (!answer.ok) throw await refusal(answer);
   return answer;
@@ -53,7 +53,7 @@ export const remove = async (path) => json(await ask("DELETE", path));
 export const post = async (path, body = {}) =>
   json(await ask("POST", path, JSON.stringify(body), { "Content-Type": "application/json" }));
 
-/** Upload one file as form data, with what more is said of it: name, crs, swap, local. */
+/** Upload one file as form data, with its options: name, crs, swap_axes, local. */
 export async function upload(path, file, more = {}) {
   const form = new FormData();
   form.append("file", file, file.name);
@@ -61,7 +61,7 @@ export async function upload(path, file, more = {}) {
   return json(await ask("POST", path, form));
 }
 
-/** Items of a list, none where the service has no such list. */
+/** Items of a list; empty where the service has no such list. */
 export async function items(path) {
   const answer = await get(path);
   return Array.isArray(answer) ? answer : answer?.items ?? [];
@@ -72,7 +72,7 @@ export const part = (text) => encodeURIComponent(text);
 /** Save a result under a name: fetched with the token, so a plain link will not do. */
 export const save = async (path, name) => keep(await bytes(path), name);
 
-/** Save what the service makes under the name that it gives it, with something before that. */
+/** Save an answer under the name that the service gives it, with a prefix. */
 export async function saveNamed(path, before) {
   const answer = await ask("GET", path), named = /filename\*=UTF-8''([^;]+)/.exec(answer.headers.get("content-disposition") ?? "");
   keep(await answer.blob(), `${before}-${decodeURIComponent(named?.[1] ?? "file")}`);

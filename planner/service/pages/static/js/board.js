@@ -1,11 +1,11 @@
-// What stands beside the map: a row for each tractor, alarms, stop-all. Rows are made once and then only told anew.
+// Beside the map: a row for each tractor, alarms, stop-all. Rows are made once and then updated.
 import { el, put, say, button, who, note } from "./dom.js";
 import { age, clock, kmh, legWords, moment, percent, span, timeOfDay, plural, DASH } from "./words.js";
 
-const BY_PLAN = "waits for another by the plan"; // for whom is told beside it
+const BY_PLAN = "waits for another by the plan"; // the other tractor is named beside it
 const CONNECTIONS = { online: ["online", "good"], offline: ["offline", "off"], broken: ["connection broken", "off"] };
 
-/** Say of a fix in words how it stands with its connection. */
+/** The connection of a tractor in words, and its badge. */
 export function connectionOf(live, fix) {
   if (live.link !== "online") return ["no link to the service", "off"];
   return CONNECTIONS[fix.connection] ?? [fix.connection ?? DASH, ""];
@@ -16,14 +16,14 @@ export function waitsWords(fix) {
   return list.length ? `waits for ${list.join(" and ")}` : "";
 }
 
-/** A tile of one tractor that leads to its page; `told()` brings it up to date. */
+/** A tile of one tractor that links to its page; `update()` refreshes it. */
 export function tractorTile(live, number, { fleetName = () => false } = {}) {
   const badge = el("span", { class: "badge" }), title = el("b"), doing = el("span"), more = el("p", { class: "line" });
   const cells = Object.fromEntries(["age", "speed", "error", "eta", "late"].map((key) => [key, el("span")]));
   more.append(...Object.values(cells));
   const node = el("a", { class: "tile tractor", href: `#/fleet/${encodeURIComponent(live.id)}/tractor/${number}` },
     who(number), el("div", { class: "grow" }, el("p", { class: "row" }, title, badge), el("p", {}, doing), more));
-  const told = () => {
+  const update = () => {
     const fix = live.fixes.get(number) ?? {}, [words, look] = connectionOf(live, fix);
     say(title, fleetName() ? `${live.name}, tractor ${number}` : `Tractor ${number}`);
     say(badge, words);
@@ -39,31 +39,31 @@ export function tractorTile(live, number, { fleetName = () => false } = {}) {
     say(cells.late, fix.late_s > 30 ? `${span(fix.late_s)} late` : fix.late_s < -30 ? `${span(fix.late_s)} early` : "");
     cells.late.className = fix.late_s > 30 ? "late" : "";
   };
-  told();
-  return { node, told };
+  update();
+  return { node, update };
 }
 
-/** Tiles of all tractors of fleets; `told()` adds those that came. */
+/** Tiles of all tractors of fleets; `update()` adds new tractors. */
 export function tractorTiles(lives, more = {}) {
   const node = el("div", { class: "cards", role: "list", "aria-label": "Tractors" }), tiles = new Map();
-  const told = () => {
+  const update = () => {
     for (const live of lives()) for (const number of live.numbers()) {
       const key = `${live.id}/${number}`;
       if (!tiles.has(key)) {
         tiles.set(key, tractorTile(live, number, more));
         node.append(el("div", { role: "listitem" }, tiles.get(key).node));
       }
-      tiles.get(key).told();
+      tiles.get(key).update();
     }
   };
-  return { node, told };
+  return { node, update };
 }
 
-/** Alarms of fleets, those not yet seen first, each with its acknowledgement. */
+/** Alarms of fleets, unacknowledged ones first, each with a button to acknowledge it. */
 export function alarmList(lives, { fleetName = () => false } = {}) {
   const list = el("ul", { class: "cards alarms", "aria-label": "Alarms" }), node = el("div", { "aria-live": "polite" }, list);
   let shown = "";
-  const told = () => {
+  const update = () => {
     const all = lives().flatMap((live) => live.alarms.map((alarm) => ({ live, alarm })));
     const key = JSON.stringify(all.map(({ live, alarm }) => [live.id, alarm, live.mayControl]));
     if (key === shown) return;
@@ -73,15 +73,15 @@ export function alarmList(lives, { fleetName = () => false } = {}) {
     if (!all.length) return put(list, el("li", { class: "soft" }, "No alarms."));
     put(list, all.map(({ live, alarm }) => alarmTile(live, alarm, fleetName())));
   };
-  told();
+  update();
   const count = () => lives().reduce((sum, live) => sum + live.alarms.filter((one) => !one.acknowledged).length, 0);
   const sign = button("", () => node.scrollIntoView({ block: "center" }), "sign", { hidden: true });
-  // How many are new, for the head of the page; it leads to them.
+  // The number of new alarms at the head of the page, with a link to them.
   const counted = () => { sign.hidden = !count(); say(sign, plural(count(), "new alarm")); };
-  return { node, sign, told: () => { told(); counted(); } };
+  return { node, sign, update: () => { update(); counted(); } };
 }
 
-// Whether acknowledging an alarm is the order to go on: that of a tractor that stands for what nobody can read.
+// Whether acknowledging this alarm lets the tractor resume: it stands because of an unreadable obstacle.
 const letsGo = (alarm) => alarm.code === "unread obstacle" && !alarm.over;
 
 function alarmTile(live, alarm, fleetName) {
@@ -90,26 +90,26 @@ function alarmTile(live, alarm, fleetName) {
   return el("li", { class: look },
     el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
       el("p", { class: "small soft" }, `since ${moment(alarm.since)}${seen ? `; seen${typeof seen === "string" ? ` by ${seen}` : ""}` : ""}${alarm.over ? "; over" : ""}`)),
-    !seen && button(letsGo(alarm) ? "Let it go on" : "Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
+    !seen && button(letsGo(alarm) ? "Let it resume" : "Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
 }
 
-/** Stop-all: one press, nothing asked. It needs a token that may control, and says so where there is none. */
+/** Stop-all: one press, no confirmation. It needs an operator's token, and says so without one. */
 export function stopAll(lives) {
   const press = () => lives().forEach((live) => live.stopAll());
-  const knob = button("STOP ALL", press, "stop", { "aria-label": "Stop all tractors at once" });
-  const why = el("a", { class: "small why", href: "#/access", hidden: true }, "Looking only: enter a token to control");
-  const node = el("div", { class: "stopbar" }, why, knob);
-  const told = () => {
+  const action = button("STOP ALL", press, "stop", { "aria-label": "Stop all tractors at once" });
+  const why = el("a", { class: "small why", href: "#/access", hidden: true }, "View only: enter an operator\u2019s token to control tractors");
+  const node = el("div", { class: "stopbar" }, why, action);
+  const update = () => {
     const may = lives().some((live) => live.mayControl);
-    knob.disabled = !may;
-    // Said only once a link is there: before that nobody knows what the token may do.
+    action.disabled = !may;
+    // Shown only once the link is up: before that the rights of the token are unknown.
     why.hidden = may || !lives().some((live) => live.link === "online");
   };
-  told();
-  return { node, told };
+  update();
+  return { node, update };
 }
 
-/** What the service said last to this page, gone after a while. */
+/** The last refusal of the service, until it is closed. */
 export function refusals(live) {
   const node = el("div", { class: "messages" });
   live.watch((kind) => {
@@ -123,7 +123,7 @@ export function fleetFacts(live) {
   const fleet = live.fleet ?? {};
   const area = fleet.done_m2 >= 0 ? `${(fleet.done_m2 / 10000).toFixed(2)}\u00A0ha` : DASH;
   const pairs = [["Worked", percent(fleet.done_pct)], ["Area done", area],
-    ["Done at", typeof fleet.eta_s === "number" && fleet.state !== "done" ? timeOfDay(fleet.eta_s) : DASH], ["Left", clock(fleet.state === "done" ? 0 : fleet.eta_s)]];
+    ["Done at", typeof fleet.eta_s === "number" && fleet.state !== "done" ? timeOfDay(fleet.eta_s) : DASH], ["Remaining", clock(fleet.state === "done" ? 0 : fleet.eta_s)]];
   if (typeof fleet.deadline_s === "number") pairs.push([fleet.deadline_s < 0 ? "Past the deadline" : "To the deadline", span(fleet.deadline_s)]);
   if (typeof fleet.probability === "number") pairs.push(["In time", percent(100 * fleet.probability)]);
   return pairs;

@@ -1,4 +1,4 @@
-// What a camera above the cab would see, drawn from the map in perspective: ground, lines, obstacles, other tractors.
+// The view of a camera above the cab, drawn in perspective from the map: ground, lines, obstacles, other tractors.
 import { el } from "./dom.js";
 import { colours, onColours } from "./palette.js";
 
@@ -42,7 +42,7 @@ export class Camera {
     this.focus = Math.max(width, height) / 2 / Math.tan((FIELD_OF_VIEW / 2) * RAD);
   }
 
-  // A place as the camera has it: right, up and ahead of it.
+  // A place in the camera's frame: right, up and ahead.
   see(x, y, z) {
     const [dx, dy] = [x - this.x, y - this.y];
     const ahead = dx * this.sin + dy * this.cos, right = dx * this.cos - dy * this.sin, up = z - HEIGHT_M;
@@ -54,7 +54,7 @@ export class Camera {
     return [this.middle[0] + (this.focus * right) / ahead, this.middle[1] - (this.focus * up) / ahead];
   }
 
-  // Cut away what lies behind the camera (Sutherland and Hodgman 1974, against one plane).
+  // Clip points behind the camera (Sutherland and Hodgman 1974, against one plane).
   clip(points, closed) {
     const kept = [];
     points.forEach((now, k) => {
@@ -100,7 +100,7 @@ export class Camera {
     ctx.globalAlpha = 1;
   }
 
-  // Runs of points whose stretches come near enough to be seen.
+  // Runs of points whose segments are near enough to be visible.
   near(points) {
     const runs = [];
     let run = null;
@@ -153,7 +153,7 @@ function ribbon(points, width) {
   return [...sides.map(([left]) => left), ...sides.map(([, right]) => right).reverse()];
 }
 
-// How far a place is from a stretch.
+// How far a place is from a segment.
 function away([ax, ay], [bx, by], x, y) {
   const [dx, dy] = [bx - ax, by - ay], square = dx * dx + dy * dy || 1e-9;
   const share = Math.max(0, Math.min(1, ((x - ax) * dx + (y - ay) * dy) / square));

@@ -1,4 +1,4 @@
-// Strip charts on a canvas: a line per series against the last seconds, zero and the largest values told.
+// Strip charts on a canvas: a line per series against the last seconds, with zero and the largest values marked.
 import { el } from "./dom.js";
 import { colours, onColours } from "./palette.js";
 
@@ -33,7 +33,7 @@ export class StripChart {
     while (this.rows.length && this.rows[0][0] < time - this.last_s) this.rows.shift();
   }
 
-  /** These rows and no others; those too old to be shown count for nothing. */
+  /** Replace all rows; rows too old to be shown are dropped. */
   set(rows) {
     const end = rows.length ? rows[rows.length - 1][0] : 0;
     this.rows = rows.filter((row) => row[0] >= end - this.last_s);

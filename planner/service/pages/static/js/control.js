@@ -1,5 +1,5 @@
 // Hands on a tractor: keys, touch or a gamepad give a share of full steering and full speed, while a dead-man switch is
-// held. Whatever lets go of it (a key up, a finger off, the window left, the pad unplugged) means stand.
+// held. Releasing it (key up, finger off, window left, gamepad unplugged) means stop.
 
 const RAMP_PER_S = 1.6, DEAD_ZONE = 0.08, DRIFT = 1e-4, SHOULDERS = [4, 5];
 const KEYS = {
@@ -27,7 +27,7 @@ export class Hands {
   key(event, pressed) {
     if (event.code !== "Space" && !KEYS[event.code]) return;
     if (pressed && (!this.ready() || event.ctrlKey || event.altKey || event.metaKey)) return;
-    // On a button or a slider keys do what they do there, unless somebody is driving already.
+    // On a button or a slider, keys keep their usual meaning unless somebody is already driving.
     if (pressed && !this.down.size && event.target.closest("button, input")) return;
     if (pressed) { this.down.add(event.code); event.preventDefault(); } else this.down.delete(event.code);
   }
@@ -49,7 +49,7 @@ export class Hands {
   release() {
     this.down.clear();
     this.touch = null;
-    this.let = true; // a pad has no event for it: until its button was seen up it counts as not held
+    this.let = true; // a gamepad has no event for it: it counts as not held until its button was seen up
   }
 
   held(way) { return [...this.down].some((code) => KEYS[code]?.[0] === way); }
@@ -82,7 +82,7 @@ export class Hands {
   close() { this.listeners.forEach(([node, name, how]) => node.removeEventListener(name, how)); }
 }
 
-/** The clock of the service, from the times in its frames: those that came quickest count, the others were held up. */
+/** The clock of the service, from the times in its frames; the fastest frames count, the others were delayed. */
 export class ServiceClock {
   constructor() { this.begin(); }
 
@@ -98,7 +98,7 @@ export class ServiceClock {
   time(now = performance.now()) { return Number.isFinite(this.ahead) ? new Date(now + this.ahead).toISOString() : null; }
 }
 
-/** Commands numbered and dated: `next` answers what a command carries, null while the service's clock is not known. */
+/** Numbers and dates commands: `next` returns both, null while the service's clock is unknown. */
 export class Stamp {
   constructor(clock) { Object.assign(this, { clock, sequence: 0 }); }
 
@@ -108,7 +108,7 @@ export class Stamp {
   }
 }
 
-/** The command that shares come to: degrees positive to the right, metres a second at most `limit_mps`, direction. */
+/** The command for the given shares: degrees positive to the right, metres a second at most `limit_mps`, direction. */
 export function commandOf({ held, steering, speed }, { limit_mps, steering_deg }) {
   const still = !held;
   return {

@@ -32,7 +32,7 @@ export class Coverage {
 
   /** Paint on along points (metres; null lifts the brush), `width` metres wide; they follow the first so many. */
   paint(tractor, points, width, first = this.counts.get(tractor) ?? 0) {
-    // After a link was lost all is told from the beginning once more.
+    // After a lost link the service sends everything again.
     if (first < (this.counts.get(tractor) ?? 0)) this.forget(tractor);
     this.counts.set(tractor, first + points.length);
     let line = this.open.get(tractor), from = line ? line.points.length : 0;

@@ -1,4 +1,4 @@
-// Elements are made here alone. Whatever comes from data becomes text or a property, never markup.
+// All elements are made here. Data becomes text or a property, never markup.
 
 const PROPERTIES = new Set(["value", "checked", "disabled", "hidden", "selected", "indeterminate", "max", "srcdoc"]);
 
@@ -42,7 +42,7 @@ export function put(node, ...children) {
   return fill(node, ...children);
 }
 
-/** Set a text only where it changed, so that screen readers and selections are left in peace. */
+/** Set a text only where it changed, so that screen readers and selections are not disturbed. */
 export function say(node, text) {
   if (node.textContent !== text) node.textContent = text;
 }
@@ -57,23 +57,22 @@ export function labelled(name, control, hint = "") {
 
 export const option = (value, words = value, selected = false) => el("option", { value, selected }, words);
 
-/** A sentence that stands out; an error is read aloud at once. */
+/** A highlighted sentence; an error is read aloud at once. */
 export function note(sentence, look = "", ...more) {
   return el("div", { class: `note ${look}`, role: look === "error" ? "alert" : null }, el("p", {}, sentence), ...more);
 }
 
-/** What was refused; where a token is missing, the way to enter one. */
+/** A refusal; with a link to enter a token where one is missing. */
 export function sorry(error) {
-  if (error.status === 401) return note("This needs a token that may control; headland token new --scope control makes one on the machine of the service.", "error", tokenLink());
-  return note(error.message, "error", error.status === 403 && tokenLink());
+  return note(error.message, "error", (error.status === 401 || error.status === 403) && tokenLink());
 }
 
 const tokenLink = () => el("a", { class: "button small", href: "#/access" }, "Enter a token");
 
-/** Said before anybody fills in a form that cannot be sent. */
-export const lookingOnly = () => note("Looking only: what is asked for here needs a token.", "warn", tokenLink());
+/** Shown above a form that cannot be sent without a token. */
+export const lookingOnly = () => note("View only: submitting this form needs a token.", "warn", tokenLink());
 
-/** Say something to those who listen to the page. */
+/** Announce a text to screen readers. */
 export const speak = (words) => say(document.getElementById("spoken"), words);
 
 export const heading = (title, below = "", ...actions) =>

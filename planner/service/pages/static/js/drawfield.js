@@ -28,7 +28,7 @@ export function fieldEditor(used) {
   const name = el("input", { value: "myfield", maxlength: "40" }), x = el("input", { type: "number", step: "any", "aria-label": "Metres east", placeholder: "metres east" }), y = el("input", { type: "number", step: "any", "aria-label": "Metres north", placeholder: "metres north" });
   const place = el("input", { placeholder: "12.345, 51.678", inputmode: "decimal" });
   const current = () => rings[rings.length - 1];
-  const add = (point) => { current().push(point.map((one) => Math.round(one * ROUND) / ROUND)); told(); };
+  const add = (point) => { current().push(point.map((one) => Math.round(one * ROUND) / ROUND)); update(); };
   view.node.classList.add("drawing");
   view.clicked = add;
   view.dragged = (phase, at) => {
@@ -37,7 +37,7 @@ export function fieldEditor(used) {
       return Boolean(grabbed);
     }
     grabbed.ring[grabbed.k] = at.map((one) => Math.round(one * ROUND) / ROUND);
-    told();
+    update();
     return true;
   };
   view.layers = [grid, (ctx) => {
@@ -53,7 +53,7 @@ export function fieldEditor(used) {
     });
   }];
   view.fit([-20, -20, 220, 120]);
-  const told = () => {
+  const update = () => {
     const [outline, ...holes] = rings, m2 = area(outline) - holes.reduce((sum, ring) => sum + (ring.length >= FEWEST ? area(ring) : 0), 0);
     say(words, outline.length < FEWEST ? `Tap the corners of the field (${outline.length} so far; a grid line is ${gridStep(view)} m).` : `${outline.length} corners, ${hectares(m2)}${holes.length ? `, ${holes.length} in it` : ""}. Corners can be dragged.`);
     use.disabled = outline.length < FEWEST;
@@ -62,19 +62,19 @@ export function fieldEditor(used) {
     view.redraw();
   };
   const typed = button("Add corner", () => { if (x.value !== "" && y.value !== "") add([Number(x.value), Number(y.value)]); x.focus(); }, "small");
-  const undo = button("Undo", () => { if (!current().length && rings.length > 1) rings.pop(); else current().pop(); told(); }, "small");
-  const inside = button("Add something in it", () => { rings.push([]); told(); }, "small");
+  const undo = button("Undo", () => { if (!current().length && rings.length > 1) rings.pop(); else current().pop(); update(); }, "small");
+  const inside = button("Add an obstacle", () => { rings.push([]); update(); }, "small");
   const use = button("Use this field", () => {
     put(trouble);
     const shapes = rings.filter((ring) => ring.length >= FEWEST), spot = placeOf(place.value);
-    if (spot === undefined) return put(trouble, note(`The place is "${place.value}"; give longitude and latitude in degrees, such as 12.345, 51.678, or nothing.`, "error"));
+    if (spot === undefined) return put(trouble, note(`The place is "${place.value}"; give longitude and latitude in degrees, such as 12.345, 51.678, or leave it empty.`, "error"));
     const text = JSON.stringify(fieldGeojson(name.value, shapes, spot));
     used(new File([text], `${name.value.trim() || "myfield"}.geojson`, { type: "application/geo+json" }), !spot, trouble);
   }, "main");
-  told();
+  update();
   const node = el("div", { class: "stack" }, view.node, words, el("div", { class: "row" }, undo, inside),
     el("div", { class: "row" }, el("div", { class: "grow" }, x), el("div", { class: "grow" }, y), typed),
-    el("div", { class: "grid" }, labelled("Name", name), labelled("Place of 0, 0", place, "Longitude, latitude; leave empty for a field in metres alone.")), trouble, el("div", {}, use));
+    el("div", { class: "grid" }, labelled("Name", name), labelled("Place of 0, 0", place, "Longitude, latitude; leave empty for local metres.")), trouble, el("div", {}, use));
   return { node, close: () => view.close() };
 }
 
@@ -94,7 +94,7 @@ function grid(ctx, view) {
   line(ctx, view, [[west, 0], [east, 0]], colours.line, 1);
 }
 
-// Degrees from text; null for none, undefined for what is none.
+// Degrees from text; null if empty, undefined if it is not a number.
 function placeOf(text) {
   if (!text.trim()) return null;
   const [lon, lat, more] = text.split(/[,; ]+/).filter(Boolean).map(Number);

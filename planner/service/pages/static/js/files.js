@@ -31,20 +31,20 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
   return { node, select, list, value: () => select.value || null, options: () => all.find((one) => one.name === select.value)?.options ?? {} };
 }
 
-// What may be said of a file that does not say it itself.
-const HOW = new Set(["crs", "swap", "local"]);
+// Questions about a file that lacks its coordinate system or axis order.
+const HOW = new Set(["crs", "swap_axes", "local"]);
 
 function howToRead(said, again) {
   const crs = el("input", { name: "upload-crs", value: said.crs ?? "", placeholder: "EPSG:25832", spellcheck: "false" });
-  const [swap, local] = ["swap", "local"].map((name) => el("input", { type: "checkbox", checked: Boolean(said[name]) }));
-  return el("div", { class: "panel stack" }, labelled("Its coordinate system", crs, "Whoever made the file knows it; EPSG:4326 is longitude and latitude."),
+  const [swap, local] = ["swap_axes", "local"].map((name) => el("input", { type: "checkbox", checked: Boolean(said[name]) }));
+  return el("div", { class: "panel stack" }, labelled("Its coordinate system", crs, "Ask whoever made the file; EPSG:4326 is longitude and latitude."),
     el("label", { class: "check" }, swap, "Latitude or northing comes first"), el("label", { class: "check" }, local, "Local metres"),
-    el("div", {}, button("Add it so", () => again({ crs: crs.value.trim(), swap: swap.checked, local: local.checked }), "main small")));
+    el("div", {}, button("Add with these settings", () => again({ crs: crs.value.trim(), swap_axes: swap.checked, local: local.checked }), "main small")));
 }
 
-/** The field that a name means, with its rings in metres: {field, error, fields} as the reader has it.
+/** The field of a name, with its rings in metres: {field, error, fields} as the reader has it.
 
-`how` says which of several (key) and how the file is read (local, swap, crs); what is left out is as it was uploaded. */
+`how` says which of several (key) and how the file is read (local, swap_axes, crs); what is left out is as it was uploaded. */
 export function fieldSummary(name, how = {}) {
   const given = Object.entries(how).filter(([, value]) => value !== null && value !== undefined && value !== "");
   return get(`fields/${part(name)}/summary${given.length ? `?${new URLSearchParams(given)}` : ""}`);

@@ -1,4 +1,4 @@
-// A fleet as it is now: what its link has told, merged, and where its tractors are between two fixes.
+// The live state of a fleet: frames of its link, merged, and its tractors' places between two fixes.
 import { Link } from "./link.js";
 import { Coverage } from "./coverage.js";
 import { part, post, token } from "./api.js";
@@ -67,7 +67,7 @@ export class FleetLive {
     this.clock.heard(frame.time);
   }
 
-  // How quickly it turns, from two fixes, so that what is drawn between them bends too.
+  // The rate of turn from two fixes, so that the drawn path between them bends too.
   turned(fix, before, now) {
     const gap = before?.movedAt ? (now - before.movedAt) / 1000 : 0;
     const turn = ((fix.heading_deg - (before?.heading_deg ?? fix.heading_deg) + 540) % 360) - 180;
@@ -83,7 +83,7 @@ export class FleetLive {
     if (trail.length > TRAIL) trail.shift();
   }
 
-  on_painted(frame) {
+  on_coverage(frame) {
     if (!this.scene) return;
     const local = frame.points.map((p) => (p ? [p[0] - this.origin[0], p[1] - this.origin[1]] : null));
     this.coverage.paint(frame.tractor, local, this.scene.width, frame.first);
@@ -122,18 +122,18 @@ export class FleetLive {
 
   leg(number) { return this.scene?.lanes[number - 1]?.[this.fixes.get(number)?.leg] ?? null; }
   /** Who drives a tractor by remote control, and whether that is this page. */
-  lease(number) { return this.leases.get(number) ?? { holder: this.fixes.get(number)?.holder ?? null, mine: false }; }
+  lease(number) { return this.leases.get(number) ?? { holder: this.fixes.get(number)?.holder ?? null, is_yours: false }; }
   numbers() { return [...this.fixes.keys()].sort((a, b) => a - b); }
   watch(watcher) { this.watchers.add(watcher); return () => this.watchers.delete(watcher); }
   tell(kind) { for (const watcher of this.watchers) watcher(kind, this); }
   send(frame) {
-    // An order to go on says when it was given: one that is held up on its way is not carried out.
+    // An order to resume carries its time: the service refuses one that arrives late.
     const time = ["resume", "start", "acknowledge"].includes(frame.kind) && this.clock.time(performance.now());
     const sent = this.connection.send(time ? { ...frame, time } : frame);
     if (!sent) { this.said = "There is no link to the service; nothing was sent."; this.tell("refused"); }
     return sent;
   }
-  /** Everybody stands: over the link, and by another way where the service does not say at once that it was heard. */
+  /** Stop all tractors over the link, and over HTTP as well if the service does not confirm at once. */
   stopAll() {
     const heard = this.stops ?? 0;
     if (!this.connection.send({ kind: "stop_all" })) return this.stopBesides();
@@ -150,13 +150,13 @@ export class FleetLive {
   close() { this.connection.close(); this.watchers.clear(); }
 }
 
-// A leg with the box around it, by which those out of sight are left out.
+// A leg with its bounding box, to skip legs that are out of sight.
 function legOf({ kind, number, gear, implement }, points) {
   const [xs, ys] = [0, 1].map((k) => points.map((point) => point[k]));
   return { kind, number, gear, implement, points, box: [Math.min(...xs), Math.min(...ys), Math.max(...xs), Math.max(...ys)] };
 }
 
-/** West, south, east and north of what is to be seen of a scene. */
+/** Bounding box of a scene: west, south, east, north. */
 export function boxOf(scene) {
   const box = [Infinity, Infinity, -Infinity, -Infinity];
   const take = ([x, y]) => {

@@ -1,11 +1,11 @@
-// Long work: how far it is, in words; cancel; the sentence it failed with; what came out.
+// Jobs: progress in words, cancel, the sentence of a failure, and the results.
 import { el, put, say, button, note } from "./dom.js";
 import { get, post, items, save, part } from "./api.js";
 import { capital, moment, size, DASH } from "./words.js";
 
 const LOOK_MS = 700, ENDS = new Set(["done", "failed", "cancelled"]);
 
-/** Follow a job until it ends; `done(job)` once it is done. Answers a node and how to stop looking. */
+/** Follow a job until it ends, then call `done(job)`. Returns a node and a function that stops following. */
 export function followJob(kind, id, { done, again = null }) {
   const node = el("div", { class: "stack" }), words = el("p", { role: "status" }), bar = el("progress", { "aria-label": "Progress" });
   const path = `${kind}/${part(id)}`, error = el("div");
@@ -29,20 +29,20 @@ export function followJob(kind, id, { done, again = null }) {
     }
     running.remove();
     if (job.status === "done") return done(job, node);
-    const sentence = job.error || (job.status === "cancelled" ? "It was cancelled." : "It failed without a reason.");
+    const sentence = job.error || (job.status === "cancelled" ? "It was cancelled." : "It failed; the service gave no reason.");
     put(node, note(sentence, job.status === "failed" ? "error" : ""), again && el("div", { class: "actions" }, again));
   };
   const tell = (job) => {
     const { done: part = null, all = null, words: doing = "" } = job.progress ?? {};
     if (all) { bar.max = all; bar.value = part; } else bar.removeAttribute("value");
-    say(words, job.status === "queued" ? "Waiting for its turn." : `${capital(doing || "At work")}${all ? ` (${part} of ${all})` : ""}`);
+    say(words, job.status === "queued" ? "Waiting for its turn." : `${capital(doing || "Running")}${all ? ` (${part} of ${all})` : ""}`);
   };
   put(node, running, error);
   look();
   return { node, close: () => { closed = true; clearTimeout(timer); } };
 }
 
-/** Buttons that save what came out of a job. */
+/** Buttons that save the results of a job. */
 export function results(kind, job, trouble) {
   const names = (job.results ?? []).map((one) => (typeof one === "string" ? one : one.name));
   return el("div", { class: "row" }, names.filter((name) => !/^plan-/.test(name)).map((name) =>

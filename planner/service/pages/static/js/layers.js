@@ -30,7 +30,7 @@ export function line(ctx, view, points, stroke, width = 1.5, dash = []) {
   ctx.setLineDash([]);
 }
 
-/** Lines at 45 degrees over rings: ground that is left, and what must not be driven on. */
+/** Lines at 45 degrees over rings: unworked ground, and places where nobody may drive. */
 export function hatch(ctx, view, rings, stroke) {
   ctx.save();
   ctx.beginPath();

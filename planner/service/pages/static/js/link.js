@@ -1,4 +1,4 @@
-// One WebSocket link to a fleet: says hello, comes back after it was lost, and knows when it hears nothing.
+// One WebSocket link to a fleet: it connects, reconnects when lost, and notices silence.
 import { socketUrl, token, part } from "./api.js";
 
 const FIRST_WAIT_MS = 400, LONGEST_WAIT_MS = 5000, SILENCE_MS = 3000;
@@ -15,15 +15,15 @@ export class Link {
     if (this.closed) return;
     this.tell("connecting");
     const socket = (this.socket = new WebSocket(socketUrl(`fleets/${part(this.fleet)}/link`)));
-    socket.addEventListener("open", () => (this.closed ? socket.close(1000) : this.hello()));
+    socket.addEventListener("open", () => (this.closed ? socket.close(1000) : this.sendConnect()));
     socket.addEventListener("message", (event) => this.take(event.data));
     socket.addEventListener("close", (event) => this.lost(socket, event));
   }
 
-  hello() {
+  sendConnect() {
     this.last = performance.now();
     this.welcomed = false;
-    this.send({ kind: "hello", role: this.role, tractor: this.tractor, token: token.get(), version: 1 });
+    this.send({ kind: "connect", role: this.role, tractor: this.tractor, token: token.get(), version: 1 });
   }
 
   take(data) {
@@ -45,7 +45,7 @@ export class Link {
 
   lost(socket, event) {
     if (socket !== this.socket || this.closed) return;
-    // Who may not control may still look: the next attempt asks for less.
+    // Without the right to control, the next attempt asks to watch only.
     if (!this.welcomed && this.role === "control" && event.code !== 1006) this.role = "viewer";
     this.tell("lost");
     this.timer = setTimeout(() => this.open(), this.wait);
@@ -62,14 +62,14 @@ export class Link {
     this.changed(state);
   }
 
-  /** Send a frame; false where there is no link to send it on (nothing is kept for later: commands are of now). */
+  /** Send a frame; false where there is no link to send it on (nothing is sent later: a command is for now). */
   send(frame) {
     if (this.socket?.readyState !== WebSocket.OPEN) return false;
     this.socket.send(JSON.stringify(frame));
     return true;
   }
 
-  /** No frame any more. One that still connects is closed as it opens: before that, browsers complain of it. */
+  /** End the link. A socket that is still connecting is closed once open: browsers report an error before that. */
   close() {
     this.closed = true;
     clearInterval(this.watch);

@@ -1,5 +1,5 @@
 // Fleets on one map: ground, worked ground, plan against actual, twins, tractors. Fields that are far apart, or have
-// no place on the earth, are drawn beside each other, each true in itself.
+// no coordinates on the earth, are drawn beside each other, each to scale.
 import { MapView } from "./map.js";
 import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
@@ -49,19 +49,19 @@ export class LiveMap {
     this.view.layers = [(ctx) => this.draw(ctx)];
     this.base = document.createElement("canvas");
     this.forget = onColours(() => { this.key = ""; for (const live of this.lives()) live.coverage.again(); });
-    // Who asked the system for little motion gets steps instead of gliding.
+    // With reduced motion in the system's settings tractors move in steps.
     const calm = matchMedia("(prefers-reduced-motion: reduce)");
     let last = 0;
-    const beat = (stamp = 0) => {
-      this.frame = requestAnimationFrame(beat);
+    const animate = (stamp = 0) => {
+      this.frame = requestAnimationFrame(animate);
       if (stamp - last < (calm.matches ? CALM_MS : FRAME_MS)) return;
       last = stamp;
       this.step();
     };
-    beat();
+    animate();
   }
 
-  // Every frame where something moves; nothing while all stand.
+  // Redraw every frame while a fleet is online; else not.
   step() {
     const shown = this.shown();
     if (shown.some((live) => live.link === "online")) {
@@ -78,7 +78,7 @@ export class LiveMap {
     return this.lives().filter((live) => live.scene);
   }
 
-  // Where every fleet is on the map; found anew when another scene has come.
+  // The place of every fleet on the map; computed again with every new scene.
   places() {
     const shown = this.shown(), key = shown.map((live) => `${live.id} ${live.scenes}`).join("\n");
     if (key === this.layout.key) return this.layout.at;
@@ -183,10 +183,10 @@ export function drawGround(ctx, view, scene, between = null) {
   for (const ring of scene.fence ?? []) line(ctx, view, [...ring, ring[0]], colours.line, 1, [2, 6]);
 }
 
-// The plan of one tractor: announced legs faint and dashed, released ones strong; what is driven is painted ground.
+// The plan of one tractor: horizon legs faint and dashed, base legs strong; driven ones are worked ground.
 function drawPlan(ctx, view, live, number, chosen) {
   const legs = live.scene.lanes[number - 1] ?? [], fix = live.fixes.get(number);
-  const colour = colours.tractor(number), at = fix?.leg ?? 0, released = fix?.released ?? 0;
+  const colour = colours.tractor(number), at = fix?.leg ?? 0, released = fix?.base_end ?? 0;
   const [west, north] = view.place(0, 0), [east, south] = view.place(view.width, view.height);
   const seen = ({ box }) => box[0] < east && box[2] > west && box[1] < north && box[3] > south;
   ctx.globalAlpha = chosen ? 0.8 : 0.42;

@@ -44,7 +44,7 @@ async function show(first = false) {
   box.className = "stack page";
   put(main, box);
   tab(found?.[2]);
-  if (!found) return put(main, heading("No such page"), note("The address names no page of Headland; choose one above.", "warn"));
+  if (!found) return put(main, heading("No such page"), note("There is no page at this address; choose one above.", "warn"));
   let ended = () => {};
   try {
     const page = await import(`./pages/${found[1]}.js`);
@@ -54,7 +54,7 @@ async function show(first = false) {
     if (!(error instanceof ServiceError)) console.error(error);
     if (mine === turn) trouble(box, error);
   }
-  // Somebody may have gone on to another page while this one was waiting for the service.
+  // The user may have left for another page while this one waited for the service.
   if (mine !== turn) return ended();
   close = ended;
   if (!first) (main.querySelector("h1") ?? main).focus({ preventScroll: true });
@@ -63,10 +63,11 @@ async function show(first = false) {
 
 function trouble(box, error) {
   const locked = error.status === 401 || error.status === 403;
-  put(box, heading(locked ? "Access is needed" : "This page could not be shown"), note(error instanceof ServiceError ? error.message : `The page has a fault (${error.message}); reload it, and tell of it if it stays.`, "error"));
+  put(box, heading(locked ? "Access is needed" : "This page could not be shown"), note(error instanceof ServiceError ? error.message : `The page has a fault (${error.message}); reload it, and report it if it stays.`, "error"));
   const ways = document.createElement("div");
   ways.className = "actions";
   ways.append(button("Try again", () => show(), "main"));
+  if (error.status === 401) box.append(note("On the machine of the service, open the login address that headland serve printed; elsewhere, enter a token."));
   if (locked) {
     const link = document.createElement("a");
     link.href = "#/access";

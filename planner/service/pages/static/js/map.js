@@ -87,7 +87,7 @@ export class MapView {
     this.redraw();
   }
 
-  /** Show a box (west, south, east, north) whole; without one the last one. */
+  /** Fit a box (west, south, east, north) into the view; without one, the last box. */
   fit(box = this.box) {
     this.box = box;
     this.fitted = true;
@@ -100,7 +100,7 @@ export class MapView {
     this.redraw();
   }
 
-  // As high as what is shown asks for at this width; the style sheet says what is too high.
+  // The height follows the shape of the content; the style sheet limits it.
   takeShape() {
     const [west, south, east, north] = this.box, share = (north - south) / Math.max(east - west, 1);
     this.node.style.setProperty("--height", `${Math.round(Math.max(LOWEST_PX, this.node.clientWidth * share + AROUND_PX))}px`);

@@ -19,7 +19,7 @@ function read() {
   watchers.forEach((watcher) => watcher());
 }
 
-/** Be told when colours change; answers with how to be told no more. */
+/** Call a function whenever colours change; returns a function that unsubscribes. */
 export function onColours(watcher) {
   watchers.add(watcher);
   return () => watchers.delete(watcher);
@@ -28,18 +28,18 @@ export function onColours(watcher) {
 const CHOICES = ["system", "light", "dark"];
 const KEY = "headland-colours";
 
-export function startTheme(knob) {
+export function startTheme(action) {
   const set = (choice) => {
     if (choice === "system") delete document.documentElement.dataset.theme;
     else document.documentElement.dataset.theme = choice;
     const words = `Colours: ${choice === "system" ? "as the system" : choice}`;
-    knob.setAttribute("aria-label", words);
-    knob.title = words;
+    action.setAttribute("aria-label", words);
+    action.title = words;
     read();
   };
   let choice = localStorage.getItem(KEY) ?? "system";
   if (!CHOICES.includes(choice)) choice = "system";
-  knob.addEventListener("click", () => {
+  action.addEventListener("click", () => {
     choice = CHOICES[(CHOICES.indexOf(choice) + 1) % CHOICES.length];
     localStorage.setItem(KEY, choice);
     set(choice);

@@ -1,4 +1,4 @@
-// One plan of a table on the map, played: ground, tracks with their numbers, paths, what is worked by then.
+// One plan on the map, played back: ground, numbered tracks, paths, and the ground worked so far.
 import { el, put, say, who } from "./dom.js";
 import { MapView } from "./map.js";
 import { Player, poseAt, before } from "./player.js";
@@ -20,7 +20,7 @@ export class PlanMap {
     this.player?.close();
     this.rows = null;
     this.plan = plan;
-    this.parts = plan.lanes.map(stretches);
+    this.parts = plan.lanes.map(segments);
     this.player = new Player({ end: plan.end_s, moved: () => { this.view.redraw(); this.tell(); } });
     this.rows = plan.lanes.map((lane, n) => ({ words: el("span", { class: "small" }), n }));
     put(this.under, this.player.node, el("ul", { class: "legend", "aria-label": "Tractors" }, this.rows.map(({ words, n }) => el("li", {}, who(n + 1), words))));
@@ -47,7 +47,7 @@ export class PlanMap {
       line(ctx, view, upTo(plan.lanes[n], part, now), colours.tractor(n + 1), thick);
     }));
     ctx.restore();
-    for (const track of plan.tracks) line(ctx, view, track.points_m, colours.swath, 1);
+    for (const track of plan.swaths) line(ctx, view, track.points_m, colours.swath, 1);
     for (const ring of plan.obstacles_m) polygon(ctx, view, [ring], colours.obstacle);
     if (plan.missed_m.length) hatch(ctx, view, plan.missed_m, colours.off);
     polygon(ctx, view, [plan.boundary_m, ...plan.holes_m], null, colours.edge, 1.5);
@@ -57,7 +57,7 @@ export class PlanMap {
       parts.forEach((part) => line(ctx, view, part.points, colours.tractor(n + 1), part.status === 1 ? 1.8 : 1, part.status === 4 ? [2, 3] : []));
     });
     ctx.globalAlpha = 1;
-    trackNames(ctx, view, plan.tracks);
+    trackNames(ctx, view, plan.swaths);
     plan.lanes.forEach((lane, n) => tractor(ctx, view, poseAt(lane, now), n + 1, { width: plan.width_m }));
   }
 
@@ -67,8 +67,8 @@ export class PlanMap {
   }
 }
 
-// Pieces of one manner, one after another; standing still leaves none.
-function stretches(lane) {
+// Segments of one status each; standing still gives none.
+function segments(lane) {
   const parts = [];
   for (let k = 0; k < lane.status.length; k++) {
     const last = parts[parts.length - 1];

@@ -1,4 +1,4 @@
-// Time with a slider: play, pause, how many times as fast. What is played asks for `at(seconds)`.
+// A time slider: play, pause and speed of playback.
 import { el, say, button, option } from "./dom.js";
 import { clock } from "./words.js";
 
@@ -6,18 +6,18 @@ export class Player {
   constructor({ end, moved, rates = [1, 10, 60, 300], rate = 60, begin = 0 }) {
     Object.assign(this, { end, moved, begin, now: 0, running: false });
     this.slider = el("input", { type: "range", min: "0", step: "any", max: String(end), value: "0", "aria-label": "Time since the start" });
-    this.told = el("output");
-    this.knob = button("\u25B6\u00A0Play", () => this.toggle(), "main");
-    this.rate = el("select", { "aria-label": "How fast" }, rates.map((one) => option(String(one), `${one} times`, one === rate)));
+    this.elapsed = el("output");
+    this.action = button("\u25B6\u00A0Play", () => this.toggle(), "main");
+    this.rate = el("select", { "aria-label": "Playback speed" }, rates.map((one) => option(String(one), `${one} times`, one === rate)));
     this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
-    this.node = el("div", { class: "player" }, this.knob, this.slider, this.told, this.rate);
+    this.node = el("div", { class: "player" }, this.action, this.slider, this.elapsed, this.rate);
     this.seek(0);
   }
 
   toggle() {
     if (!this.running && this.now >= this.end) this.seek(0);
     this.running = !this.running;
-    say(this.knob, this.running ? "Pause" : "\u25B6\u00A0Play");
+    say(this.action, this.running ? "Pause" : "\u25B6\u00A0Play");
     if (this.running) this.frame = requestAnimationFrame((stamp) => { this.before = stamp; this.step(stamp); });
   }
 
@@ -33,7 +33,7 @@ export class Player {
     this.now = seconds;
     this.slider.value = String(seconds);
     this.slider.setAttribute("aria-valuetext", clock(seconds));
-    say(this.told, clock(seconds));
+    say(this.elapsed, clock(seconds));
     this.moved(seconds);
   }
 
@@ -61,7 +61,7 @@ export function poseAt(lane, at) {
   return { x, y, heading: headingAt(points, status, i), status: status[Math.min(i, status.length - 1)], knot: i };
 }
 
-// Where it does not move it looks as it did when it last moved.
+// While standing it keeps the heading of its last move.
 function headingAt(points, status, knot) {
   const of = (k) => {
     const [dx, dy] = [points[k + 1][0] - points[k][0], points[k + 1][1] - points[k][1]];

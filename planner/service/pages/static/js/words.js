@@ -1,4 +1,4 @@
-// How figures read. What is not known is a dash.
+// Figures as text; an unknown value is a dash.
 
 export const DASH = "\u2013";
 const known = (value) => typeof value === "number" && Number.isFinite(value);
@@ -45,7 +45,7 @@ export function moment(value) {
 
 export const hectares = (m2) => (known(m2) ? `${(m2 / 10000).toFixed(2)}\u00A0ha` : DASH);
 export const kmh = (mps) => (known(mps) ? `${(mps * 3.6).toFixed(1)}\u00A0km/h` : DASH);
-/** A share; what is not quite all is never told as all. */
+/** A share in percent; less than all is never rounded up to 100 %. */
 export function percent(value) {
   if (!known(value)) return DASH;
   const fine = value < 10 || (value > 99 && value < 100);
@@ -63,7 +63,7 @@ const LEGS = {
   track: (n) => `track ${n}`, round: (n) => `round ${n}`, turn: (n) => `turning to track ${n}`,
   enter: () => "coming in", leave: () => "going out", "drive-in": (n) => `lining up for track ${n}`,
 };
-/** What a leg of a plan is, in words; its task counts from 0. */
+/** A leg of a plan in words; its task counts from 0. */
 export function legWords(leg) {
   if (!leg) return DASH;
   const number = known(leg.number) ? leg.number + 1 : "";

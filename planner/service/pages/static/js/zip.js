@@ -2,7 +2,7 @@
 
 const END = 0x06054b50, ENTRY = 0x02014b50, END_BYTES = 22, LONGEST_COMMENT = 65535, DEFLATED = 8;
 
-/** Names and texts of the files of a Blob that ends in `ending`; throws an Error with a sentence for no zip. */
+/** Names and texts of the files of a Blob that ends in `ending`; throws an Error with a sentence if it is not a zip. */
 export async function textsOf(blob, ending = ".csv") {
   const buffer = await blob.arrayBuffer(), view = new DataView(buffer), found = [];
   let at = endOf(view);
@@ -24,7 +24,7 @@ function endOf(view) {
   for (let at = view.byteLength - END_BYTES; at >= Math.max(0, view.byteLength - END_BYTES - LONGEST_COMMENT); at--) {
     if (view.getUint32(at, true) === END) return at;
   }
-  throw new Error("The file is no zip archive; choose a recording that was saved here.");
+  throw new Error("The file is not a zip archive; choose a recording saved from this page.");
 }
 
 async function unpacked(bytes, method) {

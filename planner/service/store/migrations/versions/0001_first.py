@@ -15,9 +15,9 @@ NAME, SHA, TIME, KIND = sa.String(120), sa.String(64), sa.String(32), sa.String(
 
 def upgrade() -> None:
     """Make the tables."""
-    _access()
-    _jobs()
-    _fleets()
+    _create_access_tables()
+    _create_job_tables()
+    _create_fleet_tables()
 
 
 def downgrade() -> None:
@@ -26,7 +26,7 @@ def downgrade() -> None:
         op.drop_table(table)
 
 
-def _access() -> None:
+def _create_access_tables() -> None:
     op.create_table(
         "tokens",
         sa.Column("id", sa.Integer(), primary_key=True),
@@ -49,7 +49,7 @@ def _access() -> None:
     )
 
 
-def _jobs() -> None:
+def _create_job_tables() -> None:
     op.create_table(
         "jobs",
         sa.Column("number", sa.Integer(), primary_key=True),
@@ -83,7 +83,7 @@ def _jobs() -> None:
     )
 
 
-def _fleets() -> None:
+def _create_fleet_tables() -> None:
     op.create_table(
         "fleets",
         sa.Column("id", sa.String(32), primary_key=True),

@@ -7,8 +7,8 @@ export async function open(main, shell) {
   shell.title("Access");
   const about = el("div"), said = el("div"), field = el("input", { type: "password", autocomplete: "off", spellcheck: "false", name: "token", placeholder: "hl_\u2026" });
   const shownFor = el("p", { role: "status" });
-  const tell = () => put(shownFor, token.get() ? `A token is in use in this tab; it ends in ${token.get().slice(-4)}.` : "No token is in use. On this machine you may look; nobody may control without one.");
-  const form = el("form", { class: "stack" }, labelled("Token", field, "Made on the machine of the service: headland token new --scope control"), el("div", { class: "row" }, el("button", { class: "main" }, "Use it in this tab"),
+  const tell = () => put(shownFor, token.get() ? `A token is in use in this tab; it ends in ${token.get().slice(-4)}.` : "No token is in use. With the login address that headland serve prints a browser may view; planning and operating need a token.");
+  const form = el("form", { class: "stack" }, labelled("Token", field, "Made on the machine of the service: headland token new --scope operator --scope planner"), el("div", { class: "row" }, el("button", { class: "main" }, "Use it in this tab"),
     button("Forget it", () => { token.set(null); tell(); put(said, note("The token is forgotten.")); })));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
@@ -17,7 +17,7 @@ export async function open(main, shell) {
     try {
       await get("fields");
       field.value = "";
-      put(said, note("The service takes this token."));
+      put(said, note("The service accepts this token."));
     } catch (error) {
       token.set(before);
       put(said, note(error.message, "error"));
@@ -25,9 +25,9 @@ export async function open(main, shell) {
     tell();
   });
   tell();
-  put(main, heading("Access", "Reading, controlling and administering each need a token of that scope."),
+  put(main, heading("Access", "A planner\u2019s token adds files and jobs, an operator\u2019s controls fleets, an admin\u2019s also makes tokens; all of them can read."),
     el("div", { class: "two even" }, el("section", { class: "panel stack" }, shownFor, form, said), el("section", { class: "panel stack" }, el("h2", {}, "Service"), about)));
-  const health = await get("health");
-  put(about, facts([["Service", health.status ?? DASH], ["Version", health.version ?? DASH], ["Tokens", health.tokens_needed ? "needed for all" : "needed to control"]]),
-    el("p", { class: "small" }, el("a", { href: "api/v1/docs" }, "Documentation of the interface")));
+  const health = await get("health"), me = await get("me").catch(() => null);
+  put(about, facts([["Service", health.status ?? DASH], ["Version", health.version ?? DASH], ["You", me ? `${me.name}: ${me.rights.join(", ") || "nothing"}` : "unknown: log in or enter a token"], ...(health.faults ?? []).map((fault) => ["Fault", fault])]),
+    el("p", { class: "small" }, el("a", { href: "api/v1/docs" }, "API documentation")));
 }

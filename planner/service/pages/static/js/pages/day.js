@@ -1,4 +1,4 @@
-// A day of several fields and fleets: the day file as text, changed here or uploaded; then the answer.
+// A day of several fields and fleets: the day file as text, edited here or uploaded; then the result.
 import { el, put, button, heading, note, labelled, sorry, lookingOnly } from "../dom.js";
 import { get, post, part, token } from "../api.js";
 import { filePicker } from "../files.js";
@@ -14,7 +14,7 @@ export async function open(main, shell, [id = null]) {
   const set = (value) => { text.value = value; sessionStorage.setItem(DRAFT, value); };
   const file = el("input", { type: "file", accept: ".toml" });
   file.addEventListener("change", async () => { if (file.files.length) set(await file.files[0].text()); });
-  const example = button("Begin with the example", async () => {
+  const example = button("Start from the example", async () => {
     const answer = await fetch("static/example-day.toml");
     if (answer.ok) set(await answer.text()); else put(trouble, note("The example could not be read.", "error"));
   }, "small");
@@ -28,9 +28,9 @@ export async function open(main, shell, [id = null]) {
     if (rain.value.trim()) request.rain = rain.value.trim();
     try { location.hash = `#/day/${part((await post("days", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { run.disabled = false; }
   }, "main");
-  put(main, heading("Day", "Several fields and fleets: who works which field in what order, and how sure each is."), !token.get() && lookingOnly(),
+  put(main, heading("Day", "Several fields and fleets: who works which field in what order, and how likely each is in time."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
-      el("section", { class: "panel stack" }, el("h2", {}, "The day"), el("div", { class: "two even" }, labelled("Day file", file, "TOML; it appears below and can be changed there."), el("div", {}, example)), labelled("Text of the day", text)),
+      el("section", { class: "panel stack" }, el("h2", {}, "The day"), el("div", { class: "two even" }, labelled("Day file", file, "TOML; it appears below and can be edited there."), el("div", {}, example)), labelled("Text of the day", text)),
       el("section", { class: "panel stack" }, el("h2", {}, "Farm and rain"), el("div", { class: "two even" }, farm.node, labelled("Rain instead of the day's", rain, "17:00, or 16:30=20,17:00=50 in percent"))),
       trouble, el("div", { class: "row" }, run), await earlier("days", "day", "Earlier days")));
 }

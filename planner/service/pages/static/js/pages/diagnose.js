@@ -1,4 +1,4 @@
-// Diagnose: upload measured logs, say which tractor they are of, and read what the simulation gets wrong and why.
+// Diagnose: upload measured logs, name their tractor, and read what the simulation gets wrong and why.
 import { el, put, button, heading, note, labelled, option, sorry, lookingOnly } from "../dom.js";
 import { get, post, items, upload, part, token } from "../api.js";
 import { filePicker } from "../files.js";
@@ -26,15 +26,15 @@ export async function open(main, shell, [id = null]) {
   await draw();
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" });
   const ground = el("select", { name: "ground" }, option("soil"), option("asphalt"));
-  const ask = async (request, knob) => {
-    knob.disabled = true;
-    try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { knob.disabled = false; }
+  const ask = async (request, action) => {
+    action.disabled = true;
+    try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { action.disabled = false; }
   };
   const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value }, run), "main");
-  const demo = button("Show me with made logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
+  const demo = button("Demonstrate with simulated logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
   put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
-      el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run a file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
+      el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run per file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
       el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground))),
       trouble, el("div", { class: "row" }, run, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
 }

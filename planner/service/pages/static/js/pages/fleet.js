@@ -1,4 +1,4 @@
-// One fleet live: map, tractors, pause and resume, obstacles, a tractor that fails, the plan for the others.
+// One live fleet: map, tractors, pause and resume, obstacles, failed tractors, the new plan for the others.
 import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
 import { get, items, remove, save, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
@@ -9,8 +9,8 @@ import { colours } from "../palette.js";
 import { capital, clock, moment, plural, LOOKS } from "../words.js";
 
 const TELL_MS = 250, LEAST_CORNERS = 3;
-// What an operator ends by letting all go on; who waits for another, or has failed, stands all the same.
-const RESUMED = new Set(["paused", "stopped by stop-all", "remote control"]);
+// Holds that "Resume" ends; a tractor that waits for another, or has failed, still stands.
+const RESUMED = new Set(["paused", "stopped by stop-all", "the service began anew", "remote control"]);
 
 export async function open(main, shell, [id]) {
   const about = await get(`fleets/${part(id)}`);
@@ -29,11 +29,11 @@ export async function open(main, shell, [id]) {
     const tractor = Number(which.value);
     if (live.send({ kind: "fail", tractor })) live.send({ kind: "replan", without: [tractor] });
   }, "danger");
-  const repaired = button("It drives again", () => live.send({ kind: "repaired", tractor: Number(which.value) }));
+  const repaired = button("It works again", () => live.send({ kind: "recover", tractor: Number(which.value) }));
   const proposed = () => put(proposal, live.proposal && proposalNote(live));
   const inWay = el("ul", { class: "cards" });
   const obstacles = () => put(inWay, live.scene.marked.map((one) => el("li", { class: "tile" }, el("span", { class: "grow" }, one.name),
-    button("It is gone", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
+    button("Remove", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
   const recording = button("Save recording", () => save(`fleets/${part(id)}/recording`, `${live.name}.zip`).catch((error) => put(said, note(error.message, "error"))));
   const away = button("Remove this fleet", async () => {
     if (!confirm(`Remove ${live.name} with its recording?`)) return;
@@ -48,7 +48,7 @@ export async function open(main, shell, [id]) {
         el("section", {}, el("h2", {}, "Alarms"), alarms.node),
         el("section", {}, el("h2", {}, "Tractors"), tiles.node),
         el("details", { class: "panel" }, el("summary", {}, "Failures, obstacles, removal"),
-          el("p", { class: "small soft" }, "The rest of its tracks is planned for the others; you see the time before you accept."),
+          el("p", { class: "small soft" }, "Its remaining tracks are planned for the others; you see the time before you accept."),
           el("div", { class: "row" }, el("div", { class: "grow" }, which), fail, repaired), inWay, el("div", { class: "row" }, away)),
         el("details", { class: "panel" }, el("summary", {}, "Who did what"), log))));
   main.classList.add("has-stop");
@@ -60,13 +60,13 @@ export async function open(main, shell, [id]) {
     pause.hidden = now !== "running";
     away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
-    for (const knob of [start, pause, resume, fail, repaired, away, drawer.knob]) knob.disabled = !live.mayControl;
+    for (const action of [start, pause, resume, fail, repaired, away, drawer.action]) action.disabled = !live.mayControl;
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
-    tiles.told(); alarms.told(); stop.told();
+    tiles.update(); alarms.update(); stop.update();
   };
   tell();
-  // What was done before this page was opened.
+  // Events from before this page was opened.
   items(`events?fleet=${part(id)}`).then((known) => { live.events.push(...known.slice(-40).reverse()); }).catch(() => {});
   const telling = setInterval(tell, TELL_MS);
   return () => { clearInterval(telling); map.close(); live.close(); };
@@ -75,42 +75,42 @@ export async function open(main, shell, [id]) {
 const eventWords = ({ time, who, what, data = {} }) =>
   [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${key.replaceAll("_", " ")} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
 
-export const legend = () => el("ul", { class: "legend", "aria-label": "What is drawn" },
+export const legend = () => el("ul", { class: "legend", "aria-label": "Legend" },
   el("li", {}, el("i", { class: "area", style: { "--colour": "var(--t0)" } }), "worked"),
-  el("li", {}, el("i"), "released"), el("li", {}, el("i", { class: "thin" }), "announced"),
+  el("li", {}, el("i"), "base: may be driven"), el("li", {}, el("i", { class: "thin" }), "horizon: planned"),
   el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"), el("li", {}, el("i", { class: "dotted" }), "geofence"));
 
 function proposalNote(live) {
   const one = live.proposal, gone = `tractor ${one.without.join(" and ")}`;
   if (one.state === "accepted") return null;
   if (one.state === "failed") return note(one.sentence ?? `There is no plan without ${gone}.`, "error");
-  if (one.state === "planning") return note(`The tracks of ${gone} are being planned for the others.`);
-  return note(`${one.sentence ?? `Without ${gone} the others take the rest.`} Done in ${clock(one.eta_s)}, as simulated.`, "warn",
+  if (one.state === "planning") return note(`The remaining tracks of ${gone} are being planned for the others.`);
+  return note(`${one.sentence ?? `The others take over from ${gone}.`} Simulated: done in ${clock(one.eta_s)}.`, "warn",
     button("Accept", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
-    button("Leave it", () => { live.proposal = null; live.tell("proposal"); }, "small"));
+    button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
 }
 
-// An obstacle is drawn by its corners; the legs it touches are blocked, the rest goes on.
+// An obstacle is drawn by its corners; the legs that it touches are blocked, the others are driven.
 function obstacleDrawer(live, map) {
   let corners = null;
   const words = el("span", { class: "small soft" });
   const name = el("input", { "aria-label": "Name of the obstacle", placeholder: "What is it?", maxlength: "60" });
-  const end = () => { corners = null; map.node.classList.remove("drawing"); map.view.clicked = null; told(); map.view.redraw(); };
+  const end = () => { corners = null; map.node.classList.remove("drawing"); map.view.clicked = null; update(); map.view.redraw(); };
   const done = button("Block it", () => {
     const [east, north] = live.origin;
     live.send({ kind: "obstacle", polygon_m: corners.map(([x, y]) => [x + east, y + north]), name: name.value.trim() || "obstacle" });
     end();
   }, "main small"), cancel = button("Cancel", end, "small");
-  const knob = button("Mark an obstacle", () => {
+  const action = button("Mark an obstacle", () => {
     corners = [];
     map.node.classList.add("drawing");
-    map.view.clicked = (place) => { corners.push(place); told(); map.view.redraw(); };
-    told();
+    map.view.clicked = (place) => { corners.push(place); update(); map.view.redraw(); };
+    update();
   }, "small");
   const box = el("div", { class: "row", hidden: true }, words, el("div", { class: "grow" }, name), done, cancel);
-  const told = () => {
+  const update = () => {
     box.hidden = !corners;
-    knob.hidden = Boolean(corners);
+    action.hidden = Boolean(corners);
     done.disabled = !corners || corners.length < LEAST_CORNERS;
     say(words, corners ? `Tap its corners on the map (${plural(corners.length, "corner")}).` : "");
   };
@@ -120,5 +120,5 @@ function obstacleDrawer(live, map) {
     line(ctx, view, corners, colours.off, 2.5);
     for (const corner of corners) { const [x, y] = view.at(...corner); ctx.fillStyle = colours.off; ctx.fillRect(x - 4, y - 4, 8, 8); }
   };
-  return { node: el("div", {}, knob, box), knob };
+  return { node: el("div", {}, action, box), action };
 }

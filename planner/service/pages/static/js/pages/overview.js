@@ -1,4 +1,4 @@
-// All fleets on one map: who is where, who waits, how much is done, what is wrong; stop-all within reach.
+// All fleets on one map: positions, waiting, progress, alarms; stop-all within reach.
 import { el, put, say, button, heading, note, facts } from "../dom.js";
 import { items } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
@@ -9,7 +9,7 @@ import { capital, percent, plural, timeOfDay, DASH, LOOKS } from "../words.js";
 const LOOK_AGAIN_MS = 5000, TELL_MS = 250, OVER = new Set(["done"]);
 const stateOf = (one) => one.fleet?.state ?? "";
 
-// Fleets that run before others, of either the newest first: the map opens on the first.
+// Running fleets first, then the newest: the map opens on the first.
 const running = (a, b) => (stateOf(b) === "running") - (stateOf(a) === "running") || (a.created < b.created) - (a.created > b.created);
 
 export async function open(main, shell) {
@@ -33,8 +33,8 @@ export async function open(main, shell) {
     const groups = map.groups();
     below.hidden = groups.length < 2;
     if (map.only !== null && map.only >= groups.length) map.only = null;
-    const knob = (words, only) => button(words, () => { map.only = only; map.fit(); fields(); }, "small", { "aria-pressed": String(only === map.only) });
-    put(choice, knob("All", null), groups.map((names, group) => knob(names.join(", "), group)),
+    const action = (words, only) => button(words, () => { map.only = only; map.fit(); fields(); }, "small", { "aria-pressed": String(only === map.only) });
+    put(choice, action("All", null), groups.map((names, group) => action(names.join(", "), group)),
       el("span", { class: "small soft" }, "Fields far apart are drawn beside each other."));
   };
   put(main, heading("Overview", "", alarms.sign, stop.node), messages,
@@ -48,12 +48,12 @@ export async function open(main, shell) {
   const rows = new Map();
   const row = (one) => {
     if (!rows.has(one.id)) { rows.set(one.id, fleetTile(one)); fleets.append(rows.get(one.id).node); }
-    rows.get(one.id).told(one, lives.get(one.id));
+    rows.get(one.id).update(one, lives.get(one.id));
   };
   let listed = known;
   const tell = () => {
     listed.forEach(row);
-    tiles.told(); alarms.told(); stop.told();
+    tiles.update(); alarms.update(); stop.update();
   };
   tell();
   const telling = setInterval(tell, TELL_MS);
@@ -68,7 +68,7 @@ function fleetTile(one) {
   const state = el("span", { class: "badge" }), more = el("p", { class: "small soft" }), name = el("b", {}, one.name ?? one.id);
   const node = el("a", { class: "tile", href: `#/fleet/${encodeURIComponent(one.id)}` },
     el("div", { class: "grow" }, el("p", { class: "row" }, name, state), more), el("span", { "aria-hidden": "true" }, "\u203A"));
-  const told = (item, live) => {
+  const update = (item, live) => {
     const now = live?.fleet?.state ? live.fleet : item.fleet ?? {}, words = now.state ?? DASH;
     say(state, capital(words));
     state.className = `badge ${LOOKS[words] ?? ""}`;
@@ -76,13 +76,13 @@ function fleetTile(one) {
     say(more, item.error ?? [count ? plural(count, "tractor") : "", now.done_pct >= 0 ? `${percent(now.done_pct)} worked` : "",
       typeof now.eta_s === "number" && words !== "done" ? `done ${timeOfDay(now.eta_s)}` : ""].filter(Boolean).join(" \u00B7 "));
   };
-  return { node, told };
+  return { node, update };
 }
 
 function empty(main) {
   put(main, heading("Overview"), el("div", { class: "panel empty" },
-    el("h2", {}, "No fleet is out yet"),
-    el("p", {}, "Plan a field, pick a plan of the table, and send it out. Its tractors then appear here, on one map."),
+    el("h2", {}, "No fleet yet"),
+    el("p", {}, "Plan a field, choose a plan from the table, and send it out. Its tractors then appear here on one map."),
     el("div", { class: "actions" }, el("a", { class: "button main", href: "#/plan" }, "Plan a field"))));
   return () => {};
 }

@@ -1,4 +1,4 @@
-// Plan a field: choose or draw it, say with what machines and by when, and run. The answer has a page of its own.
+// Plan a field: choose or draw it, choose machines and deadline, and run. The result has a page of its own.
 import { el, put, button, heading, note, labelled, option, facts, sorry, lookingOnly } from "../dom.js";
 import { post, upload, part, token } from "../api.js";
 import { filePicker, fieldSummary } from "../files.js";
@@ -12,27 +12,27 @@ import { hectares, number } from "../words.js";
 const STRATEGIES = ["row-by-row", "row-by-row-optimised", "col-by-col", "split-field", "interleaved"];
 const USUAL = ["split-field", "interleaved"];
 const MORE = [
-  ["speed_kmh", "Working speed, km/h", "5"], ["turn_speed_kmh", "Turn speed, km/h", ""], ["headland", "Headland depth, m", "as the turn needs"],
-  ["bearing", "Direction of tracks, degrees", "the best one"], ["radius", "Turning radius, m", "of the tractor"], ["clearance", "Least distance between machines, m", "0.5"],
-  ["margin", "Distance to obstacles and fences, m", "0.3"], ["entrance", "Entrance: LON,LAT", "of the file"], ["price_per_hour", "Price of a tractor and hour", "40"],
-  ["price_per_tractor", "Price of bringing a tractor", "0"], ["budget", "Most that may be paid", ""], ["refill", "Refill: headland, tender or LON,LAT", ""], ["seed", "Seed", "1"],
+  ["speed_kmh", "Working speed, km/h", "5"], ["turn_speed_kmh", "Turn speed, km/h", ""], ["headland", "Headland depth, m", "as turns need"],
+  ["bearing", "Direction of tracks, degrees", "the best"], ["radius", "Turning radius, m", "of the tractor"], ["clearance", "Least distance between machines, m", "0.5"],
+  ["margin", "Distance to obstacles and fences, m", "0.3"], ["entrance", "Entrance: LON,LAT", "of the file"], ["price_per_hour", "Price per tractor and hour", "40"],
+  ["price_per_tractor", "Price per tractor brought", "0"], ["budget", "Budget", ""], ["refill", "Refill: headland, tender or LON,LAT", ""], ["seed", "Seed", "1"],
 ];
 const CHOICES = [["operation", "Work", ["till", "sow", "spray", "harvest", "mow"]], ["turn", "Turns", ["auto", "u", "omega", "switch-back"]], ["corners", "Corners", ["square", "round"]],
-  ["prefer", "Best is", ["", "fastest", "cheapest", "surest"]]];
+  ["objective", "Objective", ["", "fastest", "cheapest", "surest"]]];
 const NUMBERS = new Set(["width", "speed_kmh", "turn_speed_kmh", "headland", "bearing", "radius", "clearance", "margin", "price_per_hour", "price_per_tractor", "budget", "seed"]);
 
 export async function open(main, shell) {
   shell.title("Plan");
   const preview = fieldPreview(), closing = [preview.close];
-  const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap: swap.checked });
-  const [local, swap] = ["local", "swap"].map((name) => el("input", { type: "checkbox", name, onchange: look })), crs = el("input", { name: "crs", placeholder: "as in the file", spellcheck: "false", onchange: look });
+  const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap_axes: swap.checked });
+  const [local, swap] = ["local", "swap_axes"].map((name) => el("input", { type: "checkbox", name, onchange: look })), crs = el("input", { name: "crs", placeholder: "as in the file", spellcheck: "false", onchange: look });
   const reading = el("details", {}, el("summary", {}, "How the file is read"), el("label", { class: "check" }, local, "The file is in local metres"),
-    el("label", { class: "check" }, swap, "Latitude or northing comes first"), labelled("Coordinate system", crs, "EPSG:25832 for instance; only for a file that names none."));
-  preview.refused = (error) => { if (["local", "swap", "crs"].includes(error.parameter)) reading.open = true; };
-  const parcel = el("select", { name: "parcel", onchange: look }), along = el("select", { name: "along" });
-  const ofSeveral = labelled("Which of its fields", parcel), byLine = labelled("Lay the tracks", along);
+    el("label", { class: "check" }, swap, "Latitude or northing comes first"), labelled("Coordinate system", crs, "For example EPSG:25832; only for a file that names none."));
+  preview.refused = (error) => { if (["local", "swap_axes", "crs"].includes(error.parameter)) reading.open = true; };
+  const parcel = el("select", { name: "parcel", onchange: look }), along = el("select", { name: "guidance_line" });
+  const ofSeveral = labelled("Field of the file", parcel), byLine = labelled("Lay the tracks", along);
   ofSeveral.hidden = byLine.hidden = true;
-  preview.told = ({ fields = [], field: shape }) => {
+  preview.update = ({ fields = [], field: shape }) => {
     ofSeveral.hidden = fields.length < 2;
     if (fields.length > 1 && parcel.options.length < 2) put(parcel, option("", "choose one"), fields.map((one) => option(keyOf(one, fields), `${one.key} (${number(one.area_ha, 2, "ha")})`)));
     const lines = shape?.lines ?? [], before = along.value;
@@ -41,7 +41,7 @@ export async function open(main, shell) {
   };
   const another = () => {
     const said = field.options();
-    [local.checked, swap.checked, crs.value] = [Boolean(said.local), Boolean(said.swap), said.crs ?? ""];
+    [local.checked, swap.checked, crs.value] = [Boolean(said.local), Boolean(said.swap_axes), said.crs ?? ""];
     put(parcel);
     put(along);
     ofSeveral.hidden = byLine.hidden = true;
@@ -51,7 +51,7 @@ export async function open(main, shell) {
   field = await filePicker("fields", "Field", { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   another();
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" }), farm = await filePicker("farms", "Farm", { accept: ".toml", none: "no farm file" });
-  const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", hint: "One row for each member of a forecast: time or hours." }), gnss = await filePicker("tables", "Errors of positions by a table", { accept: ".csv", none: "no table", hint: "Made with headland gnss fit." });
+  const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", "GNSS errors by a table", { accept: ".csv", none: "no table", hint: "Made with headland gnss fit." });
   const trouble = el("div"), form = el("form", { class: "stack steps", novalidate: true });
   const input = (name, title, value = "", hint = "", more = {}) => labelled(title, el("input", { name, value, ...more }), hint);
   const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn);
@@ -76,10 +76,10 @@ export async function open(main, shell) {
       el("div", { class: "grid" }, input("width", "Working width, m", "3", "", { inputmode: "decimal" }), input("tractors", "Tractors", "1-3", "3, 1-6 or 1,3,5"), input("implement", "Implement of the farm", "", "by its name")),
       strategies, el("details", {}, el("summary", {}, "Tractor and farm files"), el("div", { class: "two even" }, tractor.node, farm.node))),
     el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"),
-      el("div", { class: "grid" }, input("start", "Start", "", "13:00"), input("before", "Done by", "", "17:00; the next day if not after the start"), input("rain", "Rain", "", "17:00, or 16:30=20,17:00=50 in percent")),
+      el("div", { class: "grid" }, input("start", "Start", "", "13:00"), input("deadline", "Done by", "", "17:00; next day if before the start"), input("rain", "Rain", "", "17:00, or 16:30=20,17:00=50 in percent")),
       el("details", {}, el("summary", {}, "More options"),
-        el("div", { class: "grid" }, CHOICES.map(([name, title, all]) => labelled(title, el("select", { name }, all.map((one) => option(one, one || "as asked"))))), MORE.map(([name, title, hint]) => input(name, title, "", hint))),
-        el("div", { class: "grid" }, [["tracks_only", "Tracks only, headland left"], ["all", "Simulate every plan, however slow"], ["gnss", "Positions err as a receiver's"]].map(([name, words]) =>
+        el("div", { class: "grid" }, CHOICES.map(([name, title, all]) => labelled(title, el("select", { name }, all.map((one) => option(one, one || "default"))))), MORE.map(([name, title, hint]) => input(name, title, "", hint))),
+        el("div", { class: "grid" }, [["no_headland", "Do not work the headland"], ["all", "Simulate every plan, however slow"], ["gnss", "Simulate GNSS errors"]].map(([name, words]) =>
           el("label", { class: "check" }, el("input", { type: "checkbox", name }), words))),
         el("div", { class: "two even" }, rain.node, gnss.node))),
     trouble, el("div", { class: "row" }, run));
@@ -97,11 +97,11 @@ export async function open(main, shell) {
       run.disabled = false;
     }
   });
-  put(main, heading("Plan a field", "Every fleet and strategy is simulated and ranked by time, count and price."), !token.get() && lookingOnly(), form, await earlier("plans", "plan", "Earlier plans"));
+  put(main, heading("Plan a field", "Every fleet size and strategy is simulated and ranked by time, tractors and cost."), !token.get() && lookingOnly(), form, await earlier("plans", "plan", "Earlier plans"));
   return () => closing.forEach((close) => close());
 }
 
-// What was typed, under the names of the service; numbers that are none go as they stand, and are refused in a sentence.
+// The form's values under the service's names; text that is not a number is sent as it is, and the service refuses it.
 function requestOf(form, files) {
   const request = {}, given = new FormData(form);
   for (const [name, value] of given) {
@@ -118,7 +118,7 @@ function requestOf(form, files) {
   if (files.farm) request.farm = files.farm;
   if (files.rain && !request.rain) request.rain = `${files.rain}.csv`;
   if (files.gnss) request.gnss_table = files.gnss;
-  for (const name of ["local", "swap"]) if (files.said[name]) request[name] = form.elements[name].checked;
+  for (const name of ["local", "swap_axes"]) if (files.said[name]) request[name] = form.elements[name].checked;
   for (const name of ["operation", "turn", "corners"]) if (request[name] === form.elements[name].options[0].value) delete request[name];
   return request;
 }
@@ -133,10 +133,10 @@ function refused(form, trouble, error) {
   control?.focus();
 }
 
-// By what a field of several is chosen: its key where no other has it, else its position.
+// A field of several is chosen by its key if that is unique, else by its position.
 const keyOf = (one, all) => (one.key && all.filter((other) => other.key === one.key).length === 1 ? one.key : String(one.position));
 
-// The field as the reader has it: rings, obstacles, area, remarks.
+// The chosen field: rings, obstacles, area, remarks.
 function fieldPreview() {
   const view = new MapView("Map of the chosen field", { short: true }), under = el("div", { class: "under" });
   let shape = null, asked = 0;
@@ -148,7 +148,7 @@ function fieldPreview() {
     for (const fence of shape.fences_m ?? []) line(ctx, view, fence, colours.ink, 3, [6, 3]);
     if (shape.entrance_m) { const [x, y] = view.at(...shape.entrance_m); ctx.fillStyle = colours.ink; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x - 7, y - 14); ctx.lineTo(x + 7, y - 14); ctx.fill(); }
   }];
-  const box = { node: el("div", { class: "panel flush" }, view.node, under), close: () => view.close(), told: () => {}, refused: () => {} };
+  const box = { node: el("div", { class: "panel flush" }, view.node, under), close: () => view.close(), update: () => {}, refused: () => {} };
   box.show = async (name, how) => {
     if (!name) return;
     const mine = ++asked;
@@ -157,7 +157,7 @@ function fieldPreview() {
       const summary = await fieldSummary(name, how);
       if (mine !== asked) return;
       shape = summary.field;
-      box.told(summary);
+      box.update(summary);
       if (!shape) return put(under, note(summary.fields?.length > 1 ? `The file holds ${summary.fields.length} fields; choose one of them.` : summary.error, "warn"));
       const points = shape.rings_m.flat();
       view.fit([0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k])))));

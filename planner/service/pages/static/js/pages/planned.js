@@ -1,4 +1,4 @@
-// A plan that was asked for: how far it is, then the ranked table, any plan of it on the map, played, and sent out.
+// A planning job: its progress, then the ranked table, each plan on the map, played back, and sent out.
 import { el, put, button, heading, note, labelled, option, facts, sorry } from "../dom.js";
 import { get, post, part, saveNamed } from "../api.js";
 import { followJob, results, reportFrame } from "../jobs.js";
@@ -18,7 +18,7 @@ export async function open(main, shell, [id]) {
 }
 
 const askedWords = (request = {}) =>
-  [request.field, request.width && `${request.width} m wide`, request.tractors && `tractors ${request.tractors}`, request.before && `done by ${request.before}`].filter(Boolean).join(" \u00B7 ");
+  [request.field, request.width && `${request.width} m wide`, request.tractors && `tractors ${request.tractors}`, request.deadline && `done by ${request.deadline}`].filter(Boolean).join(" \u00B7 ");
 
 async function shown(job, node, closing) {
   const path = `plans/${part(job.id)}/results/`, trouble = el("div");
@@ -43,28 +43,28 @@ async function shown(job, node, closing) {
   };
   const table = sheet("Ranked plans", columnsOf(plans, (plan) => button(plan === chosen ? "on map" : "show", () => choose(plan), "small",
     { "aria-pressed": String(plan === chosen), "aria-label": `Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
-  const report = el("details", { class: "panel" }, el("summary", {}, "The whole report, to read or print"));
+  const report = el("details", { class: "panel" }, el("summary", {}, "Full report"));
   report.addEventListener("toggle", async () => { if (report.open && !report.querySelector("iframe")) report.append(await reportFrame("plans", job.id, "Report of the plan")); });
   put(node, el("p", {}, [answer.advice, answer.unmet].flat().filter(Boolean).join(" ") || `Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`),
     map.node, figures, send,
-    el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks of single plans are in the report.")),
+    el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks on plans are in the report.")),
     refusedTable(refused), report,
     el("section", { class: "panel" }, el("h2", {}, "Save"), results("plans", job, (error) => put(trouble, sorry(error))), trouble));
   choose(plans.find((one) => one.rank === best.rank) ?? best, false);
 }
 
 const figuresOf = (plan) => [["Time", clock(plan.time_s)], ["Fleet", plural(plan.tractors, "tractor")], ["Strategy", plan.strategy], ["Cost", number(plan.cost, 2)], ["Worked", percent(plan.worked_pct)],
-  ["Left open", number(plan.missed_m2, 0, "m\u00B2")], ["Waiting", clock(plan.waiting_s)], ...(plan.finish_probability === null || plan.finish_probability === undefined ? [] : [["In time", percent(100 * plan.finish_probability)]])];
+  ["Missed", number(plan.missed_m2, 0, "m\u00B2")], ["Waiting", clock(plan.waiting_s)], ...(plan.finish_probability === null || plan.finish_probability === undefined ? [] : [["In time", percent(100 * plan.finish_probability)]])];
 
-function columnsOf(plans, knob) {
+function columnsOf(plans, action) {
   const has = (key) => plans.some((plan) => plan[key] !== null && plan[key] !== undefined);
   const column = (head, key, text, more = {}) => ({ head, value: (plan) => plan[key], text: (plan) => text(plan[key]), ...more });
   return [
-    column("Rank", "rank", String), { head: "Map", node: knob, words: true }, column("Tractors", "tractors", String), column("Strategy", "strategy", String, { words: true }),
-    column("Time", "time_s", clock), column("To finish", "finished_s", clock, { title: "Time with the ground that is left worked as well" }), column("Cost", "cost", (value) => number(value, 2)),
+    column("Rank", "rank", String), { head: "Map", node: action, words: true }, column("Tractors", "tractors", String), column("Strategy", "strategy", String, { words: true }),
+    column("Time", "time_s", clock), column("To finish", "finished_s", clock, { title: "Time including the missed ground" }), column("Cost", "cost", (value) => number(value, 2)),
     ...(has("meets_deadline") ? [column("In time", "meets_deadline", (value) => (value ? "yes" : "no"))] : []),
     ...(has("finish_probability") ? [column("In time %", "finish_probability", (value) => number(100 * value, 1)), column("P80", "p80_s", clock), column("Expected cost", "expected_cost", (value) => number(value, 2))] : []),
-    column("Worked %", "worked_pct", (value) => number(value, 1)), column("Left m\u00B2", "missed_m2", (value) => number(value, 0)), column("Turning", "turning_s", clock),
+    column("Worked %", "worked_pct", (value) => number(value, 1)), column("Missed m\u00B2", "missed_m2", (value) => number(value, 0)), column("Turning", "turning_s", clock),
     column("Waiting", "waiting_s", clock), column("Clearance m", "min_clearance_m", (value) => number(value, 2)),
   ];
 }
@@ -105,6 +105,6 @@ function sendOut(job, plan, best) {
       go.disabled = false;
     }
   }, "main");
-  return el("details", { class: "panel" }, el("summary", {}, "Send this plan out"), el("p", { class: "small soft" }, "Makes a fleet of it: its tractors link up, and you start it from its page."),
+  return el("details", { class: "panel" }, el("summary", {}, "Send this plan out"), el("p", { class: "small soft" }, "Creates a fleet from this plan: its tractors connect, and you start it on its page."),
     el("div", { class: "row" }, el("div", { class: "grow" }, labelled("Name of the fleet", name)), go), trouble);
 }

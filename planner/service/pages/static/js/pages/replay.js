@@ -1,4 +1,4 @@
-// Replay: a recorded run of a fleet, or log files of this machine, on the map with a time slider and strip charts.
+// Replay: a recorded run of a fleet, or log files on this computer, on the map with a time slider and strip charts.
 import { el, put, button, heading, note, labelled, who, sorry } from "../dom.js";
 import { bytes, items, part } from "../api.js";
 import { textsOf } from "../zip.js";
@@ -16,18 +16,18 @@ export async function open(main, shell, [id = null]) {
   const trouble = el("div"), stage = el("div", { class: "stack" }), closing = [];
   const show = (runs) => {
     closing.splice(0).forEach((close) => close());
-    if (!runs.length) return put(stage, note("There is nothing recorded in it yet.", "warn"));
+    if (!runs.length) return put(stage, note("Nothing is recorded in it yet.", "warn"));
     closing.push(play(stage, runs));
   };
   const attempt = async (how) => { put(trouble); try { show(await how()); } catch (error) { put(trouble, sorry(error)); } };
   const file = el("input", { type: "file", accept: ".csv,.zip", multiple: true });
   file.addEventListener("change", () => attempt(async () => (await Promise.all([...file.files].map(runsOf))).flat()));
   const fleets = (await items("fleets")).filter((fleet) => fleet.recorded || fleet.id === id);
-  put(main, heading("Replay", "A recorded run, or measured logs, as they were driven."), trouble, stage,
+  put(main, heading("Replay", "A recorded run or measured logs on the map."), trouble, stage,
     el("div", { class: "two even" },
       el("section", { class: "panel stack" }, el("h2", {}, "Recorded fleets"), fleets.length ? el("div", { class: "cards" }, fleets.map((fleet) =>
         el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: `badge ${LOOKS[fleet.fleet?.state] ?? ""}` }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
-      el("section", { class: "panel stack" }, el("h2", {}, "Files of this machine"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read here and sent nowhere."))));
+      el("section", { class: "panel stack" }, el("h2", {}, "Files on this computer"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read in the browser and not uploaded."))));
   if (id) await attempt(async () => (await textsOf(await bytes(`fleets/${part(id)}/recording`))).map(runOf));
   return () => closing.forEach((close) => close());
 }
@@ -37,7 +37,7 @@ async function runsOf(file) {
   return [runOf({ name: file.name, text: await file.text() })];
 }
 
-/** Columns of numbers of a log; throws an Error with the sentence where one that is needed is missing. */
+/** Numeric columns of a log; throws an Error that names a missing column. */
 export function runOf({ name, text }) {
   const lines = text.split(/\r?\n/).filter((one) => one.trim() && !one.startsWith("#")), heads = (lines.shift() ?? "").split(",").map((one) => one.trim());
   const missing = NEEDED.find((one) => !heads.includes(one));

@@ -1,4 +1,4 @@
-// One tractor: its twin against what it reports, how far apart they are, what its camera would see, and its controls.
+// One tractor: its twin against its reports, their distance, a camera view, and its controls.
 import { el, put, say, button, heading, facts, note, who } from "../dom.js";
 import { get, post, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
@@ -34,13 +34,13 @@ export async function open(main, shell, [id, text]) {
   put(main, el("p", { class: "small" }, el("a", { href: `#/fleet/${part(id)}` }, `\u2039 ${live.name}`)), head, said, doubt,
     el("div", { class: "board" },
       el("div", { class: "stack map-box" },
-        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Keep it in the middle"), el("span", { class: "small soft" }, "dashed outline: its twin"))),
+        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Follow it"), el("span", { class: "small soft" }, "dashed outline: its twin"))),
         figures),
       el("div", { class: "stack side" },
         el("section", { class: "panel" }, el("h2", {}, "Camera"), camera.node),
         el("div", { class: "row" }, pause, resume), remote.node),
       el("div", { class: "stack rest" },
-        el("section", { class: "panel" }, el("h2", {}, "Twin against real"), el("div", { class: "strips" }, charts.map((chart) => chart.node), corrected.node), twin.node),
+        el("section", { class: "panel" }, el("h2", {}, "Twin against tractor"), el("div", { class: "strips" }, charts.map((chart) => chart.node), corrected.node), twin.node),
         el("section", {}, el("h2", {}, "Alarms"), alarms.node))));
   main.classList.add("has-stop");
   const tell = () => {
@@ -57,28 +57,28 @@ export async function open(main, shell, [id, text]) {
       charts[1].add(now, [fix.error_deg]);
       charts.forEach((chart) => chart.draw());
     }
-    for (const knob of [pause, resume]) knob.disabled = !live.mayControl;
-    alarms.told(); stop.told(); remote.tell();
+    for (const action of [pause, resume]) action.disabled = !live.mayControl;
+    alarms.update(); stop.update(); remote.tell();
   };
   const look = () => { const pose = live.pose(number); if (pose && live.scene) camera.draw(pose, live.scene, linesOf(live, number), othersOf(live, number)); };
-  const beats = [setInterval(tell, TELL_MS), setInterval(look, CAMERA_MS), setInterval(twin.look, TWIN_MS)];
+  const timers = [setInterval(tell, TELL_MS), setInterval(look, CAMERA_MS), setInterval(twin.look, TWIN_MS)];
   tell();
   twin.look();
-  return () => { beats.forEach(clearInterval); [...charts, corrected, camera, remote, map, live].forEach((each) => each.close()); };
+  return () => { timers.forEach(clearInterval); [...charts, corrected, camera, remote, map, live].forEach((each) => each.close()); };
 }
 
-// The worked strips near by, the released legs of this tractor, and where they lead next.
+// Worked strips near by, the base legs of this tractor, and the next legs.
 function linesOf(live, number) {
   const fix = live.fixes.get(number) ?? {}, legs = live.scene.lanes[number - 1] ?? [];
   const painted = live.coverage.lines.map(({ tractor, points, width }) => ({ points, colour: colours.tractor(tractor), alpha: 0.35, strip_m: width }));
-  const ahead = legs.slice(fix.leg ?? 0, (fix.leg ?? 0) + 6).map((leg, k) => ({ points: leg.points, colour: colours.tractor(number), width: k + (fix.leg ?? 0) < (fix.released ?? 0) ? 4 : 1.5 }));
+  const ahead = legs.slice(fix.leg ?? 0, (fix.leg ?? 0) + 6).map((leg, k) => ({ points: leg.points, colour: colours.tractor(number), width: k + (fix.leg ?? 0) < (fix.base_end ?? 0) ? 4 : 1.5 }));
   return [...painted, ...ahead];
 }
 
 const othersOf = (live, number) =>
   live.numbers().filter((other) => other !== number).map((other) => ({ ...live.pose(other), number: other })).filter((other) => other.x !== undefined);
 
-// What the service says of the twin: its doubt, the diagnosis of its cause, and the way into the tractor file.
+// The state of the twin: its mismatch, the diagnosis of the cause, and adding that to the tractor file.
 function twinPanel(id, number, doubt, chart) {
   const path = `twins/${part(id)}/${number}`, node = el("div");
   let shown = "", gone = false, saved = "";
@@ -94,11 +94,11 @@ function twinPanel(id, number, doubt, chart) {
     const { doubt: wrong, diagnosis, finding } = answer, key = JSON.stringify([wrong?.words, diagnosis, finding, saved]);
     if (key === shown) return;
     shown = key;
-    put(node, !wrong && el("p", { class: "small soft" }, "The corrections are no larger than noise explains."));
+    put(node, !wrong && el("p", { class: "small soft" }, "The corrections are within noise: the twin fits."));
     const find = button("Find the cause", ask("diagnose", () => { saved = ""; look(); }), "small main");
-    const mend = button("Take it into the tractor file", ask("mend", (made) => { saved = `Saved as the tractor file ${made.tractor}; plan with it from now on.`; look(); }), "small main");
+    const mend = button("Add it to the tractor file", ask("mend", (made) => { saved = `Saved as the tractor file ${made.tractor}; use it for your next plans.`; look(); }), "small main");
     const read = diagnosis && el("a", { class: "button small", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
-    const steps = { done: [read, finding?.mends && mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
+    const steps = { done: [read, finding?.extends_model && mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
     const more = !diagnosis ? "" : { done: finding?.words ?? "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
     put(doubt, (wrong || diagnosis) && note([wrong?.words, more, saved].filter(Boolean).join(" "), "warn", ...steps));
   };

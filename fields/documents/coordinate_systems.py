@@ -1,0 +1,189 @@
+"""Corrections of coordinates that the user gives (system, swapped axes), and warnings where axes seem to be swapped.
+
+Without a map, swapped axes can be detected for a single field only if it lies where there is no farmland; otherwise the
+field is compared with other features of the same file. Two countries at mirrored positions cannot be told apart.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.coordinates import parse_position
+from fields.geometry.geodesy import is_wgs84_longitude_latitude
+from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
+
+FARMED_LATITUDES_DEG = (-56.0, 72.0)
+"""No farmland lies south of Tierra del Fuego or north of the North Cape."""
+MAX_NEAR_DEG, MIN_FAR_DEG = 1.0, 2.0
+"""Features of one farm are at most the first apart; a misplaced one is farther than the second from all others."""
+MAX_COMPARED_FIELDS, MAX_NAMED_FIELDS = 2_000, 5
+
+
+def describe_swapped_axes(document: FieldDocument, axes_swapped: bool) -> tuple[str, ...]:
+    """Sentences on fields whose axes seem to be swapped; `axes_swapped` says whether the user has swapped them."""
+    is_degrees = document.crs is None or document.crs == WGS84 or is_wgs84_longitude_latitude(document.crs)
+    if not is_degrees or document.frame == LOCAL_METRES or len(document.polygons) > MAX_COMPARED_FIELDS:
+        return ()
+    fields = np.array([_find_first_point_or_nan(one.coordinates) for one in document.polygons])
+    lines = np.array(
+        [_find_first_point_or_nan(one.coordinates) for one in (*document.guidance_lines, *document.headland_edges)]
+    ).reshape(-1, 2)
+    names = [one.keys[0] if one.keys else f"#{place}" for place, one in enumerate(document.polygons)]
+    suspects = [
+        place
+        for place in range(len(fields))
+        if _is_beyond_farmland(fields[place]) or _is_far_from_others(place, fields, lines)
+    ]
+    if not suspects:
+        return ()
+    x, y = fields[suspects[0]]
+    names_shown = ", ".join(f"'{names[place]}'" for place in suspects[:MAX_NAMED_FIELDS])
+    remainder = f" and {len(suspects) - MAX_NAMED_FIELDS} more" if len(suspects) > MAX_NAMED_FIELDS else ""
+    why = "beyond all farmland" if _is_beyond_farmland(fields[suspects[0]]) else "far from everything else in the file"
+    fix = "leave out the option swap axes" if axes_swapped else "try the option swap axes"
+    return (
+        f"{names_shown}{remainder}: latitude {y:.2f}, longitude {x:.2f} is {why}; longitude and latitude seem to be "
+        f"swapped, so {fix}.",
+    )
+
+
+def _is_beyond_farmland(place: npt.NDArray[np.float64]) -> bool:
+    """Whether a place is beyond all farmland, but would not be with its axes swapped."""
+    x, y = place.tolist()
+    low, high = FARMED_LATITUDES_DEG
+    return abs(x) <= 90.0 and low <= x <= high and not low <= y <= high and abs(y) <= 90.0
+
+
+def _is_far_from_others(place: int, fields: npt.NDArray[np.float64], lines: npt.NDArray[np.float64]) -> bool:
+    """Whether a field is far from all others, but near some with its axes swapped; up to two fields are compared with
+    the lines of the file, as of two distant fields either may be the wrong one.
+    """
+    others = np.delete(fields, place, axis=0) if len(fields) > 2 else lines
+    others = others[np.isfinite(others).all(axis=1)]
+    if not len(others) or not np.isfinite(fields[place]).all():
+        return False
+    distance_deg = np.abs(others - fields[place]).max(axis=1)
+    swapped_distance_deg = np.abs(others - fields[place][::-1]).max(axis=1)
+    return bool(distance_deg.min() > MIN_FAR_DEG and swapped_distance_deg.min() < MAX_NEAR_DEG)
+
+
+def _find_first_point_or_nan(raw: Any) -> Sequence[float]:
+    """The first position in nested lists of coordinates; NaN if it is not a position."""
+    while isinstance(raw, list) and raw and isinstance(raw[0], list):
+        raw = raw[0]
+    try:
+        x, y = parse_position(raw, "")
+    except (FieldError, TypeError, ValueError):
+        return (np.nan, np.nan)
+    return (float(x), float(y))
+
+
+def apply_coordinate_options(
+    document: FieldDocument, local: bool, crs: str | None, swap_axes: bool, label: str
+) -> FieldDocument:
+    """The document with the coordinate system that the user named, and x and y swapped if requested.
+
+    A note is added if the resulting axes still seem to be swapped. With `local` the numbers are metres, and no system
+    is needed.
+
+    Raises:
+        FieldError: neither the file nor the user names a system, or the named one is unknown or contradicts the file.
+    """
+    if crs is not None:
+        _check_crs(document, crs, label)
+        document = replace(document, crs=crs)
+    elif document.crs == UNKNOWN_CRS and local:
+        document = replace(document, crs=None)
+    elif document.crs == UNKNOWN_CRS:
+        raise FieldError(
+            f"{label} does not name its coordinate system (a Shapefile has it in a .prj file); add it, or name it with "
+            f"{mark_parameter('crs')}, such as EPSG:25832 or EPSG:4326.",
+            parameter="crs",
+        )
+    corrected = _swap_document_axes(document) if swap_axes else document
+    return replace(corrected, notes=(*corrected.notes, *describe_swapped_axes(corrected, swap_axes)))
+
+
+def _check_crs(document: FieldDocument, crs: str, label: str) -> None:
+    """Refuse a system that is unknown, contradicts the file or does not fit its numbers."""
+    if not crs.strip():
+        raise FieldError(
+            f"{mark_parameter('crs')} is empty; name a system such as EPSG:25832, or leave it out.", parameter="crs"
+        )
+    try:
+        is_degrees = is_wgs84_longitude_latitude(crs)
+    except FieldError as refusal:
+        refusal.parameter = "crs"
+        raise
+    stated_system = (
+        "local metres"
+        if document.frame == LOCAL_METRES
+        else "longitude and latitude"
+        if document.frame
+        else document.crs
+    )
+    if stated_system not in (UNKNOWN_CRS, None, crs):
+        raise FieldError(
+            f"{label} is in {_shorten_crs(stated_system)} by its own header; leave out {mark_parameter('crs')} {crs}.",
+            parameter="crs",
+        )
+    x, y = _find_first_point_or_inf(document.polygons[0].coordinates)
+    if not is_degrees and abs(x) <= 180.0 and abs(y) <= 180.0:
+        raise FieldError(
+            f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; "
+            f"leave out {mark_parameter('crs')} {crs}.",
+            parameter="crs",
+        )
+
+
+def _find_first_point_or_inf(raw: Any) -> tuple[float, float]:
+    """The first position in nested lists of coordinates; infinite if it is not a position."""
+    while isinstance(raw, list) and raw and isinstance(raw[0], list):
+        raw = raw[0]
+    numbers = raw[:2] if isinstance(raw, list) else []
+    are_numbers = len(numbers) == 2 and all(
+        isinstance(one, int | float) and not isinstance(one, bool) for one in numbers
+    )
+    return (float(numbers[0]), float(numbers[1])) if are_numbers else (math.inf, math.inf)
+
+
+def _shorten_crs(crs: str | None) -> str:
+    """A coordinate system for a sentence: its code, or the beginning of its description."""
+    text = str(crs)
+    return text if len(text) <= 40 else f"{text[:37]}..."
+
+
+def _swap_document_axes(document: FieldDocument) -> FieldDocument:
+    return replace(
+        document,
+        polygons=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.polygons),
+        zones=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.zones),
+        obstacles=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.obstacles),
+        boundary_edges=tuple(
+            replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.boundary_edges
+        ),
+        guidance_lines=tuple(
+            replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.guidance_lines
+        ),
+        headland_edges=tuple(
+            replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.headland_edges
+        ),
+        entrances=tuple(_swap_positions(one) for one in document.entrances),
+        service_points=tuple(_swap_positions(one) for one in document.service_points),
+    )
+
+
+def _swap_positions(raw: Any) -> Any:
+    """Nested lists of coordinates with the first two numbers of every position swapped."""
+    if not isinstance(raw, list):
+        return raw
+    if len(raw) >= 2 and not isinstance(raw[0], list):
+        return [raw[1], raw[0], *raw[2:]]
+    return [_swap_positions(each) for each in raw]

@@ -1,0 +1,265 @@
+"""Read a field from a sample or from a file in one of the formats of fields.formats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from fields.documents.coordinate_systems import apply_coordinate_options
+from fields.documents.sources import parse_field_reference
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.coordinates import (
+    FieldFrame,
+    build_field_frame,
+    build_polygon,
+    check_area,
+    parse_position,
+    parse_rings,
+)
+from fields.geometry.field import Field, GroundZone
+from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
+from fields.geometry.obstacles import Obstacle, find_obstacle_polygons, parse_obstacle, select_obstacles
+from fields.raw_document import FieldDocument, RawPolygon
+from fields.text_files import count_noun
+
+MAX_LISTED_FIELDS = 12
+
+
+def read_field(
+    where: str | Path, *, local: bool = False, name: str | None = None, crs: str | None = None, swap_axes: bool = False
+) -> Field:
+    """Read one field.
+
+    Args:
+        where: name of a sample field, or a file or folder in one of the formats. ``file#KEY`` chooses one of several
+            polygons by feature id, properties id, name, or 0-based position among the polygons, in this order.
+        local: the coordinates are local metres; otherwise they are longitude and latitude unless the file
+            itself names another system.
+        name: name for the field; otherwise taken from the file.
+        crs: coordinate system of a file that does not name its own, such as "EPSG:25832".
+        swap_axes: the file has latitude or northing before longitude or easting.
+
+    A Point with ``role: entrance`` in its properties is the entrance, one with ``role: refill`` the place where tanks
+    are filled or emptied; polygons with a ``ground`` are ground zones. Features with ``role: obstacle`` are obstacles:
+    a Point with its ``radius_m``, a LineString with its ``width_m``, or a Polygon; a ``kind`` such as ``pole`` or
+    ``ditch`` gives a default size. A line or Polygon with ``role: headland`` is the inner edge of a headland. The
+    boundary may have ``edge: fence`` all round; a LineString along it with ``edge: fence`` or ``edge: open`` describes
+    one side, and one with ``role: guidance``, or with only a name, is a line that swaths can be laid along. Heights
+    are dropped and open rings closed.
+
+    Raises:
+        FieldError: the file cannot be read or does not describe one usable field.
+    """
+    source = parse_field_reference(str(where))
+    label = f"'{source.name}'"
+    document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, label)
+    polygon = _choose_polygon(document, source.key, local, label)
+    shape, frame = _read_outline(document, polygon, local, label)
+    check_area(shape, label)
+    multiple_fields = len(document.polygons) > 1
+    inside = find_obstacle_polygons(document, polygon, frame, shape) if multiple_fields else []
+    fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
+    obstacles, obstacle_remarks = _read_obstacles(document, frame, shape, multiple_fields, label)
+    ground_zones, zone_remarks = _read_ground_zones(document, frame, shape, multiple_fields, label)
+    return Field(
+        name=name or _choose_name(polygon, source.name),
+        boundary=shape,
+        crs=frame.crs,
+        origin_m=frame.origin_m,
+        entrance=_read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label),
+        service_point=_read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label),
+        ground_zones=ground_zones,
+        default_ground=str(polygon.properties.get("default_ground") or "soil"),
+        source=str(polygon.properties.get("source") or document.source),
+        remarks=(
+            *_list_reader_remarks(document),
+            *_describe_inside_polygons(len(inside)),
+            *fence_remarks,
+            *obstacle_remarks,
+            *zone_remarks,
+        ),
+        obstacles=(*obstacles, *inside),
+        fences=fences,
+        guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
+        headland_edges=read_headland_edges(document, frame, shape),
+    )
+
+
+def _list_reader_remarks(document: FieldDocument) -> tuple[str, ...]:
+    """Notes of the reader, and a sentence on features of the file that are not used."""
+    if not document.unused_counts:
+        return document.notes
+    counted = ", ".join(f"{count} {what}" for what, count in document.unused_counts)
+    return (
+        *document.notes,
+        f"Features of the field file that are not used: {counted}. An obstacle has the role 'obstacle' or is a hole "
+        "of the boundary, an entrance is a Point with role 'entrance' (a service point: 'refill'), a ground zone a "
+        "Polygon with a 'ground', a fence a LineString along the boundary with edge 'fence'.",
+    )
+
+
+def _describe_inside_polygons(polygon_count: int) -> tuple[str, ...]:
+    """A sentence on polygons inside the field, which are treated as obstacles."""
+    if not polygon_count:
+        return ()
+    treatment = "is treated as an obstacle" if polygon_count == 1 else "are treated as obstacles"
+    return (f"{count_noun(polygon_count, 'polygon')} of the file inside the field {treatment}.",)
+
+
+@dataclass(frozen=True)
+class FieldSummary:
+    """One of the fields of a file: how to choose it (`file#key` or `file#position`) and its size.
+
+    `area_ha` excludes its `holes`; both are None if the field cannot be used, for the reason in `fault`.
+    """
+
+    position: int
+    key: str
+    area_ha: float | None = None
+    holes: int | None = None
+    fault: str = ""
+
+
+def list_fields(
+    where: str | Path, *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+) -> tuple[FieldSummary, ...]:
+    """Every field of a file or sample, in the order of the file; arguments as in `read_field`.
+
+    Raises:
+        FieldError: the file cannot be read or holds no field.
+    """
+    return list_fields_with_notes(where, local=local, crs=crs, swap_axes=swap_axes)[0]
+
+
+def list_fields_with_notes(
+    where: str | Path, *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+) -> tuple[tuple[FieldSummary, ...], tuple[str, ...]]:
+    """The fields of a file as `list_fields` gives them, and the reader's notes on what it skipped or repaired."""
+    source = parse_field_reference(str(where))
+    document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, f"'{source.name}'")
+    return tuple(
+        _summarise_field(document, position, local) for position in range(len(document.polygons))
+    ), document.notes
+
+
+def _summarise_field(document: FieldDocument, index: int, local: bool) -> FieldSummary:
+    raw = document.polygons[index]
+    key = _replace_unprintable(raw.keys[0]) if raw.keys else str(index)
+    try:
+        shape = _read_outline(document, raw, local, key)[0]
+    except FieldError as fault:
+        return FieldSummary(index, key, fault=str(fault))
+    return FieldSummary(index, key, float(shape.area) / 1e4, len(shape.interiors))
+
+
+def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label: str) -> RawPolygon:
+    """The polygon with this key; without a key the only one, or the one that contains all others."""
+    polygons = document.polygons
+    if key is None:
+        surrounding = polygons[0] if len(polygons) == 1 else _find_surrounding_polygon(document, local)
+        if surrounding is not None:
+            return surrounding
+        raise FieldError(
+            f"{label} holds {len(polygons)} fields; {_explain_polygon_choice(document, local)}.", parameter="field"
+        )
+    matches = [i for i, raw in enumerate(polygons) if key in raw.keys]
+    if len(matches) > 1:
+        places = ", ".join(f"#{i}" for i in matches)
+        raise FieldError(f"{len(matches)} polygons of {label} are named '{key}'; choose one by position: {places}.")
+    if matches:
+        return polygons[matches[0]]
+    if key.isdecimal() and len(key) < 10 and int(key) < len(polygons):
+        return polygons[int(key)]
+    raise FieldError(f"{label} has no field '{key}'; {_explain_polygon_choice(document, local)}.", parameter="field")
+
+
+def _find_surrounding_polygon(document: FieldDocument, local: bool) -> RawPolygon | None:
+    """The polygon that all others lie inside, if there is one."""
+    for raw in document.polygons if len(document.polygons) <= MAX_LISTED_FIELDS else ():
+        try:
+            shape, frame = _read_outline(document, raw, local, "")
+        except FieldError:
+            continue
+        if len(find_obstacle_polygons(document, raw, frame, shape)) == len(document.polygons) - 1:
+            return raw
+    return None
+
+
+def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
+    """Names and areas of the fields in a file, and how to pick one."""
+    shown_numbers = range(min(len(document.polygons), MAX_LISTED_FIELDS))
+    rows = []
+    for summary in (_summarise_field(document, number, local) for number in shown_numbers):
+        rows.append(f"{summary.key} ({'not usable' if summary.area_ha is None else f'{summary.area_ha:.2f} ha'})")
+    remaining = len(document.polygons) - len(rows)
+    remainder = f" and {remaining} more ({mark_parameter('list_fields')} lists all)" if remaining else ""
+    return f"choose one by adding #ID or #position (from 0) to the file name: {', '.join(rows)}{remainder}"
+
+
+def _read_outline(
+    document: FieldDocument, raw: RawPolygon, local: bool, label: str
+) -> tuple[shapely.Polygon, FieldFrame]:
+    """The checked boundary in local metres, and its frame."""
+    parts = parse_rings(raw.coordinates, label)
+    frame = build_field_frame(document, parts, local, label)
+    parts = [frame.unwrap_longitudes(part) for part in parts]
+    build_polygon(parts, label)
+    return build_polygon([frame.to_local(part) for part in parts], label), frame
+
+
+def _read_ground_zones(
+    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
+) -> tuple[tuple[GroundZone, ...], tuple[str, ...]]:
+    """Ground zones in local metres, in the order of the file, and remarks on those away from the field."""
+    zones, remarks = [], []
+    for raw in document.zones:
+        ground = str(raw.properties["ground"]).strip()
+        parts = parse_rings(raw.coordinates, f"ground zone '{ground}' of {label}")
+        area = build_polygon([frame.to_local(part) for part in parts], f"ground zone '{ground}' of {label}")
+        distance_m = float(area.distance(shape))
+        if not multiple_fields or distance_m <= MAX_FEATURE_DISTANCE_M:
+            zones.append(GroundZone(ground, area))
+        if not multiple_fields and distance_m > MAX_FEATURE_DISTANCE_M:
+            remarks.append(f"Ground zone '{ground}' lies {distance_m:.0f} m outside the field.")
+    return tuple(zones), tuple(remarks)
+
+
+def _read_obstacles(
+    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
+) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
+    obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
+    return select_obstacles(obstacles, shape, multiple_fields, label)
+
+
+def _read_single_point(
+    places: tuple[Any, ...], role: str, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
+) -> tuple[float, float] | None:
+    """The only entrance or service point of the field in local metres, or None."""
+    points = []
+    for raw in places:
+        description = f"{'an' if role == 'entrance' else 'a'} {role} of {label}"
+        x, y = frame.to_local(np.array([parse_position(raw, description)]))[0].tolist()
+        if not multiple_fields or shape.distance(shapely.Point(x, y)) <= MAX_FEATURE_DISTANCE_M:
+            points.append((x, y))
+    if len(points) > 1:
+        raise FieldError(f"{label} has {len(points)} {role}s; keep one Point with role '{role}'.")
+    return points[0] if points else None
+
+
+def _choose_name(raw: RawPolygon, stem: str) -> str:
+    """Name for the field: its own, else its id, else that of the file."""
+    properties: dict[str, Any] = raw.properties
+    for key in ("name", "Name"):
+        if isinstance(properties.get(key), str) and properties[key].strip():
+            return _replace_unprintable(properties[key].strip())
+    return _replace_unprintable(raw.keys[0] if raw.keys else stem)
+
+
+def _replace_unprintable(name: str) -> str:
+    """A name from a file, safe for a terminal: unprintable characters become question marks."""
+    return "".join(one if one.isprintable() else "?" for one in name)

@@ -1,0 +1,198 @@
+"""What the name of a field means: a sample or a file, its format, and which of its fields."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from fields.errors import FieldError
+from fields.formats import agopengps, geojson, geopackage, gpx, isoxml, kml, shapefile
+from fields.formats.archive import ArchiveMembers, is_archive, list_names
+from fields.raw_document import FieldDocument, FieldFormat
+from fields.sample_fields import list_sample_names, read_sample_text
+from fields.text_files import quote_path
+
+SINGLE_FILE_FORMATS = {
+    extension: field_format
+    for field_format in (geojson.FIELD_FORMAT, kml.FIELD_FORMAT, geopackage.FIELD_FORMAT, gpx.FIELD_FORMAT)
+    for extension in field_format.extensions
+    if extension != ".json"
+}
+"""By extension; a .json file in a folder is usually something else."""
+MAX_SHOWN_FILES = 4
+
+
+def read_single_file(path: str, label: str) -> FieldDocument | None:
+    """The content of the only field file in a folder or archive; None if there is none.
+
+    Raises:
+        FieldError: there are several, or the file cannot be read.
+    """
+    members = ArchiveMembers(path)
+    names = [name for name in members if PurePosixPath(name).suffix.lower() in SINGLE_FILE_FORMATS]
+    if not names:
+        return None
+    if len(names) > 1:
+        shown_names = ", ".join(names[:MAX_SHOWN_FILES]) + (
+            f" and {len(names) - MAX_SHOWN_FILES} more" if len(names) > MAX_SHOWN_FILES else ""
+        )
+        raise FieldError(
+            f"{quote_path(path)} holds {len(names)} field files ({shown_names}); "
+            f"{'name one of them' if members.path.is_dir() else 'unpack it and name one of them'}."
+        )
+    field_format = SINGLE_FILE_FORMATS[PurePosixPath(names[0]).suffix.lower()]
+    if members.path.is_dir():
+        return field_format.read(str(members.path / names[0]), label)
+    return None if field_format.parse is None else field_format.parse(members[names[0]], label)
+
+
+FIELD_FORMATS: tuple[FieldFormat, ...] = (
+    geojson.FIELD_FORMAT,
+    shapefile.FIELD_FORMAT,
+    kml.FIELD_FORMAT,
+    geopackage.FIELD_FORMAT,
+    gpx.FIELD_FORMAT,
+    isoxml.FIELD_FORMAT,
+    agopengps.FIELD_FORMAT,
+)
+FOREIGN_EXTENSIONS = {
+    ".gml": "GML",
+    ".parquet": "Parquet",
+    ".dxf": "DXF",
+    ".dwg": "DWG",
+    ".csv": "CSV",
+    ".gdb": "a geodatabase",
+    ".tif": "a picture",
+    ".pdf": "a PDF",
+}
+"""Extensions of files that may contain fields, in formats that are not supported."""
+
+
+@dataclass(frozen=True)
+class FieldReference:
+    """The parts of the name of a field.
+
+    Attributes:
+        place: name of a sample, or path of a file.
+        key: the text after the last "#", which chooses one of several fields, or None.
+        is_sample: whether `place` is a sample.
+    """
+
+    place: str
+    key: str | None
+    is_sample: bool
+
+    @property
+    def name(self) -> str:
+        """Its name in messages."""
+        return Path(self.place).stem or Path(self.place).resolve().name
+
+    def read_document(self) -> FieldDocument:
+        """Its content, unchecked.
+
+        Raises:
+            FieldError: it is neither a sample nor a readable file of a supported format.
+        """
+        label = f"'{self.name}'"
+        if self.is_sample:
+            return geojson.parse_geojson(read_sample_text(self.place), label)
+        if not os.path.exists(self.place) and self.place:
+            raise FieldError(_explain_missing_file(self.place))
+        field_format = find_field_format(self.place)
+        if field_format is not None:
+            return field_format.read(self.place, label)
+        is_container = os.path.isdir(self.place) or is_archive(self.place)
+        document = read_single_file(self.place, label) if is_container else None
+        if document is None:
+            raise FieldError(_explain_foreign_file(self.place))
+        return document
+
+
+def parse_field_reference(where: str) -> FieldReference:
+    """The sample or file that a name means; a "#" is part of the file name if such a file exists."""
+    if "#" in where and not os.path.exists(where):
+        place, _, key = where.rpartition("#")
+        return FieldReference(place, key, place in list_sample_names())
+    return FieldReference(where, None, where in list_sample_names())
+
+
+def find_field_file(where: str) -> Path | None:
+    """The file that the name of a field means, None for a sample."""
+    source = parse_field_reference(where)
+    return None if source.is_sample else Path(source.place)
+
+
+def list_field_files(where: str) -> tuple[Path, ...]:
+    """Every file that a field of this name may be read from, empty for a sample; the files need not exist.
+
+    All files of a folder; for a Shapefile its parts with the same stem, for ISOXML the other XML files of its folder.
+    """
+    file = find_field_file(where)
+    if file is None:
+        return ()
+    if os.path.isdir(file):
+        return tuple(file / name for name in ArchiveMembers(file))
+    extension, files = file.suffix.lower(), [file]
+    with suppress(OSError):
+        if extension in shapefile.FIELD_FORMAT.extensions:
+            files = [one for one in file.parent.iterdir() if one.stem.lower() == file.stem.lower() and one.is_file()]
+        elif extension in isoxml.FIELD_FORMAT.extensions:
+            files = [one for one in file.parent.iterdir() if one.suffix.lower() == extension and one.is_file()]
+    return tuple(sorted({file, *files}))
+
+
+def _explain_foreign_file(place: str) -> str:
+    """The refusal of a file, folder or archive in an unsupported format."""
+    names = ", ".join(one.name for one in FIELD_FORMATS[:-1]) + f" and {FIELD_FORMATS[-1].name}"
+    if os.path.isdir(place) or is_archive(place):
+        kind = "a folder" if os.path.isdir(place) else "an archive"
+        return (
+            f"{quote_path(place)} is {kind} without a field file such as TASKDATA.XML, Field.txt or a .shp; supported "
+            f"are {names}, so name {kind} that contains one of these, or the file itself."
+        )
+    foreign = FOREIGN_EXTENSIONS.get(Path(place).suffix.lower(), "in an unknown format")
+    return (
+        f"{quote_path(place)} is {foreign}, but fields are read from {names}; convert it, for instance with "
+        f"ogr2ogr -t_srs EPSG:4326 {Path(place).stem}.geojson {Path(place).name} or in QGIS."
+    )
+
+
+def _explain_missing_file(place: str) -> str:
+    """The refusal of a name that is neither a sample nor a file; a single word may be a misspelt sample."""
+    if os.path.lexists(place):
+        return f"{quote_path(place)} is a symbolic link to a missing file; repair the link or name a file."
+    if os.path.basename(place) != place or Path(place).suffix or len(place) > 30:
+        return f"There is no field file {quote_path(place)}; check its name and its folder."
+    names = list_sample_names()
+    closest = difflib.get_close_matches(place.lower(), names, n=1, cutoff=0.0)[0]
+    return f"There is no field file {quote_path(place)}; the nearest of the samples {', '.join(names)} is '{closest}'."
+
+
+def find_field_format(path: str) -> FieldFormat | None:
+    """The format of a file, folder or archive, by its content or else its extension.
+
+    None for a foreign format; the first of FIELD_FORMATS for an unknown extension.
+
+    Raises:
+        FieldError: an archive cannot be opened, or not safely.
+    """
+    names = list_names(path)
+    if names:
+        return next((form for form in FIELD_FORMATS if form.holds(names)), None) or _find_archive_format_by_extension(
+            names, path
+        )
+    extension = Path(path).suffix.lower()
+    if Path(path).name.lower() == agopengps.FIELD_FILE:
+        return agopengps.FIELD_FORMAT
+    field_format = next((form for form in FIELD_FORMATS if extension in form.extensions), None)
+    return field_format or (
+        None if extension in FOREIGN_EXTENSIONS or (path and Path(path).is_dir()) else FIELD_FORMATS[0]
+    )
+
+
+def _find_archive_format_by_extension(names: frozenset[str], path: str) -> FieldFormat | None:
+    """The format of an archive that is recognised by its extension only, such as KMZ."""
+    return next((form for form in FIELD_FORMATS if Path(path).suffix.lower() in form.extensions), None)

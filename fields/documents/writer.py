@@ -1,0 +1,98 @@
+"""Write a field as GeoJSON."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from fields.errors import FieldError
+from fields.formats.geojson import HEADER_KEY
+from fields.geometry.field import Field
+from fields.geometry.field_lines import FENCE
+from fields.geometry.obstacles import AREA, LINE, POINT, Obstacle
+from fields.raw_document import LOCAL_METRES, WGS84
+
+
+def write_field(field: Field, path: str | Path) -> None:
+    """Write a field so that ``read_field`` restores it.
+
+    A georeferenced field is written in longitude and latitude (RFC 7946), any other in local metres. The member
+    ``headland`` stores the frame, the UTM system and the origin.
+
+    Raises:
+        FieldError: the file cannot be written.
+    """
+    try:
+        Path(path).write_text(build_field_geojson(field), encoding="utf-8")
+    except OSError as error:
+        raise FieldError(f"'{path}' cannot be written ({error.strerror}); choose another file.") from error
+
+
+def build_field_geojson(field: Field) -> str:
+    """GeoJSON text of a field, one feature per line."""
+    properties = {"name": field.name, "source": field.source, "default_ground": field.default_ground}
+    features = [_build_feature("Polygon", _build_rings(field, field.workable_region), properties)]
+    for zone in field.ground_zones:
+        features.append(_build_feature("Polygon", _build_rings(field, zone.polygon), {"ground": zone.name}))
+    for obstacle in field.obstacles:
+        features.append(_build_obstacle_feature(field, obstacle))
+    for fence in field.fences:
+        features.append(
+            _build_feature(LINE, _convert_to_file_system(field, shapely.get_coordinates(fence)), {"edge": FENCE})
+        )
+    for line in field.guidance_lines:
+        points = _convert_to_file_system(field, shapely.get_coordinates(line.line))
+        features.append(_build_feature(LINE, points, {"role": "guidance", "name": line.name}))
+    for edge in field.headland_edges:
+        features.append(
+            _build_feature(
+                LINE, _convert_to_file_system(field, shapely.get_coordinates(edge.line)), {"role": "headland"}
+            )
+        )
+    for role, place in (("entrance", field.entrance), ("refill", field.service_point)):
+        if place is not None:
+            features.append(
+                _build_feature("Point", _convert_to_file_system(field, np.array([place]))[0], {"role": role})
+            )
+    header: dict[str, Any] = {"frame": LOCAL_METRES, "origin_m": list(field.origin_m)}
+    if field.crs is not None:
+        header |= {"frame": WGS84, "crs": field.crs}
+    body = ",\n".join(json.dumps(feature, ensure_ascii=False, allow_nan=False) for feature in features)
+    return (
+        f'{{"type": "FeatureCollection", "{HEADER_KEY}": {json.dumps(header, allow_nan=False)}, "features": [\n'
+        f"{body}\n]}}\n"
+    )
+
+
+def _build_obstacle_feature(field: Field, obstacle: Obstacle) -> dict[str, Any]:
+    properties: dict[str, Any] = {"role": "obstacle", "kind": obstacle.kind, "name": obstacle.name}
+    geometry = obstacle.geometry
+    if isinstance(geometry, shapely.Polygon):
+        return _build_feature(AREA, _build_rings(field, geometry), properties)
+    points = _convert_to_file_system(field, shapely.get_coordinates(geometry))
+    if geometry.geom_type == POINT:
+        return _build_feature(POINT, points[0], properties | {"radius_m": obstacle.half_width_m})
+    return _build_feature(LINE, points, properties | {"width_m": 2.0 * obstacle.half_width_m})
+
+
+def _build_feature(kind: str, coordinates: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    geometry = {"type": kind, "coordinates": coordinates}
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def _build_rings(field: Field, polygon: shapely.Polygon) -> list[Any]:
+    return [
+        _convert_to_file_system(field, np.asarray(loop.coords)[:, :2])
+        for loop in (polygon.exterior, *polygon.interiors)
+    ]
+
+
+def _convert_to_file_system(field: Field, xy: npt.NDArray[np.float64]) -> list[list[float]]:
+    """Local metres in the system of the file; every ring ends exactly where it starts."""
+    points = xy + np.asarray(field.origin_m) if field.crs is None else field.to_wgs84(xy)
+    return [[float(x), float(y)] for x, y in points]

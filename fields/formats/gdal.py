@@ -1,0 +1,300 @@
+"""Layers of features read by GDAL through pyogrio, with a single driver and restrictive options.
+
+GDAL chooses a driver by the content of a file, and some drivers read other files, query servers or run SQL because a
+file says so. Therefore only the driver of the expected format is enabled while a file is read, nothing is fetched, and
+no neighbouring file is read. Column names become lower case, as DBF files have capital letters; heights are dropped.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import threading
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from fields.errors import FieldError
+from fields.formats.features import GUIDANCE, LINE_TYPES, Feature, convert_to_name_text
+from fields.geometry.geodesy import project
+
+SHAPEFILE_DRIVER, GEOPACKAGE_DRIVER, FLATGEOBUF_DRIVER, GPX_DRIVER = "ESRI Shapefile", "GPKG", "FlatGeobuf", "GPX"
+KML_DRIVERS = ("LIBKML", "KML")  # the first available one is used
+SKIP_OPTION = "GDAL_SKIP"
+SAFE_OPTIONS: dict[str, str | None] = {
+    "CPL_VSIL_CURL_ALLOWED_EXTENSIONS": ".nothing",
+    "GDAL_DISABLE_READDIR_ON_OPEN": "EMPTY_DIR",
+    "GDAL_HTTP_CONNECTTIMEOUT": "1",
+    "GDAL_HTTP_MAX_RETRY": "0",
+    "GDAL_HTTP_TIMEOUT": "1",
+    "GDAL_PAM_ENABLED": "NO",
+    "GDAL_VRT_ENABLE_PYTHON": "NO",
+    "LIBKML_RESOLVE_STYLE": "NO",
+    "OGR_SQLITE_ALLOW_EXTERNAL_ACCESS": "NO",
+    "OGR_SQLITE_LOAD_EXTENSIONS": None,
+    "OGR_SQLITE_PRAGMA": "trusted_schema=OFF,temp_store=MEMORY",
+    "SHAPE_RESTORE_SHX": "NO",
+}
+"""Options of GDAL while untrusted files are read."""
+_GDAL_LOCK = threading.RLock()  # drivers and options are global to the process
+
+
+@contextmanager
+def restrict_gdal_drivers(*drivers: str) -> Iterator[None]:
+    """Restrict GDAL to the first available one of these drivers and to safe options until the block ends.
+
+    Other threads that use GDAL through Headland wait meanwhile.
+
+    Raises:
+        FieldError: GDAL has none of the drivers, or cannot be restricted.
+    """
+    import pyogrio
+
+    with _GDAL_LOCK:
+        known_drivers = set(pyogrio.list_drivers())
+        driver = next((one for one in drivers if one in known_drivers), None)
+        if driver is None:
+            raise FieldError(f"The installed GDAL cannot read {drivers[0]}; reinstall pyogrio.")
+        previous_options = {name: _get_gdal_option(name) for name in (SKIP_OPTION, *SAFE_OPTIONS)}
+        try:
+            _register_drivers({**SAFE_OPTIONS, SKIP_OPTION: ",".join(sorted(known_drivers - {driver}))})
+            if set(pyogrio.list_drivers()) != {driver}:
+                raise FieldError(f"GDAL cannot be restricted to its {driver} driver; install pyogrio 0.10 or newer.")
+            yield
+        finally:
+            # Removing all drivers first restores them in their original order.
+            _register_drivers({SKIP_OPTION: ",".join(sorted(known_drivers))})
+            _register_drivers(previous_options)
+
+
+def _register_drivers(options: dict[str, str | None]) -> None:
+    """Set GDAL options and register its drivers again."""
+    import pyogrio
+    from pyogrio import core
+
+    pyogrio.set_gdal_config_options(options)
+    core._register_drivers()
+
+
+def _get_gdal_option(name: str) -> str | None:
+    """A GDAL option as text."""
+    import pyogrio
+
+    value = pyogrio.get_gdal_config_option(name)
+    if isinstance(value, bool):
+        return "ON" if value else "OFF"
+    return None if value is None else str(value)
+
+
+MAX_FEATURES = 100_000
+NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
+"""Columns with the name of a feature; the first one that is not empty counts."""
+ENTRANCE_NAMES = ("entrance", "gate")
+"""Names of points without a role that are read as entrances."""
+WGS84 = "EPSG:4326"
+IN_MEMORY_PREFIX = "pyogrio_"
+"""Beginning of the names of layers in files given as bytes."""
+
+
+@dataclass
+class LayerFeatures:
+    """Features of a file, their coordinate system (None if unknown), and notes of the reader."""
+
+    features: list[Feature] = field(default_factory=list)
+    crs: str | None = None
+    notes: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class LayerTable:
+    """A layer read by GDAL: its system, geometries as WKB, columns by name in lower case, whether read as Latin-1."""
+
+    crs: str | None
+    shapes: Sequence[bytes | None]
+    columns: dict[str, Sequence[Any]]
+    is_latin1: bool
+
+
+class UnknownCrsError(FieldError):
+    """A file names a coordinate system that cannot be parsed."""
+
+
+def read_layers(
+    source: Path | bytes,
+    label: str,
+    format_name: str,
+    drivers: tuple[str, ...],
+    layer_names: tuple[str, ...] | None = None,
+) -> LayerFeatures:
+    """All features of the layers of a file, or of the named layers, read by a single GDAL driver.
+
+    Layers in different systems are converted to longitude and latitude.
+
+    Args:
+        source: content of the file, for a Shapefile a ZIP archive of its parts; or the path of a checked file.
+        label: name of the file in messages.
+        format_name: expected format, with an article if it needs one.
+        drivers: names of GDAL drivers; the first available one is used.
+        layer_names: names of layers, None for all.
+
+    Raises:
+        FieldError: the file is in another format, or has more than 100,000 features.
+    """
+    from pyogrio import list_layers
+
+    layers = LayerFeatures()
+    with _convert_gdal_errors(source, label, format_name), restrict_gdal_drivers(*drivers):
+        names = [str(row[0]) for row in list_layers(_resolve_source(source))]
+        if not names:
+            raise ValueError("it has no layer")
+        parts = [
+            _read_layer(source, at, name) for at, name in enumerate(names) if layer_names is None or name in layer_names
+        ]
+    if sum(len(part[1]) for part in parts) > MAX_FEATURES:
+        raise FieldError(f"{label} has more than {MAX_FEATURES} features; extract those of the farm first.")
+    systems = {crs for crs, features, _ in parts if features}
+    if None in systems and len(systems) > 1:
+        raise FieldError(f"Some layers of {label} name no coordinate system; give every layer its system.")
+    for crs, features, note in parts:
+        needs_conversion = len(systems) > 1 and crs is not None and crs != WGS84
+        layers.features += (
+            [_convert_to_wgs84(feature, crs) for feature in features] if needs_conversion and crs else features
+        )
+        layers.notes += [note] if note else []
+    layers.crs = systems.pop() if len(systems) == 1 else WGS84 if systems else None
+    return layers
+
+
+def read_table(source: Path | bytes, layer: int | None = None, max_features: int | None = None) -> LayerTable:
+    """Geometries and columns of a layer; text that does not match its declared encoding is read as Latin-1.
+
+    To be called within `restrict_gdal_drivers`. Raises the exceptions of pyogrio.
+    """
+    from pyogrio.raw import read
+
+    is_latin1, place = False, _resolve_source(source)
+    try:
+        meta, _, shapes, columns = read(place, layer=layer, force_2d=True, max_features=max_features)
+    except UnicodeDecodeError:
+        meta, _, shapes, columns = read(
+            place, layer=layer, force_2d=True, max_features=max_features, encoding="ISO-8859-1"
+        )
+        is_latin1 = True
+    fields = [str(one).lower() for one in meta["fields"]]
+    return LayerTable(
+        meta["crs"], shapes if shapes is not None else [], dict(zip(fields, columns, strict=True)), is_latin1
+    )
+
+
+@contextmanager
+def _convert_gdal_errors(source: Path | bytes, label: str, format_name: str) -> Iterator[None]:
+    """Convert errors of GDAL to FieldError and suppress its warnings."""
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except FieldError:
+        raise
+    except UnboundLocalError:  # raised by pyogrio if GDAL cannot describe a coordinate system
+        raise UnknownCrsError(
+            f"{label} names an unknown coordinate system; save it again with a standard one such as EPSG:4326."
+        ) from None
+    except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError) as error:
+        raise FieldError(
+            f"{label} cannot be read as {format_name} ({_shorten_gdal_error(error, source)}); save it again as "
+            f"{format_name}."
+        ) from None
+
+
+def _resolve_source(source: Path | bytes) -> Path | bytes:
+    """The source for pyogrio; an absolute path is never interpreted as an address."""
+    return source if isinstance(source, bytes) else Path(os.path.abspath(source))
+
+
+def mark_guidance_lines(features: list[Feature]) -> list[Feature]:
+    """The features, with lines without role and edge turned into named guidance lines."""
+    count = 0
+    for feature in features:
+        properties = feature["properties"]
+        if (
+            feature["geometry"].get("type") in LINE_TYPES
+            and not convert_to_name_text(properties.get("role"))
+            and "edge" not in properties
+        ):
+            count += 1
+            properties["role"] = GUIDANCE
+            properties["name"] = convert_to_name_text(properties.get("name")) or f"line {count}"
+    return features
+
+
+def _read_layer(source: Path | bytes, layer_index: int, name: str) -> tuple[str | None, list[Feature], str]:
+    """System, features and a remark of one layer, chosen by position, as names of in-memory files vary."""
+    table = read_table(source, layer_index, MAX_FEATURES + 1)
+    features = []
+    for place, shape in enumerate(shapely.from_wkb(table.shapes, on_invalid="fix")):
+        properties = {key: _convert_value(column[place]) for key, column in table.columns.items()}
+        properties = {key: value for key, value in properties.items() if value is not None}
+        features.append(_build_feature(_convert_geometry(shape), properties))
+    name = "fields" if name.startswith(IN_MEMORY_PREFIX) else name
+    note = f"Names of '{name}' do not match the declared encoding; they are read as Latin-1." if table.is_latin1 else ""
+    return table.crs, features, note
+
+
+def _convert_geometry(shape: shapely.Geometry | None) -> dict[str, Any]:
+    """A shape as a GeoJSON geometry; empty for an unreadable shape or positions that are not finite."""
+    if shape is None or shape.is_empty or not np.isfinite(shapely.get_coordinates(shape)).all():
+        return {}
+    geometry: dict[str, Any] = json.loads(shapely.to_geojson(shape))
+    return geometry
+
+
+def _build_feature(geometry: dict[str, Any], properties: dict[str, Any]) -> Feature:
+    name = next(
+        (convert_to_name_text(properties[key]) for key in NAME_COLUMNS if convert_to_name_text(properties.get(key))), ""
+    )
+    if name:
+        properties["name"] = name
+    if (
+        geometry.get("type") == "Point"
+        and name.lower() in ENTRANCE_NAMES
+        and not convert_to_name_text(properties.get("role"))
+    ):
+        properties["role"] = "entrance"
+    return {"type": "Feature", "id": name or None, "properties": properties, "geometry": geometry}
+
+
+def _convert_value(value: Any) -> Any:
+    """A value of a column as a JSON value, None if it is not finite."""
+    python_value = value.item() if isinstance(value, np.generic) else value
+    if isinstance(python_value, float):
+        if not math.isfinite(python_value):
+            return None
+        return int(python_value) if python_value.is_integer() and abs(python_value) < 1e15 else python_value
+    return python_value if isinstance(python_value, str | int | bool) or python_value is None else str(python_value)
+
+
+def _convert_to_wgs84(feature: Feature, crs: str) -> Feature:
+    if not feature["geometry"]:
+        return feature
+    shape = shapely.from_geojson(json.dumps(feature["geometry"]))
+    moved = shapely.transform(shape, lambda points: project(points, crs, WGS84))
+    return {**feature, "geometry": json.loads(shapely.to_geojson(moved))}
+
+
+def _shorten_gdal_error(error: Exception, source: Path | bytes) -> str:
+    """The first sentence of a GDAL error, without the path."""
+    reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+    for path in (str(_resolve_source(source)), str(source)) if isinstance(source, Path) else ():
+        reason = reason.replace(f"'{path}' ", "").replace(path, "it")
+    reason = re.sub(r"'?/vsi\w+/[^\s';,]+'?", "it", reason)
+    return reason.split(";")[0].replace("'", "").rstrip(".")[:120]

@@ -1,0 +1,250 @@
+"""From raw coordinates of a file to checked rings and polygons in local metres."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.polygon import orient
+
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.geodesy import find_utm_crs, is_wgs84_longitude_latitude, project
+from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument
+from fields.text_files import shorten_value
+
+FloatArray = npt.NDArray[np.float64]
+
+MAX_FIELD_SPAN_DEG = 1.0
+MAX_LOCAL_M = 100_000.0
+"""Local metres beyond this get an origin of their own, to keep digits for the simulation."""
+
+
+@dataclass(frozen=True)
+class FieldFrame:
+    """How the numbers of one file become local metres.
+
+    Attributes:
+        source_crs: coordinate system of the file; None for local metres.
+        crs: UTM system of the field; None for local metres.
+        origin_m: easting and northing subtracted after the projection.
+        crosses_180: longitudes below zero are increased by 360 degrees.
+    """
+
+    source_crs: str | None
+    crs: str | None
+    origin_m: tuple[float, float]
+    crosses_180: bool = False
+
+    def to_local(self, points: FloatArray) -> FloatArray:
+        """Points of the file, shape (n, 2), in local metres."""
+        if self.source_crs is not None and self.crs is not None:
+            points = project(self.unwrap_longitudes(points), self.source_crs, self.crs)
+        return np.asarray(points - np.asarray(self.origin_m))
+
+    def unwrap_longitudes(self, points: FloatArray) -> FloatArray:
+        """Longitudes without a jump at 180 degrees."""
+        if not self.crosses_180:
+            return points
+        x, y = points.T
+        return np.column_stack([np.where(x < 0.0, x + 360.0, x), y])
+
+
+def build_field_frame(document: FieldDocument, rings: list[FloatArray], local: bool, label: str) -> FieldFrame:
+    """The frame for a field with these rings (file coordinates, outer ring first).
+
+    Raises:
+        FieldError: degrees were declared as metres or vice versa, declared and named system contradict each other,
+            or the header is damaged.
+    """
+    if local and document.crs is not None:
+        raise FieldError(
+            f"{label} is in the system {document.crs}, not in local metres; leave out {mark_parameter('local')}."
+        )
+    if local and document.frame == WGS84:
+        raise FieldError(f"{label} is in longitude and latitude by its header; leave out {mark_parameter('local')}.")
+    if document.crs is None and (local or document.frame == LOCAL_METRES):
+        return _build_local_frame(document, rings[0], label)
+    source_crs = document.crs or "EPSG:4326"
+    if document.crs is not None and not is_wgs84_longitude_latitude(source_crs):
+        degrees = [project(ring, source_crs, "EPSG:4326") for ring in rings]
+        return _build_earth_frame(document, source_crs, rings, degrees, label)
+    _check_degrees(rings[0], label)
+    return _build_earth_frame(document, "EPSG:4326", rings, rings, label)
+
+
+def _build_local_frame(document: FieldDocument, outer: FloatArray, label: str) -> FieldFrame:
+    spans_degrees = np.ptp(outer, axis=0).max() < MAX_FIELD_SPAN_DEG
+    if spans_degrees and (np.abs(outer) <= (180.0, 90.0)).all():
+        x, y = outer[0]
+        raise FieldError(
+            f"Coordinates of {label} such as ({x:g}, {y:g}) look like degrees; leave out {mark_parameter('local')}."
+        )
+    origin = _parse_stored_origin(document, label)
+    if origin is None:
+        max_coordinate = np.abs(outer).max() > MAX_LOCAL_M
+        origin = _round_centroid_m(outer) if max_coordinate else (0.0, 0.0)
+    return FieldFrame(None, None, origin)
+
+
+def _build_earth_frame(
+    document: FieldDocument, source_crs: str, rings: list[FloatArray], degrees: list[FloatArray], label: str
+) -> FieldFrame:
+    """Frame of a georeferenced field: UTM zone and origin from its centroid."""
+    crosses_180 = bool(np.ptp(degrees[0][:, 0]) > 180.0)
+    unwrapping = FieldFrame(None, None, (0.0, 0.0), crosses_180)
+    centre = shapely.Polygon(unwrapping.unwrap_longitudes(degrees[0])).centroid
+    stored = document.header.get("crs")
+    crs = _parse_stored_crs(stored, label) if stored is not None else find_utm_crs(centre.x, centre.y)
+    unshifted = FieldFrame(source_crs, crs, (0.0, 0.0), crosses_180 and degrees is rings)
+    origin = _parse_stored_origin(document, label) or _round_centroid_m(unshifted.to_local(rings[0]))
+    return FieldFrame(source_crs, crs, origin, unshifted.crosses_180)
+
+
+def _check_degrees(outer: FloatArray, label: str) -> None:
+    """Refuse metres, and latitude before longitude, in a file that should hold degrees."""
+    x, y = outer[np.argmax(np.abs(outer).max(axis=1))]
+    span = np.ptp(outer, axis=0)
+    if np.abs(outer[:, 0]).max() > 180.0 or np.abs(outer[:, 1]).max() > 90.0:
+        is_swapped = (np.abs(outer) <= (90.0, 180.0)).all() and span.max() < MAX_FIELD_SPAN_DEG
+        swap_fix = f"look like latitude before longitude; swap them with {mark_parameter('swap_axes')}"
+        fix = swap_fix if is_swapped else f"look like metres; add {mark_parameter('local')}"
+        raise FieldError(f"Coordinates of {label} such as ({x:g}, {y:g}) {fix}.")
+    width_deg = min(span[0], 360.0 - span[0]) if span[0] > 180.0 else span[0]
+    if max(width_deg, span[1]) > MAX_FIELD_SPAN_DEG:
+        raise FieldError(
+            f"The boundary of {label} spans {width_deg:g} by {span[1]:g} degrees; a field spans at most "
+            f"{MAX_FIELD_SPAN_DEG:g}, so if these are metres, add {mark_parameter('local')}."
+        )
+
+
+def _parse_stored_crs(stored: Any, label: str) -> str:
+    """The UTM code stored in a written file, so that reading it again gives the same metres."""
+    code = stored.removeprefix("EPSG:") if isinstance(stored, str) else ""
+    if not (code.isdecimal() and (32601 <= int(code) <= 32660 or 32701 <= int(code) <= 32760)):
+        raise FieldError(f"The system {stored!r} stored in {label} is not UTM; use one such as 'EPSG:32654'.")
+    return f"EPSG:{code}"
+
+
+def _parse_stored_origin(document: FieldDocument, label: str) -> tuple[float, float] | None:
+    stored = document.header.get("origin_m")
+    if stored is None:
+        return None
+    numbers = stored if isinstance(stored, list) else []
+    are_numbers = all(isinstance(n, int | float) and not isinstance(n, bool) and abs(n) < 1e8 for n in numbers)
+    if len(numbers) != 2 or not are_numbers:
+        raise FieldError(f"The origin_m {stored!r} stored in {label} is not usable; write [easting, northing].")
+    return float(numbers[0]), float(numbers[1])
+
+
+def _round_centroid_m(outer: FloatArray) -> tuple[float, float]:
+    """The centroid of a ring in whole metres."""
+    centre = shapely.Polygon(outer).centroid
+    return float(round(centre.x)), float(round(centre.y))
+
+
+MIN_FIELD_AREA_M2, MAX_FIELD_AREA_M2 = 100.0, 1.0e8
+MAX_COORDINATE = 1.0e8  # more than twice the circumference of the earth in metres
+
+
+def parse_ring(raw: Any, label: str) -> FloatArray:
+    """An open ring of shape (n, 2) from a list of positions; height and repeated points are dropped.
+
+    Raises:
+        FieldError: a position is not two finite numbers, or fewer than 3 distinct points remain.
+    """
+    if not isinstance(raw, list):
+        raise FieldError(f"A ring of {label} is {shorten_value(raw)}; it must be a list of [x, y] positions.")
+    points = np.array([parse_position(entry, label) for entry in raw], dtype=np.float64).reshape(-1, 2)
+    kept_indices = [i for i in range(len(points)) if i == 0 or (points[i] != points[i - 1]).any()]
+    points = points[kept_indices]
+    if len(points) > 1 and (points[0] == points[-1]).all():
+        points = points[:-1]
+    distinct = len(np.unique(points, axis=0)) if len(points) else 0
+    if distinct < 3:
+        raise FieldError(f"A ring of {label} has {distinct} distinct points; a ring needs at least 3.")
+    return points
+
+
+def parse_position(raw: Any, label: str) -> tuple[float, float]:
+    """The first two numbers of a GeoJSON position.
+
+    Raises:
+        FieldError: it is not a list of two or more finite numbers.
+    """
+    if not isinstance(raw, list) or len(raw) < 2:
+        raise FieldError(f"Position {shorten_value(raw)} of {label} is not a pair; write it as [x, y].")
+    return _parse_number(raw[0], label), _parse_number(raw[1], label)
+
+
+def parse_rings(raw: Any, label: str) -> list[FloatArray]:
+    """Outer ring first, then the holes, of the ``coordinates`` of a Polygon.
+
+    Raises:
+        FieldError: there is no ring, or a ring is not usable.
+    """
+    if not isinstance(raw, list) or not raw:
+        raise FieldError(f"The coordinates of {label} are {shorten_value(raw)}; a Polygon needs at least one ring.")
+    return [parse_ring(entry, label) for entry in raw]
+
+
+def build_polygon(parts: list[FloatArray], label: str) -> shapely.Polygon:
+    """Counter-clockwise polygon of an outer ring and its holes.
+
+    Raises:
+        FieldError: rings cross themselves or each other; the message says where, in file coordinates.
+    """
+    shape = shapely.Polygon(parts[0], parts[1:])
+    if not shape.is_valid:
+        fault, place = _explain_invalidity(shapely.is_valid_reason(shape))
+        raise FieldError(f"The boundary of {label} is not clean: {fault} at {place}; redraw it there.")
+    return orient(shape, 1.0)
+
+
+def check_area(shape: shapely.Polygon, label: str) -> None:
+    """Refuse an outline in metres that cannot be a field.
+
+    Raises:
+        FieldError: the area is under 100 square metres or over 100 square kilometres.
+    """
+    if shape.area < MIN_FIELD_AREA_M2:
+        raise FieldError(f"The area of {label} is {shape.area:.3g} m2; a field needs at least 100 m2.")
+    if shape.area > MAX_FIELD_AREA_M2:
+        raise FieldError(f"The area of {label} is {shape.area / 1e6:.4g} km2; a field may have at most 100 km2.")
+
+
+def _parse_number(raw: Any, label: str) -> float:
+    """One finite coordinate."""
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        raise FieldError(f"Coordinate {shorten_value(raw)} of {label} is not a number; write plain numbers.")
+    try:
+        value = float(raw)
+    except OverflowError:
+        value = math.inf
+    if not math.isfinite(value):
+        raise FieldError(f"Coordinate {shorten_value(raw)} of {label} is not finite; write a measured value.")
+    if abs(value) > MAX_COORDINATE:
+        raise FieldError(
+            f"Coordinate {shorten_value(raw)} of {label} is beyond {MAX_COORDINATE:g}; write degrees or metres."
+        )
+    return value
+
+
+def _explain_invalidity(reason: str) -> tuple[str, str]:
+    """Explanation and place from a GEOS reason such as ``Self-intersection[3 4]``."""
+    match = re.fullmatch(r"(.*)\[(\S+) (\S+)\]", reason)
+    if match is None:
+        return reason.lower(), "an unknown place"
+    explanations = {
+        "Self-intersection": "it crosses itself",
+        "Ring Self-intersection": "it touches itself",
+        "Hole lies outside shell": "a hole lies outside",
+        "Holes are nested": "one hole lies in another",
+        "Interior is disconnected": "its holes cut it in two",
+    }
+    explanation = explanations.get(match[1], match[1].lower())
+    return explanation, f"({float(match[2]):.9g}, {float(match[3]):.9g})"

@@ -1,0 +1,283 @@
+"""The field itself: boundary, obstacles, entrance and ground zones in a local metric frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from dataclasses import field as member
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.polygon import orient
+
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.coordinates import MIN_FIELD_AREA_M2
+from fields.geometry.field_lines import GuidanceLine, HeadlandEdge, check_fence_opening
+from fields.geometry.geodesy import project
+from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
+
+FloatArray = npt.NDArray[np.float64]
+
+MIN_REPORTED_M2 = 1.0
+MIN_WORKED_SHARE = 0.1  # of the ground; with less, the margin is too wide for the field
+FENCE_HALF_WIDTH_M = 0.001
+MIN_FENCE_MARGIN_M = 0.2  # error of the guidance, so that fences are never touched
+MAX_POINTS_UNSIMPLIFIED, MAX_POINTS = 2_000, 5_000
+MIN_TOLERANCE_M, MAX_TOLERANCE_M = 0.01, 0.16
+"""No receiver resolves a centimetre; simplified to 16 cm an outline still describes the same field."""
+
+
+@dataclass(frozen=True)
+class GroundZone:
+    """An area with a ground of its own.
+
+    Attributes:
+        name: ground name, for example ``"soil"`` or ``"asphalt"``.
+        polygon: extent in metres, in the frame of the field.
+    """
+
+    name: str
+    polygon: shapely.Polygon
+
+    def __post_init__(self) -> None:
+        if not self.name.strip():
+            raise FieldError("A ground zone has an empty name; give it a ground such as 'asphalt'.")
+        object.__setattr__(self, "polygon", _check_polygon(self.polygon, f"ground zone '{self.name}'"))
+
+
+@dataclass(frozen=True)
+class Field:
+    """A field in metres, x east and y north.
+
+    Attributes:
+        name: name of the field.
+        boundary: counter-clockwise valid polygon, metres; its holes are obstacles. ``compute_ground_with_margin`` cuts
+            ``obstacles`` out of it.
+        crs: projected system of the metres, such as ``"EPSG:32654"``; None for local metres.
+        origin_m: easting and northing (whole metres) that were subtracted from every coordinate.
+        entrance: point where tractors enter, metres, or None.
+        ground_zones: where zones overlap, the first one counts.
+        default_ground: ground outside all zones.
+        source: where the boundary comes from, in words.
+        remarks: sentences on unexpected content of the file; ignored when fields are compared.
+        obstacles: obstacles in or beside the field, without the holes of the boundary.
+        small_obstacles: obstacles with their margin that swaths are driven round; within `boundary`, but not part of
+            `workable_region`.
+        fences: sides of the outline that no part of a machine may cross, lines in metres.
+        original_boundary: the boundary before `compute_ground_with_margin`; None if nothing was subtracted.
+        margin_boundary: the boundary with the margin only, without extra distance; None if it is the same.
+        service_point: place where tanks are filled or emptied, metres, or None.
+        guidance_lines: lines from the field file.
+        headland_edges: inner edges of headlands from the field file; plans lay their own headlands.
+        cut_off_parts: pieces that obstacles and their margins separate from the boundary.
+
+    A boundary of more than MAX_POINTS_UNSIMPLIFIED points is simplified to MIN_TOLERANCE_M, and one that still has more
+    than MAX_POINTS further, up to MAX_TOLERANCE_M; a remark says so.
+
+    Raises:
+        FieldError: the boundary is empty, not a polygon, crosses itself or has too many points after simplification.
+    """
+
+    name: str
+    boundary: shapely.Polygon
+    crs: str | None = None
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    entrance: tuple[float, float] | None = None
+    ground_zones: tuple[GroundZone, ...] = ()
+    default_ground: str = "soil"
+    source: str = ""
+    remarks: tuple[str, ...] = member(default=(), compare=False)
+    obstacles: tuple[Obstacle, ...] = ()
+    small_obstacles: tuple[shapely.Polygon, ...] = ()
+    fences: tuple[shapely.LineString, ...] = ()
+    original_boundary: shapely.Polygon | None = None
+    margin_boundary: shapely.Polygon | None = None
+    service_point: tuple[float, float] | None = None
+    guidance_lines: tuple[GuidanceLine, ...] = ()
+    headland_edges: tuple[HeadlandEdge, ...] = ()
+    cut_off_parts: tuple[shapely.Polygon, ...] = ()
+
+    def __post_init__(self) -> None:
+        label = f"field '{self.name}'"
+        boundary, remark = _simplify_outline(_check_polygon(self.boundary, label), label)
+        object.__setattr__(self, "boundary", boundary)
+        object.__setattr__(self, "remarks", (*self.remarks, *remark))
+
+    @property
+    def area_m2(self) -> float:
+        """Area without the obstacles, square metres."""
+        return float(self.region_without_obstacles.area)
+
+    @property
+    def area_ha(self) -> float:
+        """Area without the obstacles, hectares."""
+        return self.area_m2 / 10_000.0
+
+    @cached_property
+    def workable_region(self) -> shapely.Polygon:
+        """The ground to be worked: everything up to the margin except small obstacles."""
+        if not self.small_obstacles:
+            return self.margin_boundary or self.boundary
+        return orient(
+            shapely.difference(self.margin_boundary or self.boundary, shapely.union_all(self.small_obstacles)), 1.0
+        )
+
+    @cached_property
+    def region_without_obstacles(self) -> shapely.Geometry:
+        """The field without its obstacles, but with margins and cut-off parts: the reference for shares of area."""
+        if self.original_boundary is None:
+            return self.boundary
+        return shapely.difference(
+            shapely.Polygon(self.original_boundary.exterior), shapely.union_all(self.solid_obstacles)
+        )
+
+    @cached_property
+    def solid_obstacles(self) -> tuple[shapely.Geometry, ...]:
+        """The ground under obstacles and holes of the outline, without a margin."""
+        holes = (self.original_boundary or self.boundary).interiors
+        return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
+
+    @property
+    def cut_off_m2(self) -> float:
+        """Area of the parts that obstacles cut off, square metres."""
+        return math.fsum(part.area for part in self.cut_off_parts)
+
+    @property
+    def area_without_margin_m2(self) -> float:
+        """Largest connected area without obstacles and fences, margin 0, square metres."""
+        if self.original_boundary is None:
+            return float(self.boundary.area)
+        return float(compute_workable_ground(self.original_boundary, self._margin_obstacles, 0.0).boundary.area)
+
+    @property
+    def _margin_obstacles(self) -> tuple[Obstacle, ...]:
+        """What a margin is kept to, besides holes: obstacles, and fences as thin obstacles."""
+        return (*self.obstacles, *(Obstacle("fence", line, FENCE_HALF_WIDTH_M) for line in self.fences))
+
+    def compute_ground_with_margin(
+        self, margin_m: float, max_small_m: float = 0.0, extra_margin_m: float = 0.0
+    ) -> Field:
+        """The field reduced to the ground that may be worked, with a margin to obstacles, holes and fences.
+
+        Obstacles less than `max_small_m` across stay within the boundary as `small_obstacles`. The boundary keeps
+        `extra_margin_m` more from all others, as machines swing out in bends, and at least MIN_FENCE_MARGIN_M from
+        fences. If obstacles divide the field, the largest part is kept, and a remark gives the area of the others.
+
+        Raises:
+            FieldError: the margin is out of range or wider than the field, too little ground remains, or a fence has
+                no opening.
+        """
+        check_fence_opening(self.boundary, self.fences, self.entrance, self.name)
+        _check_margin(margin_m, self)
+        if not self.obstacles and not self.fences and not (self.boundary.interiors and (margin_m or max_small_m)):
+            return self
+        fence_m = max(FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M - margin_m)
+        obstacles = (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
+        workable = compute_workable_ground(self.boundary, obstacles, margin_m, max_small_m, extra_margin_m)
+        if workable.boundary.area < MIN_FIELD_AREA_M2:
+            causes = "Obstacles and fences" if self.fences else "Obstacles"
+            raise FieldError(
+                f"{causes} with a margin ({mark_parameter('margin_m')}) of {margin_m:g} m leave "
+                f"{workable.boundary.area:.3g} m2 of field '{self.name}' in one piece; a field needs at least "
+                f"{MIN_FIELD_AREA_M2:g} m2, so check the obstacles or use a smaller margin."
+            )
+        _check_workable_ground(workable, margin_m, self)
+        cut_off_m2 = math.fsum(part.area for part in workable.cut_off_parts)
+        remark = f"Obstacles cut off {cut_off_m2:.0f} m2 of the field; this part is not worked."
+        remarks = (*self.remarks, remark) if cut_off_m2 >= MIN_REPORTED_M2 else self.remarks
+        return replace(
+            self,
+            boundary=workable.boundary,
+            margin_boundary=None if workable.margin_boundary is workable.boundary else workable.margin_boundary,
+            small_obstacles=workable.small_obstacles,
+            original_boundary=self.original_boundary or self.boundary,
+            remarks=remarks,
+            cut_off_parts=workable.cut_off_parts if cut_off_m2 >= MIN_REPORTED_M2 else (),
+        )
+
+    def find_ground_at(self, x: float, y: float) -> str:
+        """Name of the ground at the point (x, y) in metres; the edge of a zone belongs to it."""
+        for zone in self.ground_zones:
+            if shapely.intersects_xy(zone.polygon, x, y):
+                return zone.name
+        return self.default_ground
+
+    def to_wgs84(self, xy: npt.ArrayLike) -> FloatArray:
+        """Longitude and latitude in degrees, shape (n, 2), of local points in metres, shape (n, 2).
+
+        Raises:
+            FieldError: the field is not georeferenced (``crs`` is None) or the shape is wrong.
+        """
+        if self.crs is None:
+            raise FieldError(
+                f"Field '{self.name}' is in local metres without a place on the earth; "
+                "use a boundary in longitude and latitude to get positions."
+            )
+        points = np.asarray(xy, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 2:
+            raise FieldError(f"Points of shape {points.shape} are not pairs; pass an array of shape (n, 2).")
+        return project(points + np.asarray(self.origin_m), self.crs, "EPSG:4326")
+
+
+def _check_margin(margin_m: float, field: Field) -> None:
+    """Refuse a margin below 0, or one wider than a field without obstacles."""
+    if not (math.isfinite(margin_m) and margin_m >= 0.0):
+        raise FieldError(f"The margin ({mark_parameter('margin_m')}) is {margin_m:g} m; it must be 0 or more.")
+    if field.obstacles or field.fences:
+        return  # checked later, by the remaining ground
+    x, y = shapely.get_coordinates(shapely.minimum_rotated_rectangle(field.boundary))[:3].T
+    across_m = float(np.hypot(np.diff(x), np.diff(y)).min())
+    if margin_m >= across_m:
+        raise FieldError(
+            f"The margin ({mark_parameter('margin_m')}) is {margin_m:g} m, but field '{field.name}' is only "
+            f"{across_m:.0f} m across; use a smaller margin."
+        )
+
+
+def _check_workable_ground(workable: WorkableGround, margin_m: float, field: Field) -> None:
+    """Refuse a margin that takes nearly all ground that obstacles and fences leave."""
+    worked_m2 = workable.margin_boundary.area - math.fsum(part.area for part in workable.small_obstacles)
+    if margin_m == 0.0 or worked_m2 >= MIN_WORKED_SHARE * field.boundary.area:
+        return
+    without_margin_m2 = replace(field, original_boundary=field.boundary).area_without_margin_m2
+    if worked_m2 < MIN_WORKED_SHARE * without_margin_m2:
+        raise FieldError(
+            f"The margin ({mark_parameter('margin_m')}) of {margin_m:g} m is too wide for field '{field.name}': it "
+            f"leaves {worked_m2:.0f} of {without_margin_m2:.0f} m2 in one piece; use a smaller margin."
+        )
+
+
+def _simplify_outline(polygon: shapely.Polygon, label: str) -> tuple[shapely.Polygon, tuple[str, ...]]:
+    """An outline with few enough points for reasonable computing times, and remarks on its simplification."""
+    points = shapely.get_num_coordinates(polygon)
+    if points <= MAX_POINTS_UNSIMPLIFIED:
+        return polygon, ()
+    tolerance, simplified = MIN_TOLERANCE_M, polygon.simplify(MIN_TOLERANCE_M)
+    while shapely.get_num_coordinates(simplified) > MAX_POINTS and tolerance < MAX_TOLERANCE_M:
+        tolerance *= 2.0
+        simplified = polygon.simplify(tolerance)
+    remaining_points = shapely.get_num_coordinates(simplified)
+    if remaining_points > MAX_POINTS:
+        raise FieldError(
+            f"The outline of {label} has {remaining_points} points even when simplified to {100 * tolerance:.0f} cm; "
+            f"a field may have {MAX_POINTS}, so simplify it first."
+        )
+    if remaining_points == points:
+        return polygon, ()
+    remark = (
+        f"The outline of {label} was simplified to {100 * tolerance:.0f} cm: {remaining_points} of its {points} "
+        "points remain."
+    )
+    return orient(simplified, 1.0), (remark,)
+
+
+def _check_polygon(polygon: shapely.Polygon, label: str) -> shapely.Polygon:
+    """The polygon, counter-clockwise; raises FieldError if it is not a valid polygon."""
+    if not isinstance(polygon, shapely.Polygon):
+        raise FieldError(f"The outline of {label} is a {type(polygon).__name__}; give one shapely Polygon.")
+    if polygon.is_empty or not polygon.is_valid:
+        reason = "it is empty" if polygon.is_empty else shapely.is_valid_reason(polygon)
+        raise FieldError(f"The outline of {label} is not a valid polygon ({reason}); redraw it there.")
+    return orient(polygon, 1.0)

@@ -1,0 +1,224 @@
+"""Lines of a field: fenced sides of its outline, guidance lines, and inner edges of headlands from its file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from fields.errors import FieldError, mark_parameter, suggest_name
+from fields.geometry.coordinates import FieldFrame, parse_position
+from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.text_files import shorten_value
+
+FENCE, OPEN_EDGE = "fence", "open"
+EDGE_KINDS = (FENCE, OPEN_EDGE)
+FENCE_TOLERANCE_M = 3.0  # a line this near the outline is meant to lie on it
+MIN_OPENING_M = 3.0  # a tractor needs an opening of this length
+MAX_FEATURE_DISTANCE_M = 50.0  # in a file of several fields, features farther away belong to another field
+GRID_M = 1e-6
+
+
+def read_fences(
+    chosen: RawPolygon,
+    lines: Iterable[RawShape],
+    frame: FieldFrame,
+    shape: shapely.Polygon,
+    multiple_fields: bool,
+    label: str,
+) -> tuple[tuple[shapely.LineString, ...], tuple[str, ...]]:
+    """The fenced parts of the outline, and remarks on lines that are partly off it.
+
+    The ``edge`` of the field applies all round; lines, in the order of the file, override it along them.
+
+    Raises:
+        FieldError: an ``edge`` is unknown, or a line is nowhere along the outline.
+    """
+    outline = shapely.LineString(shape.exterior.coords)
+    own_edge = chosen.properties.get("edge")
+    fenced: shapely.Geometry = shapely.LineString()
+    if own_edge is not None and _parse_edge(own_edge, f"the boundary of {label}") == FENCE:
+        fenced = outline
+    remarks = []
+    for raw in lines:
+        name = f"'{raw.keys[0]}' " if raw.keys else ""
+        edge = _parse_edge(raw.properties.get("edge"), f"a line {name}of {label}")
+        description = f"line {name}with edge '{edge}' of {label}"
+        line = _parse_edge_line(raw, frame, description)
+        away_m = float(shapely.distance(outline, line))
+        if multiple_fields and away_m > MAX_FEATURE_DISTANCE_M:
+            continue
+        side = clip_outline_to_line(outline, line)
+        if side.length < min(1.0, 0.5 * line.length):
+            raise FieldError(
+                f"The {description} does not follow the boundary, which is {away_m:.1f} m away; draw it within "
+                f"{FENCE_TOLERANCE_M:g} m of the boundary or make it an obstacle."
+            )
+        if side.length < 0.8 * line.length:
+            remarks.append(
+                f"Only {side.length:.0f} of {line.length:.0f} m of a {description} follow the boundary; the rest is "
+                "not used."
+            )
+        fenced = shapely.union(fenced, side) if edge == FENCE else shapely.difference(fenced, _buffer_line(line))
+    return _merge_lines(fenced), tuple(remarks)
+
+
+def clip_outline_to_line(outline: shapely.LineString, line: shapely.LineString) -> shapely.Geometry:
+    """The part of an outline within FENCE_TOLERANCE_M of a line."""
+    return shapely.intersection(outline, _buffer_line(line))
+
+
+def _buffer_line(line: shapely.LineString) -> shapely.Geometry:
+    return line.buffer(FENCE_TOLERANCE_M, cap_style="flat", join_style="mitre")
+
+
+def _parse_edge(edge: object, description: str) -> str:
+    if isinstance(edge, str) and edge.strip().lower() in EDGE_KINDS:
+        return edge.strip().lower()
+    raise FieldError(f"The 'edge' of {description} is {shorten_value(edge)}; use '{FENCE}' or '{OPEN_EDGE}'.")
+
+
+def _parse_edge_line(raw: RawShape, frame: FieldFrame, description: str) -> shapely.LineString:
+    """The line in local metres."""
+    entries = raw.coordinates if isinstance(raw.coordinates, list) else []
+    points = frame.to_local(np.array([parse_position(entry, description) for entry in entries]).reshape(-1, 2))
+    line = shapely.LineString(points) if len(points) > 1 else shapely.LineString()
+    if line.length == 0.0:
+        raise FieldError(f"The {description} has fewer than 2 distinct positions; a LineString needs 2 or more.")
+    return line
+
+
+def _merge_lines(fenced: shapely.Geometry) -> tuple[shapely.LineString, ...]:
+    """The lines of a geometry, joined where they meet, in an order independent of GEOS."""
+    merged = fenced if fenced.geom_type == "LineString" else shapely.line_merge(fenced)
+    parts = [part for part in shapely.get_parts(merged) if part.geom_type == "LineString" and part.length > GRID_M]
+    return tuple(sorted(parts, key=lambda part: [tuple(np.round(xy, 3)) for xy in part.coords]))
+
+
+def check_fence_opening(
+    outline: shapely.Polygon, fences: tuple[shapely.LineString, ...], entrance: tuple[float, float] | None, name: str
+) -> None:
+    """Refuse a fence all round without an entrance.
+
+    Raises:
+        FieldError: the fence has neither an opening of MIN_OPENING_M nor an entrance.
+    """
+    if not fences or entrance is not None:
+        return
+    open_outline = shapely.difference(outline.exterior, shapely.buffer(shapely.union_all(fences), 0.01))
+    merged = open_outline if open_outline.geom_type == "LineString" else shapely.line_merge(open_outline)
+    # An opening across the start of the ring is in two parts until they are merged.
+    if max((part.length for part in shapely.get_parts(merged)), default=0.0) < MIN_OPENING_M:
+        raise FieldError(
+            f"The fence round field '{name}' has no opening; add a Point with role 'entrance' as its gate, or a "
+            f"LineString with edge '{OPEN_EDGE}' of {MIN_OPENING_M:g} m or more along it."
+        )
+
+
+MAX_SHOWN_LINES = 8
+
+
+@dataclass(frozen=True)
+class GuidanceLine:
+    """A named line that swaths can be laid along, in metres in the frame of the field."""
+
+    name: str
+    line: shapely.LineString
+
+    @property
+    def bearing_deg(self) -> float:
+        """Direction from first to last point, clockwise from north, 0 to 360 degrees.
+
+        For a line that returns to its start, the direction of its longest straight piece.
+        """
+        points = shapely.get_coordinates(self.line)
+        direction = points[-1] - points[0]
+        if float(np.hypot(*direction)) < 0.1 * self.line.length:
+            steps = np.diff(points, axis=0)
+            direction = steps[int(np.argmax(np.hypot(*steps.T)))]
+        return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
+
+
+def read_guidance_lines(
+    document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool
+) -> tuple[GuidanceLine, ...]:
+    """Usable lines in the order of the file; in a file of several fields only those of this field."""
+    lines = []
+    for number, raw in enumerate(document.guidance_lines):
+        try:
+            points = frame.to_local(np.array([parse_position(entry, "a line") for entry in raw.coordinates]))
+        except (FieldError, TypeError, ValueError):
+            continue
+        if len(points) < 2 or not np.ptp(points, axis=0).any():
+            continue
+        line = shapely.LineString(points)
+        if not multiple_fields or shape.distance(line) <= MAX_FEATURE_DISTANCE_M:
+            lines.append(GuidanceLine(raw.keys[0] if raw.keys else f"line {number + 1}", line))
+    return tuple(lines)
+
+
+def find_line_bearing_deg(lines: Sequence[GuidanceLine], name: str, label: str) -> float:
+    """Bearing in degrees of the line with this name; case is ignored.
+
+    Raises:
+        FieldError: there is no such line, or several of this name have different bearings.
+    """
+    matches = [one for one in lines if one.name.lower() == name.strip().lower()]
+    if not matches:
+        known_names = ", ".join(f"'{one.name}'" for one in lines[:MAX_SHOWN_LINES]) or "none"
+        remainder = f" and {len(lines) - MAX_SHOWN_LINES} more" if len(lines) > MAX_SHOWN_LINES else ""
+        raise FieldError(
+            f"{label} has no line '{name}' for {mark_parameter('guidance_line')}"
+            f"{suggest_name(name, [line.name for line in lines])}; it has {known_names}{remainder}.",
+            parameter="guidance_line",
+        )
+    bearings = [one.bearing_deg for one in matches]
+    max_difference_deg = max(abs(math.remainder(one - bearings[0], 180.0)) for one in bearings)
+    if max_difference_deg > 0.01:
+        raise FieldError(
+            f"{len(matches)} lines of {label} are called '{name}' and have different bearings; give "
+            f"{mark_parameter('bearing_deg')} instead of a name.",
+            parameter="guidance_line",
+        )
+    return bearings[0]
+
+
+SAMPLE_SPACING_M = 5.0
+"""Distance between the points at which the width is measured."""
+MIN_HEADLAND_WIDTH_M = 0.5
+"""A line nearer to the boundary is the outer edge of the headland, thus the boundary itself."""
+
+
+@dataclass(frozen=True)
+class HeadlandEdge:
+    """The inner edge of a headland, in metres in the frame of the field, and its distance from the boundary or a hole:
+    smallest, median and largest width.
+    """
+
+    line: shapely.LineString
+    min_width_m: float
+    median_width_m: float
+    max_width_m: float
+
+
+def read_headland_edges(document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon) -> tuple[HeadlandEdge, ...]:
+    """Usable headland edges on this field, in the order of the file."""
+    edges = []
+    for raw in document.headland_edges:
+        try:
+            points = frame.to_local(np.array([parse_position(entry, "a headland") for entry in raw.coordinates]))
+        except (FieldError, TypeError, ValueError):
+            continue
+        if len(points) < 3 or not np.ptp(points, axis=0).any():
+            continue
+        line = shapely.LineString(points)
+        if not shape.contains(line.centroid) and not shape.intersects(line):
+            continue
+        places = shapely.points(shapely.get_coordinates(shapely.segmentize(line, SAMPLE_SPACING_M)))
+        width_m = shapely.distance(places, shape.boundary)
+        if np.median(width_m) >= MIN_HEADLAND_WIDTH_M:
+            edges.append(HeadlandEdge(line, float(width_m.min()), float(np.median(width_m)), float(width_m.max())))
+    return tuple(edges)

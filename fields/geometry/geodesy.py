@@ -1,0 +1,191 @@
+"""Longitude and latitude to metres and back: UTM by PROJ, short distances by formula, the plane of AgOpenGPS."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from fields.errors import FieldError, mark_parameter
+from fields.text_files import shorten_value
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
+
+
+EQUATOR_M, ECCENTRICITY2 = 6_378_137.0, 0.006_694_38
+"""Semi-major axis and squared first eccentricity of WGS84 (NGA.STND.0036)."""
+
+
+def compute_metres_per_degree(latitude_deg: float) -> tuple[float, float]:
+    """Metres of one degree of longitude and of latitude on the WGS84 ellipsoid: N cos(lat) and M."""
+    sine = math.sin(math.radians(latitude_deg))
+    denominator = 1.0 - ECCENTRICITY2 * sine * sine
+    east = EQUATOR_M / math.sqrt(denominator) * math.cos(math.radians(latitude_deg))
+    return math.radians(east), math.radians(EQUATOR_M * (1.0 - ECCENTRICITY2) / denominator**1.5)
+
+
+def compute_rings_area_m2(rings: Sequence[Sequence[Sequence[float]]], *, swap_axes: bool = False) -> float:
+    """Area of a polygon in degrees: the first ring less the others; `swap_axes`: latitude comes first.
+
+    Good to a few parts in a thousand over a field.
+    """
+    total_m2 = 0.0
+    for index, ring in enumerate(rings):
+        points = np.array(ring, dtype=np.float64)[:, :2]
+        points = points[:, ::-1] if swap_axes else points
+        scale = compute_metres_per_degree(float(points[:, 1].mean()))
+        area_m2 = float(shapely.Polygon(points * scale).area)
+        total_m2 += area_m2 if index == 0 else -area_m2
+    return total_m2
+
+
+def extend_position(start: Sequence[float], heading_deg: float, distance_m: float) -> list[float]:
+    """The point at a distance from (longitude, latitude) in a heading clockwise from north."""
+    east, north = compute_metres_per_degree(start[1])
+    heading_rad = math.radians(heading_deg)
+    return [start[0] + distance_m * math.sin(heading_rad) / east, start[1] + distance_m * math.cos(heading_rad) / north]
+
+
+@dataclass(frozen=True)
+class LocalPlane:
+    """The plane of AgOpenGPS: metres about an origin in degrees, by a series of its own (AgOpenGPS.Core, LocalPlane).
+
+    It is not UTM: degrees of latitude have their length at the origin, degrees of longitude that at the point itself.
+    """
+
+    longitude_deg: float
+    latitude_deg: float
+
+    def to_degrees(self, east_m: float, north_m: float) -> list[float]:
+        """Longitude from -180 to 180 degrees and latitude of a point in metres about the origin."""
+        latitude = self.latitude_deg + north_m / self._metres_per_latitude_deg
+        return [
+            math.remainder(self.longitude_deg + east_m / _compute_metres_per_longitude_deg(latitude), 360.0),
+            latitude,
+        ]
+
+    def to_metres(self, longitude_deg: float, latitude_deg: float) -> tuple[float, float]:
+        """Metres east and north of the origin; the shorter way across 180 degrees."""
+        east_deg = math.remainder(longitude_deg - self.longitude_deg, 360.0)
+        return east_deg * _compute_metres_per_longitude_deg(latitude_deg), (
+            latitude_deg - self.latitude_deg
+        ) * self._metres_per_latitude_deg
+
+    @property
+    def _metres_per_latitude_deg(self) -> float:
+        """Metres of a degree of latitude at the origin."""
+        latitude_rad = math.radians(self.latitude_deg)
+        return (
+            111132.92
+            - 559.82 * math.cos(2 * latitude_rad)
+            + 1.175 * math.cos(4 * latitude_rad)
+            - 0.0023 * math.cos(6 * latitude_rad)
+        )
+
+
+def _compute_metres_per_longitude_deg(latitude_deg: float) -> float:
+    """Metres of a degree of longitude at a latitude."""
+    latitude_rad = math.radians(latitude_deg)
+    return 111412.84 * math.cos(latitude_rad) - 93.5 * math.cos(3 * latitude_rad) + 0.118 * math.cos(5 * latitude_rad)
+
+
+FloatArray = npt.NDArray[np.float64]
+
+_FILE_PATH = re.compile(r"""(?:^|(?<=[\s"'=@,;|]))(?:[/\\~]|\.\.?[/\\]|[A-Za-z]:[/\\]|[A-Za-z][\w+.-]*://)[^\s"',;]+""")
+_OGC_NAME = re.compile(r"https?://www\.opengis\.net/(?:def/crs|gml/srs)/[\w./#:-]+|urn:[\w.:/-]+")
+"""Coordinate systems by OGC addresses, which PROJ resolves without network."""
+UTM_SOUTH_DEG, UTM_NORTH_DEG = -80.0, 84.0
+"""Latitudes between which UTM is defined (NGA.STND.0037, section 7)."""
+
+
+def find_utm_crs(longitude_deg: float, latitude_deg: float) -> str:
+    """EPSG code of the 6 degree UTM zone of a point: 326zz north, 327zz south of the equator.
+
+    Zone = floor((longitude + 180) / 6) + 1 with the longitude wrapped into [-180, 180), so that 180
+    degrees east falls in zone 1. The wider zones of Norway and Svalbard are not applied: a field there
+    gets the regular zone, whose scale error is still below 0.1 %.
+
+    Raises:
+        FieldError: the latitude is outside the UTM range.
+    """
+    if not UTM_SOUTH_DEG <= latitude_deg <= UTM_NORTH_DEG:
+        raise FieldError(
+            f"Latitude {latitude_deg:g} is outside the UTM range of {UTM_SOUTH_DEG:g} to {UTM_NORTH_DEG:g} "
+            f"degrees; give the field in local metres with {mark_parameter('local')}."
+        )
+    wrapped = (longitude_deg + 180.0) % 360.0
+    zone = min(math.floor(wrapped / 6.0) + 1, 60)
+    return f"EPSG:{(32700 if latitude_deg < 0.0 else 32600) + zone}"
+
+
+def project(points: FloatArray, from_crs: str, to_crs: str) -> FloatArray:
+    """Points of shape (n, 2) from one system to the other, x or longitude first on both sides.
+
+    Raises:
+        FieldError: a system is unknown, or a point cannot be converted.
+    """
+    if len(points) == 0:
+        return np.empty((0, 2))
+    x, y = _get_transformer(from_crs, to_crs).transform(points[:, 0], points[:, 1])
+    result = np.column_stack([x, y]).astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(result).all(axis=1))
+    if len(bad):
+        px, py = points[bad[0]]
+        raise FieldError(
+            f"Point ({px:g}, {py:g}) cannot be converted to {to_crs}; check that the coordinates are in {from_crs}."
+        )
+    return result
+
+
+def is_wgs84_longitude_latitude(crs: str) -> bool:
+    """Whether the system is WGS84 longitude and latitude, as RFC 7946 requires.
+
+    Raises:
+        FieldError: the system is unknown.
+    """
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    _check_crs_without_files(crs)
+    try:
+        system = CRS.from_user_input(crs)
+    except CRSError as error:
+        raise FieldError(
+            f"The coordinate system {shorten_value(crs, 60)} is unknown; name an EPSG code such as 'EPSG:28992' or "
+            "convert the file to longitude and latitude."
+        ) from error
+    return any(system.equals(CRS.from_user_input(plain_system)) for plain_system in ("EPSG:4326", "OGC:CRS84"))
+
+
+@lru_cache(maxsize=64)
+def _get_transformer(from_crs: str, to_crs: str) -> Transformer:
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    for crs in (from_crs, to_crs):
+        _check_crs_without_files(crs)
+    try:
+        return Transformer.from_crs(from_crs, to_crs, always_xy=True)
+    except ProjError as error:
+        raise FieldError(
+            f"There is no conversion from {shorten_value(from_crs, 60)} to {shorten_value(to_crs, 60)}; convert the "
+            "file to longitude and latitude first."
+        ) from error
+
+
+def _check_crs_without_files(crs: str) -> None:
+    """Raise FieldError for a system that names a local or remote file, which PROJ would open."""
+    place = _FILE_PATH.search("" if _OGC_NAME.fullmatch(crs) else crs)
+    if place:
+        raise FieldError(
+            f"The coordinate system {shorten_value(crs, 60)} names the file {shorten_value(place[0], 40)}; give an "
+            "EPSG code such as 'EPSG:28992' instead."
+        )

@@ -1,0 +1,268 @@
+"""Obstacles such as poles, ditches and ponds: read from field files, checked, cut out of the ground with a margin."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+
+from fields.errors import FieldError
+from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
+from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.text_files import count_noun, shorten_value
+
+POINT, LINE, AREA = "Point", "LineString", "Polygon"
+DEFAULT_RADIUS_M = {"pole": 0.25, "post": 0.25, "mast": 1.0, "tree": 1.0, "manhole": 0.5, "well": 1.0}
+DEFAULT_WIDTH_M = {"ditch": 1.5, "drain": 0.5, "fence": 0.2, "wall": 0.5, "hedge": 2.0, "pipe": 0.5}
+"""Sizes of obstacles if their file gives none; assumed, rather too large than too small."""
+MAX_OBSTACLE_M = 1000.0
+MITRE_LIMIT = 2.0
+MIN_REMAINING_SHARE = 0.5  # of the ground; the extra margin is dropped if less would remain
+GRID_M = 1e-6  # without a grid GEOS leaves slivers along nearly coincident edges
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """Something that no part of a tractor or implement may touch.
+
+    Attributes:
+        kind: one word such as ``"pole"``.
+        geometry: Point, LineString or Polygon in metres, in the frame of the field.
+        half_width_m: extent beyond the geometry: radius of a point, half the width of a line, 0 for a polygon.
+        name: its name, possibly empty.
+
+    Raises:
+        FieldError: the geometry has another type, is empty or crosses itself, or the size is out of range.
+    """
+
+    kind: str
+    geometry: shapely.Geometry
+    half_width_m: float = 0.0
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        geometry_type = self.geometry.geom_type
+        if geometry_type not in (POINT, LINE, AREA):
+            raise FieldError(f"{self} is a {geometry_type}; give a {POINT}, {LINE} or {AREA}.")
+        if self.geometry.is_empty or not self.geometry.is_valid:
+            raise FieldError(f"{self} is not a valid {geometry_type}; redraw it.")
+        min_m = 0.0 if geometry_type == AREA else 1e-3
+        if not min_m <= self.half_width_m <= MAX_OBSTACLE_M:
+            raise FieldError(
+                f"{self} extends {self.half_width_m:g} m beyond its {geometry_type}; use {min_m:g} to "
+                f"{MAX_OBSTACLE_M:g} m."
+            )
+
+    def __str__(self) -> str:
+        return f"Obstacle '{self.name}' ({self.kind})" if self.name else f"An obstacle ({self.kind})"
+
+    @property
+    def shape(self) -> shapely.Geometry:
+        """The ground that it covers."""
+        return self.buffer_by(0.0)
+
+    def buffer_by(self, margin_m: float) -> shapely.Geometry:
+        """The ground within a margin of it; corners are mitred, which is slightly more."""
+        return buffer_geometry(self.geometry, self.half_width_m + margin_m)
+
+
+def buffer_geometry(geometry: shapely.Geometry, distance_m: float) -> shapely.Geometry:
+    """Everything within a distance of a geometry."""
+    if geometry.geom_type == POINT:
+        return geometry.buffer(distance_m)
+    return geometry.buffer(distance_m, cap_style="square", join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+
+@dataclass(frozen=True)
+class WorkableGround:
+    """The ground of a field that may be worked.
+
+    Attributes:
+        boundary: the largest piece left by large obstacles; empty if nothing is left.
+        margin_boundary: the same piece with the margin only, without the extra margin of `boundary`.
+        small_obstacles: obstacles with their margins that swaths are driven round; not cut out of `boundary`.
+        cut_off_parts: the other pieces.
+    """
+
+    boundary: shapely.Polygon
+    margin_boundary: shapely.Polygon
+    small_obstacles: tuple[shapely.Polygon, ...]
+    cut_off_parts: tuple[shapely.Polygon, ...]
+
+
+def compute_workable_ground(
+    boundary: shapely.Polygon,
+    obstacles: tuple[Obstacle, ...],
+    margin_m: float,
+    max_small_m: float = 0.0,
+    extra_margin_m: float = 0.0,
+) -> WorkableGround:
+    """The ground of a field that remains with a margin round its holes and obstacles.
+
+    An obstacle is small if it is less than `max_small_m` across and neither on the edge of the field nor within two
+    margins of a large one. The boundary keeps `extra_margin_m` more from large ones, unless too little would remain.
+    """
+    outline = shapely.Polygon(boundary.exterior)
+    shapes = [(shapely.Polygon(hole), 0.0) for hole in boundary.interiors]
+    shapes += [(one.geometry, one.half_width_m) for one in obstacles]
+    buffered = [buffer_geometry(geometry, half_m + margin_m) for geometry, half_m in shapes]
+    blocked = _collect_polygons(shapely.union_all(buffered, grid_size=GRID_M))
+    small = [part for part in blocked if _is_small(part, outline, margin_m, max_small_m)]
+    large = [part for part in blocked if not any(part is one for one in small)]
+    parts = _collect_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
+    if not parts:
+        return WorkableGround(shapely.Polygon(), shapely.Polygon(), (), ())
+    largest = max(parts, key=lambda part: part.area)
+    small_inside = tuple(part for part in small if shapely.contains_properly(largest, part))
+    cut_off_parts = tuple(part for part in parts if part is not largest)
+    inner = _shrink_from_obstacles(largest, large, extra_margin_m) if extra_margin_m else largest
+    return WorkableGround(inner, largest, small_inside, cut_off_parts)
+
+
+def _shrink_from_obstacles(
+    ground: shapely.Polygon, large_obstacles: list[shapely.Polygon], distance_m: float
+) -> shapely.Polygon:
+    """The largest piece of the ground beyond a distance from obstacles; all the ground if too little would remain."""
+    buffered = shapely.union_all([buffer_geometry(part, distance_m) for part in large_obstacles], grid_size=GRID_M)
+    parts = _collect_polygons(shapely.difference(ground, buffered, grid_size=GRID_M))
+    largest = max(parts, key=lambda part: part.area, default=shapely.Polygon())
+    return largest if largest.area >= MIN_REMAINING_SHARE * ground.area else ground
+
+
+def _is_small(part: shapely.Polygon, outline: shapely.Polygon, margin_m: float, max_small_m: float) -> bool:
+    """Whether a buffered obstacle, without its margin, is less than `max_small_m` across, and clear of the edge."""
+    across_m = 2.0 * shapely.minimum_bounding_radius(part) - 2.0 * margin_m
+    return bool(round(across_m, 6) < max_small_m and shapely.contains_properly(outline, part))
+
+
+def _collect_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    """The polygons among the parts of a geometry."""
+    return [part for part in shapely.get_parts(shape) if part.geom_type == AREA]
+
+
+MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles farther away
+MAX_NAMED_OBSTACLES = 5
+
+
+def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
+    """One obstacle; raises FieldError if its coordinates or its size cannot be used."""
+    name = raw.keys[0] if raw.keys else ""
+    kind = str(raw.properties.get("kind") or "").strip().lower()
+    description = f"obstacle '{name or kind}' of {label}" if name or kind else f"an obstacle of {label}"
+    if raw.geometry_type == AREA:
+        parts = [frame.to_local(part) for part in parse_rings(raw.coordinates, description)]
+        return Obstacle(kind or "area", build_polygon(parts, description), name=name)
+    if raw.geometry_type == POINT:
+        place = frame.to_local(np.array([parse_position(raw.coordinates, description)]))[0]
+        return Obstacle(
+            kind or "point",
+            shapely.Point(place),
+            _parse_size_m(raw, "radius_m", kind, DEFAULT_RADIUS_M, description),
+            name,
+        )
+    line = raw.coordinates if isinstance(raw.coordinates, list) else []
+    if len(line) < 2:
+        raise FieldError(f"The line of {description} has {len(line)} positions; a LineString needs 2 or more.")
+    points = frame.to_local(np.array([parse_position(entry, description) for entry in line]))
+    width_m = _parse_size_m(raw, "width_m", kind, DEFAULT_WIDTH_M, description)
+    return Obstacle(kind or "line", shapely.LineString(points), width_m / 2.0, name)
+
+
+def _parse_size_m(raw: RawShape, key: str, kind: str, defaults_m: dict[str, float], description: str) -> float:
+    """Radius or width of an obstacle: its own, else the default of its kind."""
+    value = raw.properties.get(key)
+    if value is None and kind in defaults_m:
+        return defaults_m[kind]
+    if value is None:
+        raise FieldError(
+            f"The {raw.geometry_type} of {description} has no '{key}'; give it, or a 'kind' with a default: "
+            f"{', '.join(defaults_m)}."
+        )
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value <= MAX_OBSTACLE_M:
+        raise FieldError(
+            f"The '{key}' of {description} is {shorten_value(value)}; it must be a number above 0, at most "
+            f"{MAX_OBSTACLE_M:g}."
+        )
+    return float(value)
+
+
+def select_obstacles(
+    obstacles: Sequence[Obstacle], shape: shapely.Polygon, multiple_fields: bool, label: str
+) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """Obstacles in and close beside a field, and remarks on those outside.
+
+    In a file of several fields, obstacles of other fields are only counted. Raises FieldError if all obstacles of a
+    single field are away from it: then its coordinates or theirs are wrong.
+    """
+    outline = shapely.Polygon(shape.exterior)
+    distances = [(obstacle, float(outline.distance(obstacle.shape))) for obstacle in obstacles]
+    selected = tuple(obstacle for obstacle, away_m in distances if away_m <= MAX_BESIDE_M)
+    far_away = [(str(obstacle), away_m) for obstacle, away_m in distances if away_m > MAX_BESIDE_M]
+    close_beside = [(str(obstacle), away_m) for obstacle, away_m in distances if 0.0 < away_m <= MAX_BESIDE_M]
+    if multiple_fields:
+        verb = "is" if len(far_away) == 1 else "are"
+        skipped = f"{count_noun(len(far_away), 'obstacle')} of {label} {verb} away from this field and {verb} skipped."
+        return selected, (skipped,) if far_away else ()
+    if far_away and len(far_away) == len(distances):
+        nearest_m = min(away_m for _, away_m in far_away)
+        raise FieldError(
+            f"{_join_names([name for name, _ in far_away])} of {label} {'lies' if len(far_away) == 1 else 'all lie'} "
+            f"outside the field, {nearest_m:.0f} m away{'' if len(far_away) == 1 else ' or more'}; check the "
+            "coordinates (easting or longitude first), or remove the role 'obstacle'."
+        )
+    return selected, (*_describe_obstacles_outside(far_away), *_describe_obstacles_beside(close_beside))
+
+
+def _describe_obstacles_outside(far_away: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """A sentence on obstacles outside a field, with the distance in metres of a single one."""
+    if not far_away:
+        return ()
+    is_single = len(far_away) == 1
+    names = _join_names([f"{name}, {away_m:.0f} m away," if is_single else name for name, away_m in far_away])
+    return (f"{names} {'lies' if is_single else 'lie'} outside the field and {'is' if is_single else 'are'} skipped.",)
+
+
+def _describe_obstacles_beside(close_beside: Sequence[tuple[str, float]]) -> tuple[str, ...]:
+    """A sentence on obstacles close beside a field."""
+    if not close_beside:
+        return ()
+    subject = f"{_join_names([name for name, _ in close_beside])} {'stands' if len(close_beside) == 1 else 'stand'}"
+    return (f"{subject} beside the field, not in it; machines that reach over the boundary keep clear.",)
+
+
+def _join_names(names: Sequence[str]) -> str:
+    """The first few names, and how many more there are."""
+    shown_names = [
+        name if place == 0 else name[0].lower() + name[1:] for place, name in enumerate(names[:MAX_NAMED_OBSTACLES])
+    ]
+    remainder = [f"{len(names) - MAX_NAMED_OBSTACLES} more"] if len(names) > MAX_NAMED_OBSTACLES else []
+    parts = [*shown_names, *remainder]
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def find_obstacle_polygons(
+    document: FieldDocument, chosen: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
+) -> list[Obstacle]:
+    """Other polygons of a file within the chosen one, as obstacles: there are no fields within fields."""
+    inside = []
+    for raw in document.polygons:
+        ring = None if raw is chosen else _parse_outer_ring(raw, frame, shape)
+        if ring is not None and shapely.contains_properly(shape, ring):
+            inside.append(Obstacle("area", ring, name=raw.keys[0] if raw.keys else ""))
+    return inside
+
+
+def _parse_outer_ring(raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon) -> shapely.Polygon | None:
+    """The outline of a polygon that may be inside a shape; None if it is not, or not usable."""
+    try:
+        first: Any = raw.coordinates[0][0]
+        place = frame.to_local(np.array([parse_position(first, "")]))[0]
+        if not shapely.intersects_xy(shapely.box(*shape.bounds), *place):
+            return None
+        ring = shapely.Polygon(frame.to_local(parse_rings(raw.coordinates, "")[0]))
+    except (FieldError, TypeError, LookupError):
+        return None
+    return ring if ring.is_valid else None

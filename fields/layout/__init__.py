@@ -1,0 +1,1 @@
+"""Swaths and headland passes: bearings worth trying, cells, parallel lines and complete layouts."""

@@ -1,0 +1,191 @@
+"""Cells: parts of the ground with swaths in a direction of their own, cut where swaths would be interrupted.
+
+The cost of parallel swaths over a part follows from its edges alone. With s along and q across the swaths, a swath ends
+on an edge every working width of the edge's extent in q; each end costs half a turn, and an oblique end half the edge's
+extent in s, shared by the swaths that end there:
+
+    cost = area / spacing + sum over edges (turn / (2 width) |dq| + |ds| / 2 min(1, |dq| / width))
+
+The spacing is the width, or less so that a whole number of lines fits the extent in q. Cuts are straight lines through
+reflex corners, along an edge that meets there or along the swaths. They are made one after another, each time the one
+that lowers the cost most, as long as it does so clearly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely.geometry.polygon import orient
+
+from fields.layout.parallel_lines import SPAN_TOLERANCE_M, TURN_COST_M, collect_edges, compute_axes
+
+ROUNDING_DEG = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """A part of the region for swaths with parallel swaths.
+
+    Attributes:
+        number: 1 and up.
+        bearing_rad: direction +u of its swaths as a mathematical angle, radians, in (-pi, pi].
+        region: ground that its swaths have to cover; with a headland for turning only, the region of their centre
+            lines. Cells do not overlap.
+    """
+
+    number: int
+    bearing_rad: float
+    region: shapely.Geometry
+
+    @property
+    def bearing_deg(self) -> float:
+        """Direction of the swaths clockwise from north, degrees in [0, 180)."""
+        return convert_to_compass_deg(self.bearing_rad)
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the region, square metres."""
+        return float(self.region.area)
+
+
+def convert_to_compass_deg(bearing_rad: float) -> float:
+    """An undirected mathematical angle (radians) as a bearing clockwise from north, degrees in [0, 180)."""
+    bearing = (90.0 - math.degrees(bearing_rad)) % 180.0
+    return 0.0 if 180.0 - bearing < ROUNDING_DEG else bearing
+
+
+FloatArray = npt.NDArray[np.float64]
+
+REFLEX_RAD = math.radians(20.0)  # beyond a straight angle; a smaller angle hardly interrupts swaths
+CELL_COST_M = 40.0  # for every cell: the way to it and into its pattern
+MIN_GAIN_SHARE = 0.003  # of the cost: a smaller gain is within the error of the estimate
+MAX_CELLS = 8
+MAX_CORNERS = 16  # of one part, the longest edges first
+SIMPLIFY_M = 1.0
+MIN_CELL_AREA = 6.0  # squared widths: no cell is smaller
+GRID_M = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class RegionPart:
+    """A part of a region, the direction of its swaths (radians), and their cost as a driving length (m)."""
+
+    region: shapely.Polygon
+    bearing_rad: float
+    cost_m: float
+
+
+def estimate_costs_m(region: shapely.Geometry, bearings: FloatArray, width_m: float) -> FloatArray:
+    """Cost of swaths over a region for each bearing (k,), as a driving length in metres (k,)."""
+    edges = collect_edges(region)
+    turned = np.einsum("nij,kmj->knim", edges, np.array([compute_axes(bearing) for bearing in bearings]))
+    ds, dq = np.abs(turned[:, :, 1] - turned[:, :, 0]).transpose(2, 0, 1)
+    across = np.ptp(turned[..., 1], axis=(1, 2)) / width_m
+    lines = np.maximum(np.ceil(across - SPAN_TOLERANCE_M / width_m), 1.0)
+    ends = 0.5 * (TURN_COST_M / width_m * dq + ds * np.minimum(1.0, dq / width_m)).sum(axis=1)
+    cost: FloatArray = (region.area / width_m + ends) * np.maximum(lines / across, 1.0)
+    return cost
+
+
+def divide_region(region: shapely.Geometry, bearings: FloatArray, width_m: float) -> list[RegionPart]:
+    """The region divided into parts, each with one of the bearings (k,), the largest first.
+
+    All parts have the cheapest bearing for the whole unless another one clearly saves driving; touching parts have
+    different bearings.
+    """
+    pieces = _collect_polygons(region)
+    if not pieces:
+        return []
+    cost = np.array([estimate_costs_m(piece, bearings, width_m) for piece in pieces])
+    common = int(np.round(cost.sum(axis=0), 6).argmin())
+    parts = [
+        RegionPart(piece, float(bearings[common]), float(c[common])) for piece, c in zip(pieces, cost, strict=True)
+    ]
+    while len(parts) < MAX_CELLS:
+        total = math.fsum(part.cost_m + CELL_COST_M for part in parts)
+        options = [
+            (math.fsum(one.cost_m + CELL_COST_M for one in new) - part.cost_m - CELL_COST_M, index, new)
+            for index, part in enumerate(parts)
+            for new in (
+                [_choose_bearing(part.region, bearings, width_m)],
+                *_list_cut_divisions(part, bearings, width_m),
+            )
+        ]
+        change, index, new = min(options, key=lambda option: round(option[0], 3))
+        if change > -MIN_GAIN_SHARE * total:
+            break
+        parts[index : index + 1] = new
+    return sorted(parts, key=lambda part: -round(part.region.area, 3))
+
+
+def _choose_bearing(region: shapely.Polygon, bearings: FloatArray, width_m: float) -> RegionPart:
+    cost = np.round(estimate_costs_m(region, bearings, width_m), 6)
+    return RegionPart(region, float(bearings[cost.argmin()]), float(cost.min()))
+
+
+def _list_cut_divisions(part: RegionPart, bearings: FloatArray, width_m: float) -> Iterator[list[RegionPart]]:
+    """Every way to cut a part into two or more with different bearings."""
+    for place, direction in _find_cut_lines(part):
+        pieces = _split_region(part.region, place, direction)
+        if len(pieces) < 2 or min(piece.area for piece in pieces) < 1e-3 * width_m**2:
+            continue
+        cost = np.array([estimate_costs_m(piece, bearings, width_m) for piece in pieces])
+        own = np.round(cost, 6).argmin(axis=1)
+        largest = int(np.argmax([round(piece.area, 3) for piece in pieces]))
+        for common in sorted({int(own[largest]), int(np.argmin(np.abs(bearings - part.bearing_rad)))}):
+            gain = cost[:, common] - cost[np.arange(len(pieces)), own]
+            chosen = np.where(gain > CELL_COST_M, own, common)
+            if len(set(chosen.tolist())) > 1:
+                regions = _join_pieces_by_bearing(pieces, bearings[chosen])
+                if min(region.area for region, _ in regions) >= MIN_CELL_AREA * width_m**2:
+                    yield [RegionPart(r, b, float(estimate_costs_m(r, np.array([b]), width_m)[0])) for r, b in regions]
+
+
+def _find_cut_lines(part: RegionPart) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Places and directions of cuts: through reflex corners along the edges that meet there and along the swaths."""
+    along = compute_axes(part.bearing_rad)[0]
+    corners: list[tuple[float, int, FloatArray, FloatArray, FloatArray]] = []
+    simplified = orient(part.region.simplify(SIMPLIFY_M), 1.0)
+    for ring in (simplified.exterior, *simplified.interiors):
+        points = np.asarray(ring.coords)[:-1, :2]
+        before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+        cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+        turn = np.arctan2(cross, (before * after).sum(axis=1))
+        for k in np.flatnonzero(turn < -REFLEX_RAD).tolist():
+            reach = float(np.hypot(*before[k]) + np.hypot(*after[k]))
+            corners.append((-round(reach, 3), len(corners), points[k], before[k], after[k]))
+    for _, _, place, *edges in sorted(corners, key=lambda corner: corner[:2])[:MAX_CORNERS]:
+        for edge in edges:
+            yield place, edge / np.hypot(*edge)
+        yield place, along
+
+
+def _split_region(region: shapely.Polygon, place: FloatArray, direction: FloatArray) -> list[shapely.Polygon]:
+    """The polygons into which a straight line cuts a region."""
+    west, south, east, north = region.bounds
+    reach_m = 2.0 * math.hypot(east - west, north - south) + 1.0
+    aside = reach_m * np.array([-direction[1], direction[0]])
+    a, b = place - reach_m * direction, place + reach_m * direction
+    half = shapely.Polygon([a, b, b + aside, a + aside])
+    sides = shapely.intersection(region, half, grid_size=GRID_M), shapely.difference(region, half, grid_size=GRID_M)
+    return [piece for side in sides for piece in _collect_polygons(side)]
+
+
+def _join_pieces_by_bearing(pieces: list[shapely.Polygon], bearings: FloatArray) -> list[tuple[shapely.Polygon, float]]:
+    """The pieces, with touching pieces of the same bearing joined."""
+    return [
+        (polygon, float(bearing))
+        for bearing in sorted(set(bearings.tolist()))
+        for polygon in _collect_polygons(
+            shapely.union_all([p for p, b in zip(pieces, bearings, strict=True) if b == bearing], grid_size=GRID_M)
+        )
+    ]
+
+
+def _collect_polygons(region: shapely.Geometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(region) if part.geom_type == "Polygon" and part.area > 0.0]

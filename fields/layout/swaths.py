@@ -1,0 +1,365 @@
+"""Swaths on a field: evenly spaced parallel lines that end where the headland begins, and the ground beside them.
+
+A headland is either room for turning at the ends of swaths, or worked in passes all along the outline.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.field import Field
+from fields.layout.bearings import choose_longer_reach_direction, list_candidate_bearings
+from fields.layout.cells import Cell, convert_to_compass_deg
+from fields.layout.headland_passes import compute_inner_region
+from fields.layout.parallel_lines import (
+    OUTER_LINE_SHIFTS,
+    PatternRules,
+    SwathPattern,
+    collect_edges,
+    compute_axes,
+    fill_region,
+    find_best_pattern,
+    is_better,
+)
+
+FloatArray = npt.NDArray[np.float64]
+
+EDGE_SLACK_M = 1e-6
+"""The region is shrunk this much less, so that a line exactly on its edge counts as inside."""
+MITRE_LIMIT = 2.0
+MAX_LINES = 20_000
+MAX_HEADLAND_M = 1e5
+GRID_M = 1e-6
+MIN_THICKNESS_M = 1e-5
+"""Thinner parts of the inner region are rounding errors."""
+PROMISING_COST_RATIO = 1.25
+"""To the cheapest direction: within this, a direction may still win once its outer lines are shifted."""
+
+
+@dataclass(frozen=True)
+class Swath:
+    """One straight swath, given by its centre line.
+
+    Attributes:
+        line: number of the parallel line, counted across each cell, cell after cell.
+        piece: 0 and up along +u where a hole or a notch interrupts the line.
+        start_m, end_m: ends of the centre line, metres; end - start points along +u.
+        cell_number: number of its cell.
+    """
+
+    line: int
+    piece: int
+    start_m: tuple[float, float]
+    end_m: tuple[float, float]
+    cell_number: int = 1
+
+    @property
+    def length_m(self) -> float:
+        """Length in metres."""
+        return math.dist(self.start_m, self.end_m)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The swaths of a field.
+
+    Attributes:
+        field: the field they are laid on.
+        bearing_rad: direction +u of the swaths of the largest cell as a mathematical angle, radians: in (-pi/2, pi/2],
+            or with headland passes the way the outline points (`bearings.choose_longer_reach_direction`), so that it
+            turns with the
+            field.
+        width_m: working width, the largest spacing of the lines of a cell.
+        headland_m: room beyond the ends of the swaths, along them.
+        swaths: sorted by line and piece; line numbers are unique across cells.
+        inner_region: where the centre lines of swaths may be; with headland passes, the ground inside these.
+        headland_passes: number of worked headland passes; 0 if the headland is only room for turning.
+        cells: parts of `inner_region` with swaths in one direction, in order of their numbers; by default a single one.
+        min_spacing_m: inside headland passes, the smallest spacing of lines, but at most the width.
+    """
+
+    field: Field
+    bearing_rad: float
+    width_m: float
+    headland_m: float
+    swaths: tuple[Swath, ...]
+    inner_region: shapely.Geometry
+    headland_passes: int = 0
+    cells: tuple[Cell, ...] = ()
+    min_spacing_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not self.cells:
+            object.__setattr__(self, "cells", (Cell(1, self.bearing_rad, self.inner_region),))
+
+    def get_bearing_rad(self, swath: Swath) -> float:
+        """Direction +u of a swath: that of its cell, radians."""
+        return self.cells[swath.cell_number - 1].bearing_rad
+
+    @property
+    def line_count(self) -> int:
+        """Number of parallel lines up to the last one with a swath; a line in between may have none."""
+        return max(swath.line for swath in self.swaths) + 1
+
+    @property
+    def bearing_deg(self) -> float:
+        """Direction of the swaths of the largest cell clockwise from north, degrees in [0, 180)."""
+        return convert_to_compass_deg(self.bearing_rad)
+
+    @property
+    def total_length_m(self) -> float:
+        """Total length of all swaths, metres."""
+        return math.fsum(swath.length_m for swath in self.swaths)
+
+
+def lay_swaths(
+    field: Field,
+    width_m: float,
+    headland_m: float,
+    bearing_deg: float | None = None,
+    min_length_m: float = 5.0,
+    headland_passes: int = 0,
+    min_spacing_m: float = 0.0,
+) -> Layout:
+    """Lay parallel swaths on a field.
+
+    The boundary (obstacles included) is first shrunk by half the width; every chord along the swaths is then shortened
+    at both ends by headland - width / 2. The distance to an edge at the angle a to the swaths is thus
+    width / 2 + (headland - width / 2) |sin a|: the full headland where swaths end at right angles, half a width where
+    they run alongside.
+
+    The outer lines touch the lateral extremes of the shrunk boundary, or are shifted inwards by less than a width
+    where that saves more than it leaves uncovered (a notch or a bulge in the side).
+
+    Args:
+        field: the field.
+        width_m: working width.
+        headland_m: room for turning along the swaths; with 0 they run up to the boundary.
+        bearing_deg: direction clockwise from north; None tries the directions of the boundary and of the
+            smallest rectangle around it and takes the one with the least estimated driving.
+        min_length_m: shorter pieces are dropped; with headland passes they are extended to this length.
+        headland_passes: worked passes of the headland. With any, the headland is as deep as they are wide, all along
+            the outline and every hole, and swaths cover all ground inside it, also along oblique edges.
+        min_spacing_m: with headland passes, the smallest spacing of lines, but at most the width; with a machine's
+            width plus clearance, machines can pass each other on neighbouring swaths.
+
+    Raises:
+        FieldError: a value is out of range, or no swath fits.
+    """
+    _check_layout_request(width_m, headland_m, bearing_deg, min_length_m)
+    region = _inset_boundary(field, width_m)
+    if headland_passes:
+        return _lay_inside_headland(
+            field, width_m, headland_m, headland_passes, bearing_deg, min_length_m, min_spacing_m
+        )
+    edges = collect_edges(region)
+    trim_m = max(headland_m - width_m / 2.0, 0.0) + EDGE_SLACK_M
+    rules = PatternRules(width_m, trim_m, min_length_m, EDGE_SLACK_M, field.area_m2)
+    choice = _choose_pattern(field, edges, rules, bearing_deg)
+    if choice is None:
+        raise FieldError(
+            f"No track of {min_length_m:g} m fits field '{field.name}' ({field.area_ha:.3g} ha) with a headland of "
+            f"{headland_m:g} m{_describe_bearing(bearing_deg)}; use a smaller headland or another bearing."
+        )
+    bearing_rad, pattern = choice
+    inner = _trim_region(region, edges, compute_axes(bearing_rad), trim_m)
+    return Layout(field, bearing_rad, width_m, headland_m, build_swaths(pattern, compute_axes(bearing_rad)), inner)
+
+
+def check_width(field: Field, width_m: float) -> None:
+    """Raise FieldError for a working width with which no track, or too many, would fit a field."""
+    _check_layout_request(width_m, 0.0, None, 1.0)
+    _inset_boundary(field, width_m)
+
+
+def _inset_boundary(field: Field, width_m: float) -> shapely.Geometry:
+    """The boundary shrunk by half the width; refuses a width with which no track, or too many, would fit."""
+    region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    if region.is_empty:
+        has_obstacles = field.original_boundary is not None
+        subject = (
+            f"Without its obstacles and their margins, field '{field.name}'"
+            if has_obstacles
+            else f"Field '{field.name}'"
+        )
+        fix = "check the obstacles, or use a smaller margin or" if has_obstacles else "use"
+        raise FieldError(
+            f"{subject} is nowhere wider than the working width of {width_m:g} m; {fix} a narrower implement.",
+            parameter="width_m",
+        )
+    span_m = math.dist(region.bounds[:2], region.bounds[2:])
+    if span_m > MAX_LINES * width_m:
+        raise FieldError(
+            f"A working width of {width_m:g} m would give more than {MAX_LINES} tracks on field '{field.name}', which "
+            f"is {span_m:.0f} m across; give the width in metres.",
+            parameter="width_m",
+        )
+    return region
+
+
+def _lay_inside_headland(
+    field: Field,
+    width_m: float,
+    headland_m: float,
+    headland_passes: int,
+    bearing_deg: float | None,
+    min_length_m: float,
+    min_spacing_m: float,
+) -> Layout:
+    """Swaths over all ground inside the headland passes."""
+    depth = headland_passes * width_m
+    region = compute_inner_region(field, depth)
+    rules = PatternRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area, min_spacing_m)
+    edges = collect_edges(region)
+    choice = _choose_pattern(field, edges, rules, bearing_deg) if len(edges) else None
+    if choice is None and len(edges):
+        choice = _choose_pattern(field, edges, replace(rules, min_length_m=MIN_THICKNESS_M), bearing_deg)
+    bearing_rad = orient_bearing_by_outline(field, choice[0]) if choice else 0.0
+    pattern = fill_region(region, bearing_rad, rules) if choice else None
+    if pattern is None:
+        raise FieldError(
+            f"No track fits field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} m, "
+            f"worked in passes of {width_m:g} m{_describe_bearing(bearing_deg)}; use a smaller headland "
+            f"({mark_parameter('headland_m')}).",
+        )
+    swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)))
+    return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
+
+
+def _check_layout_request(width_m: float, headland_m: float, bearing_deg: float | None, min_length_m: float) -> None:
+    """Refuse values out of range."""
+    if not (math.isfinite(width_m) and width_m > 0.0):
+        raise FieldError(f"The working width is {width_m} m; give a width above 0 m.", parameter="width_m")
+    if not 0.0 <= headland_m <= MAX_HEADLAND_M:
+        raise FieldError(f"The headland is {headland_m:g} m; give 0 to {MAX_HEADLAND_M:g} m.", parameter="headland_m")
+    if bearing_deg is not None and not math.isfinite(bearing_deg):
+        raise FieldError(
+            f"The bearing is {bearing_deg}; give degrees clockwise from north, or none.", parameter="bearing_deg"
+        )
+    if not (math.isfinite(min_length_m) and min_length_m > 0.0):
+        raise FieldError(f"The shortest track is {min_length_m} m; give a length above 0 m.")
+
+
+def _choose_pattern(
+    field: Field, edges: FloatArray, rules: PatternRules, bearing_deg: float | None
+) -> tuple[float, SwathPattern] | None:
+    """Direction in (-pi/2, pi/2] and pattern: for the given bearing, or the cheapest of the candidates.
+
+    Candidates are first compared without shifts, and only promising ones in full. With equal cost and length the one
+    with the longest edge, which comes first, wins.
+    """
+    if bearing_deg is not None:
+        angles = [math.radians(90.0 - bearing_deg % 180.0)]
+    else:
+        angles = _select_promising_bearings(list_candidate_bearings(field.boundary), edges, rules)
+    best: tuple[float, SwathPattern] | None = None
+    for angle in angles:
+        pattern = find_best_pattern(edges @ compute_axes(angle).T, rules, OUTER_LINE_SHIFTS)
+        if pattern is not None and (best is None or is_better(pattern, best[1])):
+            best = angle, pattern
+    return best
+
+
+def _select_promising_bearings(angles: list[float], edges: FloatArray, rules: PatternRules) -> list[float]:
+    """The directions, in order and in (-pi/2, pi/2], whose pattern without shifts is nearly the cheapest."""
+    patterns = [(angle, find_best_pattern(edges @ compute_axes(angle).T, rules)) for angle in angles]
+    cost = [(angle, teeth.cost_m) for angle, teeth in patterns if teeth is not None]
+    limit = min((value for _, value in cost), default=0.0) * PROMISING_COST_RATIO
+    return [normalise_bearing(angle) for angle, value in cost if value <= limit]
+
+
+def orient_bearing_by_outline(field: Field, bearing_rad: float) -> float:
+    """A direction or its opposite, in (-pi, pi]: the way the outline of a field with its holes points."""
+    outline = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (outline.exterior, *outline.interiors)]
+    return choose_longer_reach_direction(bearing_rad, rings, [] if field.entrance is None else [field.entrance])
+
+
+def normalise_bearing(angle_rad: float) -> float:
+    """An undirected angle in [0, pi), moved to (-pi/2, pi/2]."""
+    return angle_rad - math.pi if angle_rad > math.pi / 2.0 + 1e-12 else angle_rad
+
+
+def build_swaths(pattern: SwathPattern, axes: FloatArray) -> tuple[Swath, ...]:
+    """The pieces of a pattern as swaths in metres; empty lines before the first piece are not counted."""
+    q = pattern.offsets_m[pattern.line_index]
+    start = np.column_stack([pattern.start_m, q]) @ axes
+    end = np.column_stack([pattern.end_m, q]) @ axes
+    swaths: list[Swath] = []
+    for line, a, b in zip(
+        (pattern.line_index - pattern.line_index[0]).tolist(), start.tolist(), end.tolist(), strict=True
+    ):
+        piece = swaths[-1].piece + 1 if swaths and swaths[-1].line == line else 0
+        swaths.append(Swath(line, piece, (a[0], a[1]), (b[0], b[1])))
+    return tuple(swaths)
+
+
+def number_from_longer_side(swaths: tuple[Swath, ...]) -> tuple[Swath, ...]:
+    """Swaths with lines counted from the side where they are longer, whatever the orientation of the field."""
+    line_length_m: dict[int, float] = {}
+    for swath in swaths:
+        line_length_m[swath.line] = line_length_m.get(swath.line, 0.0) + swath.length_m
+    rounded = [round(line_length_m[line], 2) for line in sorted(line_length_m)]
+    return reverse_line_numbers(swaths) if rounded[::-1] > rounded else swaths
+
+
+def reverse_line_numbers(swaths: tuple[Swath, ...]) -> tuple[Swath, ...]:
+    """Swaths with lines counted from the other side."""
+    last = swaths[-1].line
+    reversed_swaths = (replace(track, line=last - track.line) for track in swaths)
+    return tuple(sorted(reversed_swaths, key=lambda track: (track.line, track.piece)))
+
+
+def _trim_region(region: shapely.Geometry, edges: FloatArray, frame: FloatArray, trim_m: float) -> shapely.Geometry:
+    """The region without the ground within ``trim_m`` of its edge, measured along the swaths."""
+    reach = trim_m * frame[0]
+    slanted = np.abs((edges[:, 1] - edges[:, 0]) @ frame[1]) > 1e-9
+    if not slanted.any():
+        return region
+    a, b = edges[slanted, 0], edges[slanted, 1]
+    swept = shapely.polygons(np.stack([a - reach, b - reach, b + reach, a + reach], axis=1))
+    # Without a grid GEOS loses whole pieces when it unites shapes with nearly coincident edges.
+    blocked = shapely.union_all(swept, grid_size=GRID_M)
+    parts = shapely.get_parts(shapely.difference(region, blocked, grid_size=GRID_M))
+    return shapely.union_all(parts[shapely.area(parts) > MIN_THICKNESS_M * shapely.length(parts)], grid_size=GRID_M)
+
+
+def _describe_bearing(bearing_deg: float | None) -> str:
+    return "" if bearing_deg is None else f" at bearing {bearing_deg:g} degrees"
+
+
+SWATH_HALF_WIDTH = 0.55  # of the width: neighbouring swaths overlap, so that there are no gaps
+
+
+def compute_free_space(field: Field, margin_m: float) -> shapely.Geometry:
+    """Where the guided point may be: the field shrunk by a margin, obstacles included; may be empty or in parts."""
+    open_ground = (
+        shapely.difference(field.boundary, shapely.union_all(field.small_obstacles))
+        if field.small_obstacles
+        else field.boundary
+    )
+    return open_ground.buffer(-margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+
+def compute_free_space_to_rim(field: Field, margin_m: float, rim_m: float) -> shapely.Geometry:
+    """The field shrunk by `rim_m` only, but with the margin of `compute_free_space` round obstacles."""
+    rings = [shapely.Polygon(hole) for hole in field.boundary.interiors]
+    blocked = [
+        ring.buffer(margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for ring in (*rings, *field.small_obstacles)
+    ]
+    outline = shapely.Polygon(field.boundary.exterior).buffer(-rim_m, join_style="mitre")
+    return shapely.difference(outline, shapely.union_all(blocked))
+
+
+def compute_unworked_free_space(layout: Layout, free_space: shapely.Geometry) -> shapely.Geometry:
+    """The free space without the swaths, where turning causes no wheel traffic on worked ground."""
+    swaths = shapely.linestrings([[swath.start_m, swath.end_m] for swath in layout.swaths])
+    worked = shapely.buffer(swaths, SWATH_HALF_WIDTH * layout.width_m, cap_style="flat")
+    unworked = shapely.difference(free_space, shapely.union_all(worked, grid_size=GRID_M), grid_size=GRID_M)
+    return shapely.buffer(unworked, GRID_M)

@@ -1,0 +1,148 @@
+"""Options that several commands share: those of a plan request, taken from its model, and a few more."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional, get_type_hints
+
+import typer
+from typer.models import ArgumentInfo
+
+from planner.request.options import RequestOption, list_given_parameters, list_options
+from planner.request.parameter_names import strip_unit
+from planner.request.plan_request import FarmChoice, PlanRequest
+
+if TYPE_CHECKING:
+    from planner.pipeline.farm_inputs import PlanInputs
+
+
+FieldArgument = Annotated[
+    str,
+    typer.Argument(
+        help="A field file (GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS; file#ID picks one of several "
+        "parcels) or a sample: iwamizawa, denmark, netherlands, sweden."
+    ),
+]
+FieldsArgument = Annotated[
+    Optional[list[str]],
+    typer.Argument(
+        help="Field files (GeoJSON, Shapefile, KML, GeoPackage, GPX, ISOXML, AgOpenGPS; file#ID picks one of several "
+        "parcels, #* all of them) or samples: iwamizawa, denmark, netherlands, sweden.",
+        show_default="iwamizawa",
+    ),
+]
+_HELP_TEXTS = {option.name: option.help for option in (*list_options(PlanRequest), *list_options(FarmChoice))}
+TractorOption = Annotated[str, typer.Option("--tractor", help=_HELP_TEXTS["tractor"])]
+FarmOption = Annotated[Optional[str], typer.Option("--farm", help=_HELP_TEXTS["farm"])]
+Html = Annotated[Optional[Path], typer.Option(help="Write a page with pictures.")]
+Png = Annotated[Optional[Path], typer.Option(help="Write the pictures.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON for programs instead of the table.")]
+
+
+_OPTION_NAMES = {
+    "field": "the field",
+    "headland_order": "--headland-first or --headland-last",
+    "list_fields": strip_unit("list_fields"),
+}
+
+
+def get_option_name(parameter: str) -> str:
+    """What a parameter of a program is called on the command line: width_m is --width, speed_mps is --speed-kmh."""
+    return _OPTION_NAMES.get(parameter) or "--" + strip_unit(parameter).replace("_", "-")
+
+
+def build_parameter(option: RequestOption, *, panel: bool = True, **changes: Any) -> inspect.Parameter:
+    """An option of a request as a parameter of a command; `changes` are of its fields, such as type or default."""
+    kind, default = changes.get("type", option.type), changes.get("default", option.default)
+    help_text = changes.get("help", option.format_help(get_option_name))
+    declaration = option.rules.declaration or get_option_name(option.name)
+    info = typer.Option(declaration, help=help_text, rich_help_panel=option.rules.panel if panel else None)
+    annotation = kind if default is not None else Optional[kind]
+    return inspect.Parameter(
+        option.name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=Annotated[annotation, info]
+    )
+
+
+def inject_request_options(
+    *, only: Collection[str] | None = None, panels: bool = True, changes: Mapping[str, Mapping[str, Any]] | None = None
+) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the options of a plan request and its farm in place of its `**options`; a decorator.
+
+    They stand between the arguments of the command and its own options: all of them, or `only` some by name. `changes`
+    are of what the command takes in another way, by name.
+    """
+
+    def extend(command: Callable[..., None]) -> Callable[..., None]:
+        hints = get_type_hints(command, include_extras=True)
+        own = [
+            parameter.replace(annotation=hints[name])
+            for name, parameter in inspect.signature(command).parameters.items()
+            if parameter.kind is not inspect.Parameter.VAR_KEYWORD
+        ]
+        taken = [
+            build_parameter(option, panel=panels, **(changes or {}).get(option.name, {}))
+            for option in _list_command_options(only)
+        ]
+        first = [parameter for parameter in own if _is_argument(parameter.annotation)]
+        last = [parameter.replace(kind=inspect.Parameter.KEYWORD_ONLY) for parameter in own if parameter not in first]
+
+        @functools.wraps(command)
+        def run(*arguments: Any, **options: Any) -> None:
+            command(*arguments, **options)
+
+        run.__signature__ = inspect.Signature([*first, *taken, *last])  # type: ignore[attr-defined]
+        return run
+
+    return extend
+
+
+def _list_command_options(only: Collection[str] | None) -> Iterator[RequestOption]:
+    """Options of a request but for the field, which is an argument."""
+    for option in (*list_options(PlanRequest), *list_options(FarmChoice)):
+        if option.name != "field" and (only is None or option.name in only):
+            yield option
+
+
+def _is_argument(annotation: Any) -> bool:
+    return annotation is typer.Context or any(
+        isinstance(part, ArgumentInfo) for part in getattr(annotation, "__metadata__", ())
+    )
+
+
+def build_plan_inputs(
+    request: PlanRequest, farm: str | None, implement: str | None, context: typer.Context
+) -> PlanInputs:
+    """The request completed by a farm file; options that were given win. Raises HeadlandError."""
+    from planner.errors import RequestError
+    from planner.farm.inventory import load_farm
+    from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
+
+    if farm is not None:
+        return complete_request_by_farm(
+            request, load_farm(farm), _list_given_parameters(context), implement_name=implement
+        )
+    if implement is not None:
+        raise RequestError(
+            f"--implement {implement!r} names an implement of a farm file; add --farm FILE or leave it out."
+        )
+    return build_inputs_without_farm(request)
+
+
+def find_shift_start(farm: str | None) -> int | None:
+    """When the shift of a farm file begins, in seconds of the day; a deadline counts from it. None without one."""
+    if farm is None:
+        return None
+    from planner.farm.inventory import load_farm
+
+    return load_farm(farm).times.shift_span_s[0]
+
+
+def _list_given_parameters(context: typer.Context) -> frozenset[str]:
+    """Parameters of a request, of those a farm file may set, whose options were given."""
+    sources = {name: context.get_parameter_source(name) for name in context.params}
+    return list_given_parameters(
+        PlanRequest, (name for name, source in sources.items() if source and source.name != "DEFAULT")
+    )

@@ -1,0 +1,232 @@
+"""Files that a command reads and writes: checked before any work, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import stat
+import sys
+import unicodedata
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import NoReturn
+
+from fields.documents.sources import list_field_files
+from fields.text_files import explain_error, quote_path
+from planner.errors import HeadlandError, RequestError
+from vehicle.model.tractor import list_tractor_names
+
+Output = tuple[Path | None, str]
+"""A file to write or None, and its required ending ("" for any)."""
+OutputContent = str | bytes
+
+
+class WriteError(HeadlandError):
+    """A result could not be written although the check passed; the sentence says what was written."""
+
+    status = 1
+
+
+def list_input_files(
+    *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
+    farm: str | None = None, rain: str | None = None,
+) -> dict[str | Path, str]:  # fmt: skip
+    """The files that a command reads and what they are, for `check_outputs`."""
+    files: dict[str | Path, str] = {}
+    if logs:
+        from vehicle.identification.logs.reader import find_log_files
+
+        files |= {path: f"the log {path}" for path in find_log_files(logs)}
+    if rain is not None and rain.strip().lower().endswith(".csv"):
+        files[rain.strip()] = "the file of rain"
+    if gnss_table is not None:
+        files[gnss_table] = "the table of GNSS errors"
+    if farm is not None:
+        from planner.farm.inventory import load_farm
+
+        files |= {each.file: "a tractor file of the farm" for each in load_farm(farm).tractors if each.file is not None}
+        files[farm] = "the farm file"
+    if tractor is not None and tractor not in list_tractor_names():
+        files[tractor] = "the tractor file"
+    if field is not None:
+        files |= dict.fromkeys(list_field_files(field), "the field")
+    return files
+
+
+def check_output_paths(*outputs: Output, input_files: Mapping[str | Path, str] | None = None) -> None:
+    """Raise RequestError for an output that could not be written later; the file system stays unchanged.
+
+    An output must be a regular file or not exist yet, in a writable folder. It must be neither an input file (path and
+    what it is) nor another output, also through links and on file systems that ignore case.
+    """
+    requested = [(path, suffix) for path, suffix in outputs if path is not None]
+    for path, suffix in requested:
+        _check_suffix(path, suffix)
+    ignores_case = {path: _check_writable_place(path) for path, _ in requested}
+    occupied = [(Path(path), description) for path, description in (input_files or {}).items() if os.path.exists(path)]
+    for path, _ in requested:
+        for occupied_path, description in occupied:
+            if _is_same_file(path, occupied_path, ignores_case[path]):
+                _refuse(f"{path} would overwrite {description}; choose another file.")
+        occupied.append((path, "another result"))
+
+
+def _check_suffix(path: Path, suffix: str) -> None:
+    if os.path.isdir(path):
+        _refuse(f"{path} is a folder; give the name of a file in it.")
+    if suffix and path.suffix.lower() != suffix:
+        _refuse(
+            f"{_format_path(path)} does not end in {suffix}; name the file {_format_path(path.with_suffix(suffix))}."
+        )
+
+
+def _check_writable_place(path: Path) -> bool:
+    """Refuse a place where no file can be written; True if its folder ignores case."""
+    target = _resolve_links(path)
+    if not os.path.isdir(target.parent):
+        parent = target.parent if os.path.islink(path) else path.parent
+        _refuse(f"{_format_path(path)} cannot be written: the folder {parent} does not exist; make it first.")
+    try:
+        status = os.stat(target)
+    except FileNotFoundError:
+        status = None
+    except OSError as error:
+        _refuse(f"{quote_path(path)} cannot be written: {explain_error(error)}; choose another name.")
+    if status is not None:
+        _check_existing(path, status)
+    if not os.access(target if status else target.parent, os.W_OK):
+        _refuse(f"{path} cannot be written: no permission; choose another place.")
+    draft = _build_draft_path(target)
+    try:
+        draft.touch(exist_ok=False)
+        ignores_case = draft.with_name(draft.name.upper()).exists()
+        draft.unlink()
+    except OSError as error:
+        _refuse(f"{path} cannot be written: {explain_error(error)}; choose another place.")
+    return ignores_case
+
+
+def _check_existing(path: Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        _refuse(f"{path} is a device or a pipe, not a file; give the name of a file.")
+    if any(os.path.samestat(status, printed) for printed in _stat_output_streams()):
+        _refuse(f"{path} is where this command prints to; choose another file.")
+
+
+def _stat_output_streams() -> Iterator[os.stat_result]:
+    """The files or devices behind standard output and standard error."""
+    for stream in (sys.__stdout__, sys.__stderr__):
+        with suppress(OSError, ValueError):
+            if stream is not None:
+                yield os.fstat(stream.fileno())
+
+
+def _is_same_file(path: Path, other_path: Path, ignores_case: bool) -> bool:
+    """Whether two paths are the same file, or will be once it is written."""
+    with suppress(OSError):
+        if os.path.samefile(path, other_path):
+            return True
+    first, second = (os.path.normcase(_resolve_links(each)) for each in (path, other_path))
+    if ignores_case:
+        first, second = (unicodedata.normalize("NFC", each).casefold() for each in (first, second))
+    return first == second
+
+
+def refuse_overwrite(path: Path, force: bool) -> None:
+    """Raise RequestError for a file that exists, unless `force` allows overwriting it."""
+    if not force and os.path.lexists(path):
+        _refuse(f"{_format_path(path)} exists already; choose another name, or add --force to overwrite it.")
+
+
+@contextmanager
+def create_result_folder(folder: Path) -> Iterator[None]:
+    """A folder for results, created if missing and removed again if the body fails; raises RequestError."""
+    is_new = not os.path.lexists(folder)
+    try:
+        if is_new:
+            os.makedirs(folder)
+    except OSError as error:
+        _refuse(f"The folder {quote_path(folder)} cannot be made: {explain_error(error)}; choose another place.")
+    if not os.path.isdir(folder):
+        _refuse(f"{quote_path(folder)} is a file; name a folder.")
+    try:
+        yield
+    except BaseException:
+        if is_new:
+            with suppress(OSError):
+                os.rmdir(folder)
+        raise
+
+
+def write_results(results: Sequence[tuple[Path, OutputContent]]) -> None:
+    """Write all results or none: existing files are replaced only when all new ones are complete.
+
+    The target of a symbolic link is written, the link stays. Raises WriteError, whose sentence says what was written.
+    """
+    drafts: list[tuple[Path, Path]] = []
+    replaced: list[Path] = []
+    path = Path()
+    try:
+        for path, content in results:
+            target = _resolve_links(path)
+            drafts.append((_build_draft_path(target), target))
+            _write_draft(drafts[-1][0], content, target)
+        for (path, _), (draft, target) in zip(results, drafts, strict=True):
+            draft.replace(target)
+            replaced.append(path)
+    except OSError as error:
+        raise WriteError(
+            f"{_format_path(path)} could not be written: {explain_error(error)}; {_describe_written(replaced)}, "
+            "make room or choose another place."
+        ) from None
+    finally:
+        for draft, _ in drafts[len(replaced) :]:
+            draft.unlink(missing_ok=True)
+
+
+@contextmanager
+def write_before_printing(results: Sequence[tuple[Path, OutputContent]]) -> Iterator[None]:
+    """Write the results, then run the body; an exception of the body gets a note on what was written."""
+    write_results(results)
+    try:
+        yield
+    except BaseException as error:
+        if results:
+            error.add_note(_describe_written([path for path, _ in results]))
+        raise
+
+
+def _describe_written(paths: Sequence[Path]) -> str:
+    if not paths:
+        return "nothing was written"
+    return f"{', '.join(map(_format_path, paths))} {'was' if len(paths) == 1 else 'were'} written"
+
+
+def _write_draft(draft: Path, content: OutputContent, target: Path) -> None:
+    """Write a new file with the permissions of the file that it will replace."""
+    with open(draft, "xb") as stream:
+        stream.write(content.encode("utf-8", "replace") if isinstance(content, str) else content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    with suppress(OSError):
+        os.chmod(draft, stat.S_IMODE(os.stat(target).st_mode))
+
+
+def _resolve_links(path: Path) -> Path:
+    """The path with symbolic links resolved; a circle of links is returned unchanged."""
+    return Path(os.path.realpath(path))
+
+
+def _build_draft_path(target: Path) -> Path:
+    """A short hidden name in the folder of a file."""
+    return target.with_name(f".headland-{secrets.token_hex(4)}")
+
+
+def _format_path(path: Path) -> str:
+    """A path for a sentence, without quotes."""
+    return quote_path(path)[1:-1]
+
+
+def _refuse(sentence: str) -> NoReturn:
+    raise RequestError(sentence)

@@ -1,0 +1,220 @@
+"""`headland day`: several fields and fleets on one day."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+from typer.core import TyperGroup
+
+from planner.cli.common.options import AsJson, inject_request_options
+
+if TYPE_CHECKING:
+    from planner.cli.common.outputs import OutputContent
+    from planner.day.input_file import DayFile
+    from planner.day.planning import PreparedDay
+    from planner.farm.inventory import FarmFile
+    from reports.day.schedule_results import DayResult
+
+
+NOTHING_DONE_STATUS = 3
+PLAN = "plan"
+
+
+class FileFirstGroup(TyperGroup):
+    """A group whose first word may be a file instead of a command."""
+
+    def parse_args(self, context: Any, args: list[str]) -> list[str]:
+        """Insert `plan` before a first argument that is no command."""
+        own_commands = {*self.commands, *self.get_help_option_names(context)}
+        return super().parse_args(context, args if not args or args[0] in own_commands else [PLAN, *args])
+
+
+day = typer.Typer(cls=FileFirstGroup, no_args_is_help=True)
+
+
+@day.callback()
+def describe_day_group() -> None:
+    """Several fields and fleets on one day: which fleet works which field, when, and how certain that is.
+
+    Fields, windows, values, fleets, roads, light and rain are in one file; headland day new day.toml writes an example.
+
+    Example: headland day day.toml --html day.html
+    """
+
+
+DAY_OPTIONS: dict[str, dict[str, Any]] = {
+    "farm": {"help": "A farm file instead of the one that the day file names."},
+    "rain": {"help": "When it begins to rain, instead of the day file's rain."},
+    "samples": {"default": 10_000, "help": "Samples of what varies from day to day."},
+    "seed": {},
+}
+"""Options of a plan that a day takes, and what differs."""
+
+
+@day.command(PLAN)
+@inject_request_options(only=DAY_OPTIONS, panels=False, changes=DAY_OPTIONS)
+def plan_day_file(
+    file: Annotated[str, typer.Argument(help="A day file (headland day new).")],
+    certainty: Annotated[
+        Optional[float],
+        typer.Option(help="Plan with times that this percentage of the samples keeps (50 to 99) instead of means."),
+    ] = None,
+    html: Annotated[Optional[Path], typer.Option(help="Write one page with pictures and tables.")] = None,
+    png: Annotated[Optional[Path], typer.Option(help="Write the chart of machines and fields over time.")] = None,
+    map_png: Annotated[Optional[Path], typer.Option("--map", help="Write the map of fields and roads, PNG.")] = None,
+    json: AsJson = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV, a row per field, instead of the tables.")] = False,
+    cache: Annotated[
+        Optional[Path],
+        typer.Option("--cache", help="Folder for simulated field times; it may be deleted at any time."),
+    ] = None,
+    processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,
+    **options: Any,
+) -> None:
+    """Simulate every fleet on every field that it fits, and assign the fields to the fleets in the best order.
+
+    Example: headland day plan day.toml --html day.html. The word plan may be left out.
+    """
+    from planner.cli.common.outputs import check_output_paths, write_before_printing
+    from planner.cli.common.terminal import print_remarks, print_sentence
+    from planner.day.planning import prepare_day
+    from planner.errors import RequestError
+    from planner.request.plan_request import MAX_SAMPLES
+
+    if json and csv:
+        raise RequestError("--json and --csv both print to standard output; choose one.")
+    if processes is not None and processes < 1:
+        raise RequestError(f"--processes is {processes}; use 1 or more.")
+    samples, seed = options["samples"], options["seed"]
+    if not 1 <= samples <= MAX_SAMPLES:
+        raise RequestError(f"--samples is {samples}; use 1 to {MAX_SAMPLES}.")
+    if cache is not None and cache.exists() and not cache.is_dir():
+        raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
+    if certainty is not None and not 50.0 <= certainty <= 99.0:
+        raise RequestError(f"--certainty is {certainty:g}; use 50 to 99 percent.")
+    day_file, farm_file = _load_day_and_farm(file, options["farm"], options["rain"], certainty)
+    check_output_paths(
+        (html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_input_files(file, day_file, farm_file)
+    )
+    prepared = prepare_day(day_file, farm_file)
+    print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
+    result = _compute_day_plan(prepared, cache, samples, seed, processes)
+    with write_before_printing(_render_day_outputs(result, html, png, map_png)):
+        _print_result(result, json, csv)
+    if not result.jobs:
+        print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
+        raise typer.Exit(NOTHING_DONE_STATUS)
+
+
+@day.command()
+def new(
+    file: Annotated[Path, typer.Argument(help="The file to write, such as day.toml.")],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite an existing file.")] = False,
+) -> None:
+    """Write an example of a day file, to be adapted.
+
+    Example: headland day new day.toml
+    """
+    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
+    from planner.cli.common.terminal import print_sentence
+    from planner.day.input_file import read_example_day_text
+
+    check_output_paths((file, ".toml"))
+    refuse_overwrite(file, force)
+    with write_before_printing([(file, read_example_day_text())]):
+        print_sentence(f"An example was written to {file}. Adapt it, then plan the day with headland day {file}.")
+
+
+@day.command()
+def example() -> None:
+    """Print the example of a day file.
+
+    Example: headland day example > day.toml
+    """
+    from planner.day.input_file import read_example_day_text
+
+    typer.echo(read_example_day_text(), nl=False)
+
+
+def _load_day_and_farm(
+    file: str, farm: str | None, rain: str | None, certainty: float | None
+) -> tuple[DayFile, FarmFile]:
+    """The day and its farm, with the values of the command line."""
+    from planner.day.input_file import load_day
+
+    return load_day(file, farm=farm, rain=rain, certainty_pct=certainty)
+
+
+def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict[str | Path, str]:
+    """The files that a day reads, and what they are."""
+    from fields.documents.sources import list_field_files
+    from planner.day.input_file import EXAMPLE
+
+    files: dict[str | Path, str] = {file: "the day file"}
+    for entry in day_file.fields:
+        files |= dict.fromkeys(list_field_files(entry.file), "a field of the day")
+    files |= {entry.file: "a tractor file of the farm" for entry in farm_file.tractors if entry.file is not None}
+    if day_file.farm not in (None, EXAMPLE):
+        files[str(day_file.farm)] = "the farm file"
+    if day_file.rain is not None and day_file.rain.lower().endswith(".csv"):
+        files[day_file.rain] = "the file of rain"
+    return files
+
+
+def _compute_day_plan(
+    prepared: PreparedDay, cache: Path | None, samples: int, seed: int, processes: int | None
+) -> DayResult:
+    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.day.field_times import FieldTimeCache, find_cache_folder
+    from planner.day.planning import plan_day
+    from planner.pipeline.executors import create_executor
+
+    store = FieldTimeCache(find_cache_folder() / "field-times" if cache is None else cache)
+    unknown_count = prepared.count_uncached_field_times(store)
+    if unknown_count:
+        warm_up()
+    with (
+        create_executor(max(unknown_count, 1), processes) as executor,
+        create_progress_callback("Simulating fields") as progress,
+    ):
+        return plan_day(prepared, cache=store, executor=executor, progress=progress, samples=samples, seed=seed)
+
+
+def _print_result(result: DayResult, json: bool, csv: bool) -> None:
+    if json or csv:
+        from reports.day.tables import format_day_csv, format_day_json
+
+        typer.echo(format_day_json(result) if json else format_day_csv(result), nl=False)
+        return
+    from planner.cli.common.terminal import print_renderable
+    from reports.day.tables import build_day_table
+
+    print_renderable(build_day_table(result))
+
+
+def _render_day_outputs(
+    result: DayResult, html: Path | None, png: Path | None, map_png: Path | None
+) -> list[tuple[Path, OutputContent]]:
+    """The requested page and pictures."""
+    from reports.plan.map_figure import render_png
+
+    results: list[tuple[Path, OutputContent]] = []
+    if html:
+        from reports.day.page import render_day_page
+
+        results.append((html, render_day_page(result)))
+    if png:
+        from reports.day.page import draw_gantt
+
+        results.append((png, render_png(draw_gantt(result))))
+    if map_png:
+        from reports.day.page import draw_road_map
+
+        figure = draw_road_map(result)
+        if figure is None:
+            typer.echo("There is no map, as fewer than two places are known; give lon and lat.", err=True)
+        else:
+            results.append((map_png, render_png(figure)))
+    return results

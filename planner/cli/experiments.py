@@ -1,0 +1,181 @@
+"""`headland drive`, `design`, `study` and `validate`: single drives, design sweeps and the numbers of the thesis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Optional
+
+import typer
+
+from planner.cli.common.options import AsJson, Html, Png, TractorOption
+
+if TYPE_CHECKING:
+    from planner.cli.common.outputs import OutputContent
+    from vehicle.trials.sheets.sheet import ExperimentSheet
+
+
+def design(
+    study: Annotated[str, typer.Argument(help="tyres (Fig. 6.2) or mass (Fig. 6.3).")],
+    tractor: TractorOption = "eg105",
+    html: Html = None,
+    png: Png = None,
+    json: AsJson = False,
+) -> None:
+    """Sweep tyres or the centre of mass: where the tractor is stable at 35 degrees, and how tightly it turns.
+
+    Example: headland design tyres --html tyres.html
+    """
+    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
+    from planner.cli.common.terminal import print_renderable, warm_up
+    from vehicle.trials.sheets.catalogue import STUDIES, check_name, run_design_study
+
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
+    check_name(study, STUDIES, "study")
+    warm_up()
+    sheet = run_design_study(study, tractor)
+    with write_before_printing(render_experiment_outputs((sheet,), html, png)):
+        if json:
+            from reports.trials.report import format_experiment_json
+
+            typer.echo(format_experiment_json(sheet), nl=False)
+        else:
+            from reports.trials.report import build_trials_table
+
+            print_renderable(build_trials_table((sheet,)))
+
+
+OptionalNumber = Optional[float]
+
+
+def drive(
+    steer: Annotated[float, typer.Option(help="Steering angle, degrees, positive to the right.")],
+    ground: Annotated[str, typer.Option(help="asphalt, soil or mud.")] = "asphalt",
+    model: Annotated[str, typer.Option(help="Tyre model: kinematic, linear or nonlinear.")] = "nonlinear",
+    seconds: Annotated[float, typer.Option(help="Length of the drive, seconds.")] = 60.0,
+    speed_kmh: Annotated[float, typer.Option(help="Speed, km/h.")] = 5.0,
+    tractor: TractorOption = "eg105",
+    steering: Annotated[str, typer.Option(help="Steering simulator: none, proposed, traditional, unlatched.")] = "none",
+    curve: Annotated[bool, typer.Option("--curve/--no-curve", help="The engine's friction curve on the tyres.")] = True,
+    mass: Annotated[OptionalNumber, typer.Option(help="Centre of mass, metres behind the front axle.")] = None,
+    front_slope: Annotated[
+        OptionalNumber, typer.Option(help="Side force of the front tyres per load and degree.")
+    ] = None,
+    front_limit: Annotated[
+        OptionalNumber, typer.Option(help="Slip angle up to which the side force grows, degrees.")
+    ] = None,
+    rear_slope: Annotated[OptionalNumber, typer.Option(help="As --front-slope, for the rear tyres.")] = None,
+    rear_limit: Annotated[OptionalNumber, typer.Option(help="As --front-limit, for the rear tyres.")] = None,
+    html: Html = None,
+    png: Png = None,
+    json: AsJson = False,
+) -> None:
+    """Drive with the wheels at a fixed angle on the tyres of chapter 4: radius, stability, side-slip.
+
+    Example: headland drive --steer 25 --ground mud --model nonlinear --png circle.png
+    """
+    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
+    from planner.cli.common.terminal import print_renderable, warm_up
+    from vehicle.trials.sheets.steered_drive import (
+        SteeredDriveRequest,
+        build_drive_sheet,
+        describe_drive,
+        run_steered_drive,
+    )
+
+    check_output_paths((html, ".html"), (png, ".png"), input_files=list_input_files(tractor=tractor))
+    request = SteeredDriveRequest(
+        steer, ground, model, seconds, speed_kmh, tractor, steering, curve, mass, front_slope, front_limit, rear_slope,
+        rear_limit,
+    )  # fmt: skip
+    warm_up()
+    result, path = run_steered_drive(request)
+    sheets = (build_drive_sheet(request, result, path),) if html or png else ()
+    with write_before_printing(render_experiment_outputs(sheets, html, png)):
+        if json:
+            from reports.trials.report import format_drive_json
+
+            typer.echo(format_drive_json(result), nl=False)
+        else:
+            print_renderable(describe_drive(result))
+
+
+def study(json: AsJson = False) -> None:
+    """Simulate Tables 6.1, 6.2 and 6.3 of the thesis, compare the times, and judge its claims.
+
+    Example: headland study --json
+    """
+    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
+    from planner.pipeline.thesis_study import study as simulate
+
+    warm_up()
+    with create_progress_callback("Simulating the study") as progress:
+        result = simulate(progress=progress)
+    if json:
+        from reports.plan.ranking_export import format_study_json
+
+        typer.echo(format_study_json(result), nl=False)
+        return
+    from reports.plan.ranking_table import build_study_tables
+
+    print_renderable(build_study_tables(result))
+
+
+ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
+
+
+def validate(
+    experiment: Annotated[
+        Optional[str],
+        typer.Argument(help="circles, step, zigzag, navigation, fixed, changing, slip or twin; by default all."),
+    ] = None,
+    html: Html = None,
+    png: ExperimentPng = None,
+    seed: Annotated[int, typer.Option(help="Seed of the GNSS errors.")] = 1,
+    json: AsJson = False,
+) -> None:
+    """Repeat the experiments of chapters 3 to 5 of the thesis and print every number beside that of the thesis.
+
+    Example: headland validate zigzag --html zigzag.html
+    """
+    from planner.cli.common.outputs import check_output_paths, write_before_printing
+    from planner.cli.common.terminal import create_progress_callback, print_renderable, warm_up
+    from planner.errors import RequestError
+    from vehicle.trials.sheets.catalogue import EXPERIMENTS, check_name, run_experiments
+
+    check_output_paths((html, ".html"), (png, ".png"))
+    if experiment is not None:
+        check_name(experiment, EXPERIMENTS, "experiment")
+    elif png is not None:
+        raise RequestError(f"--png shows one experiment; name one of: {', '.join(EXPERIMENTS)}.")
+    if seed < 0:
+        raise RequestError(f"--seed is {seed}; use 0 or more.")
+    warm_up()
+    with create_progress_callback("Running the experiments") as progress:
+        names = EXPERIMENTS if experiment is None else (experiment,)
+        sheets = run_experiments(names, seed=seed, progress=progress)
+    with write_before_printing(render_experiment_outputs(sheets, html, png)):
+        if json:
+            from reports.trials.report import format_trials_json
+
+            typer.echo(format_trials_json(sheets), nl=False)
+        else:
+            from reports.trials.report import build_trials_table
+
+            print_renderable(build_trials_table(sheets))
+
+
+def render_experiment_outputs(
+    sheets: tuple[ExperimentSheet, ...], html: Path | None, png: Path | None
+) -> list[tuple[Path, OutputContent]]:
+    """The requested page of some experiments and picture of the first."""
+    results: list[tuple[Path, OutputContent]] = []
+    if html:
+        from reports.trials.report import render_trials_page
+
+        results.append((html, render_trials_page(sheets)))
+    if png:
+        from reports.plan.map_figure import render_png
+        from reports.trials.figures import draw_experiment_panels
+
+        results.append((png, render_png(draw_experiment_panels(sheets[0]))))
+    return results

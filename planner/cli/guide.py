@@ -1,0 +1,35 @@
+"""`headland guide`: prints a page of the guide."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated, Optional
+
+import typer
+
+
+def guide(
+    topic: Annotated[Optional[str], typer.Argument(help="A topic; without one, all topics are listed.")] = None,
+    search: Annotated[Optional[str], typer.Option(help="Show the lines that contain all these words.")] = None,
+) -> None:
+    """Print the guide: a topic, the list of topics, or what a search finds.
+
+    Example: headland guide obstacles
+    """
+    from rich.markdown import Markdown
+
+    from planner.cli.common.terminal import print_renderable
+    from planner.guide.guide_pages import list_pages, read_page, search_pages
+
+    if search is not None:
+        lines = [f"- `{match.topic}`, {match.heading}: {match.line}" for match in search_pages(search)]
+        text = "\n".join(lines or ["No page of the guide contains all these words."])
+    elif topic is None:
+        lines = [f"| `{page.topic}` | {page.title} |" for page in list_pages()]
+        text = "\n".join(["| topic | page |", "|---|---|", *lines, "", "`headland guide TOPIC` prints a page."])
+    else:
+        text = read_page(topic).text
+    if sys.stdout.isatty():
+        print_renderable(Markdown(text))
+    else:
+        typer.echo(text)

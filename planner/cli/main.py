@@ -1,0 +1,239 @@
+"""The `headland` command: collects the commands and turns errors into one sentence and an exit status.
+
+Exit status: 0 done, 1 disk full, out of memory or a fault of Headland, 2 bad input or usage, 3 no feasible plan,
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import io
+import os
+import re
+import sys
+import traceback
+from collections.abc import Iterator
+from typing import Annotated, Any, NoReturn
+
+import typer
+from typer.core import TyperGroup
+
+from fields.errors import make_one_line, shorten_middle
+from planner.cli.day import day
+from planner.cli.diagnosis import diagnose, replay
+from planner.cli.experiments import design, drive, study, validate
+from planner.cli.farm import farm
+from planner.cli.field import field
+from planner.cli.guide import guide
+from planner.cli.machines import gnss, tractor
+from planner.cli.plan import plan
+from planner.cli.robots import demo, robot
+from planner.cli.saved_plan import export, show
+from planner.cli.server import backup, restore, serve, token
+from planner.cli.task_logs import compare, learn, logs
+from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
+
+FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
+HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the help
+DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
+
+
+class MisuseError(Exception):
+    """Unusable arguments of the command line, in one sentence."""
+
+
+class CommandGroup(TyperGroup):
+    """All commands; usage errors of typer become one sentence, like every other refusal."""
+
+    def make_context(self, *arguments: Any, **options: Any) -> Any:
+        """As typer does, with usage errors converted."""
+        with _convert_usage_errors():
+            return super().make_context(*arguments, **options)
+
+    def invoke(self, ctx: Any) -> Any:
+        """As typer does, with usage errors converted."""
+        with _convert_usage_errors():
+            return super().invoke(ctx)
+
+
+@contextlib.contextmanager
+def _convert_usage_errors() -> Iterator[None]:
+    try:
+        yield
+    except Exception as error:
+        if not hasattr(error, "format_message") or type(error).__name__ == HELP_SHOWN_ERROR:
+            raise
+        raise MisuseError(_describe_misuse(error)) from None
+
+
+app = typer.Typer(
+    name="headland",
+    cls=CommandGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=True,
+    rich_markup_mode="markdown",
+)
+
+
+def print_version(wanted: bool) -> None:
+    """Print the installed version and exit, if it is wanted."""
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"headland {version('headland')}")
+        raise typer.Exit()
+
+
+@app.callback()
+def describe_headland(
+    version: Annotated[
+        bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Plan field work for a fleet of robot tractors: simulate every plan, rank by time and tractor count.
+
+    Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --deadline 17:00
+    """
+
+
+app.command()(plan)
+app.command()(show)
+app.command()(export)
+app.command()(field)
+app.command()(study)
+app.command()(diagnose)
+app.command()(replay)
+app.command()(compare)
+app.command()(learn)
+app.command()(validate)
+app.command()(drive)
+app.command()(design)
+app.command()(serve)
+app.command()(robot)
+app.command()(backup)
+app.command()(restore)
+app.command()(guide)
+app.add_typer(gnss, name="gnss")
+app.add_typer(tractor, name="tractor")
+app.add_typer(farm, name="farm")
+app.add_typer(logs, name="logs")
+app.add_typer(day, name="day")
+app.add_typer(token, name="token")
+app.add_typer(demo, name="demo")
+
+
+def main() -> None:
+    """Run the command line; errors become exit statuses only here."""
+    _replace_unencodable_characters()
+    try:
+        with repeat_interrupts():
+            app()
+    except KeyboardInterrupt as interrupt:
+        _exit_interrupted(interrupt)
+    except SystemExit as end:
+        # typer handles Ctrl-C and a closed pipe itself: silently, and as a fault.
+        if end.code == INTERRUPTED_STATUS:
+            _exit_interrupted(end)
+        if not isinstance(end.__context__, BrokenPipeError):
+            raise
+        _discard_output()
+        sys.exit(0)
+    except Exception as error:
+        if is_interrupt(error):
+            _exit_interrupted(error)
+        _fail(*_describe_error(error))
+
+
+def _describe_error(error: Exception) -> tuple[str, int]:
+    """The sentence and the exit status of an error. Imports nothing heavy, as an import may have failed."""
+    refusals = sys.modules.get("fields.errors")
+    if refusals is not None and isinstance(error, refusals.HeadlandError):
+        from planner.cli.common.options import get_option_name
+
+        return error.render_sentence(get_option_name), getattr(error, "status", BAD_INPUT_STATUS)
+    if isinstance(error, MisuseError):
+        return str(error), BAD_INPUT_STATUS
+    is_debugging, written_note = os.environ.get(DEBUG_VARIABLE) == "1", _find_written_note(error)
+    if is_debugging:
+        traceback.print_exception(error)
+    if _is_out_of_memory(error):
+        return (
+            f"There is not enough memory; {written_note}. Use one process (--processes 1), fewer tractors, a smaller "
+            "field or more memory."
+        ), FAULT_STATUS
+    if isinstance(error, OSError) and isinstance(error.filename, str | bytes):
+        return (
+            f"'{os.fsdecode(error.filename)[-80:]}' cannot be used: {error.strerror}; {written_note}.",
+            BAD_INPUT_STATUS,
+        )
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EIO, errno.EBADF):
+        return (
+            f"Standard output cannot be used: {error.strerror}; {written_note}. Print to another place.",
+            FAULT_STATUS,
+        )
+    fault = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+    debug_hint = "" if is_debugging else f"; set {DEBUG_VARIABLE}=1 to see where, and please report it"
+    return f"A fault of Headland ({fault}); {written_note}{debug_hint}.", FAULT_STATUS
+
+
+def _describe_misuse(error: Any) -> str:
+    """The sentence for arguments that typer cannot use."""
+    sentence = " ".join(str(error.format_message()).split()).rstrip(".")
+    sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
+    context = getattr(error, "ctx", None)
+    command = getattr(context, "command_path", None) or "headland"
+    return f"{sentence}; {command} --help lists the options."
+
+
+def _is_out_of_memory(error: BaseException) -> bool:
+    """Whether memory ran out, also while a library was loaded."""
+    if isinstance(error, ImportError):
+        return any(text in str(error) for text in ("failed to map segment", "allocate memory"))
+    return isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM)
+
+
+def _exit_interrupted(error: BaseException) -> None:
+    _fail(f"Interrupted; {_find_written_note(error)}.", INTERRUPTED_STATUS)
+
+
+def _find_written_note(error: BaseException | None) -> str:
+    """What was written before an error: the note of `write_before_printing` on it or on its causes."""
+    while error is not None:
+        for note in getattr(error, "__notes__", ()):
+            if str(note).endswith(" written"):
+                return str(note)
+        error = error.__cause__ or error.__context__
+    return "nothing was written"
+
+
+def _shorten_arguments(sentence: str) -> str:
+    """A sentence with long arguments of the command line shortened."""
+    for word in sys.argv[1:]:
+        for text in (word, " ".join(word.split()).rstrip(".")):
+            sentence = sentence.replace(text, shorten_middle(text)) if text else sentence
+    return sentence
+
+
+def _replace_unencodable_characters() -> None:
+    """Print a question mark for characters that the terminal lacks."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="replace")
+
+
+def _discard_output() -> None:
+    """Discard pending output, so that the process ends without a complaint."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _fail(sentence: str, status: int) -> NoReturn:
+    print(f"Error: {make_one_line(_shorten_arguments(sentence))}", file=sys.stderr)
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except (OSError, ValueError):
+        _discard_output()
+    sys.exit(status)

@@ -1,0 +1,378 @@
+"""`headland plan`: from a field, or many fields and widths, to ranked fleet plans."""
+
+from __future__ import annotations
+
+import json as jsons
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+
+from planner.cli.common.options import FieldsArgument, build_plan_inputs, find_shift_start, inject_request_options
+from planner.request.options import convert_options_to_parameters
+from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
+
+if TYPE_CHECKING:
+    from planner.cli.common.outputs import OutputContent
+    from planner.pipeline.farm_inputs import PlanInputs
+    from planner.pipeline.many_fields import FieldAnswer, FieldQuestion, Record
+    from planner.pipeline.planning import PlanningResult
+    from reports.common.plan_results import PlanRanking
+
+
+@dataclass(frozen=True)
+class BatchSelection:
+    """Fields and widths to plan; `is_batch` where there are several."""
+
+    fields: tuple[str, ...]
+    widths_m: tuple[float, ...]
+    is_batch: bool
+
+
+@dataclass(frozen=True)
+class ExecutorChoice:
+    """Where to compute: in processes of this machine, or on a cluster; raises RequestError for both."""
+
+    processes: int | None
+    cluster: str | None
+
+    def __post_init__(self) -> None:
+        from planner.errors import RequestError
+
+        if self.processes is not None and self.processes < 1:
+            raise RequestError(f"--processes is {self.processes}; use 1 or more.")
+        if self.processes is not None and self.cluster is not None:
+            raise RequestError("--processes is for this machine, --cluster for others; leave out one of them.")
+
+    def open_executor(self, tasks: int) -> AbstractContextManager[Executor]:
+        """The executor for this number of tasks."""
+        from planner.pipeline.executors import create_executor
+
+        if self.cluster is None:
+            return create_executor(tasks, self.processes)
+        from planner.pipeline.executors import connect_cluster
+
+        return connect_cluster(self.cluster)
+
+
+def parse_selection(names: Sequence[str], width: str, local: bool, crs: str | None, swap_axes: bool) -> BatchSelection:
+    """The fields and widths that names with stars and widths with commas stand for; raises HeadlandError."""
+    from planner.pipeline.many_fields import expand_field_names
+    from planner.request.option_texts import parse_widths
+
+    fields, widths_m = expand_field_names(names, local=local, crs=crs, swap_axes=swap_axes), parse_widths(width)
+    return BatchSelection(fields, widths_m, len(widths_m) > 1 or fields != (names[0],))
+
+
+def plan_batch(
+    selection: BatchSelection,
+    request: PlanRequest,
+    build_inputs: Callable[[PlanRequest], PlanInputs],
+    executor_choice: ExecutorChoice,
+    checkpoint: Path | None,
+    json: bool,
+    csv: bool,
+    every_plan: bool,
+) -> bool:
+    """Print one table of every field at every width; whether each has a plan that meets the request."""
+    from planner.cli.common.outputs import check_output_paths
+    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file
+
+    check_output_paths(
+        (checkpoint, ".jsonl"), input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields}
+    )
+    earlier_records = {} if checkpoint is None else read_answer_file(checkpoint)
+    questions = [
+        FieldQuestion(build_inputs(replace(request, field=field, width_m=width_m)), every_plan)
+        for field in selection.fields
+        for width_m in selection.widths_m
+    ]
+    keys = [hash_question(question.inputs, every_plan) for question in questions]
+    warm_up()
+    with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv) as show:
+        records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
+    return all(_has_accepted_plan(record) for record in records)
+
+
+def _collect_records(
+    questions: Sequence[FieldQuestion],
+    keys: Sequence[str],
+    executor_choice: ExecutorChoice,
+    checkpoint: Path | None,
+    earlier_records: Mapping[str, Record],
+    progress: Callable[[int, int], None],
+    print_record: Callable[[Record], None],
+) -> list[Record]:
+    """Answers as records in the order of the questions, each printed as soon as all before it are."""
+    from planner.pipeline.many_fields import AnswerFile, has_checksum, iter_answers
+
+    finished = {
+        index: earlier_records[key]
+        for index, key in enumerate(keys)
+        if key in earlier_records and has_checksum(earlier_records[key])
+    }
+    pending = [index for index in range(len(questions)) if index not in finished]
+    writer, printed_count = AnswerFile(checkpoint), 0
+    writer.replace_records(earlier_records.values())
+    try:
+        with executor_choice.open_executor(len(pending)) as executor:
+            answers_by_position = iter_answers(executor, [questions[index] for index in pending])
+            while True:
+                progress(len(finished), len(questions))
+                while printed_count in finished:
+                    print_record(finished[printed_count])
+                    printed_count += 1
+                position, answer = next(answers_by_position, (None, None))
+                if position is None or answer is None:
+                    break
+                index = pending[position]
+                finished[index] = _build_record(keys[index], questions[index], answer)
+                writer.append_record(finished[index])
+    except BaseException as error:
+        if checkpoint is not None:
+            error.add_note(f"{len(finished)} of {len(questions)} answers are in {checkpoint}; nothing else was written")
+        raise
+    current_keys = set(keys)
+    writer.write_all_records(
+        [
+            *(one for key, one in earlier_records.items() if key not in current_keys),
+            *(finished[index] for index in sorted(finished)),
+        ]
+    )
+    return [finished[index] for index in range(len(questions))]
+
+
+def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Record:
+    """An answer as plain values."""
+    from planner.cli.common.options import get_option_name
+    from planner.pipeline.many_fields import KEY_FIELD, add_checksum
+    from reports.plan.ranking_export import format_ranking_json
+
+    refusal, ranking = answer.refusal, answer.ranking
+    record: dict[str, Any] = {
+        KEY_FIELD: key,
+        "requested_field": question.field_name,
+        "width_m": question.inputs.request.width_m,
+        "refusal": None if refusal is None else refusal.render_sentence(get_option_name),
+        "ranking": None if ranking is None else jsons.loads(format_ranking_json(ranking)),
+    }
+    return add_checksum(record)
+
+
+def _has_accepted_plan(record: Record) -> bool:
+    """Whether there is a plan, in time where there is a deadline."""
+    best = record["ranking"] and record["ranking"]["best"]
+    return bool(best) and best["meets_deadline"] is not False and record["ranking"]["unmet"] is None
+
+
+@contextmanager
+def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], None]]:
+    """A function that prints a record: CSV at once, other formats after the last."""
+    from planner.cli.common.terminal import print_renderable
+    from reports.plan.many_fields import (
+        build_many_fields_table,
+        format_many_csv_head,
+        format_many_csv_rows,
+        format_many_fields_json,
+    )
+
+    records: list[Record] = []
+
+    def print_row(record: Record) -> None:
+        typer.echo(format_many_csv_rows(record), nl=False)
+        sys.stdout.flush()
+
+    if csv:
+        typer.echo(format_many_csv_head(), nl=False)
+    yield print_row if csv else records.append
+    if json:
+        typer.echo(format_many_fields_json(records), nl=False)
+    elif not csv:
+        print_renderable(build_many_fields_table(records))
+
+
+NO_PLAN_STATUS = 3
+DEFAULT_FIELD = "iwamizawa"
+_CHECKPOINT_HELP = "Of many fields: keep answers in this .jsonl file; a second run computes only what is missing in it."
+_WIDTH = {
+    "type": str,
+    "default": "3",
+    "help": "Working width of the implement, metres; 3,6 plans with both in one table.",
+}
+
+
+@inject_request_options(changes={"width": _WIDTH})
+def plan(
+    context: typer.Context,
+    fields: FieldsArgument = None,
+    html: Annotated[
+        Optional[Path], typer.Option(help="Write one page with map, bars and table.", rich_help_panel=OUTPUT)
+    ] = None,
+    png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
+    save: Annotated[
+        Optional[Path],
+        typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT),
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
+    ] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)] = False,
+    processes: Annotated[
+        Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
+    ] = None,
+    cluster: Annotated[
+        Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
+    ] = None,
+    checkpoint: Annotated[Optional[Path], typer.Option(help=_CHECKPOINT_HELP, rich_help_panel=COMPUTING)] = None,
+    **options: Any,
+) -> None:
+    """Simulate every combination of tractor count and strategy on a field and rank them.
+
+    Example: headland plan myfarm.geojson --width 3 --tractors 1-6 --start 13:00 --deadline 17:00
+
+    Many fields in one table: headland plan farm.geojson#* --width 3,6 --csv
+    """
+    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
+    from planner.cli.common.terminal import print_remarks
+
+    _check_one_output(json, csv)
+    selection = parse_selection(
+        fields or [DEFAULT_FIELD], options["width"], options["local"], options["crs"], options["swap_axes"]
+    )
+    executor_choice = ExecutorChoice(processes, cluster)
+    choice = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
+    request = PlanRequest.from_options(
+        options | {"field": selection.fields[0], "width": selection.widths_m[0]},
+        shift_s=None if options["deadline"] is None else find_shift_start(choice.farm),
+    )
+    build_inputs = partial(build_plan_inputs, farm=choice.farm, implement=choice.implement, context=context)
+    if selection.is_batch or checkpoint is not None:
+        _refuse_single_field_outputs(("--html", html), ("--png", png), ("--save", save))
+        is_complete = plan_batch(
+            selection, request, build_inputs, executor_choice, checkpoint, json, csv, choice.simulate_all
+        )
+        raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
+    input_files = list_input_files(
+        field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm, rain=request.rain
+    )
+    check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
+    result = _simulate_plans(
+        build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
+    )
+    print_remarks([*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)])
+    with write_before_printing(_render_plan_outputs(result, html, png, save)):
+        _print_ranking(result.ranking, json, csv, choice.simulate_all)
+    _exit_without_plan(result.ranking)
+
+
+def _describe_learned_values(ranking: PlanRanking) -> list[str]:
+    """A sentence for every value from the farm's own logs."""
+    return [f"From the farm's own logs: {words}." for words in ranking.scenario.get("learned", ())]
+
+
+def _exit_without_plan(ranking: PlanRanking) -> None:
+    """Exit with the documented status where no plan meets the request."""
+    if ranking.best is None or ranking.missed_by_s is not None or ranking.unmet_sentence is not None:
+        raise typer.Exit(NO_PLAN_STATUS)
+
+
+def _check_one_output(json: bool, csv: bool) -> None:
+    from planner.errors import RequestError
+
+    if json and csv:
+        raise RequestError("--json and --csv both print to standard output; choose one.")
+
+
+def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
+    """Refuse output files for one field where there are several."""
+    from planner.errors import RequestError
+
+    for option, path in outputs:
+        if path is not None:
+            raise RequestError(
+                f"{option} {path} is for one field and one width; give only one, or use --csv or --json."
+            )
+
+
+def _simulate_plans(
+    plan_inputs: PlanInputs, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
+) -> PlanningResult:
+    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.pipeline.planning import plan as simulate_all
+    from planner.pipeline.ranking import list_candidates
+
+    request = plan_inputs.request
+    warm_up()
+    with (
+        executor_choice.open_executor(len(list_candidates(request))) as executor,
+        create_progress_callback("Simulating plans") as progress,
+    ):
+        return simulate_all(
+            request,
+            tractor=plan_inputs.tractor,
+            implement=plan_inputs.implement,
+            uncertainty=plan_inputs.uncertainty,
+            cost_terms=plan_inputs.terms,
+            supply=plan_inputs.supply,
+            times=plan_inputs.times,
+            yard=plan_inputs.yard,
+            executor=executor,
+            progress=progress,
+            with_pictures=pictures,
+            simulate_all=every_plan,
+        )
+
+
+def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool) -> None:
+    if json or csv:
+        from planner.cli.common.terminal import print_remarks
+
+        print_remarks(ranking.day_sentences)
+        from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+
+        typer.echo(format_ranking_json(ranking) if json else format_ranking_csv(ranking), nl=False)
+        return
+    from planner.cli.common.terminal import print_renderable
+    from reports.plan.ranking_table import build_ranking_table
+
+    print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
+
+
+def _render_plan_outputs(
+    result: PlanningResult, html: Path | None, png: Path | None, save: Path | None
+) -> list[tuple[Path, OutputContent]]:
+    """Files of the best plan; prints on standard error that there is none or that it is late."""
+    from planner.cli.common.terminal import print_sentence
+    from reports.common.wording import format_duration
+    from reports.plan.plan_wording import name_best_late_plan
+
+    best, late_s = result.ranking.best, result.ranking.missed_by_s
+    drive = None if best is None else result.pictures[best.strategy, best.tractors]
+    results: list[tuple[Path, OutputContent]] = []
+    if late_s is not None:
+        label = name_best_late_plan(result.ranking)
+        print_sentence(f"No plan meets the deadline; the {label} misses it by {format_duration(late_s)}.", err=True)
+    elif result.ranking.unmet_sentence is not None:
+        print_sentence(result.ranking.unmet_sentence, err=True)
+    if drive is None and (html or png or save):
+        print_sentence("No plan is feasible, so there is no map and no plan to save.", err=True)
+    if html:
+        from reports.plan.ranking_page import render_plan_page
+
+        results.append((html, render_plan_page(result.ranking, drive, result.pictures)))
+    if png and drive:
+        from reports.plan.map_figure import draw_plan_map, render_png
+
+        results.append((png, render_png(draw_plan_map(drive, result.ranking.field_name))))
+    if save and result.run:
+        from planner.pipeline.outputs.saved_plans import write_saved_plan
+
+        results.append((save, write_saved_plan(result.context, result.run.plan)))
+    return results

@@ -1,0 +1,289 @@
+"""`headland demo` (a service with a fleet, ready to watch) and `headland robot` (a simulated tractor)."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+
+if TYPE_CHECKING:
+    from planner.fleet.simulated_robot import RobotDriver
+
+
+DEMO_FIELD, DEMO_WIDTH_M, DEMO_TRACTORS = "iwamizawa", 3.0, 3
+HIDDEN_EFFECTS = {2: "steering_offset=1.5"}
+"""An error of the second robot that its twin finds."""
+HEADLAND_COMMAND = (sys.executable, "-c", "from planner.cli.main import main; main()")
+TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of a machine see command lines
+TERMINATION_S, STARTUP_S = 10.0, 600.0
+
+demo = typer.Typer(help="Demonstrations.\n\nExample: headland demo fleet", no_args_is_help=True)
+
+
+@demo.callback()
+def _describe_demo_group() -> None:
+    """Demonstrations that need no preparation."""
+
+
+@demo.command()
+def fleet(
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page.")] = True,
+    port: Annotated[int, typer.Option(help="Port of the service; 0 for any that is free.")] = 0,
+    times: Annotated[float, typer.Option(help="Times faster than real time.")] = 3.0,
+    seconds: Annotated[Optional[float], typer.Option(help="End after this many seconds.")] = None,
+) -> None:
+    """Start a service with three simulated robots on a sample field; Ctrl-C or SIGTERM ends all of it.
+
+    Example: headland demo fleet --times 5
+    """
+    from planner.pipeline.interrupts import stop_repeating
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ending this process ends service and robots too
+    try:
+        with tempfile.TemporaryDirectory(prefix="headland-demo-") as folder, contextlib.ExitStack() as stack:
+            _run_demo(Path(folder), stack, browser, port, times, seconds)
+    except KeyboardInterrupt:
+        stop_repeating()
+    typer.echo("Service and robots have ended.")
+
+
+def _run_demo(
+    folder: Path, stack: contextlib.ExitStack, browser: bool, port: int, times: float, seconds: float | None
+) -> None:
+    from planner.service.fleets.robot_client import request_json
+
+    plan = folder / "plan.json"
+    typer.echo(f"Planning {DEMO_FIELD} for {DEMO_TRACTORS} tractors.")
+    plan.write_text(_make_plan_text(), encoding="utf-8")
+    data = folder / "data"
+    token = _create_token(data, "operator", "operator")
+    service, url, login = stack.enter_context(_start_service(data, port))
+    _wait_for_service(url, service)
+    body = {
+        "name": f"{DEMO_FIELD} with {DEMO_TRACTORS} robots",
+        "plan": plan.read_text(encoding="utf-8"),
+        "times": times,
+    }
+    fleet_id = request_json(url, "fleets", token, body)["id"]
+    for number in range(1, DEMO_TRACTORS + 1):
+        hide = ("--hide", HIDDEN_EFFECTS[number]) if number in HIDDEN_EFFECTS else ()
+        arguments = ("robot", "--plan", str(plan), "--tractor", str(number), "--url", url, "--fleet", fleet_id)
+        robot_token = _create_token(data, f"robot {number}", "robot", fleet=fleet_id, tractor=number)
+        stack.enter_context(_run_headland_command((*arguments, *hide), env=os.environ | {TOKEN_VARIABLE: robot_token}))
+    request_json(url, f"fleets/{fleet_id}/start", token, {})
+    typer.echo(f"The fleet is driving. Open this address to watch it, once: {login}")
+    typer.echo(f"To control it, enter this operator token there: {token}. Ctrl-C ends everything.")
+    if browser:
+        import webbrowser
+
+        webbrowser.open(login)
+    begin_s = time.monotonic()
+    while seconds is None or time.monotonic() - begin_s < seconds:
+        time.sleep(0.2)
+
+
+def _wait_for_service(url: str, service: subprocess.Popen[str]) -> None:
+    """Wait until a service answers; on the first run it compiles first."""
+    from planner.service.errors import ServiceError
+    from planner.service.fleets.robot_client import request_json
+
+    begin_s = time.monotonic()
+    while True:
+        try:
+            request_json(url, "health", None)
+            return
+        except ServiceError:
+            if service.poll() is not None or time.monotonic() - begin_s > STARTUP_S:
+                raise
+            time.sleep(0.5)
+
+
+def _make_plan_text() -> str:
+    """A new plan of the sample field, as text."""
+    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.pipeline.outputs.saved_plans import write_saved_plan
+    from planner.pipeline.planning import plan as simulate_all
+    from planner.request.plan_request import PlanRequest
+
+    warm_up()
+    request = PlanRequest(
+        field=DEMO_FIELD, width_m=DEMO_WIDTH_M, tractors=(DEMO_TRACTORS,), strategies=("split-field",)
+    )
+    with create_progress_callback("Simulating plans") as progress:
+        result = simulate_all(request, progress=progress)
+    assert result.run is not None  # this sample field always has a plan
+    return write_saved_plan(result.context, result.run.plan)
+
+
+def _create_token(data: Path, name: str, scope: str, **restrictions: Any) -> str:
+    """A token with one scope, for a day."""
+    from planner.cli.server import build_settings
+    from planner.service.store.service_store import Store
+
+    store = Store(build_settings(data, ""))
+    try:
+        return store.create_token_text(name, scope, expires="24h", **restrictions)
+    finally:
+        store.close()
+
+
+@contextlib.contextmanager
+def _start_service(data: Path, port: int) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
+    """A service in its own process, its address, and the login link for a browser."""
+    with _run_headland_command(("serve", "--data", str(data), "--port", str(port)), stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        line = process.stdout.readline()
+        address = next((word for word in line.split() if word.startswith("http://")), None)
+        if address is None:
+            from planner.service.errors import ServiceError
+
+            raise ServiceError("The service did not start; run headland serve to see why.")
+        login = process.stdout.readline().strip().rpartition(" ")[2]
+        threading.Thread(target=_drain_output, args=(process.stdout,), daemon=True).start()
+        yield process, address.rstrip("/"), login
+
+
+def _drain_output(stream: IO[str]) -> None:
+    """Read the output of a process until it ends, so that it is never blocked by a full pipe."""
+    with contextlib.suppress(ValueError):
+        for _ in stream:
+            pass
+
+
+@contextlib.contextmanager
+def _run_headland_command(arguments: tuple[str, ...], **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """A command of Headland in its own process and session (Ctrl-C here does not reach it), ended with the body."""
+    process = subprocess.Popen((*HEADLAND_COMMAND, *arguments), text=True, start_new_session=True, **options)
+    try:
+        yield process
+    finally:
+        with _ignore_end_signals():
+            process.terminate()
+            try:
+                process.wait(TERMINATION_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+@contextlib.contextmanager
+def _ignore_end_signals() -> Iterator[None]:
+    """Ignore Ctrl-C and SIGTERM while processes are being ended."""
+    from planner.pipeline.interrupts import stop_repeating
+
+    previous_handlers = {
+        signal_number: signal.signal(signal_number, signal.SIG_IGN) for signal_number in (signal.SIGINT, signal.SIGTERM)
+    }
+    stop_repeating()
+    try:
+        yield
+    finally:
+        for signal_number, handler in previous_handlers.items():
+            signal.signal(signal_number, handler)
+
+
+TOKEN_HELP = "A token with scope robot for this tractor."
+HIDE_HELP = "An effect of the robot that its twin does not know, such as steering_offset=1.5; may be repeated."
+
+
+def robot(
+    plan: Annotated[Path, typer.Option(help="A plan of headland plan --save.")],
+    tractor: Annotated[int, typer.Option(help="Tractor of the plan, from 1.")] = 1,
+    url: Annotated[str, typer.Option(help="Address of the service.")] = "http://127.0.0.1:8765",
+    fleet: Annotated[Optional[str], typer.Option(help="Id of the fleet; by default the newest one.")] = None,
+    token: Annotated[Optional[str], typer.Option(envvar="HEADLAND_TOKEN", help=TOKEN_HELP)] = None,
+    hide: Annotated[Optional[list[str]], typer.Option(help=HIDE_HELP)] = None,
+    noise_m: Annotated[float, typer.Option("--noise-m", help="Noise of positions, metres.")] = 0.01,
+    times: Annotated[float, typer.Option(help="Times faster than real time; the value of the fleet wins.")] = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 1,
+    seconds: Annotated[Optional[float], typer.Option(help="Stop after this many seconds.")] = None,
+) -> None:
+    """Drive one tractor of a plan as a simulated robot that is connected to a fleet of the service.
+
+    Example: headland robot --plan plan.json --tractor 2 --token hl_...
+    """
+    import asyncio
+
+    from planner.cli.common.terminal import limit_linear_algebra_threads
+    from planner.pipeline.interrupts import stop_repeating
+    from planner.service.fleets.robot_client import RobotClient, find_newest_fleet
+
+    limit_linear_algebra_threads()
+    _check_url(url)
+    driver = _build_driver(plan, tractor, hide or [], noise_m, seed, times)
+    fleet_id = find_newest_fleet(url, token) if fleet is None else fleet
+    try:
+        asyncio.run(RobotClient(driver, url, fleet_id, tractor, token).run(seconds))
+    except KeyboardInterrupt:
+        stop_repeating()
+
+
+def _check_url(url: str) -> None:
+    """Refuse an address that cannot be one of a service."""
+    from urllib.parse import urlsplit
+
+    from planner.errors import RequestError
+
+    try:
+        parts = urlsplit(url)
+        is_address = parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0
+    except ValueError:
+        is_address = False
+    if not is_address or " " in url or not url.isprintable():
+        raise RequestError(f"--url {url!r} is not the address of a service; give one such as http://127.0.0.1:8765.")
+
+
+def _build_driver(plan: Path, tractor: int, hide: list[str], noise_m: float, seed: int, times: float) -> RobotDriver:
+    """The driver of a tractor of a plan; raises HeadlandError for impossible options."""
+    from fields.text_files import read_text
+    from planner.errors import RequestError
+    from planner.fleet.simulated_robot import RobotDriver
+    from planner.pipeline.outputs.saved_plans import read_machines, read_request
+    from vehicle.errors import MissionError
+    from vehicle.missions.plan_file import parse_saved_plan
+
+    saved = parse_saved_plan(read_text(plan, "a plan of headland plan --save", MissionError))
+    if not 1 <= tractor <= saved.plan.tractors:
+        raise RequestError(f"--tractor is {tractor}; use 1 to {saved.plan.tractors}, the tractors of the plan.")
+    if not 0.0 <= noise_m <= 10.0:
+        raise RequestError(f"--noise-m is {noise_m}; use 0 to 10 metres.")
+    machine, implement = read_machines(saved, read_request(saved))
+    mission = saved.plan.missions[tractor - 1]
+    return RobotDriver(
+        mission,
+        machine,
+        implement,
+        saved.origin_m,
+        name=f"robot {tractor}",
+        hidden=_parse_hidden_effects(hide),
+        noise_m=noise_m,
+        seed=seed * 1000 + tractor,
+        times=times,
+    )
+
+
+def _parse_hidden_effects(hide: list[str]) -> dict[str, float]:
+    from planner.errors import RequestError
+
+    hidden = {}
+    for text in hide:
+        name, _, value = text.partition("=")
+        try:
+            hidden[name.strip()] = float(value)
+        except ValueError:
+            raise RequestError(
+                f"--hide {text!r} has no value; write effect=value, such as steering_offset=1.5."
+            ) from None
+    return hidden

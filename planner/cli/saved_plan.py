@@ -1,0 +1,197 @@
+"""`headland export` (guidance files of a saved plan) and `headland show` (the legs of each tractor)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+
+from planner.cli.common.options import AsJson
+
+if TYPE_CHECKING:
+    from planner.pipeline.outputs.saved_plans import SavedPlanRun
+    from reports.plan.guidance_export import GuidanceFiles
+
+
+ZIP_SUFFIX, TASKDATA_FOLDER = ".zip", "TASKDATA"
+FORMAT_HELP = "isoxml4, isoxml3, agopengps, kml, shapefile, geojson or gpx."
+OUTPUT_HELP = "File, folder (such as a USB stick) or .zip to write; by default named after the plan."
+CURVES_HELP = (
+    "Write curves, or only straight lines, as some terminals refuse curves: a curve of few straight segments is cut "
+    "into them, others are left out. Default: only straight lines in ISOXML, curves in other formats."
+)
+
+
+def export(
+    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    to: Annotated[str, typer.Option("--to", help=FORMAT_HELP)],
+    output: Annotated[Optional[Path], typer.Option("--out", "-o", help=OUTPUT_HELP)] = None,
+    tractor: Annotated[Optional[int], typer.Option(help="Write only this tractor, counted from 1.")] = None,
+    curves: Annotated[Optional[bool], typer.Option("--curves/--straight", help=CURVES_HELP)] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
+    json: AsJson = False,
+) -> None:
+    """Write boundary, headland and guidance lines of a saved plan for terminals and maps, by tractor in driving order.
+
+    Example: headland export plan.json --to isoxml4 --out TASKDATA.zip
+
+    For a USB stick: headland export plan.json --to isoxml4 --out /media/stick (makes TASKDATA/TASKDATA.XML).
+    """
+    from fields.text_files import read_text
+    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
+    from planner.cli.common.terminal import print_remarks, print_renderable
+    from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
+    from reports.plan.guidance_export import build_export_table, collect_remarks, export_json, write_guidance
+    from vehicle.errors import MissionError
+    from vehicle.missions.plan_file import parse_saved_plan
+
+    form = find_format(to)
+    guidance = build_guidance(
+        parse_saved_plan(read_text(plan, "a plan of headland plan --save", MissionError)), tractor
+    )
+    guidance_files = write_guidance(guidance, form, curves)
+    target, results = _place_files(guidance_files, output, plan)
+    paths = [path for path, _ in results]
+    for path in paths:
+        refuse_overwrite(path, force)
+    print_remarks(collect_remarks(guidance, guidance_files))
+    with _make_folders(target, paths):
+        check_output_paths(*((path, "") for path in paths), input_files={plan: "the plan"})
+        with write_before_printing(results):
+            names = [str(path) for path in paths]
+            if json:
+                typer.echo(export_json(guidance, guidance_files, names), nl=False)
+            else:
+                print_renderable(build_export_table(guidance, guidance_files, names))
+
+
+def _place_files(
+    guidance_files: GuidanceFiles, output: Path | None, plan: Path
+) -> tuple[Path, list[tuple[Path, bytes]]]:
+    """The file or folder to write, and the files with their paths."""
+    from fields.formats.guidance import zip_files
+    from planner.errors import RequestError
+
+    suffix = guidance_files.format.extension
+    if output is not None and output.suffix.lower() == ZIP_SUFFIX and not output.is_dir():
+        return output, [(output, zip_files(guidance_files.files))]
+    target = output or Path(
+        f"{plan.stem}{suffix}" if guidance_files.is_single_file else f"{plan.stem}-{guidance_files.format.name}"
+    )
+    if guidance_files.is_single_file:
+        file_path = target / f"{plan.stem}{suffix}" if target.is_dir() else target
+        if file_path.suffix.lower() != suffix:
+            raise RequestError(f"{file_path} does not end in {suffix}; name the file {file_path.with_suffix(suffix)}.")
+        return file_path, [(file_path, content) for content in guidance_files.files.values()]
+    if target.exists() and not target.is_dir():
+        raise RequestError(f"{target} is a file, and {guidance_files.format.title} needs a folder; name a folder.")
+    if suffix and target.suffix.lower() == suffix:
+        raise RequestError(
+            f"{target} is one file, and {guidance_files.format.title} has one for each tractor; name a folder, or add "
+            "--tractor N."
+        )
+    if target.name.upper() == TASKDATA_FOLDER and all(
+        path.startswith(f"{TASKDATA_FOLDER}/") for path in guidance_files.files
+    ):
+        target = target.parent  # the named folder is the one that is made
+    return target, [(target.joinpath(*path.split("/")), content) for path, content in guidance_files.files.items()]
+
+
+@contextmanager
+def _make_folders(target: Path, paths: Sequence[Path]) -> Iterator[None]:
+    """Make the target folder and the folders of `paths` in it, but none above it.
+
+    If the body fails, folders made here that are empty are removed again.
+    """
+    from planner.cli.common.outputs import WriteError
+    from planner.errors import RequestError
+
+    if not target.parent.is_dir():
+        raise RequestError(f"{target} cannot be written: the folder {target.parent} does not exist; make it first.")
+    folders = {parent for path in paths for parent in path.parents if parent == target or target in parent.parents}
+    created: list[Path] = []
+    try:
+        for folder in sorted(folders, key=lambda one: len(one.parts)):
+            if not os.path.lexists(folder):
+                folder.mkdir()
+                created.append(folder)
+        yield
+    except BaseException as error:
+        for folder in reversed(created):
+            with suppress(OSError):
+                folder.rmdir()
+        if isinstance(error, OSError):
+            raise WriteError(
+                f"The folder {folder} could not be made: {error.strerror}; choose another place."
+            ) from None
+        raise
+
+
+def show(
+    plan: Annotated[Path, typer.Argument(help="A plan written by headland plan --save.")],
+    tractor: Annotated[Optional[int], typer.Option(help="Show only this tractor, counted from 1.")] = None,
+    json: AsJson = False,
+) -> None:
+    """Show the legs of every tractor of a saved plan in order: what, start, length and duration.
+
+    Example: headland show plan.json --tractor 2
+    """
+    from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable, warm_up
+    from planner.errors import RequestError
+    from planner.pipeline.outputs.saved_plans import simulate_saved_plan
+    from reports.plan.leg_list import build_leg_tables, format_leg_lists_json
+
+    warm_up()
+    with create_progress_callback("Driving the plan again"):
+        saved_run = simulate_saved_plan(plan)
+    print_remarks(_describe_contacts(saved_run))
+    count = len(saved_run.steps)
+    if tractor is not None and not 1 <= tractor <= count:
+        raise RequestError(f"--tractor is {tractor}; the plan has tractors 1 to {count}.", parameter="tractor")
+    if json:
+        typer.echo(format_leg_lists_json(saved_run.steps, _summarise_plan(saved_run), tractor), nl=False)
+        return
+    print_renderable(build_leg_tables(_format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor))
+
+
+def _describe_contacts(saved_run: SavedPlanRun) -> list[str]:
+    """Collisions of a plan that was changed after it was saved."""
+    return [
+        f"Tractors {first + 1} and {second + 1} collide after {time:.0f} s; plan the field again."
+        for time, first, second in saved_run.run.contacts
+    ]
+
+
+def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
+    """The facts of the plan that precede its legs."""
+    return {
+        "field": saved_run.request.field,
+        "strategy": _get_strategy(saved_run),
+        "start": _format_start(saved_run),
+        "time_s": saved_run.run.duration_s,
+    }
+
+
+def _format_title(saved_run: SavedPlanRun) -> str:
+    from reports.common.wording import format_duration, format_tractor_count
+
+    description = ", ".join(
+        filter(None, (_get_strategy(saved_run), format_tractor_count(saved_run.saved.plan.tractors)))
+    )
+    return f"{saved_run.request.field}: {description}, done in {format_duration(saved_run.run.duration_s)}"
+
+
+def _get_strategy(saved_run: SavedPlanRun) -> str | None:
+    """The strategy in the notes of the plan; None where they have none."""
+    name = saved_run.saved.plan.notes.get("strategy")
+    return name if isinstance(name, str) else None
+
+
+def _format_start(saved_run: SavedPlanRun) -> str | None:
+    from planner.request.option_texts import format_clock
+
+    return None if saved_run.request.start_s is None else format_clock(saved_run.request.start_s)

@@ -1,0 +1,276 @@
+"""Field times: the quickest simulated plan of every fleet on every field, and their cache on disk.
+
+The cache is keyed by content, only saves time, and may be deleted at any moment.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import sys
+from collections.abc import Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor
+from dataclasses import asdict, dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.errors import HeadlandError
+from fields.geometry.field import Field
+from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
+from planner.errors import WorkerError
+from planner.farm.inventory import FarmFile
+from planner.pipeline.executors import SerialExecutor, iter_completed
+from planner.pipeline.farm_inputs import complete_request_by_farm
+from planner.pipeline.fingerprint import hash_content
+from planner.pipeline.planning import plan
+from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
+from planner.request.plan_request import PlanRequest
+from planner.risk.leg_graph import LegGraph, WaitLink, build_leg_graph
+from planner.risk.planned_order import enforce_planned_order
+from strategies.program.supply import Supply
+from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+
+CACHE_VARIABLE = "HEADLAND_CACHE"
+
+
+def find_cache_folder() -> Path:
+    """The cache folder of this system; HEADLAND_CACHE names another one."""
+    if os.environ.get(CACHE_VARIABLE):
+        return Path(os.environ[CACHE_VARIABLE])
+    home = Path.home()
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local") / "headland" / "Cache"
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches" / "headland"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home / ".cache") / "headland"
+
+
+@dataclass(frozen=True)
+class FieldTimeCache:
+    """JSON files by name in a folder; None disables the cache. Unreadable files count as missing."""
+
+    folder: Path | None
+
+    def read(self, name: str) -> dict[str, Any] | None:
+        """A cached object, None if it is missing or damaged."""
+        if self.folder is None:
+            return None
+        try:
+            content = json.loads((self.folder / f"{name}.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
+            return None
+        return content if isinstance(content, dict) else None
+
+    def write(self, name: str, content: Mapping[str, Any]) -> bool:
+        """Store an object atomically; returns whether this succeeded."""
+        if self.folder is None:
+            return True
+        draft = self.folder / f".{name[:16]}-{secrets.token_hex(4)}"
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            draft.write_text(json.dumps(content, allow_nan=False), encoding="utf-8")
+            os.replace(draft, self.folder / f"{name}.json")
+        except OSError:
+            remove_unfinished_file(draft)
+            return False
+        return True
+
+
+def remove_unfinished_file(draft: Path) -> None:
+    """Remove a partly written file if possible."""
+    try:
+        draft.unlink(missing_ok=True)
+    except OSError:
+        return
+
+
+GRAPH_ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
+PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills")
+ANONYMOUS = "field"
+Array = npt.NDArray[np.float64]
+Whole = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class FieldTime:
+    """The quickest plan of a fleet on a field; `graph` is None if there is no plan, for the reason in `reason`.
+
+    If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
+    ones if it collects.
+    """
+
+    strategy: str = ""
+    tractors: int = 0
+    time_s: float = 0.0
+    worked_pct: float | None = None
+    missed_m2: float | None = None
+    graph: LegGraph | None = None
+    refills: int | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class FieldTimeTask:
+    """One fleet on one field, the input of `compute_field_time`."""
+
+    field: Field
+    request: PlanRequest
+    tractor: Tractor
+    implement: Implement
+    supply: Supply | None = None
+
+    @cached_property
+    def key(self) -> str:
+        """A hash of the inputs that determine the result, without names and places."""
+        request = replace(self.request, field=ANONYMOUS, tractor=ANONYMOUS)
+        nameless = replace(self.field, name=ANONYMOUS, crs=None, origin_m=(0.0, 0.0), source="", remarks=())
+        return hash_content(nameless, request, self.tractor, self.implement, self.supply, worker=__name__)
+
+
+FieldTimeTable = tuple[tuple[FieldTime | None, ...], ...]
+"""By fleet and field; None if the fleet's implement is not suitable for the field."""
+
+
+def build_field_time_tasks(day: DayFile, farm: FarmFile, fields: Sequence[Field]) -> list[list[FieldTimeTask | None]]:
+    """The simulations of a day, by fleet and field."""
+    rows = []
+    for fleet in day.fleets:
+        tractor, implement = get_fleet_machines(fleet, farm)
+        request = PlanRequest(tractor=tractor.name, tractors=(fleet.count,), strategies=day.strategies)
+        plan_inputs = complete_request_by_farm(request, farm, {"tractor", "tractors"}, implement_name=implement.name)
+        unpriced = replace(plan_inputs.request, price_per_hour=0.0, price_per_tractor=0.0)
+        machine = resolve_tractor(plan_inputs.tractor or plan_inputs.request.tractor)
+        plan_implement = plan_inputs.implement or Implement()
+        rows.append(
+            [
+                FieldTimeTask(field, replace(unpriced, field=field.name), machine, plan_implement, plan_inputs.supply)
+                if is_suitable(day_field, implement)
+                else None
+                for day_field, field in zip(day.fields, fields, strict=True)
+            ]
+        )
+    return rows
+
+
+def compute_field_times(
+    rows: Sequence[Sequence[FieldTimeTask | None]],
+    cache: FieldTimeCache,
+    executor: Executor,
+    progress: Progress | None = None,
+) -> tuple[FieldTimeTable, bool]:
+    """All field times, and whether new ones could be cached.
+
+    Cached times are not simulated again, and equal tasks of several fleets only once. `progress` is called with (done,
+    all). The result does not depend on executor and cache.
+    """
+    keys = [[None if task is None else task.key for task in row] for row in rows]
+    task_by_key = {
+        key: task
+        for names, row in zip(keys, rows, strict=True)
+        for key, task in zip(names, row, strict=True)
+        if key is not None and task is not None
+    }
+    known_times = {
+        key: field_time for key in task_by_key if (field_time := _unpack_field_time(cache.read(key))) is not None
+    }
+    missing_keys = [key for key in task_by_key if key not in known_times]
+    is_cached = True
+    try:
+        for done, (index, field_time) in enumerate(
+            iter_completed(executor, compute_field_time, [(task_by_key[key],) for key in missing_keys]), start=1
+        ):
+            known_times[missing_keys[index]] = field_time
+            is_cached = cache.write(missing_keys[index], pack_field_time(field_time)) and is_cached
+            if progress:
+                progress(len(task_by_key) - len(missing_keys) + done, len(task_by_key))
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    return tuple(tuple(None if key is None else known_times[key] for key in row) for row in keys), is_cached
+
+
+def count_uncached_field_times(rows: Sequence[Sequence[FieldTimeTask | None]], cache: FieldTimeCache) -> int:
+    """Number of field times that have to be simulated."""
+    keys = {task.key for row in rows for task in row if task is not None}
+    return sum(_unpack_field_time(cache.read(key)) is None for key in keys)
+
+
+def compute_field_time(task: FieldTimeTask) -> FieldTime:
+    """The quickest plan of a fleet on a field, with fewer tractors if not all can work together."""
+    reason = ""
+    for count in range(task.request.tractors[0], 0, -1):
+        try:
+            result = plan(
+                replace(task.request, tractors=(count,)),
+                field=task.field,
+                tractor=task.tractor,
+                implement=task.implement,
+                supply=task.supply,
+                executor=SerialExecutor(),
+            )
+        except HeadlandError as refusal:
+            return FieldTime(reason=str(refusal))
+        best, run = result.ranking.best, result.run
+        if best is not None and run is not None:
+            graph = build_leg_graph(enforce_planned_order(run, result.context.tractor, result.context.implement))
+            return FieldTime(
+                best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph, best.refills
+            )
+        reason = reason or next((candidate.reason for candidate in result.ranking.plans if candidate.reason), "")
+    return FieldTime(reason=reason)
+
+
+def pack_field_time(field_time: FieldTime) -> dict[str, Any]:
+    """A field time as a JSON object; floats are exact."""
+    content = {name: getattr(field_time, name) for name in PLAN_VALUES}
+    graph = field_time.graph
+    if graph is None:
+        return {"reason": field_time.reason}
+    arrays = {name: getattr(graph, name).tolist() for name in GRAPH_ARRAYS}
+    links = [asdict(link) for link in graph.links]
+    leaving = None if graph.leaving is None else graph.leaving.tolist()
+    header = {
+        "tractors": graph.tractors,
+        "first": list(graph.first_nodes),
+        "order": list(graph.order),
+        "leaving": leaving,
+    }
+    return {**content, "graph": {**header, **arrays, "links": links}}
+
+
+def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
+    """The field time of a JSON object; None if it is not one."""
+    if content is None:
+        return None
+    try:
+        if "graph" not in content:
+            return FieldTime(reason=str(content["reason"]))
+        graph_values = dict(content["graph"])
+        graph = LegGraph(
+            tractors=int(graph_values["tractors"]),
+            first_nodes=tuple(graph_values["first"]),
+            order=tuple(graph_values["order"]),
+            links=tuple(WaitLink(**link) for link in graph_values["links"]),
+            tractor=_parse_integers(graph_values["tractor"]),
+            group=_parse_integers(graph_values["group"]),
+            kind=_parse_integers(graph_values["kind"]),
+            driven_s=_parse_floats(graph_values["driven_s"]),
+            worked_m=_parse_floats(graph_values["worked_m"]),
+            stand_s=_parse_floats(graph_values["stand_s"]),
+            leaving=None if graph_values["leaving"] is None else np.array(graph_values["leaving"], dtype=np.bool_),
+        )
+        return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def _parse_integers(values: Any) -> Whole:
+    return np.array(values, dtype=np.int64)
+
+
+def _parse_floats(values: Any) -> Array:
+    return np.array(values, dtype=np.float64)

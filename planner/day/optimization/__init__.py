@@ -1,0 +1,1 @@
+"""The day as an optimisation problem, its solvers and lower bounds."""

@@ -1,0 +1,432 @@
+"""One candidate from its strategy to its figures: built, simulated, repaired and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from fields.layout.swaths import Layout
+from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.candidates.pruning import (
+    Incumbent,
+    PrunedCandidate,
+    PruningLimits,
+    build_pruned_result,
+    choose_lower_bounded,
+    drop_simulated,
+    is_pruned_at_all_corners,
+    relax_bound_for_corners,
+    simulate_promising_first,
+    split_contenders,
+)
+from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
+from planner.evaluation.candidates.time_bounds import build_speed_limits
+from planner.evaluation.candidates.variants import (
+    OTHER_ORDER_REMARK,
+    build_for_reachable_job,
+    check_formation_supply,
+    find_service_conflict,
+    iter_headland_variants,
+    list_other_orders,
+    list_service_variants,
+)
+from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
+from planner.evaluation.ground.contact_checks import find_obstacle_contact, measure_fence_crossing_m
+from planner.evaluation.ground.coverage import (
+    measure_excursion,
+)
+from planner.evaluation.repair.path_deviation import (
+    MAX_OFFSET_M,
+    TurnDeviation,
+    find_turn_deviations,
+    get_worst_offset_m,
+)
+from planner.evaluation.repair.turn_repair import (
+    RepairedTurns,
+    apply_repaired_turns,
+    apply_repairs,
+    collect_repaired_turns,
+    find_repairs,
+    sum_excess_offset_m,
+)
+from planner.request.plan_request import MIN_CLEARANCE_M
+from planner.risk.assessment import add_risk_estimate
+from planner.traffic.conflict_repair import Scheduler, resolve_conflicts
+from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
+from reports.common.plan_results import PlanResult
+from strategies.formations.grouping import StartCorner
+from strategies.formations.leftover import rank_start_corners
+from strategies.path_planning.errors import StrategyError
+from strategies.program.field_job import FieldJob
+from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
+from strategies.registry import STRATEGIES
+from vehicle.missions.plan import HEADLAND_PASS, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.sim.incremental import IncrementalSimulator
+
+MAX_OUTSIDE_M = 0.5
+MAX_OFFSET_SHARE = 1.0 / 3.0  # of the working width: more leaves an unworked strip
+MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
+LOST_WIDTHS, LOST_M = 1.0, 2.5  # working widths and metres: a tractor starting farther off than both has lost its line
+MIN_GAIN_M = 0.02
+SAME_LINE_M = 1e-3
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A combination to try; `jump` fixes the pattern of swaths for a strategy that takes one."""
+
+    strategy: str
+    tractors: int
+    jump: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateEvaluation:
+    """The figures of a candidate and their run; no run if its strategy refused the field."""
+
+    result: PlanResult
+    run: SimulationRun | None
+
+
+def compute_candidate_figures(context: PlanningContext, candidate: Candidate) -> PlanResult:
+    """Only the figures of `simulate_candidate`."""
+    return simulate_candidate(context, candidate).result
+
+
+def simulate_candidate(
+    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None
+) -> CandidateEvaluation:
+    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason.
+
+    A candidate whose plans cannot beat the incumbent is not simulated.
+    """
+    try:
+        outcome = _run_unless_pruned(context, candidate, incumbent)
+    except StrategyError as refusal:
+        turn = context.request.turn
+        return CandidateEvaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+    if isinstance(outcome, PrunedCandidate):
+        return CandidateEvaluation(build_pruned_result(outcome, context, candidate.strategy, candidate.tractors), None)
+    result, area_ha = (
+        measure_candidate(context, candidate.strategy, candidate.tractors, outcome),
+        context.layout.field.area_ha,
+    )
+    return CandidateEvaluation(
+        add_risk_estimate(result, outcome.run, context.tractor, context.implement, area_ha, context.criteria),
+        outcome.run,
+    )
+
+
+def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
+    """Build, simulate and repair one candidate; raises StrategyError if its strategy cannot work the field."""
+    outcome = _run_unless_pruned(context, candidate, None)
+    assert isinstance(outcome, CandidateRun)
+    return outcome
+
+
+def _run_unless_pruned(
+    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None
+) -> CandidateRun | PrunedCandidate:
+    """The run of a candidate, or its bound if the incumbent beats it."""
+    strategy = STRATEGIES[candidate.strategy]
+    if candidate.jump is not None and not strategy.takes_jump:
+        raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
+    job = replace(context.build_job(candidate.tractors), jump=candidate.jump)
+    return (_run_first_drivable_corner if strategy.side_by_side else _run_first_drivable_order)(
+        context, strategy, job, incumbent
+    )
+
+
+def _run_first_drivable_corner(
+    context: PlanningContext, strategy: Strategy, job: FieldJob, incumbent: Incumbent | None
+) -> CandidateRun | PrunedCandidate:
+    """A formation from the first corner that can be driven: the one at the entrance, then the most promising."""
+    first: CandidateRun | None = None
+    refusal: StrategyError | None = None
+    for corner in iter_corners(job):
+        try:
+            outcome = _run_job(context, strategy, replace(job, corner=corner, turn_counts={}), incumbent)
+        except StrategyError as error:
+            refusal = refusal or error
+            continue
+        if isinstance(outcome, PrunedCandidate) or outcome.reason is None:
+            return outcome
+        first = first or outcome
+    if first is None:
+        raise refusal or StrategyError("No corner to begin at; the field has no tracks.")
+    return first
+
+
+def _run_first_drivable_order(
+    context: PlanningContext, strategy: Strategy, job: FieldJob, incumbent: Incumbent | None
+) -> CandidateRun | PrunedCandidate:
+    """Tractors with swaths of their own, in the first order that can be driven."""
+    first: CandidateRun | None = None
+    pruned: PrunedCandidate | None = None
+    refusal: StrategyError | None = None
+    for number, variant in enumerate((job, *list_other_orders(strategy, job))):
+        try:
+            outcome = _run_job(context, strategy, variant, incumbent)
+        except StrategyError as error:
+            refusal = refusal or error
+            continue
+        if isinstance(outcome, CandidateRun) and outcome.reason is None:
+            return replace(outcome, remark=_join_remarks(outcome.remark, OTHER_ORDER_REMARK)) if number else outcome
+        if isinstance(outcome, CandidateRun):
+            first = first or outcome
+        elif not number and not outcome.was_simulated:
+            return outcome
+        elif not number or (pruned and outcome.bound_s < pruned.bound_s):
+            pruned = outcome
+    if pruned is not None:
+        return pruned
+    if first is None:
+        assert refusal is not None  # every order is simulated, pruned or refused
+        raise refusal
+    return first
+
+
+def iter_corners(job: FieldJob) -> Iterator[StartCorner]:
+    """The corner at the entrance, then the others, the most promising first, ranked only when needed."""
+    if job.corner is not None:
+        yield job.corner
+    yield from (corner for corner in rank_start_corners(job) if corner != job.corner)
+
+
+def _run_job(
+    context: PlanningContext, strategy: Strategy, job: FieldJob, incumbent: Incumbent | None
+) -> CandidateRun | PrunedCandidate:
+    rehearsal = IncrementalSimulator(
+        context.tractor,
+        context.implement,
+        stop_clearance_m=context.request.clearance_m,
+        beside_clearance_m=compute_parallel_clearance_m(context),
+        position_errors=context.position_errors,
+        seed=context.request.seed,
+    )
+
+    def simulate(plan: Plan) -> SimulationRun:
+        return rehearsal.simulate(plan, compute_timeout_s(plan))
+
+    def build(job: FieldJob) -> RefinedPlan:
+        refine = strategy.refine
+        return refine(job, simulate, context.tractor, context.implement) if refine else RefinedPlan(strategy.build(job))
+
+    check_formation_supply(job, strategy)
+    solo_runs = SoloRuns(context, rehearsal)
+    give_way = _build_scheduler(context, solo_runs)
+    limits = PruningLimits(
+        build_speed_limits(context.tractor, context.implement, context.driving_rules.radius_m), solo_runs
+    )
+    refined, reachable = build_for_reachable_job(job, build)
+    job, refined = reachable.job, replace(refined, remark=_join_remarks(refined.remark, reachable.remark))
+    first: CandidateRun | None = None
+    slower_pruned: PrunedCandidate | None = None
+    simulated_plans: list[Plan] = []
+    repaired_turns: RepairedTurns = {}
+
+    def simulate_choice(choice: RefinedPlan) -> CandidateRun:
+        plan = apply_repaired_turns(choice.plan, repaired_turns, context)
+        if plan is not choice.plan:
+            repaired_run = _run_plan(
+                context, strategy, job, replace(choice, plan=plan, run=None), simulate, give_way, repaired_turns
+            )
+            if repaired_run.reason is None:
+                return repaired_run
+        return _run_plan(context, strategy, job, choice, simulate, give_way, repaired_turns)
+
+    for variants in iter_headland_variants(context, job, refined):
+        all_choices = list_service_variants(job, strategy, variants)
+        choices = contenders = drop_simulated(all_choices, simulated_plans)
+        solo_runs.expect_plans(choice.plan for choice in choices)
+        if incumbent and not (first and strategy.side_by_side):  # another corner might work with the first transition
+            contenders, pruned = split_contenders(context, choices, incumbent, solo_runs)
+            is_lost = not contenders and len(choices) == len(all_choices)
+            if strategy.side_by_side and pruned is not None and is_lost and is_pruned_at_all_corners(pruned):
+                return relax_bound_for_corners(pruned)
+            if strategy.side_by_side:
+                contenders = choices
+            else:
+                slower_pruned = choose_lower_bounded(slower_pruned, pruned)
+            if slower_pruned is not None and is_lost:
+                return replace(slower_pruned, was_simulated=first is not None)
+        runs = simulate_promising_first(contenders, choices, simulate_choice, limits)
+        feasible = [each for each in runs if each.reason is None]
+        if feasible:
+            return min(feasible, key=lambda each: round(each.run.duration_s, 3))
+        first = first or next(iter(runs), None)
+        simulated_plans += [each.plan for each in contenders]
+    assert first is not None  # a plan that cannot be built is refused
+    return first if slower_pruned is None else replace(slower_pruned, was_simulated=True)
+
+
+def _build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
+    """A scheduler for plans of this context."""
+    rules = TrafficRules(
+        context.tractor,
+        context.implement,
+        context.request.clearance_m,
+        compute_parallel_clearance_m(context),
+        solo_runs,
+        context.trajectory_cache,
+    )
+
+    def schedule(plan: Plan, slack: float) -> ScheduledPlan | None:
+        solo_runs.expect_plan(plan)
+        return schedule_plan(plan, rules, slack)
+
+    return schedule
+
+
+def _run_plan(
+    context: PlanningContext,
+    strategy: Strategy,
+    job: FieldJob,
+    refined: RefinedPlan,
+    simulate: Simulate,
+    schedule: Scheduler,
+    repaired_turns: RepairedTurns | None = None,
+) -> CandidateRun:
+    repairs = strategy.max_repairs
+    run, reason = _simulate_without_conflicts(refined, simulate, repairs, schedule)
+    if reason is None:
+        run, worst_deviation = _repair_turns(context, refined.plan, run, simulate, repairs, schedule, repaired_turns)
+        reason = _find_fault(context, run, worst_deviation) or find_service_conflict(run, job)
+    remarks = [] if reason else _list_remarks(context, run, worst_deviation)
+    return CandidateRun(run, reason, _name_main_turns(job), _join_remarks(refined.remark, *remarks))
+
+
+def _join_remarks(*remarks: str | None) -> str | None:
+    """Several remarks as one; None without any."""
+    return "; ".join(each for each in remarks if each) or None
+
+
+def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation: TurnDeviation | None) -> list[str]:
+    """Remarks on what a reader would not expect of the run of a feasible plan."""
+    remarks = []
+    if run.min_clearance_m < context.request.clearance_m:
+        remarks.append(
+            f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
+            f"only {max(0.0, _compute_machine_gap_m(context)):.2f} m between machines"
+        )
+    if loosened_count := run.plan.notes.get("loosened"):
+        places = "one place" if loosened_count == 1 else f"{loosened_count} places"
+        remarks.append(f"in {places} the order of tractors was changed to avoid a deadlock")
+    if worst_deviation is not None and worst_deviation.offset_m > MAX_OFFSET_SHARE * context.layout.width_m:
+        remarks.append(f"{_describe_offset_start(run, worst_deviation)}; ground missed there is counted")
+    return remarks
+
+
+def _describe_offset_start(run: SimulationRun, deviation: TurnDeviation) -> str:
+    kind = run.plan.missions[deviation.tractor].legs[deviation.leg].task.kind
+    swath_name = "headland pass" if kind == HEADLAND_PASS else "track"
+    return f"a {swath_name} starts {deviation.offset_m:.2f} m beside its line"
+
+
+def compute_parallel_clearance_m(context: PlanningContext) -> float:
+    """How near two tractors may come on parallel lines (m): no more than neighbouring swaths allow."""
+    return min(max(CLEARANCE_SHARE * _compute_machine_gap_m(context), MIN_CLEARANCE_M), context.request.clearance_m)
+
+
+def _compute_machine_gap_m(context: PlanningContext) -> float:
+    """The gap between machines on neighbouring swaths (m); negative if they overlap."""
+    return _compute_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)
+
+
+def _compute_min_spacing_m(layout: Layout) -> float:
+    """The least distance of neighbouring swaths (m); below the width where swaths are evenly spaced."""
+    spacing = layout.width_m
+    for before, swath in pairwise(layout.swaths):
+        ends = np.array([swath.start_m, swath.end_m]) - before.start_m
+        along = (np.array(before.end_m) - before.start_m) / before.length_m
+        distance_m = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
+        if swath.line == before.line + 1 and np.ptp(distance_m) < SAME_LINE_M and distance_m[0] > 0.5 * layout.width_m:
+            spacing = min(spacing, float(distance_m[0]))
+    return spacing
+
+
+def _simulate_without_conflicts(
+    refined: RefinedPlan, simulate: Simulate, most_repairs: int, schedule: Scheduler
+) -> tuple[SimulationRun, str | None]:
+    """The run of a plan with its conflicts resolved, and why it is not feasible (None if it is)."""
+    if refined.run is not None and refined.run.outcome == DONE:
+        return refined.run, None
+    return resolve_conflicts(refined.plan, simulate, most_repairs, schedule)
+
+
+def _repair_turns(
+    context: PlanningContext,
+    plan: Plan,
+    run: SimulationRun,
+    simulate: Simulate,
+    most_repairs: int,
+    schedule: Scheduler,
+    repaired_turns: RepairedTurns | None = None,
+) -> tuple[SimulationRun, TurnDeviation | None]:
+    """The run with badly followed turns repaired where that helps, and the worst remaining deviation.
+
+    Repairs that help are added to `repaired_turns`. If tractors then meet because of the gates of the run, and a turn
+    leaves the field, the repairs are applied to `plan`, which has no gates yet. Where the headland is worked, swaths
+    that start less than a third of the width off are left as they are: the missed ground costs less than slower turns.
+    """
+    deviations = find_turn_deviations(run, context)
+    max_offset_m = (
+        max(MAX_OFFSET_M, MAX_OFFSET_SHARE * context.layout.width_m) if context.headland_passes else MAX_OFFSET_M
+    )
+    repairs = find_repairs(
+        run.plan,
+        [deviation for deviation in deviations if deviation.offset_m > max_offset_m or deviation.is_outside],
+        context,
+    )
+    if repairs and sum_excess_offset_m(deviations, repairs) <= sum_excess_offset_m(deviations) - MIN_GAIN_M:
+        repaired_run, fault = resolve_conflicts(apply_repairs(run.plan, repairs), simulate, most_repairs, schedule)
+        if fault and plan is not run.plan and any(repair.deviation.is_outside for repair in repairs):
+            repaired_run, fault = resolve_conflicts(apply_repairs(plan, repairs), simulate, most_repairs, schedule)
+        remaining = deviations if fault else find_turn_deviations(repaired_run, context)
+        if sum_excess_offset_m(remaining) <= sum_excess_offset_m(deviations) - MIN_GAIN_M and get_worst_offset_m(
+            remaining
+        ) <= get_worst_offset_m(deviations):
+            if repaired_turns is not None:
+                repaired_turns |= collect_repaired_turns(run.plan, repairs, context)
+            run, deviations = repaired_run, remaining
+    return run, max(deviations, key=lambda deviation: deviation.offset_m, default=None)
+
+
+def _find_fault(context: PlanningContext, run: SimulationRun, worst_deviation: TurnDeviation | None) -> str | None:
+    """Why a plan that was driven to its end is still not feasible, or None.
+
+    `worst_deviation` is that of the swath or headland side that started farthest beside its line. Where the headland is
+    worked, the ground missed there is measured and charged, and only a tractor that has lost its line is refused.
+    """
+    if run.contacts:
+        time, first, second = run.contacts[0]
+        return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
+    outside_m = measure_excursion(run, context).depth_m
+    if outside_m >= MAX_OUTSIDE_M:
+        return f"a path leaves the field by {outside_m:.2f} m, more than {MAX_OUTSIDE_M} m"
+    crossed_m = measure_fence_crossing_m(run, context)
+    if crossed_m > MAX_FENCE_CROSSING_M:
+        machine = "a tractor or its implement crosses the fence"
+        return f"{machine} by {crossed_m:.2f} m; use a deeper headland or keep a wider margin"
+    if obstacle := find_obstacle_contact(run, context):
+        return f"a tractor or its implement touches {obstacle}; use a deeper headland or keep a wider margin"
+    width = context.layout.width_m
+    if (
+        worst_deviation is not None
+        and not context.headland_passes
+        and worst_deviation.offset_m > MAX_OFFSET_SHARE * width
+    ):
+        return f"{_describe_offset_start(run, worst_deviation)}, more than a third of the working width"
+    if worst_deviation is not None and worst_deviation.offset_m > max(LOST_WIDTHS * width, LOST_M):
+        start = _describe_offset_start(run, worst_deviation)
+        return f"{start}, more than a working width: the tractor has lost its line"
+    return None
+
+
+def _name_main_turns(job: FieldJob) -> str:
+    """The two most frequent kinds of turns, the most frequent first."""
+    return "+".join(sorted(job.turn_counts, key=lambda kind: (-job.turn_counts[kind], kind))[:2]) or "none"

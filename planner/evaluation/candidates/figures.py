@@ -1,0 +1,114 @@
+"""The figures of a candidate: time, cost, coverage and traffic of its last run, with the times of day."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from planner.evaluation.candidates.variants import measure_headland_phase_s
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.coverage import (
+    Coverage,
+    count_reversals,
+    measure_coverage,
+    measure_excursion,
+    measure_outline_excursion_m,
+    replace_infinite,
+)
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.ground.wheel_traffic import measure_wheel_traffic_m2
+from planner.risk.costs import compute_simulated_cost, compute_travel_cost
+from reports.common.plan_results import PlanResult, get_field_work_end_s
+from vehicle.missions.run import DONE, SimulationRun
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateRun:
+    """The last run of a candidate, why it is not feasible (None if it is), its kinds of turns and its remark."""
+
+    run: SimulationRun
+    reason: str | None
+    turns: str
+    remark: str | None
+
+
+def measure_candidate(
+    context: PlanningContext, strategy: str, tractors: int, candidate_run: CandidateRun
+) -> PlanResult:
+    """The figures of a candidate's last run."""
+    run, reason, turn_names = candidate_run.run, candidate_run.reason, candidate_run.turns
+    excursion = measure_excursion(run, context)
+    if run.outcome != DONE:
+        return PlanResult(strategy, tractors, turn_names, False, reason, collisions=len(run.contacts))
+    shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
+    coverage = measure_coverage(run, context, swept)
+    tractor_time = float(np.sum(run.finish_s))
+    hourly, hiring = _compute_cost(context, run)
+    figures = PlanResult(
+        strategy=strategy,
+        tractors=tractors,
+        turn=turn_names,
+        feasible=reason is None,
+        reason=reason,
+        time_s=run.duration_s,
+        tractor_time_s=tractor_time,
+        cost=hourly + hiring,
+        worked_pct=coverage.worked_pct,
+        overlap_pct=coverage.overlap_pct,
+        missed_m2=coverage.unworked_m2,
+        largest_missed=coverage.largest_piece,
+        finished_s=coverage.extrapolate_to_field(run.duration_s),
+        finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
+        wheel_traffic_m2=measure_wheel_traffic_m2(run, context, swept),
+        outside_m=excursion.length_m,
+        excursion_m=excursion.depth_m,
+        outside_outline_m=measure_outline_excursion_m(run, context),
+        turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
+        waiting_s=float(shares["waiting"].sum()),
+        reversals=count_reversals(run),
+        min_clearance_m=replace_infinite(run.min_clearance_m),
+        collisions=len(run.contacts),
+        order_gap_pct=run.plan.notes.get("order_gap_pct"),
+        formation_pct=run.plan.notes.get("formation_pct"),
+        remark=candidate_run.remark,
+        headland_passes=context.layout.headland_passes,
+        headland_s=measure_headland_phase_s(run),
+        refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
+        refilling_s=None if context.supply is None else float(run.standing_s.sum()),
+    )
+    return _add_clock_times(figures, context, run, coverage)
+
+
+def _compute_cost(context: PlanningContext, run: SimulationRun) -> tuple[float, float]:
+    """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price."""
+    tractors, request = run.plan.tractors, context.request
+    if context.cost_terms is not None:
+        travel_cost = tractors * compute_travel_cost(context.cost_terms)
+        return compute_simulated_cost(run, context.cost_terms) - travel_cost, travel_cost
+    return run.duration_s * tractors / 3600.0 * request.price_per_hour, tractors * request.price_per_tractor
+
+
+def _add_clock_times(
+    figures: PlanResult, context: PlanningContext, run: SimulationRun, coverage: Coverage
+) -> PlanResult:
+    """The figures with the times when field work begins, ends, would end for the whole field, and all are home."""
+    work_finish_s, workday, time_limit_s = run.work_finish_s, context.workday, context.request.time_limit_s
+    if workday is None:
+        timed_figures = replace(
+            figures, done_s=work_finish_s, finished_done_s=coverage.extrapolate_to_field(work_finish_s)
+        )
+    else:
+        before_field_s = workday.before_field_s
+        timed_figures = replace(
+            figures,
+            transport_s=run.plan.tractors * (before_field_s + workday.after_field_s),
+            ready_s=workday.compute_clock_s(before_field_s, begins=True),
+            done_s=workday.compute_clock_s(before_field_s + work_finish_s),
+            finished_done_s=workday.compute_clock_s(before_field_s + coverage.extrapolate_to_field(work_finish_s)),
+            home_s=workday.compute_clock_s(before_field_s + run.duration_s + workday.after_field_s),
+        )
+    return replace(
+        timed_figures,
+        meets_deadline=None if time_limit_s is None else get_field_work_end_s(timed_figures) <= time_limit_s,
+    )

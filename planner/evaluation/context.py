@@ -1,0 +1,461 @@
+"""The planning context: what all candidates of a request share, from field and layout to tractor and driving rules."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from dataclasses import field as member
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from fields.documents.reader import read_field
+from fields.geometry.entrances import check_entrance, move_entrance_to_outline, set_entrance
+from fields.geometry.field import MIN_FENCE_MARGIN_M, Field
+from fields.geometry.field_lines import find_line_bearing_deg
+from fields.layout.bearings import find_handedness
+from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
+from fields.layout.options import replace_bearings
+from fields.layout.swaths import Layout, compute_free_space, compute_free_space_to_rim, compute_unworked_free_space
+from planner.errors import RequestError, attach_parameter, mark_parameter
+from planner.evaluation.layout_choice import choose_quickest_job_index, list_layouts
+from planner.farm.settings import FarmTimes, Yard
+from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday, build_workday
+from planner.request.option_texts import MPS_PER_KMH
+from planner.request.plan_request import MAX_TURN_SPEED_MPS, MIN_CLEARANCE_M, SOW, STANDING_CROP_OPERATIONS, PlanRequest
+from planner.request.random_inputs import UncertaintySettings
+from planner.request.service_points import check_capacity, locate_service_point
+from planner.risk.assessment import DecisionCriteria, build_decision_criteria
+from planner.risk.costs import CostTerms
+from planner.traffic.trajectories import TrajectoryCache
+from strategies.headland.pass_shares import reverse_pass
+from strategies.path_planning.collision_check import FenceChecker, MachineBody
+from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
+from strategies.path_planning.obstacle_avoidance import BendRules, LineBender, ObstacleBends, bend_swaths
+from strategies.path_planning.paths import EntranceLane, build_entrance_lane
+from strategies.path_planning.turns import (
+    TurnReach,
+    compute_available_turn_depth_m,
+    compute_headland_m,
+    list_allowed_kinds,
+)
+from strategies.program.field_job import DrivingRules, FieldJob, find_starting_corner
+from strategies.program.supply import Supply
+from strategies.program.turn_timing import TurnTimer
+from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
+from vehicle.model.ground import list_ground_names
+from vehicle.model.tractor import Implement, Tractor, resolve_tractor
+from vehicle.sim.compile import compute_contact_boxes
+
+# Planned turns are this much wider than full lock, so that guidance has something to correct with.
+RADIUS_FACTOR = 1.08
+CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
+SMALL_OBSTACLE_WIDTHS = 4.0  # working widths across: smaller obstacles are bypassed within a swath
+# Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
+GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
+SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
+# Times the planned radius or half the machine: in a bend the wheels turn while the implement works.
+BEND_RADIUS_FACTOR = 2.0
+_CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations")
+# Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
+CLEARANCE_SHARE = 1.0 / 3.0
+WIDE_TURN_FACTORS = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well enough
+# A fence is open this far to either side of the entrance, or half the machine plus the margin if that is more.
+GATE_HALF_WIDTH_M, GATE_MARGIN_M = 5.0, 1.0
+ROW_OFFSET_M = 3.0  # rows of a formation turning exactly side by side would violate a usual clearance
+RIM_DEPTH_M = 0.3  # in corners of headland passes the guided point stays this far inside the outline
+MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direction
+
+
+@dataclass(frozen=True)
+class PlanningContext:
+    """Field, layout, tractor, implement and driving rules; made once per request.
+
+    The guided point may be anywhere in `free_space`, and drives over no swath in `beside_swaths`. `fitting_turns[k]`
+    says whether a turn over k lines fits a headland at right angles (index 0 unused); if none does,
+    `driving_rules.turn_s[k]` is an estimate instead of a simulated time. `position_errors` is the GNSS error table.
+    `headland_passes` are worked; in their corners the guided point may be anywhere in `rim_area`. `obstacle_bends`
+    holds lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries,
+    `cost_terms` the prices and `workday` the day of a farm (None without one). `path_finders` are shared by the layouts
+    compared.
+    """
+
+    request: PlanRequest
+    layout: Layout
+    tractor: Tractor
+    implement: Implement
+    driving_rules: DrivingRules
+    costs: TurnCosts
+    free_space: shapely.Geometry
+    beside_swaths: shapely.Geometry
+    turn_kinds: tuple[str, ...]
+    fitting_turns: tuple[bool, ...]
+    position_errors: Table
+    headland_passes: tuple[HeadlandPass, ...] = ()
+    rim_area: shapely.Geometry = member(default_factory=shapely.Polygon)
+    obstacle_bends: ObstacleBends = member(default_factory=ObstacleBends)
+    criteria: DecisionCriteria | None = None
+    supply: Supply | None = None
+    cost_terms: CostTerms | None = None
+    workday: Workday | None = None
+    path_finders: ConnectorCache = member(default_factory=ConnectorCache)
+
+    def build_job(self, tractors: int) -> FieldJob:
+        """A job for this many tractors; all jobs of a context share their cached paths and turns."""
+        return replace(self._base_job, tractors=tractors, turn_counts={})
+
+    @cached_property
+    def gateway(self) -> EntranceLane | None:
+        """The lane through the entrance; None without an entrance or if the headland is not worked, as only the time
+        on the swaths counts then."""
+        field = self.layout.field
+        if field.entrance is None or self.request.no_headland or self.free_space.is_empty:
+            return None
+        return build_entrance_lane(field.original_boundary or field.boundary, self.free_space, field.entrance)
+
+    @property
+    def gate_half_width_m(self) -> float:
+        """How far to either side of the entrance the fence is open: implements come in unfolded."""
+        if self.gateway is None:
+            return GATE_HALF_WIDTH_M
+        machine_m = max(self.implement.contact_width_m, self.tractor.width_m)
+        return max(GATE_HALF_WIDTH_M, 0.5 * machine_m + GATE_MARGIN_M)
+
+    @cached_property
+    def trajectory_cache(self) -> TrajectoryCache:
+        """Trajectories of tractors driven alone, for all plans of the context."""
+        return TrajectoryCache()
+
+    @cached_property
+    def _base_job(self) -> FieldJob:
+        """The job that others are copies of."""
+        free_finder, beside_finder, rim_finder = (
+            None
+            if region.is_empty
+            else self.path_finders.get_connector(region, self.driving_rules.radius_m, self.costs, self.turn_kinds)
+            for region in (self.free_space, self.beside_swaths, self.rim_area)
+        )
+        if free_finder is None:
+            raise RequestError(
+                f"Field {self.layout.field.name!r} is nowhere wide enough to turn on: nothing remains half an "
+                "implement's width inside its boundary; use a narrower implement."
+            )
+        fence, forward_finders = self._build_fence()
+        corner = find_starting_corner(self.layout) if self.gateway is None else None
+        return FieldJob(
+            self.layout,
+            self.driving_rules,
+            free_finder,
+            1,
+            beside_finder,
+            corner,
+            headland_passes=self.headland_passes,
+            rim_connector=rim_finder,
+            square_corners=self.request.corners == "square",
+            avoids_swaths=self.request.operation == SOW,
+            avoids_unworked=self.request.operation in STANDING_CROP_OPERATIONS,
+            obstacle_bends=self.obstacle_bends,
+            fence=fence,
+            careful_connectors=forward_finders,
+            entrance_lane=self.gateway,
+            supply=self.supply,
+        )
+
+    @cached_property
+    def wide_turn_finders(self) -> tuple[Connector, ...]:
+        """Finders of turns that are easier to follow: first those that keep to the headland, of these the tightest."""
+        radius = self.driving_rules.radius_m
+        regions = [region for region in (self.beside_swaths, self.rim_area, self.free_space) if not region.is_empty]
+        return tuple(
+            self.path_finders.get_connector(region, factor * radius, self.costs, self.turn_kinds)
+            for region in regions
+            for factor in WIDE_TURN_FACTORS
+        )
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is sent to another process: everything but caches."""
+        return {name: value for name, value in self.__dict__.items() if name not in _CACHED_ATTRIBUTES}
+
+    @cached_property
+    def turn_deviations(self) -> dict[bytes, float | None]:
+        """Cached deviations (m) of turns driven alone, by hash of their legs; None if not finished."""
+        return {}
+
+    def _build_fence(self) -> tuple[FenceChecker | None, tuple[Connector, ...]]:
+        """The fence and obstacle checker, and a finder of forward-only paths where reversing meets a fence."""
+        field, radius = self.layout.field, self.driving_rules.radius_m
+        if not field.fences and not field.solid_obstacles:
+            return None, ()
+        body = build_body(self.tractor, self.implement)
+        guidance_margin_m = min(
+            GUIDANCE_MARGIN_SHARE * max(self.request.margin_m, MIN_FENCE_MARGIN_M), MAX_GUIDANCE_MARGIN_M
+        )
+        fences = shapely.union_all(field.fences)
+        if self.gateway is not None:
+            fences = shapely.difference(
+                fences, shapely.Point(self.gateway.edge_pose[:2]).buffer(self.gate_half_width_m)
+            )
+        obstacles = shapely.union_all([shape.boundary for shape in field.solid_obstacles])
+        fence = FenceChecker(fences, obstacles, body, guidance_margin_m)
+        forward_kinds = tuple(kind for kind in self.turn_kinds if kind != "switch-back")
+        return fence, (
+            self.path_finders.get_connector(self.free_space, radius, self.costs, forward_kinds),
+        ) if forward_kinds else ()
+
+
+def _resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:
+    """The request with the bearing of the guidance line it names."""
+    if request.guidance_line is None:
+        return request
+    bearing_deg = find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
+    return replace(request, guidance_line=None, bearing_deg=bearing_deg)
+
+
+def prepare_context(
+    request: PlanRequest,
+    field: Field | str | Path | None = None,
+    tractor: Tractor | str | Path | None = None,
+    implement: Implement | None = None,
+    uncertainty: UncertaintySettings | None = None,
+    cost_terms: CostTerms | None = None,
+    supply: Supply | None = None,
+    times: FarmTimes | None = None,
+    yard: Yard | None = None,
+) -> PlanningContext:
+    """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
+
+    `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
+    request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
+    the service point of the supply. Raises FieldError, VehicleError, StrategyError or RequestError.
+    """
+    request = _fill_in_default_names(request, field, tractor)
+    with attach_parameter("field"):
+        field = _read_field(request, field)
+        request = _resolve_guidance_line(request, field)
+    with attach_parameter("gnss_table"):
+        position_errors = load_gnss_errors(request)
+    with attach_parameter("tractor"):
+        tractor = resolve_tractor(request.tractor if tractor is None else tractor)
+    with attach_parameter("refill"):
+        supply = locate_service_point(request, field, supply)
+    with attach_parameter("farm"):
+        workday = None if times is None else build_workday(field, request.start_s, times, yard or Yard())
+    cost_terms = _add_travel(cost_terms, workday)
+    with attach_parameter("rain"):
+        criteria = build_decision_criteria(request, uncertainty, cost_terms, workday)
+    implement = (implement or Implement()).model_copy(update={"width_m": request.width_m})
+    radius_m = _choose_radius_m(request, tractor, field)
+    reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    headland_m = request.headland_m or compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    with attach_parameter("entrance"):
+        check_entrance(field, headland_m)
+    if not request.no_headland:
+        field = move_entrance_to_outline(field)
+    with attach_parameter("field"):
+        swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
+        field = field.compute_ground_with_margin(
+            request.margin_m, SMALL_OBSTACLE_WIDTHS * request.width_m, max(0.0, swing_m)
+        )
+    rules = _build_base_rules(request, tractor, implement, radius_m, reach)
+    turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
+    create = partial(
+        PlanningContext,
+        request=request,
+        tractor=tractor,
+        implement=implement,
+        costs=turn_clock.measure_reversal_costs(),
+        position_errors=position_errors,
+        criteria=criteria,
+        supply=supply,
+        cost_terms=cost_terms,
+        workday=workday,
+        path_finders=ConnectorCache(),
+    )
+    free_space = compute_free_space(field, reach.margin_m)
+
+    def build_context(base_layout: Layout) -> PlanningContext:
+        layout, obstacle_bends = _bend_around_obstacles(request, base_layout, tractor, implement, radius_m, reach)
+        return _complete_context(create, request, field, layout, obstacle_bends, turn_clock, free_space, reach)
+
+    passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
+    contexts = [build_context(layout) for layout in list_layouts(request, field, headland_m, passing_m)]
+    context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts])]
+    if request.cell_bearings:
+        context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
+    check_capacity(supply, context.layout)
+    return context
+
+
+def _read_field(request: PlanRequest, field: Field | str | Path | None) -> Field:
+    """The field of the request or the one that replaces it, with the entrance of the request."""
+    if not isinstance(field, Field):
+        name = request.field if field is None else str(field)
+        field = read_field(name, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+    if request.entrance is not None:
+        field = set_entrance(field, request.entrance)
+    _check_ground_zones(field)
+    return field
+
+
+def _add_travel(cost_terms: CostTerms | None, workday: Workday | None) -> CostTerms | None:
+    """The prices of a farm with the travel and handling of its workday."""
+    if cost_terms is None or workday is None:
+        return cost_terms
+    return replace(
+        cost_terms,
+        road_km=2e-3 * workday.road_m,
+        road_s=workday.sum_duties_s(ROAD),
+        handling_s=workday.sum_duties_s(UNFOLD) + workday.sum_duties_s(FOLD),
+    )
+
+
+def _build_base_rules(
+    request: PlanRequest, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
+) -> DrivingRules:
+    """The driving rules without the times of turns."""
+    return DrivingRules(
+        work_speed_mps=request.speed_mps,
+        turn_speed_mps=request.effective_turn_speed_mps,
+        reverse_speed_mps=min(request.effective_turn_speed_mps, MAX_REVERSE_SPEED_MPS),
+        radius_m=radius_m,
+        tool_m=reach.tool_m,
+        boxes=_build_outline_boxes(tractor, implement),
+        ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
+    )
+
+
+def _complete_context(
+    create: partial[PlanningContext],
+    request: PlanRequest,
+    field: Field,
+    layout: Layout,
+    obstacle_bends: ObstacleBends,
+    turn_clock: TurnTimer,
+    free_space: shapely.Geometry,
+    reach: TurnReach,
+) -> PlanningContext:
+    """The context of one layout: its turns timed and its headland passes laid."""
+    turn_kinds = list_allowed_kinds(request.turn)
+    turning_room_m = compute_available_turn_depth_m(layout.headland_m, reach)
+    turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
+    turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
+    bend_m = CORNER_BEND_RAD * turn_clock.driving_rules.radius_m
+    headland_passes = _lay_headland_passes(field, request.width_m, layout.headland_passes, bend_m)
+    return create(
+        layout=layout,
+        driving_rules=replace(turn_clock.driving_rules, turn_s=turn_s),
+        free_space=free_space,
+        beside_swaths=compute_unworked_free_space(layout, free_space),
+        turn_kinds=turn_kinds,
+        fitting_turns=tuple(seconds is not None for seconds in turn_times),
+        headland_passes=headland_passes,
+        rim_area=compute_free_space_to_rim(field, reach.margin_m, RIM_DEPTH_M)
+        if headland_passes
+        else shapely.Polygon(),
+        obstacle_bends=obstacle_bends,
+    )
+
+
+def _lay_headland_passes(field: Field, width_m: float, pass_count: int, bend_m: float) -> tuple[HeadlandPass, ...]:
+    """The headland passes; their direction is mirrored on a mirrored field."""
+    headland_passes = lay_headland_passes(field, width_m, pass_count, bend_m)
+    boundary = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
+    is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
+    return (
+        headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
+    )
+
+
+def build_body(tractor: Tractor, implement: Implement) -> MachineBody:
+    """The outline boxes of tractor and implement, measured forward from the rear axle."""
+    boxes, axle = compute_contact_boxes(tractor, implement), tractor.rear_axle_m
+    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
+    sizes = tuple((boxes[low] + axle, boxes[high] + axle, boxes[half]) for low, high, half in ends)
+    return MachineBody(sizes, tractor.antenna_forward_m)
+
+
+def _bend_around_obstacles(
+    request: PlanRequest, layout: Layout, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
+) -> tuple[Layout, ObstacleBends]:
+    """The layout with swaths bent round small obstacles or cut at them, and the bender for other lines."""
+    field = layout.field
+    if not field.small_obstacles:
+        return layout, ObstacleBends()
+    boxes = compute_contact_boxes(tractor, implement)
+    guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
+    speed_factor = max(1.0, request.speed_mps / MAX_TURN_SPEED_MPS)
+    rules = BendRules(
+        BEND_RADIUS_FACTOR * max(radius_m * speed_factor, reach.margin_m),
+        reach.margin_m,
+        max(boxes["nose"], boxes["tool_front"]) - guided_point_m,
+        guided_point_m - min(boxes["tail"], boxes["tool_tail"]),
+    )
+    return bend_swaths(layout, LineBender(field.small_obstacles, field.workable_region, rules), reach.tool_m)
+
+
+def _build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
+    """The outline boxes of tractor and implement, measured forward from the guided point."""
+    guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
+    ends = compute_contact_boxes(tractor, implement)
+    return (
+        (ends["tail"] - guided_point_m, ends["nose"] - guided_point_m, ends["half_width"]),
+        (ends["tool_tail"] - guided_point_m, ends["tool_front"] - guided_point_m, ends["tool_half_width"]),
+    )
+
+
+def _fill_in_default_names(
+    request: PlanRequest, field: Field | str | Path | None, tractor: Tractor | str | Path | None
+) -> PlanRequest:
+    """The request with the names of the field and tractor that replace its own."""
+
+    def choose_name(override: Field | Tractor | str | Path | None, requested_name: str) -> str:
+        return (
+            requested_name
+            if override is None
+            else override.name
+            if isinstance(override, Field | Tractor)
+            else str(override)
+        )
+
+    return replace(request, field=choose_name(field, request.field), tractor=choose_name(tractor, request.tractor))
+
+
+def load_gnss_errors(request: PlanRequest) -> Table:
+    """The table of position errors of a request; raises VehicleError for a file that holds none."""
+    if not request.gnss:
+        return NO_ERROR
+    return load_default_error_table() if request.gnss_table is None else load_error_table(request.gnss_table)
+
+
+def _check_ground_zones(field: Field) -> None:
+    """Refuse ground zones of unknown kinds: a field file may hold them, but no plan can use them."""
+    for zone in field.ground_zones:
+        if zone.name not in list_ground_names():
+            raise RequestError(
+                f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
+                f"{', '.join(list_ground_names())}."
+            )
+
+
+def _choose_radius_m(request: PlanRequest, tractor: Tractor, field: Field) -> float:
+    ground = field.default_ground
+    min_radius_m = tractor.compute_smallest_radius_m(ground)
+    if request.radius_m is None:
+        return RADIUS_FACTOR * min_radius_m
+    if request.radius_m < min_radius_m:
+        raise RequestError(
+            f"A turning radius ({mark_parameter('radius_m')}) of {request.radius_m:g} m is tighter than {tractor.name} "
+            f"can drive on {ground} ({min_radius_m:.2f} m); use {min_radius_m:.2f} m or more."
+        )
+    west, south, east, north = field.boundary.bounds
+    diagonal_m = math.hypot(east - west, north - south)
+    if request.radius_m > diagonal_m:
+        raise RequestError(
+            f"A turning radius ({mark_parameter('radius_m')}) of {request.radius_m:g} m has no room on field "
+            f"{field.name!r}, {diagonal_m:.0f} m across; use a smaller one, {min_radius_m:.2f} m or more."
+        )
+    return request.radius_m

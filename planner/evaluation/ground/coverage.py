@@ -1,0 +1,284 @@
+"""Figures of merit of a run: coverage, excursions of antenna and outline, reversals.
+
+A table of cells that surely lie inside an area saves exact predicates, which decide only near edges.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.overlays import (
+    Areas,
+    clip_area,
+    drop_slivers,
+    extract_polygons,
+    subtract_area,
+    unite_areas,
+)
+from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
+from reports.common.plan_results import UnworkedPiece
+from vehicle.jit import compile_function
+from vehicle.missions.run import SimulationRun
+from vehicle.sim.compile import compute_contact_boxes
+
+TABLE_CELLS = 20_000
+MIN_CELL_M = 1.0
+BUFFER_FACTOR = 1.05  # buffers have chords for arcs, and are too small by at most this factor
+Points = npt.NDArray[np.float64]
+
+
+@compile_function
+def _find_outside_table(places, west, south, cell, inner):  # type: ignore[no-untyped-def]
+    """Whether places (t, 2 or more columns) lie outside the cells of the table `inner` (rows from south, columns)."""
+    out = np.ones(len(places), dtype=np.bool_)
+    rows, columns = inner.shape
+    for k in range(len(places)):
+        east, north = (places[k, 0] - west) / cell, (places[k, 1] - south) / cell
+        if 0.0 <= east < columns and 0.0 <= north < rows:
+            out[k] = not inner[int(north), int(east)]
+    return out
+
+
+class InteriorCellTable:
+    """The cells of an area that lie more than `off_m` inside its edge."""
+
+    def __init__(self, area: shapely.Geometry, off_m: float) -> None:
+        west, south, east, north = area.bounds if not area.is_empty else (0.0, 0.0, 0.0, 0.0)
+        self._origin = west, south
+        self._cell = max(MIN_CELL_M, math.sqrt((east - west) * (north - south) / TABLE_CELLS))
+        columns, rows = (1 + int(span / self._cell) for span in (east - west, north - south))
+        core = area.buffer(-BUFFER_FACTOR * (off_m + self._cell))  # a corner is less than a cell from the middle
+        shapely.prepare(core)
+        x, y = west + self._cell * (np.arange(columns) + 0.5), south + self._cell * (np.arange(rows) + 0.5)
+        self._inner = np.asarray(shapely.contains_xy(core, *np.meshgrid(x, y)), dtype=np.bool_)
+
+    def find_uncertain(self, points: Points) -> npt.NDArray[np.int64]:
+        """Indices of the points (t, 2 or more columns, x and y first) that may be outside or near the edge."""
+        return np.flatnonzero(_find_outside_table(points, *self._origin, self._cell, self._inner))
+
+
+OUTLINE_ROW_STEP = 5  # rows of the 10 Hz record between checks of the outline: under a metre of driving
+MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
+TOUCHING_M = 1e-3
+MITRE_LIMIT = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Coverage:
+    """Areas in m2: field without obstacles, worked, worked more than once, unworked; worked + unworked = field.
+
+    `largest_piece` is the largest piece of `unworked_ground` that an implement could work in one go (necks up to half a
+    working width separate pieces); None without any. `cut_off_m2` of the unworked ground are cut off by obstacles: no
+    plan can work them, and none is charged for them.
+    """
+
+    field_m2: float
+    worked_m2: float
+    overlap_m2: float
+    unworked_m2: float
+    unworked_ground: shapely.Geometry
+    largest_piece: UnworkedPiece | None
+    cut_off_m2: float = 0.0
+
+    @cached_property
+    def unworked_pieces(self) -> tuple[shapely.Polygon, ...]:
+        """The pieces of unworked ground wider than MIN_PIECE_WIDTH_M, the largest first."""
+        return tuple(_find_wide_pieces(self.unworked_ground, MIN_PIECE_WIDTH_M))
+
+    @property
+    def worked_pct(self) -> float:
+        """Share of the field that was worked, percent."""
+        return 100.0 * self.worked_m2 / self.field_m2
+
+    @property
+    def overlap_pct(self) -> float:
+        """Ground worked more than once, percent of the field."""
+        return 100.0 * self.overlap_m2 / self.field_m2
+
+    def extrapolate_to_field(self, spent: float) -> float:
+        """Time or hourly cost for all reachable ground, with unworked ground at the plan's own rate."""
+        reachable_m2 = self.unworked_m2 - self.cut_off_m2
+        return spent * (1.0 + reachable_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
+
+
+def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: int) -> Points:
+    """Path of the antenna, (t, 2)."""
+    return locate_antenna(run.get_poses(tractor), context)
+
+
+def locate_antenna(poses: Points, context: PlanningContext) -> Points:
+    """Places (t, 2) of the antenna at poses (t, 3) of the centre of mass."""
+    x, y, angle = poses.T
+    reach = _get_antenna_offset_m(context)
+    return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
+
+
+def _get_antenna_offset_m(context: PlanningContext) -> float:
+    """How far the antenna is ahead of the centre of mass."""
+    return context.tractor.antenna_forward_m - context.tractor.rear_axle_m
+
+
+def measure_coverage(run: SimulationRun, context: PlanningContext, swept: SweptArea | None = None) -> Coverage:
+    """How much of the field without obstacles was worked, worked more than once, and not worked.
+
+    `swept` is the swept ground of the run, if known already.
+    """
+    boundary = context.layout.field.region_without_obstacles
+    clipped = _clip_areas((swept or compute_swept_area(run, context)).ground, boundary)
+    worked = unite_areas(clipped)
+    unworked = subtract_area(boundary, worked)
+    area, total = float(worked.area), float(shapely.area(clipped).sum())
+    reachable = (
+        subtract_area(unworked, unite_areas(np.array(context.layout.field.cut_off_parts)))
+        if context.layout.field.cut_off_parts
+        else unworked
+    )
+    largest = _find_largest_piece(reachable, 0.5 * context.implement.width_m)
+    return Coverage(
+        boundary.area,
+        area,
+        max(total - area, 0.0),
+        float(unworked.area),
+        unworked,
+        largest,
+        max(0.0, float(unworked.area - reachable.area)),
+    )
+
+
+def _clip_areas(areas: Areas, boundary: shapely.Geometry) -> Areas:
+    """The areas clipped to the field."""
+    shapely.prepare(boundary)
+    across = ~shapely.contains_properly(boundary, areas)
+    inside = areas.copy()
+    inside[across] = [clip_area(one, boundary) for one in areas[across]]
+    return inside
+
+
+def _find_largest_piece(unworked: shapely.Geometry, neck_m: float) -> UnworkedPiece | None:
+    """The largest piece of unworked ground and a place in it.
+
+    Pieces are split where the ground is narrower than `neck_m`; a thin end belongs to its piece, a thin link between
+    two pieces is a piece of its own.
+    """
+    unworked = shapely.multipolygons(drop_slivers(shapely.get_parts(unworked), min(neck_m, MIN_PIECE_WIDTH_M)))
+    pieces = _find_wide_pieces(unworked, neck_m)
+    thin = _find_wide_pieces(subtract_area(unworked, shapely.multipolygons(pieces)), MIN_PIECE_WIDTH_M)
+    if not len(pieces) + len(thin):
+        return None
+    areas = np.concatenate([shapely.area(pieces), np.zeros(len(thin))])
+    link, piece = shapely.STRtree(pieces).query(thin, predicate="dwithin", distance=TOUCHING_M)
+    for number, part in enumerate(thin):
+        adjacent = piece[link == number]
+        areas[adjacent[0] if len(adjacent) == 1 else len(pieces) + number] += part.area
+    best = int(np.argmax(areas))
+    place = shapely.point_on_surface((*pieces, *thin)[best])
+    return UnworkedPiece(float(areas[best]), float(place.x), float(place.y))
+
+
+def _find_wide_pieces(unworked: shapely.Geometry, min_width_m: float) -> Areas:
+    """Pieces of unworked ground without parts narrower than `min_width_m`, the largest first."""
+    half, parts = 0.5 * min_width_m, drop_slivers(shapely.get_parts(extract_polygons(unworked)), min_width_m)
+    unworked = shapely.multipolygons(parts)
+    core = unworked.buffer(-half, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    wide = core.buffer(half, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    parts = shapely.get_parts(clip_area(unworked, wide))
+    return np.array(sorted(parts, key=_build_piece_sort_key), dtype=np.object_)
+
+
+def _build_piece_sort_key(piece: shapely.Polygon) -> tuple[float, tuple[float, ...]]:
+    return -piece.area, piece.bounds
+
+
+@dataclass(frozen=True)
+class Excursion:
+    """Path length outside the boundary and the greatest distance from it, metres."""
+
+    length_m: float
+    depth_m: float
+
+
+def measure_excursion(run: SimulationRun, context: PlanningContext) -> Excursion:
+    """How much of the guided points' paths lies outside the field."""
+    boundary = context.layout.field.region_without_obstacles
+    shapely.prepare(boundary)
+    inside = InteriorCellTable(boundary, abs(_get_antenna_offset_m(context)))
+    length = depth = 0.0
+    for tractor in range(run.plan.tractors):
+        poses = run.get_poses(tractor)
+        uncertain = inside.find_uncertain(poses)
+        path = locate_antenna(poses[uncertain], context)
+        outside = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
+        uncertain, path = uncertain[outside], path[outside]
+        if len(uncertain):
+            steps = np.hypot(*np.diff(path, axis=0).T)
+            length += float(steps[np.diff(uncertain) == 1].sum())
+            depth = max(depth, float(shapely.distance(shapely.points(path), boundary).max()))
+    return Excursion(length, depth)
+
+
+def measure_outline_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
+    """Metres driven with some part of a tractor or its implement outside the field, or over an obstacle."""
+    boxes = compute_contact_boxes(context.tractor, context.implement)
+    corners = _list_body_corners(boxes)
+    reach = float(np.hypot(*corners.T).max())
+    boundary = context.layout.field.region_without_obstacles
+    inner = boundary.buffer(-1.01 * reach)
+    shapely.prepare([boundary, inner])
+    inner_table = InteriorCellTable(inner, 0.0)
+    posts = shapely.STRtree(shapely.points(shapely.get_coordinates(boundary)))
+    length = 0.0
+    for tractor in range(run.plan.tractors):
+        poses = run.get_poses(tractor)
+        poses = poses[np.append(np.arange(0, len(poses) - 1, OUTLINE_ROW_STEP), len(poses) - 1)]
+        uncertain = inner_table.find_uncertain(poses)
+        uncertain = uncertain[~shapely.contains_xy(inner, poses[uncertain, :2])]
+        outside = np.zeros(len(poses))
+        x, y = _place_corners(corners, poses[uncertain])
+        outside[uncertain] = ~shapely.intersects_xy(boundary, x, y).all(axis=1)
+        outside[uncertain[_find_posts_inside(poses[uncertain], posts, boxes, reach)]] = 1.0
+        steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+        length += float(steps @ (0.5 * (outside[1:] + outside[:-1])))
+    return length
+
+
+def _list_body_corners(boxes: dict[str, float]) -> Points:
+    """Corners (8, 2), forward and left of the centre of mass, of the boxes of tractor and implement."""
+    ends = [("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")]
+    return np.array([(boxes[end], side * boxes[half]) for *both, half in ends for end in both for side in (-1, 1)])
+
+
+def _place_corners(corners: Points, poses: Points) -> tuple[Points, Points]:
+    """x and y, each (t, 8), of the corners at poses (t, 3)."""
+    (forward, left), (x, y, angle) = corners.T, poses.T[:, :, None]
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return x + forward * cosine - left * sine, y + forward * sine + left * cosine
+
+
+def _find_posts_inside(poses: Points, posts: shapely.STRtree, boxes: dict[str, float], reach: float) -> Points:
+    """Indices of the poses (t, 3) at which a corner of the field or of an obstacle lies in a box."""
+    pose, post = posts.query(shapely.points(poses[:, :2]), predicate="dwithin", distance=reach)
+    off = shapely.get_coordinates(posts.geometries[post]) - poses[pose, :2]
+    cosine, sine = np.cos(poses[pose, 2]), np.sin(poses[pose, 2])
+    forward, left = off[:, 0] * cosine + off[:, 1] * sine, off[:, 1] * cosine - off[:, 0] * sine
+    inside = np.zeros(len(pose), dtype=bool)
+    for low, high, half in (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")):
+        inside |= (boxes[low] < forward) & (forward < boxes[high]) & (np.abs(left) < boxes[half])
+    return np.asarray(pose[inside])
+
+
+def count_reversals(run: SimulationRun) -> int:
+    """Number of changes of direction in the plan of a run."""
+    return sum(a.gear != b.gear for mission in run.plan.missions for a, b in pairwise(mission.legs))
+
+
+def replace_infinite(value: float) -> float | None:
+    """The value, or None if it is not finite."""
+    return value if math.isfinite(value) else None

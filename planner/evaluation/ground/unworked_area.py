@@ -1,0 +1,169 @@
+"""Ground that no swath and no headland pass of a layout covers, and why: known before anything is driven."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from fields.geometry.field import MIN_FENCE_MARGIN_M
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.overlays import GRID_M, extract_polygons
+from strategies.headland.corners import compute_missed_m2, compute_tangent_m
+from strategies.path_planning.obstacle_avoidance import find_clear_parts
+
+MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
+SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
+EDGE_M = 0.05  # ground this near the outline touches it
+BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
+MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class UnworkedArea:
+    """Ground unworked for one reason: the reason, its area (m2), and its pieces, the largest first."""
+
+    reason: str
+    area_m2: float
+    pieces: tuple[shapely.Polygon, ...]
+
+
+def find_unworked_areas(context: PlanningContext) -> tuple[UnworkedArea, ...]:
+    """The unworked ground by reason; what guidance misses is unknown before a plan is driven."""
+    boundary = context.layout.field.workable_region
+    parts_by_reason = (
+        []
+        if context.layout.field.original_boundary is None
+        else list(_find_obstacle_losses(context, context.layout.field.original_boundary))
+    )
+    remainder = extract_polygons(shapely.difference(boundary, build_worked_ground(context), grid_size=GRID_M))
+    cut_off = _find_cut_off_ground(context)
+    parts_by_reason.append(
+        (f"cut off: no passage as wide as the machines ({_get_machine_width_m(context):g} m)", cut_off)
+    )
+    remainder = extract_polygons(shapely.difference(remainder, cut_off, grid_size=GRID_M))
+    for why, zone in _iter_zones(context):
+        part = extract_polygons(shapely.intersection(remainder, zone, grid_size=GRID_M))
+        parts_by_reason.append((why, part))
+        remainder = extract_polygons(shapely.difference(remainder, part, grid_size=GRID_M))
+    parts_by_reason += _find_unexplained_ground(context, remainder)
+    areas = [UnworkedArea(why, float(part.area), _sort_pieces(part)) for why, part in parts_by_reason]
+    areas.append(UnworkedArea("estimate: tips of rounded corners", _estimate_corner_loss_m2(context), ()))
+    return tuple(one for one in areas if one.area_m2 >= MIN_AREA_M2)
+
+
+def build_worked_ground(context: PlanningContext) -> shapely.Geometry:
+    """The ground under the swaths and headland passes of a context."""
+    half_width_m = 0.5 * context.layout.width_m
+    swaths = [
+        line.buffer(half_width_m, cap_style="flat", join_style="mitre", mitre_limit=SHARP_LIMIT)
+        for line in (*_iter_swath_lines(context), *_iter_headland_lines(context))
+    ]
+    return extract_polygons(shapely.union_all(swaths, grid_size=GRID_M))
+
+
+def _iter_swath_lines(context: PlanningContext) -> Iterator[shapely.LineString]:
+    """Centre lines of the swaths, bent round small obstacles."""
+    for swath in context.layout.swaths:
+        bent = context.obstacle_bends.bent_lines.get(swath.start_m)
+        yield shapely.LineString(
+            [swath.start_m, swath.end_m] if bent is None else bent.cut_between(0.0, swath.length_m)
+        )
+
+
+def _iter_headland_lines(context: PlanningContext) -> Iterator[shapely.LineString]:
+    for headland_pass in context.headland_passes:
+        points = np.asarray(headland_pass.line.coords)
+        parts = (
+            None if context.obstacle_bends.bender is None else find_clear_parts(points, context.obstacle_bends.bender)
+        )
+        yield from [headland_pass.line] if parts is None else [shapely.LineString(part) for part, _ in parts]
+
+
+def _get_machine_width_m(context: PlanningContext) -> float:
+    return max(context.implement.width_m, context.tractor.width_m)
+
+
+def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) -> Iterator[tuple[str, shapely.Geometry]]:
+    """Ground lost to the margin, and ground behind obstacles, by reason."""
+    field = context.layout.field
+    margin_m = max(context.request.margin_m, MIN_FENCE_MARGIN_M if field.fences else 0.0)
+    obstacles = shapely.union_all([one.shape for one in field.obstacles], grid_size=GRID_M)
+    lost = shapely.difference(
+        shapely.difference(outline, obstacles, grid_size=GRID_M), field.workable_region, grid_size=GRID_M
+    )
+    solid = shapely.union_all([obstacles, *map(shapely.Polygon, outline.interiors), *field.fences], grid_size=GRID_M)
+    near_obstacles = solid.buffer(2.0 * margin_m + EDGE_M)
+    obstacle_kinds = "obstacles and fences" if field.fences else "obstacles"
+    yield f"cut off by {obstacle_kinds}", extract_polygons(shapely.difference(lost, near_obstacles, grid_size=GRID_M))
+    yield (
+        f"margin of {margin_m:g} m to {obstacle_kinds}",
+        extract_polygons(shapely.intersection(lost, near_obstacles, grid_size=GRID_M)),
+    )
+
+
+def _find_cut_off_ground(context: PlanningContext) -> shapely.Geometry:
+    """Ground wide enough for the machines but without a passage to it."""
+    parts = sorted(shapely.get_parts(context.free_space), key=lambda part: (-part.area, part.bounds))
+    grown = [
+        part.buffer(0.5 * _get_machine_width_m(context), join_style="mitre", mitre_limit=MITRE_LIMIT)
+        for part in parts[1:]
+    ]
+    cut_off = shapely.intersection(shapely.union_all(grown, grid_size=GRID_M), context.layout.field.workable_region)
+    return extract_polygons(cut_off)
+
+
+def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometry]]:
+    """Reasons and their zones, the strongest first."""
+    layout, boundary = context.layout, context.layout.field.workable_region
+    half = 0.5 * layout.width_m
+    if layout.field.margin_boundary is not None:
+        band = shapely.difference(layout.field.margin_boundary, layout.field.boundary, grid_size=GRID_M)
+        obstacle_kinds = "obstacles and fences" if layout.field.fences else "obstacles"
+        yield (
+            f"beside {obstacle_kinds}: room beyond the margin for machines swinging out in turns",
+            extract_polygons(band),
+        )
+    wide = boundary.buffer(-half + EDGE_M, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    wide = wide.buffer(half - EDGE_M, join_style="mitre", mitre_limit=SHARP_LIMIT)
+    yield f"narrower than the implement ({layout.width_m:g} m)", extract_polygons(shapely.difference(boundary, wide))
+    small = shapely.union_all(layout.field.small_obstacles).buffer(BEND_ZONE_WIDTHS * layout.width_m)
+    yield "beside obstacles that are driven round", small
+    if not layout.headland_passes:
+        lines = shapely.linestrings([[swath.start_m, swath.end_m] for swath in layout.swaths])
+        headland_zone = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)
+        yield "headland, kept free for turning", headland_zone
+        yield "too short for a track between its headlands", boundary
+
+
+def _find_unexplained_ground(
+    context: PlanningContext, remainder: shapely.Geometry
+) -> Iterator[tuple[str, shapely.Geometry]]:
+    """Ground without another reason: at the outline or inside."""
+    core = remainder.buffer(-0.5 * SLIVER_M, join_style="mitre").buffer(0.5 * SLIVER_M, join_style="mitre")
+    parts = shapely.get_parts(extract_polygons(core))
+    outline = context.layout.field.workable_region.boundary
+    touches = shapely.dwithin(parts, outline, EDGE_M)
+    yield "tips and bays of the outline that no headland pass reaches", shapely.multipolygons(parts[touches])
+    yield "between headland passes and tracks", shapely.multipolygons(parts[~touches])
+
+
+def _sort_pieces(ground: shapely.Geometry) -> tuple[shapely.Polygon, ...]:
+    parts = [part for part in shapely.get_parts(ground) if part.area > 0.0]
+    return tuple(sorted(parts, key=lambda part: (-round(part.area, 3), part.bounds)))
+
+
+def _estimate_corner_loss_m2(context: PlanningContext) -> float:
+    """Ground (m2) missed at rounded corners of headland passes; corners without room for the arc are not rounded."""
+    if context.request.corners != "round":
+        return 0.0
+    radius_m = context.driving_rules.radius_m
+    return sum(
+        compute_missed_m2(side.end_turn_rad, context.layout.width_m, radius_m)
+        for one in context.headland_passes
+        for side, after in zip(one.sides, (*one.sides[1:], one.sides[0]), strict=True)
+        if side.end_turn_rad > 0.0
+        and 2.0 * compute_tangent_m(side.end_turn_rad, radius_m) <= min(side.length_m, after.length_m)
+    )

@@ -1,0 +1,183 @@
+"""The farm file: read, checked, and its machines by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError, field_validator, model_validator
+
+from fields.nested_text import parse_toml
+from fields.text_files import explain_parse_error, quote_path, read_text, shorten_value
+from planner.errors import RequestError, suggest_name
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, FileSection, LearnedValue, Yard
+from vehicle.errors import VehicleError
+from vehicle.model.tractor import list_tractor_names
+from vehicle.model.validation_messages import describe_validation_errors
+
+Machine = TypeVar("Machine", FarmTractor, FarmImplement)
+MAX_FAULTS = 30
+OLD_UNCERTAINTY_SECTION = "chances"
+DEFAULT_TRACTORS = (FarmTractor(name="Yanmar EG105", file="eg105"),)
+DEFAULT_IMPLEMENTS = (FarmImplement(name="cultivator", width_m=3.0),)
+
+
+class FarmFile(FileSection):
+    """What a farm owns and pays. All values are optional; defaults have sources (planner.farm.value_sources).
+
+    The default machines are one tractor of the thesis and its 3 m cultivator.
+    """
+
+    tractors: tuple[FarmTractor, ...] = DEFAULT_TRACTORS
+    implements: tuple[FarmImplement, ...] = DEFAULT_IMPLEMENTS
+    prices: FarmPrices = FarmPrices()
+    times: FarmTimes = FarmTimes()
+    uncertainty: FarmUncertainty = FarmUncertainty()
+    yard: Yard = Yard()
+    learned: tuple[LearnedValue, ...] = ()
+
+    @field_validator("tractors", "implements", "learned", mode="before")
+    @classmethod
+    def _require_list(cls, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            raise ValueError("write the heading of each machine with double brackets, as [[tractors]]")
+        return value
+
+    @model_validator(mode="after")
+    def _check_machines(self) -> FarmFile:
+        faults = list(_find_farm_contradictions(self))
+        if faults:
+            raise ValueError("; ".join(faults))
+        return self
+
+    def get_tractor(self, name: str | None = None) -> FarmTractor:
+        """A kind of tractor by name, the first one without a name; raises RequestError."""
+        return _pick_machine(self.tractors, name, "tractor")
+
+    def get_implement(self, name: str | None = None) -> FarmImplement:
+        """An implement by name, the first one without a name; raises RequestError."""
+        return _pick_machine(self.implements, name, "implement")
+
+    def is_compatible(self, tractor: FarmTractor, implement: FarmImplement) -> bool:
+        """Whether an implement fits a kind of tractor."""
+        return not implement.tractors or tractor.name in implement.tractors
+
+
+def load_farm(path: str | Path) -> FarmFile:
+    """Read a farm file; files of tractors are relative to its folder.
+
+    Raises RequestError with all faults of the file in one sentence, VehicleError for the file of a tractor.
+    """
+    return parse_farm(read_text(path, "a farm file (TOML)", RequestError), str(path), Path(path).parent)
+
+
+def parse_farm(text: str, label: str, folder: Path = Path()) -> FarmFile:
+    """The farm of a text; `label` is its name in messages."""
+    values: dict[str, Any] = {}
+    try:
+        values = parse_toml(text)
+        if OLD_UNCERTAINTY_SECTION in values:
+            raise RequestError(
+                f"The farm file {label} has a section [{OLD_UNCERTAINTY_SECTION}], which is now [uncertainty]; rename "
+                "it, also in the keys of [[learned]].",
+                parameter="farm",
+            )
+        farm = FarmFile.model_validate(values)
+    except ValidationError as error:
+        faults = _insert_machine_names(describe_validation_errors(error, FarmFile, MAX_FAULTS), values)
+        raise RequestError(f"The farm file {label} cannot be used: {faults}.", parameter="farm") from None
+    except RequestError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise RequestError(
+            f"The farm file {label} is not TOML: {explain_parse_error(error)}.", parameter="farm"
+        ) from None
+    if "tractors" not in farm.model_fields_set:
+        return farm
+    return farm.model_copy(
+        update={"tractors": tuple(_resolve_tractor_file(each, label, folder) for each in farm.tractors)}
+    )
+
+
+def _insert_machine_names(faults: str, values: Mapping[str, Any]) -> str:
+    """Faults with the names of machines, if they have any, instead of their numbers."""
+
+    def name_machine(match: re.Match[str]) -> str:
+        kind, number = match[1], int(match[2])
+        name = values[kind][number].get("name")
+        return f"{kind}.{name}" if isinstance(name, str) and name else f"{kind} no. {number + 1}"
+
+    return re.sub(r"\b(tractors|implements)\.(\d+)(?=\.)", name_machine, faults)
+
+
+def _resolve_tractor_file(tractor: FarmTractor, label: str, folder: Path) -> FarmTractor:
+    """The tractor with its file relative to the folder; built once, so that its faults are found now."""
+    if tractor.file is not None and tractor.file not in list_tractor_names():
+        tractor = tractor.model_copy(update={"file": str(folder / tractor.file)})
+    try:
+        tractor.build_tractor()
+    except VehicleError as error:
+        raise VehicleError(f"The tractor {tractor.name!r} of the farm file {label}: {error}") from None
+    return tractor
+
+
+def read_example_farm_text() -> str:
+    """The farm file that comes with Headland, as text."""
+    return (resources.files("planner.farm") / "example.toml").read_text(encoding="utf-8")
+
+
+def load_example_farm() -> FarmFile:
+    """The farm that comes with Headland."""
+    return parse_farm(read_example_farm_text(), "example.toml")
+
+
+def _pick_machine(machines: Sequence[Machine], name: str | None, kind: str) -> Machine:
+    if name is None:
+        return machines[0]
+    for machine in machines:
+        if machine.name == name:
+            return machine
+    names = [machine.name for machine in machines]
+    raise RequestError(
+        f"The farm has no {kind} {quote_path(name)}{suggest_name(name, names)}; use one of: {', '.join(names)}.",
+        parameter=kind,
+    )
+
+
+def _find_farm_contradictions(farm: FarmFile) -> Iterator[str]:
+    """Contradictions between machines, and duplicate names."""
+    for kind, machines in (("tractors", farm.tractors), ("implements", farm.implements)):
+        names = [each.name for each in machines]
+        if not names:
+            yield f"{kind} is empty; name one or more, or leave {kind} out"
+        duplicates = sorted({name for name in names if names.count(name) > 1})
+        if duplicates:
+            yield f"{kind} has {shorten_value(duplicates[0])} twice; give each a unique name"
+    known_tractors = [each.name for each in farm.tractors]
+    for implement in farm.implements:
+        yield from _find_implement_faults(implement, known_tractors)
+    if farm.tractors and farm.implements:
+        for tractor in farm.tractors:
+            if not any(farm.is_compatible(tractor, implement) for implement in farm.implements):
+                yield f"no implement fits the tractor {tractor.name!r}; name it under tractors of one of them"
+
+
+def _find_implement_faults(implement: FarmImplement, known_tractors: Sequence[str]) -> Iterator[str]:
+    label = f"the implement {implement.name!r}"
+    for name in implement.tractors:
+        if name not in known_tractors:
+            yield f"{label} names {name!r}, which is not a tractor of the farm{suggest_name(name, known_tractors)}"
+    if (implement.capacity is None) != (implement.rate_per_m2 is None):
+        given_key, missing_key = (
+            ("capacity", "rate_per_m2") if implement.rate_per_m2 is None else ("rate_per_m2", "capacity")
+        )
+        unit = (
+            "l or kg per m2, usually 0.0001 to 5" if missing_key == "rate_per_m2" else "l or kg, usually 200 to 25000"
+        )
+        yield f"{label} has {given_key} but no {missing_key} ({unit}); give both or neither"
+    if implement.frame_width_m is not None and implement.frame_width_m > 2.0 * implement.width_m:
+        yield f"{label} has a frame of {implement.frame_width_m:g} m, more than twice its width; check frame_width_m"

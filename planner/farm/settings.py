@@ -1,0 +1,280 @@
+"""Sections of a farm file (prices, times, uncertainty, yard, learned values): limits, defaults and their sources.
+
+All prices are in one currency; defaults are euros of about 2025.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from planner.request.option_texts import DAY_S, parse_clock
+from planner.request.plan_request import MAX_PRICE
+from planner.request.random_inputs import (
+    MAX_BREAKDOWN_INTERVAL_H,
+    MAX_CV,
+    MAX_DURATION_S,
+    MAX_SLIP_PCT,
+    MAX_STOPS_PER_HOUR,
+    MAX_TAIL_CV,
+    PARAMETER_SOURCES,
+    UncertaintySettings,
+)
+
+SOURCE_KEY = "source"
+NONE_GIVEN = "no default"
+
+
+class FileSection(BaseModel):
+    """A frozen part of a farm file; unknown keys are refused."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def define_number(default: float | None, low: float, high: float, description: str, source: str = NONE_GIVEN) -> Any:
+    """A number from `low` to `high` (no bool), with its description and unit, and the source of its default.
+
+    The limits are wide: they catch wrong units and signs.
+    """
+    return Field(
+        default=default,
+        ge=low,
+        le=high,
+        strict=True,
+        allow_inf_nan=False,
+        description=description,
+        json_schema_extra={SOURCE_KEY: source},
+    )
+
+
+def define_value(default: Any, description: str, source: str = NONE_GIVEN, **rules: Any) -> Any:
+    """A value of another type, with rules of pydantic."""
+    return Field(default=default, description=description, json_schema_extra={SOURCE_KEY: source}, **rules)
+
+
+def get_default_source(section: type[FileSection], key: str) -> str:
+    """The source of the default of a key."""
+    extra = section.model_fields[key].json_schema_extra
+    return str(extra[SOURCE_KEY]) if isinstance(extra, dict) and SOURCE_KEY in extra else NONE_GIVEN
+
+
+StopSeconds = Annotated[float, Field(ge=0.0, le=MAX_DURATION_S, strict=True, allow_inf_nan=False)]
+
+
+def _define_uncertainty(key: str, high: float, description: str) -> Any:
+    """A setting of `UncertaintySettings`, from 0 to `high`; 0 switches it off."""
+    return define_number(getattr(UncertaintySettings, key), 0.0, high, description, PARAMETER_SOURCES[key])
+
+
+class FarmUncertainty(FileSection):
+    """Random inputs, described in `planner.request.random_inputs`; 0 switches an input off.
+
+    Coefficients of variation are of lognormal laws. Stops and breakdowns are Poisson processes.
+    """
+
+    speed_cv: float = _define_uncertainty("speed_cv", MAX_CV, "of the speed of one pass")
+    job_cv: float = _define_uncertainty("job_cv", MAX_CV, "of one factor on all driving of a job")
+    slip_pct: float = _define_uncertainty("slip_pct", MAX_SLIP_PCT, "percent of wheel slip, at which speeds hold")
+    slip_cv: float = _define_uncertainty("slip_cv", MAX_CV, "of the slip")
+    turn_cv: float = _define_uncertainty("turn_cv", MAX_CV, "of the time of a turn to the next track")
+    turn_more_cv: float = _define_uncertainty("turn_more_cv", MAX_CV, "of the time of a turn over several tracks")
+    stops_per_hour: float = _define_uncertainty("stops_per_hour", MAX_STOPS_PER_HOUR, "stops per tractor and hour")
+    stop_s: float = _define_uncertainty("stop_s", MAX_DURATION_S, "s, mean length of a stop")
+    stop_cv: float = _define_uncertainty("stop_cv", MAX_TAIL_CV, "of the length of a stop")
+    stop_durations_s: tuple[StopSeconds, ...] = define_value((), "s of measured stops", "none: the law above")
+    breakdown_hours: float = _define_uncertainty(
+        "breakdown_hours", MAX_BREAKDOWN_INTERVAL_H, "hours between breakdowns, 0 for none"
+    )
+    repair_s: float = _define_uncertainty("repair_s", MAX_DURATION_S, "s, mean length of a repair")
+    repair_cv: float = _define_uncertainty("repair_cv", MAX_TAIL_CV, "of the length of a repair")
+    start_delay_s: float = _define_uncertainty("start_delay_s", MAX_DURATION_S, "s, mean delay of the start")
+    start_delay_cv: float = _define_uncertainty("start_delay_cv", MAX_TAIL_CV, "of the delay")
+
+
+class LearnedValue(FileSection):
+    """One value that `headland learn` put into the farm file; it is cited as long as the file has this value.
+
+    `key` is section and key, such as "uncertainty.turn_cv" or "implements.drill.speed_kmh".
+    """
+
+    key: str = Field(strict=True, min_length=1, description="in quotes")
+    value: float | str = Field(description="as in the file")
+    low: float | None = define_value(None, "lower end of the 95 % interval")
+    high: float | None = define_value(None, "upper end of the 95 % interval")
+    origin: str = define_value("", "in quotes")
+    runs: tuple[str, ...] = define_value((), "names in quotes")
+
+    def format_with_interval(self) -> str:
+        """Value, interval and origin: "7.2 (95 %: 6.9 to 7.6), median of 17 runs"."""
+        interval = "" if self.low is None or self.high is None else f" (95 %: {self.low:g} to {self.high:g})"
+        value = self.value if isinstance(self.value, str) else f"{self.value:g}"
+        return f"{value}{interval}, {self.origin}" if self.origin else f"{value}{interval}"
+
+
+_EQUATIONS = "ASAE machinery cost equations (D497, EP496; standards of 2000)"
+
+
+class FarmPrices(FileSection):
+    """Costs of machines, fuel, people and late ground.
+
+    Remaining value of a machine after n years: price x first_year_value x later_year_value^n. Repair up to h hours of
+    use: price x repair_factor x (h / 1000)^repair_power. Fuel is `fuel_l_per_kwh` times the tractor's power, times the
+    share of it used at work, in turns and on the road. `per_hour`, if given, is the total cost of one tractor with
+    its implement per hour and replaces depreciation, interest, repair and fuel.
+    """
+
+    currency: str = define_value("EUR", "in quotes", "assumed", strict=True, min_length=1, max_length=12)
+    per_hour: float | None = define_number(
+        None, 0.0, MAX_PRICE, "per tractor and hour, all in", "from the values below"
+    )
+    tractor_price: float = define_number(
+        100_000.0, 0.0, MAX_PRICE, "list price of a tractor", "assumed: about 1,300 per kW for 77 kW, with the robot"
+    )
+    tractor_power_kw: float = define_number(77.0, 0.1, 2000.0, "kW at the shaft", "the tractor of the thesis (105 hp)")
+    implement_price: float = define_number(15_000.0, 0.0, MAX_PRICE, "list price", "assumed: a cultivator of 3 m")
+    hours_per_year: float = define_number(600.0, 1.0, 8784.0, "hours of use per year", "assumed: a tractor in full use")
+    implement_hours_per_year: float = define_number(200.0, 1.0, 8784.0, "hours of use per year", "assumed")
+    years: float = define_number(10.0, 0.1, 100.0, "years of use of a machine", "assumed")
+    first_year_value: float = define_number(0.68, 0.0, 1.0, "share of the price", f"tractors, d1, {_EQUATIONS}")
+    later_year_value: float = define_number(0.92, 0.0, 1.0, "share kept each year", f"tractors, d2, {_EQUATIONS}")
+    implement_first_year_value: float = define_number(
+        0.60, 0.0, 1.0, "share of the price", f"other machines, {_EQUATIONS}"
+    )
+    implement_later_year_value: float = define_number(
+        0.885, 0.0, 1.0, "share kept each year", f"other machines, {_EQUATIONS}"
+    )
+    interest_pct: float = define_number(4.0, 0.0, 100.0, "percent per year of the mean value", "assumed")
+    insurance_pct: float = define_number(
+        1.5, 0.0, 100.0, "percent per year: taxes, housing, insurance", "assumed: usually 1 to 2"
+    )
+    repair_factor: float = define_number(0.007, 0.0, 10.0, "RF1 of a tractor", f"{_EQUATIONS}: two-wheel drive")
+    repair_power: float = define_number(2.0, 0.1, 5.0, "RF2 of a tractor", f"{_EQUATIONS}: two-wheel drive")
+    implement_repair_factor: float = define_number(0.27, 0.0, 10.0, "RF1", f"{_EQUATIONS}: field cultivator")
+    implement_repair_power: float = define_number(1.4, 0.1, 5.0, "RF2", f"{_EQUATIONS}: field cultivator")
+    fuel_per_l: float = define_number(1.2, 0.0, 1e6, "per litre", "assumed: farm diesel")
+    fuel_l_per_kwh: float = define_number(
+        0.3, 0.0, 10.0, "l per kWh of the power in use", "diesel engines: 250 g per kWh"
+    )
+    work_load: float = define_number(
+        0.74, 0.0, 1.0, "share of the power at work", f"{_EQUATIONS}: 0.73 x 0.06 gallons per hour and horsepower"
+    )
+    turn_load: float = define_number(0.35, 0.0, 1.0, "share of the power in turns", "assumed: implement lifted")
+    road_load: float = define_number(0.5, 0.0, 1.0, "share of the power on the road", "assumed")
+    oil_share: float = define_number(0.15, 0.0, 10.0, "of the price of the fuel", f"lubricants, {_EQUATIONS}")
+    supervision_per_hour: float = define_number(25.0, 0.0, MAX_PRICE, "of one person", "assumed: wage with all charges")
+    supervision_share: float = define_number(0.25, 0.0, 10.0, "persons per robot", "assumed: one looks after four")
+    transport_per_tractor: float = define_number(
+        0.0, 0.0, MAX_PRICE, "bringing one robot to a field", "it drives itself"
+    )
+    transport_per_km: float = define_number(0.0, 0.0, MAX_PRICE, "per robot and km on a lorry", "it drives itself")
+    seed_per_ha: float = define_number(0.0, 0.0, MAX_PRICE, "seed or product lost on ground not done", "assumed: none")
+    late_per_ha: float = define_number(
+        80.0,
+        0.0,
+        MAX_PRICE,
+        "value lost per ha not done before the rain",
+        "assumed: ten days late, half a percent per day, of a crop worth 1,600 per ha",
+    )
+
+
+MAX_HANDLING_S = 7.0 * DAY_S
+MAX_BREAK_S = DAY_S // 2
+
+
+def _validate_clock(text: str | None) -> str | None:
+    if text is not None:
+        parse_clock(text, "the time")
+    return text
+
+
+def _validate_break(text: str) -> str:
+    _parse_break(text)
+    return text
+
+
+def _parse_break(text: str) -> tuple[int, int]:
+    """ "12:00-12:30" as seconds of the day (from, to); an end past midnight is above a day."""
+    match = re.fullmatch(r"\s*(\S+)\s*-\s*(\S+)\s*", text)
+    if not match:
+        raise ValueError(f"{text!r} is not a break; write for instance '12:00-12:30'")
+    start, end = (parse_clock(part, "the break") for part in match.groups())
+    length_s = (end - start) % DAY_S or DAY_S
+    if length_s > MAX_BREAK_S:
+        raise ValueError(
+            f"the break {text!r} lasts {length_s / 3600.0:.3g} h; use 12 h or less, with the earlier time first"
+        )
+    return start, start + length_s
+
+
+Clock = Annotated[str | None, AfterValidator(_validate_clock)]
+Break = Annotated[str, AfterValidator(_validate_break)]
+
+
+def _define_clock(description: str) -> Any:
+    return define_value(None, description, "none", strict=True)
+
+
+class FarmTimes(FileSection):
+    """Handling times, shift and breaks. Durations are seconds, times of day "hh:mm" in quotes.
+
+    A shift that ends before it starts ends on the next day.
+    """
+
+    unfold_s: float = define_number(
+        120.0, 0.0, MAX_HANDLING_S, "s to unfold on the field", "assumed: a folding implement"
+    )
+    fold_s: float = define_number(120.0, 0.0, MAX_HANDLING_S, "s to fold for the road", "assumed: a folding implement")
+    refill_s: float = define_number(
+        300.0, 0.0, MAX_HANDLING_S, "s to refill or unload at the service point", "assumed: one big bag or tank"
+    )
+    shift_start: Clock = _define_clock("hh:mm in quotes")
+    shift_end: Clock = _define_clock("hh:mm in quotes")
+    breaks: tuple[Break, ...] = define_value((), "such as '12:00-12:30', in quotes", "none: robots need none")
+    road_speed_kmh: float = define_number(
+        25.0, 0.5, 80.0, "km/h on the road", "assumed: with an implement, villages included"
+    )
+    road_factor: float = define_number(
+        1.3, 1.0, 10.0, "length of road over straight line", "usual for rural roads: 1.2 to 1.4"
+    )
+
+    @model_validator(mode="after")
+    def _check_breaks(self) -> FarmTimes:
+        start, end = self.shift_span_s
+        begin = start or 0
+        until = begin + DAY_S if end is None else end + DAY_S * (end <= begin)
+        repeated_breaks = sorted((a + day, b + day) for a, b in self.break_spans_s for day in (-DAY_S, 0, DAY_S))
+        free_from = begin
+        for first, last in repeated_breaks:
+            if first > free_from:
+                break
+            free_from = max(free_from, last)
+        if free_from >= until:
+            raise ValueError("the breaks take the whole shift; shorten them")
+        return self
+
+    @property
+    def break_spans_s(self) -> tuple[tuple[int, int], ...]:
+        """Sorted breaks as seconds of the day (from, to); an end past midnight is above a day."""
+        return tuple(sorted(_parse_break(text) for text in self.breaks))
+
+    @property
+    def shift_span_s(self) -> tuple[int | None, int | None]:
+        """Start and end of the shift as seconds of the day; an end past midnight is above a day."""
+        start, end = (None if at is None else parse_clock(at, "the shift") for at in (self.shift_start, self.shift_end))
+        return start, end + DAY_S if start is not None and end is not None and end <= start else end
+
+
+class Yard(FileSection):
+    """Where the machines are kept, in degrees."""
+
+    lon: float | None = define_number(None, -180.0, 180.0, "degrees of longitude")
+    lat: float | None = define_number(None, -90.0, 90.0, "degrees of latitude")
+
+    @model_validator(mode="after")
+    def _check_position(self) -> Yard:
+        if (self.lon is None) != (self.lat is None):
+            missing_key, given_key = ("lon", "lat") if self.lon is None else ("lat", "lon")
+            raise ValueError(f"{missing_key} is missing beside {given_key}; give both in degrees, or neither")
+        return self

@@ -1,0 +1,361 @@
+"""The state of a fleet: plan, tractors, control leases, obstacles, coverage, and pending orders and events."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+
+from planner.fleet.model.alarms import AlarmRegister
+from planner.fleet.model.errors import ControlLeaseError, FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.model.tractor_state import (
+    OBSTACLE,
+    REMOTE_CONTROL,
+    WAITS_FOR_PLAN,
+    FleetEvent,
+    TractorOrder,
+    TractorState,
+)
+from planner.fleet.safety.base_release import find_awaited_legs, find_gates_closed_on_base
+from planner.fleet.safety.motion_prediction import NeighbourFleets, NoNeighbours, NoTwins, TwinPredictions
+from planner.fleet.safety.safety_guard import MOVING_MPS, SafetyGuard
+from planner.fleet.safety.separation import STUCK_AFTER_S, SeparationMonitor
+
+
+class ControlLeases:
+    """Who drives which tractor by remote control; a holder is one link of one operator."""
+
+    def __init__(self) -> None:
+        self._holders: dict[int, str] = {}
+
+    def get_holder(self, tractor: int) -> str | None:
+        """The holder of a tractor, None if nobody."""
+        return self._holders.get(tractor)
+
+    def list_tractors_leased_by(self, who: str) -> list[int]:
+        """The tractors that somebody drives."""
+        return sorted(tractor for tractor, holder in self._holders.items() if holder == who)
+
+    def take_lease_of(self, tractor: int, who: str, takeover: bool) -> str | None:
+        """Lease a tractor; returns the previous holder. Raises ControlLeaseError if held and not `takeover`."""
+        previous_holder = self._holders.get(tractor)
+        if previous_holder not in (None, who) and not takeover:
+            raise ControlLeaseError(
+                f"Tractor {tractor + 1} is driven by {previous_holder}; take it over to drive it yourself."
+            )
+        self._holders[tractor] = who
+        return previous_holder if previous_holder != who else None
+
+    def check_holder(self, tractor: int, who: str) -> None:
+        """Raise ControlLeaseError unless `who` holds this tractor."""
+        holder = self._holders.get(tractor)
+        if holder != who:
+            state_text = "nobody drives it" if holder is None else f"{holder} drives it"
+            raise ControlLeaseError(f"Tractor {tractor + 1} is not yours to drive: {state_text}. Take control first.")
+
+    def end_lease_of(self, tractor: int, who: str) -> bool:
+        """Give a tractor back; whether `who` held it."""
+        if self._holders.get(tractor) != who:
+            return False
+        del self._holders[tractor]
+        return True
+
+
+MOST_OBSTACLES, MOST_PER_REPORTER, MOST_OUTLINE_POINTS = 100, 20, 200
+SAME_PLACE_M = 0.5  # by which an obstacle that is reported again may have moved
+Ring = tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True)
+class FleetObstacle:
+    """One obstacle in metres of the plan."""
+
+    id: int
+    name: str
+    who: str
+    ring: Ring
+    shape: shapely.Polygon
+
+
+class ObstacleMap:
+    """The present obstacles; `version` increases with every change."""
+
+    def __init__(self, reach_m: float) -> None:
+        self.reach_m = reach_m  # a leg whose line comes nearer than this to an obstacle is blocked
+        self.items: dict[int, FleetObstacle] = {}
+        self.version = 0
+        self._last = 0
+
+    def add(self, ring: Ring, name: str, who: str) -> FleetObstacle:
+        """Add an obstacle. Raises FleetManagerError for too many, or for an outline that is not a polygon."""
+        if len(self.items) >= MOST_OBSTACLES:
+            raise FleetManagerError(
+                f"There are {MOST_OBSTACLES} obstacles already, the most allowed; clear those that are gone first."
+            )
+        if sum(block.who == who for block in self.items.values()) >= MOST_PER_REPORTER:
+            raise FleetManagerError(
+                f"{who.capitalize()} has reported {MOST_PER_REPORTER} obstacles not cleared yet, the most allowed; "
+                "clear those that are gone first."
+            )
+        if len(ring) > MOST_OUTLINE_POINTS:
+            raise FleetManagerError(
+                f"The outline has {len(ring)} points; use at most {MOST_OUTLINE_POINTS}.", parameter="polygon_m"
+            )
+        shape = shapely.Polygon(ring) if len(ring) > 2 else None
+        if shape is None or not shape.is_valid or shape.area <= 0.0:
+            raise FleetManagerError(
+                "The outline of the obstacle is not a polygon; give three or more corners that do not cross.",
+                parameter="polygon_m",
+            )
+        self._last += 1
+        block = FleetObstacle(self._last, name, who, ring, shape)
+        self.items[block.id] = block
+        self.version += 1
+        return block
+
+    def find_containing_obstacle(self, ring: Ring, who: str) -> FleetObstacle | None:
+        """An obstacle of the same reporter that contains this outline, up to SAME_PLACE_M; None if there is none."""
+        shape = shapely.Polygon(ring) if len(ring) > 2 else None
+        if shape is None or not shape.is_valid:
+            return None
+        own_obstacles = (block for block in self.items.values() if block.who == who)
+        return next(
+            (block for block in own_obstacles if shapely.buffer(block.shape, SAME_PLACE_M).contains(shape)), None
+        )
+
+    def remove_obstacle(self, number: int) -> FleetObstacle:
+        """Remove an obstacle. Raises FleetManagerError if there is none of this number."""
+        if number not in self.items:
+            raise FleetManagerError(f"There is no obstacle {number}; it was already cleared.", parameter="obstacle")
+        self.version += 1
+        return self.items.pop(number)
+
+    def find_blocked_legs(self, timed_mission: TimedMission) -> dict[int, str]:
+        """Legs that an obstacle blocks, with its name."""
+        if not self.items:
+            return {}
+        lines = np.array([shapely.LineString(leg.points) for leg in timed_mission.legs])
+        names: dict[int, str] = {}
+        for block in self.items.values():
+            for leg in np.flatnonzero(shapely.dwithin(lines, block.shape, self.reach_m)).tolist():
+                names.setdefault(leg, block.name)
+        return names
+
+    def find_obstacle_on_base(self, timed_mission: TimedMission, leg: int, leg_m: float, base_end: int) -> str | None:
+        """The name of an obstacle on the rest of the base; None if there is none."""
+        if not self.items or leg >= base_end:
+            return None
+        end_m = timed_mission.leg_starts_m[min(base_end, len(timed_mission.legs))]
+        remaining_m = end_m - timed_mission.leg_starts_m[leg] - leg_m
+        distances_m = np.append(np.arange(0.0, max(remaining_m, 0.0), 0.5), max(remaining_m, 0.0))
+        points = timed_mission.sample_poses(leg, leg_m, distances_m.tolist(), base_end)[:, :2]
+        line = shapely.LineString(points) if len(points) > 1 else shapely.Point(points[0])
+        for block in self.items.values():
+            if shapely.dwithin(line, block.shape, self.reach_m):
+                return block.name
+        return None
+
+
+COVERAGE_STEP_M = 1.0
+MOST_COVERAGE_POINTS = 20_000  # per tractor: 20 km of track
+CoveragePoint = tuple[float, float] | None
+"""A place in metres of the plan; None where the implement was lifted."""
+
+
+class CoverageMap:
+    """The line of the guided point of each tractor while its implement is down."""
+
+    def __init__(self, tractors: int) -> None:
+        self.lines: list[list[CoveragePoint]] = [[] for _ in range(tractors)]
+
+    def add_place(self, tractor: int, x_m: float, y_m: float, is_working: bool) -> None:
+        """Add the place of a tractor."""
+        line = self.lines[tractor]
+        if not is_working:
+            if line and line[-1] is not None:
+                line.append(None)
+            return
+        last = line[-1] if line else None
+        if (last is None or math.dist(last, (x_m, y_m)) >= COVERAGE_STEP_M) and len(line) < MOST_COVERAGE_POINTS:
+            line.append((x_m, y_m))
+
+    def get_points_after(self, tractor: int, count: int) -> list[CoveragePoint]:
+        """The points after the first `count`."""
+        return self.lines[tractor][count:]
+
+
+READY, RUNNING, STOPPED, DONE = "ready", "running", "stopped", "done"
+FLEET_MANAGER = "centre"
+
+
+class FleetState:
+    """State of a fleet, with pending orders and events."""
+
+    def __init__(self, plan: FleetPlan, rules: FleetRules, twins: TwinPredictions | None = None) -> None:
+        self.plan, self.rules, self.twins = plan, rules, twins or NoTwins()
+        self.version = 1
+        self.state = READY
+        self.started_s: float | None = None
+        self.states = [TractorState() for _ in plan.timed_missions]
+        self.control_leases, self.alarms = ControlLeases(), AlarmRegister()
+        reach_m = 0.5 * max(plan.tractor.width_m, plan.implement.contact_width_m) + rules.obstacle_margin_m
+        self.obstacles = ObstacleMap(reach_m)
+        self.blocked_legs: list[dict[int, str]] = [{} for _ in plan.timed_missions]
+        self.coverage_map = CoverageMap(plan.tractor_count)
+        self.guard = SafetyGuard(plan, rules, self.twins)
+        self.neighbours: NeighbourFleets = NoNeighbours()
+        self.separation = SeparationMonitor(rules.release_s / rules.times, STUCK_AFTER_S / rules.times)
+        self.finish_in_s = [math.inf] * plan.tractor_count
+        self._orders: list[TractorOrder] = []
+        self._events: list[FleetEvent] = []
+        self._last_stops = [("", -math.inf)] * plan.tractor_count  # who last stopped each, and when
+        self._watched_at_s = self._forecast_at_s = -math.inf
+
+    @property
+    def timed_missions(self) -> tuple[TimedMission, ...]:
+        """The legs of every tractor."""
+        return self.plan.timed_missions
+
+    def take_outputs(self) -> tuple[list[TractorOrder], list[FleetEvent]]:
+        """Orders and events since the last call."""
+        orders, events = self._orders, self._events
+        self._orders, self._events = [], []
+        return orders, events
+
+    def log_event(self, who: str, what: str, **data: Any) -> None:
+        """Add an event to the log."""
+        self._events.append(FleetEvent(who, what, data))
+
+    def _issue_order(self, number: int, kind: str, **data: Any) -> None:
+        self._orders.append(TractorOrder(number, kind, data))
+
+    def check_tractor_number(self, number: int) -> None:
+        """Raise FleetManagerError if the fleet has no such tractor."""
+        if not 0 <= number < self.plan.tractor_count:
+            raise FleetManagerError(
+                f"Tractor {number + 1} is not in this fleet of {self.plan.tractor_count}; "
+                f"use 1 to {self.plan.tractor_count}.",
+                parameter="tractor",
+            )
+
+    def _hold_tractors_at_gates(self) -> None:
+        """Hold tractors that a replanned plan makes wait where they stand, until their gates open."""
+        for number, state in enumerate(self.states):
+            if (
+                state.done
+                or state.has_no_more_legs
+                or not find_gates_closed_on_base(self.timed_missions[number], state, self.states)
+            ):
+                state.holds.discard(WAITS_FOR_PLAN)
+            elif WAITS_FOR_PLAN not in state.holds:
+                state.holds.add(WAITS_FOR_PLAN)
+                self._stop_tractor(number, WAITS_FOR_PLAN)
+
+    def _send_stop_or_resume(self) -> None:
+        """Send stop or resume to every tractor for which that has changed."""
+        for number, state in enumerate(self.states):
+            must_stand = bool(state.holds) or self.state in (READY, STOPPED)
+            if must_stand != state.standing_ordered:
+                state.standing_ordered = must_stand
+                self._issue_order(number, "stop" if must_stand else "resume", **self._describe_stop_reason(number))
+
+    def _describe_stop_reason(self, number: int) -> dict[str, Any]:
+        """The reason of an order to stop; empty for an order to resume."""
+        state = self.states[number]
+        if not state.standing_ordered:
+            return {}
+        return {"reason": sorted(state.holds)[0] if state.holds else "not started"}
+
+    def _stop_tractor(self, number: int, reason: str) -> None:
+        """Stop a tractor, whoever drives it."""
+        state = self.states[number]
+        state.remote_command = (state.remote_command[0], 0.0)
+        state.standing_ordered = True
+        self._issue_order(number, "stop", reason=reason)
+
+    def _raise_alarm(self, code: str, number: int | None, level: str, sentence: str, now: float) -> None:
+        if self.alarms.raise_alarm(code, number, level, sentence, now):
+            self.log_event(FLEET_MANAGER, "alarm", tractor=None if number is None else number + 1, sentence=sentence)
+
+    def _send_base(self, number: int) -> None:
+        state = self.states[number]
+        self._issue_order(
+            number,
+            "release",
+            update=state.update,
+            base_end=state.base_end,
+            horizon_end=len(self.timed_missions[number].legs),
+            limit_mps=state.limit_mps,
+            horizon_s=self.rules.horizon_s,
+        )
+
+    def _update_blocked_legs(self) -> None:
+        for number, (state, timed_mission) in enumerate(zip(self.states, self.timed_missions, strict=True)):
+            legs = self.obstacles.find_blocked_legs(timed_mission)
+            self.blocked_legs[number] = {leg: name for leg, name in legs.items() if leg >= state.base_end}
+            if self._is_base_obstructed(number):
+                if OBSTACLE not in state.holds:
+                    state.holds.add(OBSTACLE)
+                    self._stop_tractor(number, OBSTACLE)
+            else:
+                state.holds.discard(OBSTACLE)
+            steering, speed = state.remote_command
+            if self._find_remote_command_harm(number, speed, steering):
+                self._stop_tractor(number, OBSTACLE)
+        self._send_stop_or_resume()
+
+    def _is_base_obstructed(self, number: int) -> bool:
+        """Whether an obstacle lies on the base of a tractor, from where it would resume."""
+        state, timed_mission = self.states[number], self.timed_missions[number]
+        if state.done:
+            return False
+        place_m = state.leg_m
+        if REMOTE_CONTROL in state.holds and state.report is not None:  # led past it, it resumes from where it stands
+            place = state.report.x_m, state.report.y_m
+            place_m = max(place_m, timed_mission.find_nearest_leg_position_m(state.leg, place, self.rules.rejoin_m))
+        return self.obstacles.find_obstacle_on_base(timed_mission, state.leg, place_m, state.base_end) is not None
+
+    def _clear_passed_obstacles(self) -> None:
+        """End the obstacle holds of tractors that were led past the obstacle."""
+        for number, state in enumerate(self.states):
+            if OBSTACLE in state.holds and not self._is_base_obstructed(number):
+                state.holds.discard(OBSTACLE)
+
+    def _find_remote_command_harm(self, number: int, speed_mps: float, steering_rad: float) -> str | None:
+        """Why a remote command would do harm; None if it does not."""
+        if abs(speed_mps) < MOVING_MPS:
+            return None
+        shapes = [block.shape for block in self.obstacles.items.values()]
+        return self.guard.find_command_harm(
+            number,
+            speed_mps,
+            steering_rad,
+            self.states,
+            self.timed_missions,
+            shapes,
+            self.neighbours.find_nearby_tractors(),
+        )
+
+    def find_awaited_legs(self, number: int) -> list[tuple[int, int]]:
+        """The (tractor, leg) that a tractor waits for now."""
+        return find_awaited_legs(number, self.timed_missions, self.states, self.rules)
+
+    def compute_total_worked_m(self) -> float:
+        """Metres worked so far by all tractors."""
+        return sum(
+            timed_mission.worked_m[-1] if state.done else timed_mission.compute_worked_m(state.leg, state.leg_m)
+            for timed_mission, state in zip(self.timed_missions, self.states, strict=True)
+        )
+
+    def estimate_delay_s(self, number: int, now: float) -> float | None:
+        """How much later than planned a tractor will be done, in seconds of real time; None if unknown."""
+        if self.started_s is None or not math.isfinite(self.finish_in_s[number]) or self.states[number].done:
+            return None
+        planned_s = self.plan.finish_s[number] / self.rules.times
+        return now + self.finish_in_s[number] - self.started_s - planned_s

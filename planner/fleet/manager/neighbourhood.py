@@ -1,0 +1,287 @@
+"""Live fleets near each other: distances, right of way and stops are kept between them too.
+
+Two fleets are neighbours if their grounds come within NEAR_M, which is checked when a fleet is added. Each fleet
+manager then watches the other's tractors like its own, by the same rules and by their last reports, however old: others
+keep clear of the last place of a silent tractor, and one that waits at its entrance or has left through it counts as
+present. Each fleet manager holds only its own tractors. Of tractors of two fleets that stand because they are near each
+other, those of the fleet added first resume first; the others wait. Stop-all stops the neighbours of a fleet, but not
+their neighbours.
+
+Plans without a coordinate system share one system of local metres. Their distance from plans with a coordinate system
+is unknown.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from pyproj import CRS, Transformer
+from pyproj.exceptions import ProjError
+
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.tractor_state import BY_HAND, TOO_NEAR
+from planner.fleet.safety.motion_prediction import NeighbourTractor, compute_centre_poses, compute_stopping_time_s
+from vehicle.missions.plan_file import SavedPlan
+
+AnyArray = npt.NDArray[Any]
+WGS84 = "EPSG:4326"
+FIT_SAMPLES = 5  # sample places along each side of a ground
+
+
+class IncomparablePlacesError(ValueError):
+    """The places of two plans cannot be compared."""
+
+
+def build_plan_extent(plan: FleetPlan) -> shapely.Geometry:
+    """The field of a plan, if known, and the lines that its tractors drive; metres of the plan."""
+    lines = [shapely.LineString(leg.points) for timed_mission in plan.timed_missions for leg in timed_mission.legs]
+    field = [shapely.Polygon(plan.rings[0])] if plan.rings else []
+    return shapely.GeometryCollection([*field, shapely.MultiLineString(lines)])
+
+
+class GroundConversion:
+    """Converts places from metres of one plan to metres of another.
+
+    Between two coordinate systems it uses a polynomial of the second degree fitted to `ground`, as pyproj is too slow
+    for every tick; over some kilometres it is accurate to a millimetre. Raises IncomparablePlacesError.
+    """
+
+    def __init__(self, source: SavedPlan, target: SavedPlan, ground: shapely.Geometry) -> None:
+        self.turn_rad = 0.0
+        self._terms: AnyArray | None = None
+        self._shift = np.asarray(source.origin_m) - np.asarray(target.origin_m)
+        if source.crs != target.crs:
+            self._fit_conversion_terms(source, target, shapely.bounds(ground))
+
+    def _fit_conversion_terms(self, source: SavedPlan, target: SavedPlan, bounds: AnyArray) -> None:
+        west, south, east, north = bounds
+        self._middle = np.array([0.5 * (west + east), 0.5 * (south + north)])
+        self._size = max(east - west, north - south, 1.0)
+        x, y = np.meshgrid(*(middle + np.linspace(-0.5, 0.5, FIT_SAMPLES) * self._size for middle in self._middle))
+        places = np.column_stack([x.ravel(), y.ravel()])  # a square: one line would not determine the other direction
+        converted = _convert_by_wgs84(source, target, places)
+        self._terms = np.linalg.lstsq(self._compute_powers(places), converted, rcond=None)[0]
+        ahead = self.convert_places(self._middle + np.array([[0.0, 0.0], [1.0, 0.0]]))
+        self.turn_rad = float(np.arctan2(*(ahead[1] - ahead[0])[::-1]))
+
+    def _compute_powers(self, places: AnyArray) -> AnyArray:
+        x, y = ((places - self._middle) / self._size).T
+        return np.column_stack([np.ones(len(x)), x, y, x * x, x * y, y * y])
+
+    def convert_places(self, places: AnyArray) -> AnyArray:
+        """Convert places (n, 2)."""
+        return places + self._shift if self._terms is None else self._compute_powers(places) @ self._terms
+
+    def convert_poses(self, poses: AnyArray) -> AnyArray:
+        """Convert poses (..., 3) of x, y (m) and mathematical heading (rad)."""
+        flat = poses.reshape(-1, 3)
+        moved = np.column_stack([self.convert_places(flat[:, :2]), flat[:, 2] + self.turn_rad])
+        return moved.reshape(poses.shape)
+
+
+def _convert_by_wgs84(source: SavedPlan, target: SavedPlan, places: AnyArray) -> AnyArray:
+    """Places (n, 2) in metres of one plan as those of another, through longitude and latitude."""
+    if source.crs is None or target.crs is None:
+        raise IncomparablePlacesError("One of two plans has local metres and the other a coordinate system.")
+    try:
+        to_wgs84 = Transformer.from_crs(CRS(source.crs), WGS84, always_xy=True)
+        from_wgs84 = Transformer.from_crs(WGS84, CRS(target.crs), always_xy=True)
+        east, north = (places + np.asarray(source.origin_m)).T
+        converted = np.column_stack(from_wgs84.transform(*to_wgs84.transform(east, north))) - np.asarray(
+            target.origin_m
+        )
+    except ProjError as fault:
+        raise IncomparablePlacesError(f"A coordinate system cannot be used: {fault}") from None
+    if not np.isfinite(converted).all():
+        raise IncomparablePlacesError("The places of one plan have none in the coordinate system of the other.")
+    return np.asarray(converted)
+
+
+def are_grounds_near(source: FleetPlan, target: FleetPlan, within_m: float) -> bool:
+    """Whether the grounds of two plans come within `within_m`. Raises IncomparablePlacesError."""
+    ground, target_ground = build_plan_extent(source), build_plan_extent(target)
+    if source.saved.crs == target.saved.crs:
+        shift = np.asarray(source.saved.origin_m) - np.asarray(target.saved.origin_m)
+        return bool(shapely.dwithin(shapely.transform(ground, lambda places: places + shift), target_ground, within_m))
+    moved = shapely.transform(ground, lambda places: _convert_by_wgs84(source.saved, target.saved, places))
+    return bool(shapely.dwithin(moved, target_ground, within_m))
+
+
+NEAR_M = 50.0
+LOOKOUT_M = 5.0  # beyond what two could close in the predicted time
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class NeighbourhoodMember:
+    """A live fleet; `send` flushes its orders and events, `rank` counts fleets in the order they were added."""
+
+    id: str
+    name: str
+    manager: FleetManager
+    send: Callable[[], None]
+    rank: int
+
+    @property
+    def fastest_mps(self) -> float:
+        """The highest speed of its tractors."""
+        reports = [state.report for state in self.manager.states if state.report is not None]
+        legs = max(timed_mission.fastest_mps for timed_mission in self.manager.timed_missions)
+        return max([legs, self.manager.rules.remote_mps, *(report.speed_mps for report in reports)])
+
+
+class Neighbourhood:
+    """All live fleets, and which are neighbours."""
+
+    def __init__(self) -> None:
+        self._members: dict[str, NeighbourhoodMember] = {}
+        self._conversions: dict[str, dict[str, GroundConversion]] = {}
+        self._unknown: dict[str, set[str]] = {}
+        self._ranks = itertools.count()
+
+    def add(self, id: str, name: str, manager: FleetManager, send: Callable[[], None], now: float) -> None:
+        """Add a fleet, and make it and those near it neighbours."""
+        self.remove(id, now)
+        member = NeighbourhoodMember(id, name, manager, send, next(self._ranks))
+        self._conversions[id], self._unknown[id] = {}, set()
+        for neighbour in self._members.values():
+            self._connect_if_adjacent(member, neighbour)
+        self._members[id] = member
+        manager.neighbours = NeighbourView(self, member)
+        for fleet_id in (id, *self._conversions[id], *self._unknown[id]):
+            self._update_neighbour_names(fleet_id, now)
+
+    def remove(self, id: str, now: float) -> None:
+        """Remove a fleet."""
+        if self._members.pop(id, None) is None:
+            return
+        neighbour_ids = [*self._conversions.pop(id), *self._unknown.pop(id)]
+        for neighbour_id in neighbour_ids:
+            self._conversions[neighbour_id].pop(id, None)
+            self._unknown[neighbour_id].discard(id)
+            self._update_neighbour_names(neighbour_id, now)
+
+    def _connect_if_adjacent(self, member: NeighbourhoodMember, neighbour: NeighbourhoodMember) -> None:
+        first, second = member.manager.plan, neighbour.manager.plan
+        try:
+            if are_grounds_near(first, second, NEAR_M):
+                inward = GroundConversion(second.saved, first.saved, build_plan_extent(second))
+                outward = GroundConversion(first.saved, second.saved, build_plan_extent(first))
+                self._conversions[member.id][neighbour.id], self._conversions[neighbour.id][member.id] = (
+                    inward,
+                    outward,
+                )  # both of them or none
+        except IncomparablePlacesError:
+            self._unknown[member.id].add(neighbour.id)
+            self._unknown[neighbour.id].add(member.id)
+
+    def _update_neighbour_names(self, id: str, now: float) -> None:
+        unknown_names = [self._members[neighbour_id].name for neighbour_id in sorted(self._unknown[id])]
+        self._members[id].manager.set_neighbours(
+            [neighbour.name for neighbour in self.list_neighbours(id)], unknown_names, now
+        )
+
+    def list_neighbours(self, id: str) -> list[NeighbourhoodMember]:
+        """The neighbours of a fleet, in the order they were added."""
+        return sorted(
+            (self._members[neighbour_id] for neighbour_id in self._conversions.get(id, ())), key=lambda each: each.rank
+        )
+
+    def find_near_tractors(self, member: NeighbourhoodMember) -> list[NeighbourTractor]:
+        """Tractors of neighbours that could come near a fleet's own within the predicted time."""
+        own_positions = _list_positions(member)
+        if not len(own_positions):
+            return []
+        return [
+            tractor
+            for neighbour in self.list_neighbours(member.id)
+            for tractor in self._find_near_tractors_of(neighbour, member, own_positions)
+        ]
+
+    def _find_near_tractors_of(
+        self, neighbour: NeighbourhoodMember, member: NeighbourhoodMember, own_positions: Array
+    ) -> list[NeighbourTractor]:
+        """Tractors of one neighbour that could come near `own_positions` (n, 2)."""
+        manager, conversion = neighbour.manager, self._conversions[member.id][neighbour.id]
+        pace = manager.rules.times / member.manager.rules.times
+        reported_numbers = np.array(
+            [n for n, state in enumerate(manager.states) if state.report is not None], dtype=np.int64
+        )
+        if not len(reported_numbers):
+            return []
+        places = conversion.convert_places(_list_positions(neighbour, reported_numbers))
+        reach_m = _compute_watch_distance_m(member, neighbour, pace)
+        is_near = (np.hypot(*(places[:, None] - own_positions[None]).transpose(2, 0, 1)) <= reach_m).any(axis=1)
+        numbers = reported_numbers[is_near].tolist()
+        if not numbers:
+            return []
+        paths = manager.guard.predict_paths_of(numbers, manager.states, manager.timed_missions, pace)
+        poses = conversion.convert_poses(compute_centre_poses(paths, manager.guard.tractor))
+        return [_build_neighbour(number, neighbour, member, poses[k], pace) for k, number in enumerate(numbers)]
+
+
+class NeighbourView:
+    """The neighbourhood as one fleet sees it."""
+
+    def __init__(self, neighbourhood: Neighbourhood, member: NeighbourhoodMember) -> None:
+        self._neighbourhood, self._member = neighbourhood, member
+
+    def find_nearby_tractors(self) -> list[NeighbourTractor]:
+        """The tractors of its neighbours that could come near."""
+        return self._neighbourhood.find_near_tractors(self._member)
+
+    def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
+        """Stop all neighbours at once; returns their names."""
+        neighbours = self._neighbourhood.list_neighbours(self._member.id)
+        for neighbour in neighbours:
+            neighbour.manager.stop_with_neighbour(who, self._member.name, now)
+            neighbour.send()
+        return [neighbour.name for neighbour in neighbours]
+
+    def restart_waiting_times(self) -> None:
+        """A tractor resumes: standing ones of the neighbours start their waiting time again."""
+        for neighbour in self._neighbourhood.list_neighbours(self._member.id):
+            neighbour.manager.separation.restart_waiting_times()
+
+
+def _list_positions(member: NeighbourhoodMember, numbers: npt.NDArray[np.int64] | None = None) -> Array:
+    """Last places (n, 2) of all tractors that have reported, or of those with these numbers."""
+    states = member.manager.states if numbers is None else [member.manager.states[number] for number in numbers]
+    reports = [state.report for state in states if state.report is not None]
+    return np.array([[report.x_m, report.y_m] for report in reports]).reshape(-1, 2)
+
+
+def _compute_watch_distance_m(member: NeighbourhoodMember, neighbour: NeighbourhoodMember, pace: float) -> float:
+    """Metres between two tractors of these fleets that could come near in the time foreseen."""
+    closing_m = member.manager.rules.ahead_s * (member.fastest_mps + pace * neighbour.fastest_mps)
+    return closing_m + LOOKOUT_M + 2.0 * (member.manager.guard.reach_m + neighbour.manager.guard.reach_m)
+
+
+def _build_neighbour(
+    number: int, neighbour: NeighbourhoodMember, member: NeighbourhoodMember, path: Array, pace: float
+) -> NeighbourTractor:
+    manager, state = neighbour.manager, neighbour.manager.states[number]
+    assert state.report is not None
+    speed_mps = abs(state.report.speed_mps)
+    return NeighbourTractor(
+        key=(neighbour.id, number),
+        name=f"tractor {number + 1} of fleet {neighbour.name!r}",
+        fleet=neighbour.name,
+        path=path,
+        model=manager.guard.model[0],
+        boxes=manager.guard.boxes,
+        speed_mps=speed_mps,
+        braking_s=compute_stopping_time_s(speed_mps, manager.rules) / pace,
+        is_waiting=TOO_NEAR in state.holds and state.mode not in BY_HAND,
+        is_free=manager.separation.is_free(number),
+        has_priority=neighbour.rank < member.rank,
+        is_linked=state.is_linked and not manager.alarms.is_alarm_on("broken", number),
+        is_queueing=manager.guard.is_queueing(state, manager.timed_missions[number]),
+    )

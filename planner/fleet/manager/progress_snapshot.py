@@ -1,0 +1,98 @@
+"""The state of a fleet as plain values, to continue after a restart of the service."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import Any
+
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.manager.fleet_state import READY, RUNNING, STOPPED
+from planner.fleet.model.alarms import FleetAlarm
+from planner.fleet.model.tractor_state import OBSTACLE, UNREADABLE, WAITS_FOR_PLAN, TractorReport, TractorState
+
+LASTING_FIELDS = {
+    "leg": "leg",
+    "leg_m": "leg_m",
+    "released": "base_end",
+    "update": "update",
+    "done": "done",
+    "failed": "failed",
+    "driving_s": "driving_s",
+    "driven_plan_s": "planned_driving_s",
+}
+"""Attributes of a tractor's state that a restart keeps, by their stored keys."""
+OBSOLETE_CODE = "stood"  # an alarm code of earlier versions, which nothing ends any more
+TRANSIENT_HOLDS = frozenset({OBSTACLE, WAITS_FOR_PLAN})
+"""Holds that are not saved because they are found again; TOO_NEAR is saved, as standing tractors raise none."""
+
+
+def capture_progress(manager: FleetManager, now: float, clock_s: float) -> dict[str, Any]:
+    """The state to save. `now` is the fleet manager's time, `clock_s` the same moment in seconds since 1970."""
+    started_clock_s = None if manager.started_s is None else clock_s - (now - manager.started_s)
+    return {
+        "state": manager.state,
+        "started_clock_s": started_clock_s,
+        "tractors": [
+            {key: getattr(state, name) for key, name in LASTING_FIELDS.items()}
+            | {"holds": sorted(state.holds - TRANSIENT_HOLDS), "last": _capture_last_report(state, now, clock_s)}
+            for state in manager.states
+        ],
+        "obstacles": [
+            {"id": block.id, "name": block.name, "who": block.who, "ring": [list(point) for point in block.ring]}
+            for block in manager.obstacles.items.values()
+        ],
+        "alarms": [
+            asdict(alarm) | {"since_s": clock_s - (now - alarm.since_s)} for alarm in manager.alarms.list_alarms()
+        ],
+    }
+
+
+def _capture_last_report(state: TractorState, now: float, clock_s: float) -> dict[str, Any] | None:
+    """The last report of a tractor and when it came; None without one."""
+    if state.report is None:
+        return None
+    contact = {"clock_s": clock_s - (now - state.last_fix_s), "said_goodbye": state.has_disconnected}
+    return {"report": asdict(state.report)} | contact
+
+
+def restore_progress(manager: FleetManager, saved: dict[str, Any], now: float, clock_s: float) -> None:
+    """Restore a saved state (empty: none) into a new fleet manager of the same plan; all tractors are held."""
+    if not saved:
+        return
+    manager.state = saved.get("state", READY)
+    started_clock_s = saved.get("started_clock_s")
+    manager.started_s = None if started_clock_s is None else now - (clock_s - started_clock_s)
+    for state, values in zip(manager.states, saved.get("tractors", ()), strict=False):
+        _restore_tractor(state, values, now - clock_s)
+        state.unreadable_s = now if UNREADABLE in state.holds else -math.inf
+    codes = {}
+    for block in saved.get("obstacles", ()):
+        obstacle = manager.report_obstacle(block["who"], tuple((x, y) for x, y in block["ring"]), block["name"], now)
+        codes[f"obstacle {block.get('id')}"] = f"obstacle {obstacle.id}"
+    if "alarms" in saved:
+        manager.alarms.restore(
+            _restore_alarm(values, codes, now - clock_s)
+            for values in saved["alarms"]
+            if values["code"] != OBSOLETE_CODE
+        )
+    if manager.state in (RUNNING, STOPPED):
+        manager.hold_after_restart(now)
+
+
+def _restore_alarm(values: dict[str, Any], codes: dict[str, str], offset_s: float) -> FleetAlarm:
+    """A saved alarm; obstacles have new numbers, given by `codes` for alarms that are on."""
+    code = values["code"] if values["over"] else codes.get(values["code"], values["code"])
+    return FleetAlarm(**values | {"code": code, "since_s": values["since_s"] + offset_s})
+
+
+def _restore_tractor(state: TractorState, values: dict[str, Any], offset_s: float) -> None:
+    for key, name in LASTING_FIELDS.items():
+        setattr(state, name, values[key])
+    state.holds = set(values["holds"])  # under remote control before: it stands until it is resumed
+    last = values.get("last")
+    if last is not None:  # others keep away from its last place until it reports again
+        report = last["report"]
+        state.report = TractorReport(**report | {"errors": tuple(report["errors"])})
+        state.last_contact_s = state.last_fix_s = last["clock_s"] + offset_s
+        state.has_disconnected = last["said_goodbye"]

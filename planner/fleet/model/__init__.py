@@ -1,0 +1,1 @@
+"""The plan, rules and states of a fleet, and its alarms."""

@@ -1,0 +1,144 @@
+"""Alarms for operators: raised once, removed when they are over and acknowledged."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from planner.fleet.model.errors import FleetManagerError
+
+WARNING, CRITICAL = "warning", "critical"
+DECIMAL_NUMBER = re.compile(r"\d+\.\d+")
+
+
+@dataclass(frozen=True)
+class FleetAlarm:
+    """One alarm; `code` is its kind, with the number of the other tractor or obstacle at its end, if any.
+
+    `over` means that its cause is gone.
+    """
+
+    id: int
+    code: str
+    level: str
+    tractor: int | None
+    sentence: str
+    since_s: float
+    acknowledged: str | None = None
+    over: bool = False
+
+
+class AlarmRegister:
+    """Alarms that are on, or over and not yet acknowledged; `version` increases with every change."""
+
+    def __init__(self) -> None:
+        self._items: dict[int, FleetAlarm] = {}
+        self._on: dict[tuple[str, int | None], int] = {}
+        self._last = 0
+        self.version = 0
+
+    def list_alarms(self) -> list[FleetAlarm]:
+        """All alarms, the oldest first."""
+        return list(self._items.values())
+
+    def is_alarm_on(self, code: str, tractor: int | None) -> bool:
+        """Whether such an alarm is on."""
+        return (code, tractor) in self._on
+
+    def raise_alarm(self, code: str, tractor: int | None, level: str, sentence: str, now: float) -> FleetAlarm | None:
+        """Raise an alarm, or update one that is on; returns it if an operator must see it again, else None.
+
+        While an alarm is on its level never falls. Numbers with a decimal point are measured and keep changing: the
+        sentence is updated, but it does not count as a new alarm.
+        """
+        if (code, tractor) in self._on:
+            return self._update_alarm(self._items[self._on[code, tractor]], level, sentence)
+        unseen = next((a for a in self._items.values() if a.over and (a.code, a.tractor) == (code, tractor)), None)
+        if unseen is None:
+            self._last += 1
+            alarm = FleetAlarm(self._last, code, level, tractor, sentence, now)
+        else:  # it comes and goes: one alarm is enough
+            level = CRITICAL if unseen.level == CRITICAL else level
+            alarm = replace(unseen, sentence=sentence, level=level, over=False)
+        self._items[alarm.id], self._on[code, tractor] = alarm, alarm.id
+        self.version += 1
+        return alarm
+
+    def _update_alarm(self, previous: FleetAlarm, level: str, sentence: str) -> FleetAlarm | None:
+        is_rising = level == CRITICAL and previous.level != CRITICAL
+        if not is_rising and sentence == previous.sentence:
+            return None
+        is_new = is_rising or DECIMAL_NUMBER.sub("", sentence) != DECIMAL_NUMBER.sub("", previous.sentence)
+        alarm = replace(
+            previous,
+            level=CRITICAL if is_rising else previous.level,
+            sentence=sentence,
+            acknowledged=None if is_new else previous.acknowledged,
+        )
+        self._items[previous.id] = alarm
+        self.version += 1
+        return alarm if is_new else None
+
+    def reword(self, code: str, tractor: int | None, sentence: str) -> None:
+        """Change the sentence of an alarm that is on; nobody has to acknowledge it again."""
+        number = self._on.get((code, tractor))
+        if number is not None and self._items[number].sentence != sentence:
+            self._items[number] = replace(self._items[number], sentence=sentence)
+            self.version += 1
+
+    def end_alarm(self, code: str, tractor: int | None) -> None:
+        """The cause is gone; the alarm stays until somebody has acknowledged it."""
+        number = self._on.pop((code, tractor), None)
+        if number is None:
+            return
+        alarm = replace(self._items[number], over=True)
+        self._items[number] = alarm
+        self.version += 1
+        if alarm.acknowledged is not None:
+            del self._items[number]
+
+    def acknowledge(self, number: int, who: str) -> FleetAlarm:
+        """Acknowledge an alarm. Raises FleetManagerError if there is no alarm of this number."""
+        if number not in self._items:
+            raise FleetManagerError(
+                f"There is no alarm {number}; it is over and was already acknowledged.", parameter="alarm"
+            )
+        alarm = replace(self._items[number], acknowledged=who)
+        self._items[number] = alarm
+        self.version += 1
+        if alarm.over:
+            del self._items[number]
+        return alarm
+
+    def restore(self, alarms: Iterable[FleetAlarm]) -> None:
+        """Replace all alarms by those saved before a restart."""
+        self._items = {alarm.id: alarm for alarm in alarms}
+        self._on = {(alarm.code, alarm.tractor): alarm.id for alarm in self._items.values() if not alarm.over}
+        self._last = max([self._last, *self._items])
+        self.version += 1
+
+    def describe_alarms(self) -> list[dict[str, Any]]:
+        """Alarms as items of a frame; the number at the end of a code becomes `related_number`."""
+        return [
+            {
+                "id": a.id,
+                **_split_alarm_code(a.code),
+                "level": a.level,
+                "sentence": a.sentence,
+                "tractor": None if a.tractor is None else a.tractor + 1,
+                "since": a.since_s,
+                "acknowledged": a.acknowledged,
+                "over": a.over,
+            }
+            for a in self._items.values()
+        ]
+
+
+def _split_alarm_code(code: str) -> dict[str, Any]:
+    """Split a code into its kind and the number (from 1) at its end, if any; a fleet id after a slash is dropped."""
+    kind, _, number = code.rpartition(" ")
+    if not number.isdigit():
+        return {"code": code, "related_number": None}
+    return {"code": kind.partition("/")[0], "related_number": int(number)}

@@ -1,0 +1,153 @@
+"""The legs of one tractor with their lengths and times, and places along them."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.missions.plan import Leg, Mission
+
+Array = npt.NDArray[np.float64]
+SEARCH_AHEAD_M, SEARCH_STEP_M = 5.0, 0.25  # how far a tractor may be from where it was last known to be
+
+
+@dataclass(frozen=True, eq=False)
+class TimedMission:
+    """A mission with the seconds of each leg (stops included, waiting for others not)."""
+
+    mission: Mission
+    leg_seconds: tuple[float, ...]
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """The legs in order."""
+        return self.mission.legs
+
+    @cached_property
+    def lengths_m(self) -> list[float]:
+        """Length of each leg."""
+        return [leg.length_m for leg in self.legs]
+
+    @cached_property
+    def leg_starts_m(self) -> list[float]:
+        """Metres from the start of the mission to the start of each leg, and to its end."""
+        return [0.0, *np.cumsum(self.lengths_m).tolist()]
+
+    @cached_property
+    def leg_starts_s(self) -> list[float]:
+        """Seconds of driving up to the start of each leg, and to the end."""
+        return [0.0, *np.cumsum(self.leg_seconds).tolist()]
+
+    @cached_property
+    def fastest_mps(self) -> float:
+        """The highest speed of a leg."""
+        return max(leg.speed_mps for leg in self.legs)
+
+    @cached_property
+    def worked_m(self) -> list[float]:
+        """Metres driven with the implement at work up to the start of each leg, and to the end."""
+        worked_lengths_m = [leg.length_m if leg.implement else 0.0 for leg in self.legs]
+        return [0.0, *np.cumsum(worked_lengths_m).tolist()]
+
+    def compute_driven_s(self, leg: int, leg_m: float) -> float:
+        """Planned seconds of driving from the start to a place."""
+        if leg >= len(self.legs):
+            return self.leg_starts_s[-1]
+        share = min(max(leg_m / self.lengths_m[leg], 0.0), 1.0)
+        return self.leg_starts_s[leg] + share * self.leg_seconds[leg]
+
+    def compute_worked_m(self, leg: int, leg_m: float) -> float:
+        """Metres worked up to a place."""
+        if leg >= len(self.legs):
+            return self.worked_m[-1]
+        part_m = min(max(leg_m, 0.0), self.lengths_m[leg]) if self.legs[leg].implement else 0.0
+        return self.worked_m[leg] + part_m
+
+    def sample_poses(self, leg: int, leg_m: float, ahead_m: Sequence[float], base_end: int) -> Array:
+        """Poses (n, 3) of the guided point `ahead_m` ahead of a place on base legs: x, y (m), heading (rad).
+
+        Beyond the end of the base it is the end of the base.
+        """
+        start = self.leg_starts_m[leg] + min(max(leg_m, 0.0), self.lengths_m[leg])
+        end = self.leg_starts_m[max(min(base_end, len(self.legs)), leg + 1)]
+        return np.array([self._compute_pose(min(start + ahead, end)) for ahead in ahead_m])
+
+    def _compute_pose(self, at_m: float) -> tuple[float, float, float]:
+        leg = min(max(bisect.bisect_right(self.leg_starts_m, at_m) - 1, 0), len(self.legs) - 1)
+        points, distances_m = self.legs[leg].points, self._point_distances_m[leg]
+        part_m = at_m - self.leg_starts_m[leg]
+        segment = min(max(int(np.searchsorted(distances_m, part_m, side="right")) - 1, 0), len(points) - 2)
+        (x, y), (x1, y1) = points[segment], points[segment + 1]
+        length_m = math.hypot(x1 - x, y1 - y) or 1.0
+        share = min(max((part_m - distances_m[segment]) / length_m, 0.0), 1.0)
+        gear = self.legs[leg].gear
+        return (
+            float(x + share * (x1 - x)),
+            float(y + share * (y1 - y)),
+            math.atan2(gear * (y1 - y), gear * (x1 - x)),
+        )
+
+    @cached_property
+    def _point_distances_m(self) -> list[Array]:
+        return [np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(leg.points, axis=0).T)))) for leg in self.legs]
+
+    def locate_ahead(self, leg: int, leg_m: float, base_end: int, place: tuple[float, float]) -> tuple[int, float]:
+        """Leg and metres on it nearest to a place, from a known place on, up to SEARCH_AHEAD_M of the base."""
+        steps = np.arange(0.0, SEARCH_AHEAD_M, SEARCH_STEP_M)
+        poses = self.sample_poses(leg, leg_m, steps.tolist(), base_end)
+        nearest = int(np.argmin(np.hypot(poses[:, 0] - place[0], poses[:, 1] - place[1])))
+        end = self.leg_starts_m[max(min(base_end, len(self.legs)), leg + 1)]
+        at_m = min(self.leg_starts_m[leg] + min(max(leg_m, 0.0), self.lengths_m[leg]) + float(steps[nearest]), end)
+        end_leg = min(max(bisect.bisect_right(self.leg_starts_m, at_m) - 1, leg), len(self.legs) - 1)
+        return end_leg, at_m - self.leg_starts_m[end_leg]
+
+    def compute_distance_to_leg_m(self, leg: int, place: tuple[float, float]) -> float:
+        """How far a place is from a leg."""
+        return float(self._compute_distances_m(leg, place).min())
+
+    def find_nearest_leg_position_m(self, leg: int, place: tuple[float, float], within_m: float) -> float:
+        """Metres along a leg to where it is nearest to a place; 0 where it is farther away than `within_m`."""
+        distances_m = self._compute_distances_m(leg, place)
+        points = self.legs[min(leg, len(self.legs) - 1)].points
+        segment = int(distances_m.argmin())
+        if distances_m[segment] > within_m:
+            return 0.0
+        steps = np.diff(points, axis=0)
+        lengths = np.hypot(*steps.T)
+        ahead = float(((place - points[segment]) * steps[segment]).sum() / max(lengths[segment], 1e-6))
+        return float(lengths[:segment].sum()) + min(max(ahead, 0.0), float(lengths[segment]))
+
+    def compute_heading_offset_rad(self, leg: int, place: tuple[float, float], heading_rad: float) -> float:
+        """Angle in [0, pi] between a heading and the heading of a leg at its point nearest to a place."""
+        nearest_leg = self.legs[min(leg, len(self.legs) - 1)]
+        segment = int(self._compute_distances_m(leg, place).argmin())
+        x, y = nearest_leg.gear * (nearest_leg.points[segment + 1] - nearest_leg.points[segment])
+        return abs(math.remainder(heading_rad - math.atan2(y, x), 2.0 * math.pi))
+
+    def _compute_distances_m(self, leg: int, place: tuple[float, float]) -> Array:
+        """How far a place is from each segment of a leg."""
+        points = self.legs[min(leg, len(self.legs) - 1)].points
+        starts, directions = points[:-1], np.diff(points, axis=0)
+        square = np.maximum((directions**2).sum(axis=1), 1e-12)
+        share = np.clip(((place - starts) * directions).sum(axis=1) / square, 0.0, 1.0)
+        distances_m: Array = np.hypot(*(starts + share[:, None] * directions - place).T)
+        return distances_m
+
+
+def encode_leg(leg: Leg, origin_m: tuple[float, float]) -> dict[str, Any]:
+    """A leg as in frames, its points in metres of the coordinate system."""
+    return {
+        "kind": leg.task.kind,
+        "number": leg.task.number,
+        "piece": leg.task.piece,
+        "gear": leg.gear,
+        "implement": leg.implement,
+        "points_m": np.round(leg.points + origin_m, 3).tolist(),
+    }

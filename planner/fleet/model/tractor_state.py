@@ -1,0 +1,159 @@
+"""The state of one tractor (last report, link, holds, progress), and the orders and events of a fleet manager."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class TractorOrder:
+    """An order to one tractor; `kind` and `data` become a frame, angles are in radians."""
+
+    tractor: int
+    kind: str
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FleetEvent:
+    """An event of the log: who did what; `who` is "centre" for the fleet manager itself."""
+
+    who: str
+    what: str
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+AUTOMATIC, REMOTE, MANUAL, STOPPED = "automatic", "remote", "manual", "stopped"
+BY_HAND = frozenset({MANUAL, REMOTE})
+ONLINE, OFFLINE, BROKEN = "online", "offline", "broken"
+# Holds: while a tractor has any, it stands.
+(
+    PAUSED,
+    HALTED,
+    TOO_NEAR,
+    FENCE,
+    OBSTACLE,
+    FAILED,
+    REMOTE_CONTROL,
+    ASTRAY,
+    REASSIGNED,
+    UNREADABLE,
+    WAITS_FOR_PLAN,
+    SERVICE_RESTARTED,
+) = (
+    "paused",
+    "stopped by stop-all",
+    "too near another",
+    "outside the fence",
+    "obstacle on its way",
+    "failed",
+    "remote control",
+    "not where it can be",
+    "its tracks were given to others",
+    "an obstacle that cannot be read",
+    "waits for another by the plan",
+    "the service began anew",
+)
+UNTIL_RESUMED = frozenset({PAUSED, HALTED, SERVICE_RESTARTED})
+"""Holds that end when an operator resumes a tractor."""
+SAFE_TO_DRIVE = frozenset(
+    {REMOTE_CONTROL, OBSTACLE, TOO_NEAR, FENCE, ASTRAY, REASSIGNED, WAITS_FOR_PLAN, SERVICE_RESTARTED}
+)
+"""Holds under which remote control is still allowed; the guard allows only commands that lead away from danger."""
+
+
+@dataclass(frozen=True)
+class TractorReport:
+    """A report of a tractor, in metres of the plan, m/s and radians.
+
+    `heading_rad` is a mathematical angle, steering is positive to the right, as everywhere in `vehicle`; (x, y) is the
+    guided point, beside the antenna. `time_s` is when that was, by its own clock (seconds since 1970).
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float
+    speed_mps: float
+    speed_command_mps: float = 0.0
+    steering_command_rad: float = 0.0
+    steering_rad: float | None = None
+    shuttle: int = 1
+    mode: str = AUTOMATIC
+    leg: int = 0
+    leg_m: float = 0.0
+    implement: int = 0
+    done: bool = False
+    errors: tuple[str, ...] = ()
+    time_s: float | None = None
+
+    @property
+    def velocity_mps(self) -> float:
+        """Speed with the sign of its direction."""
+        return math.copysign(self.speed_mps, self.shuttle) if self.shuttle else self.speed_mps
+
+
+@dataclass
+class DisobeyingMotion:
+    """A tractor moves although it was ordered to stop: its speed when first seen, the time of its last such report,
+    and the seconds of continuous reports since."""
+
+    speed_mps: float
+    last_report_s: float
+    observed_s: float = 0.0
+
+
+@dataclass
+class TractorState:
+    """One tractor. Times are of the fleet manager's clock in seconds; -inf for never.
+
+    `last_contact_s` is when its link last worked, `last_fix_s` when it was at the place of `report`. `leg` and `leg_m`
+    never go back. The first `base_end` legs may be driven. `driving_s` are seconds driven under its own guidance, and
+    `planned_driving_s` the planned seconds for the same distance. `delay_s` is how long its last report was under way.
+    `disobeying_motion` is set while it moves despite an order to stop, repeated at `stop_repeated_s`. `unreadable_s`
+    and `readable_s` are when it last reported an unreadable and a readable obstacle; since `faced_since_s` it stands
+    for an unreadable one, and `cleared_at` is where it stood when an operator had looked.
+    """
+
+    report: TractorReport | None = None
+    last_contact_s: float = -math.inf
+    last_fix_s: float = -math.inf
+    is_linked: bool = False
+    has_disconnected: bool = True
+    leg: int = 0
+    leg_m: float = 0.0
+    base_end: int = 0
+    update: int = 0
+    limit_mps: float | None = None
+    done: bool = False
+    failed: bool = False
+    driving_s: float = 0.0
+    planned_driving_s: float = 0.0
+    holds: set[str] = field(default_factory=set)
+    standing_ordered: bool = True
+    commanded_s: float = -math.inf
+    remote_command: tuple[float, float] = (0.0, 0.0)
+    delay_s: float = 0.0
+    disobeying_motion: DisobeyingMotion | None = None
+    stop_repeated_s: float = -math.inf
+    unreadable_s: float = -math.inf
+    readable_s: float = -math.inf
+    faced_since_s: float = -math.inf
+    cleared_at: tuple[float, float] | None = None
+
+    @property
+    def mode(self) -> str:
+        """Its mode, as last reported."""
+        return self.report.mode if self.report else STOPPED
+
+    @property
+    def has_no_more_legs(self) -> bool:
+        """Whether it drives no more legs: it has failed, or its tracks were given to others."""
+        return self.failed or REASSIGNED in self.holds
+
+    def get_connection(self, now: float, silence_s: float) -> str:
+        """One of online, offline (never connected, or disconnected by itself) and broken."""
+        if self.is_linked and now - self.last_contact_s <= silence_s:
+            return ONLINE
+        return OFFLINE if self.has_disconnected and not self.is_linked else BROKEN

@@ -1,0 +1,1 @@
+"""New plans for the remaining work when tractors fail or obstacles appear."""

@@ -1,0 +1,437 @@
+"""Replanning when tractors fail or obstacles appear: the remaining tracks go to the others, simulated from where all
+tractors are.
+
+It takes seconds: run `replan_remaining_work` in a process of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+import shapely.ops
+
+from fields.errors import HeadlandError
+from planner.evaluation.candidates.evaluate import compute_parallel_clearance_m
+from planner.evaluation.candidates.variants import find_service_conflict
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
+from planner.fleet.model.errors import FleetManagerError
+from planner.fleet.model.fleet_plan import FleetPlan, build_timed_missions
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.replanning.gates import drop_open_gates, drop_stale_gates, move_waiting_places, renumber_leg_gates
+from planner.fleet.replanning.reassignment import (
+    HelperTractor,
+    WorkPiece,
+    assign_pieces,
+    compute_leg_end_pose,
+    find_remaining_pieces,
+)
+from planner.traffic.conflict_repair import resolve_conflicts
+from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
+from strategies.headland.entrance_legs import build_exit_legs
+from strategies.path_planning.connector import Connector
+from strategies.path_planning.paths import Pose
+from strategies.program.field_job import FieldJob
+from strategies.program.supply import HEADLAND, SERVICE_VEHICLE, Supply
+from strategies.service_stops.stop_plan import (
+    add_service_gates,
+    add_stops_for_taken_work,
+    infer_supply,
+    list_service_points,
+)
+from vehicle.missions.plan import LEAVE, Leg, LegTask, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.sim.incremental import IncrementalSimulator
+from vehicle.sim.world import World
+
+STUB_LENGTH_M = 0.02  # an excluded tractor drives this far in the simulation: it stands in the way
+OBSTACLE_MARGIN_M = 0.5
+ROAD_M = 1e4
+MOST_SINGLE_HELPERS = 5
+OPEN_SHARE = 0.02  # of the work: with no more unreachable, no other attempt is made
+
+
+@dataclass(frozen=True, eq=False)
+class ReplanProposal:
+    """A new plan: legs before `unchanged_legs` (by tractor) are as before. `eta_s` counts from the request.
+
+    `reassigned_m` of work go to other tractors or change. `unreachable_m` that nobody can reach and `blocked_m` by
+    machines or obstacles remain unworked; `sentence` says so.
+    """
+
+    plan: FleetPlan
+    unchanged_legs: tuple[int, ...]
+    eta_s: float
+    reassigned_m: float
+    unreachable_m: float
+    blocked_m: float = 0.0
+    sentence: str | None = None
+
+
+def replan_remaining_work(remaining: RemainingWork) -> ReplanProposal:
+    """Give the remaining tracks of excluded tractors to the others. Raises FleetManagerError if no plan works."""
+    scenario = replace(
+        remaining.plan.scenario, rain=None, samples=None, deadline_s=None, refill=None, gnss=False, gnss_table=None
+    )
+    context = prepare_context(scenario, remaining.plan.field, remaining.plan.tractor, remaining.plan.implement)
+    helpers = [number for number in range(remaining.plan.tractor_count) if _can_help(remaining, number)]
+    if not helpers:
+        raise FleetManagerError(
+            "Every other tractor is already leaving the field; nobody can take over. Resume one on the field first."
+        )
+    best: ReplanProposal | None = None
+    first_error: FleetManagerError | None = None
+    for keep_m, helper_numbers in _list_attempts(context, helpers):
+        try:
+            proposal = _attempt_replan(
+                remaining, context, _build_blocked_area(remaining, context, keep_m), helper_numbers
+            )
+        except HeadlandError as refusal:
+            first_error = first_error or (
+                refusal if isinstance(refusal, FleetManagerError) else FleetManagerError(str(refusal))
+            )
+            continue
+        if best is None or proposal.unreachable_m < best.unreachable_m:
+            best = proposal
+        if best.unreachable_m <= OPEN_SHARE * (best.reassigned_m + best.unreachable_m):
+            break
+    if best is None:
+        assert first_error is not None
+        raise first_error
+    return best
+
+
+def _list_attempts(context: PlanningContext, helpers: list[int]) -> list[tuple[float, list[int]]]:
+    """Attempts (distance to keep from obstacles, helpers): all with ample distance first, then less of either."""
+    clear_m = _compute_overhang_m(context)
+    single = [[number] for number in helpers] if len(helpers) > 1 else []
+    return [(clear_m, helpers), (0.0, helpers), *((clear_m, numbers) for numbers in single[:MOST_SINGLE_HELPERS])]
+
+
+def _attempt_replan(
+    remaining: RemainingWork, context: PlanningContext, blocked: shapely.Geometry, helpers: Sequence[int]
+) -> ReplanProposal:
+    plan, job = remaining.plan, _build_detour_job(context, blocked)
+    wide = shapely.buffer(blocked, 0.5)
+    ends = [_count_unchanged_legs(remaining, number, wide, number in helpers) for number in range(plan.tractor_count)]
+    shares = [_find_pieces(remaining, number, end, job, wide) for number, end in enumerate(ends)]
+    pieces = [piece for share, _ in shares for piece in share]
+    helper_tractors = [_build_helper(remaining, number, ends[number]) for number in helpers]
+    unreached = assign_pieces(pieces, helper_tractors, job)
+    supply = _infer_carried_supply(plan)
+    missions = _build_missions(remaining, job, helper_tractors, ends, supply)
+    plan_from_here = _build_plan_from_here(remaining, missions)
+    run = _simulate_without_conflicts(
+        remaining, context, plan_from_here if supply is None else add_service_gates(plan_from_here, supply)
+    )
+    crowding = find_service_conflict(run, replace(job, supply=supply))
+    if crowding is not None:
+        raise FleetManagerError(f"The remaining work cannot be planned: {crowding}.")
+    reassigned_m = sum(piece.work_m for piece in pieces) - sum(piece.work_m for piece in unreached)
+    unreachable_m = sum(piece.work_m for piece in unreached)
+    blocked_m = sum(metres for _, metres in shares)
+    helper_numbers = [n for n in range(plan.tractor_count) if n not in remaining.excluded]
+    eta_s = float(max(run.finish_s[n] for n in helper_numbers)) / remaining.times
+    sentence = (
+        " ".join(
+            filter(
+                None, (_describe_open_work(remaining, unreachable_m, blocked_m), _describe_unknown_load(plan, supply))
+            )
+        )
+        or None
+    )
+    return ReplanProposal(
+        _build_whole_plan(remaining, missions, run),
+        tuple(ends),
+        eta_s,
+        reassigned_m,
+        unreachable_m,
+        blocked_m,
+        sentence,
+    )
+
+
+def _describe_open_work(remaining: RemainingWork, unreachable_m: float, blocked_m: float) -> str | None:
+    """What remains unworked and why, in a sentence or two; None if nothing."""
+    causes = [f"tractor {number + 1}" for number in remaining.excluded if not _is_tractor_on_road(remaining, number)]
+    causes += ["an obstacle"] if remaining.obstacles else []
+    blocked_text = f"{blocked_m:.0f} m of track are too near {' and '.join(causes)} and remain unworked."
+    unreachable_text = f"{unreachable_m:.0f} m of track cannot be reached and remain unworked."
+    return (
+        " ".join(
+            text for text, metres in ((blocked_text, blocked_m), (unreachable_text, unreachable_m)) if metres >= 0.5
+        )
+        or None
+    )
+
+
+def _describe_unknown_load(plan: FleetPlan, supply: Supply | None) -> str | None:
+    """A remark if tractors carry something and the plan does not say how much; None otherwise."""
+    if supply is not None or "refills" not in plan.plan.notes:
+        return None
+    return "The plan has no service stops, so the size of a load is unknown: check the tanks."
+
+
+def _build_blocked_area(remaining: RemainingWork, context: PlanningContext, margin_m: float) -> shapely.Geometry:
+    """Where the guided point of nobody may be: round tractors that have failed, and obstacles, and `keep_m` more."""
+    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m)
+    reach_m = half_m + context.request.clearance_m
+    shapes = [shapely.buffer(shape, half_m + OBSTACLE_MARGIN_M) for shape in remaining.obstacles]
+    for number in remaining.excluded:
+        if not _is_tractor_on_road(remaining, number):
+            x, y, heading = _get_pose(remaining, number)
+            ahead, place = np.array([math.cos(heading), math.sin(heading)]), np.array([x, y])
+            long_m = context.tractor.length_m
+            line = shapely.LineString(
+                [place - (long_m + context.implement.hitch_m) * ahead, place + 0.5 * long_m * ahead]
+            )
+            shapes.append(shapely.buffer(line, half_m + reach_m))
+    return shapely.buffer(shapely.union_all(shapes), margin_m)
+
+
+def _is_tractor_on_road(remaining: RemainingWork, number: int) -> bool:
+    """Whether a tractor stands on the road: it has not entered yet, or has left."""
+    state, mission = remaining.states[number], remaining.plan.plan.missions[number]
+    return (mission.enters and not remaining.has_tractor_driven(number)) or (mission.leaves and state.done)
+
+
+def _get_pose(remaining: RemainingWork, number: int) -> Pose:
+    """The reported pose of a tractor, or the one by its progress."""
+    state, timed_mission = remaining.states[number], remaining.plan.timed_missions[number]
+    if state.report is not None:
+        return state.report.x_m, state.report.y_m, state.report.heading_rad
+    x, y, heading = timed_mission.sample_poses(
+        min(state.leg, len(timed_mission.legs) - 1), state.leg_m, [0.0], len(timed_mission.legs)
+    )[0]
+    return float(x), float(y), float(heading)
+
+
+def _build_detour_job(context: PlanningContext, blocked: shapely.Geometry) -> FieldJob:
+    """A field job whose paths avoid the blocked area."""
+
+    def build_connector(region: shapely.Geometry) -> Connector:
+        return Connector(
+            shapely.difference(region, blocked), context.driving_rules.radius_m, context.costs, context.turn_kinds
+        )
+
+    headland, rim = (
+        None if region.is_empty else build_connector(region) for region in (context.beside_swaths, context.rim_area)
+    )
+    return replace(
+        context.build_job(1),
+        connector=build_connector(context.free_space),
+        headland_connector=headland,
+        rim_connector=rim,
+        careful_connectors=(),
+        path_cache={},
+        turn_table_cache={},
+    )
+
+
+def _compute_overhang_m(context: PlanningContext) -> float:
+    """How far a machine reaches ahead of or behind the guided point, metres."""
+    boxes = context.driving_rules.boxes
+    return max(max(abs(rear), abs(front)) for rear, front, _ in boxes)
+
+
+def _can_help(remaining: RemainingWork, number: int) -> bool:
+    """Whether a tractor drives on and is not leaving the field already."""
+    state, legs = remaining.states[number], remaining.plan.timed_missions[number].legs
+    if number in remaining.excluded:
+        return False
+    return not any(leg.task.kind == LEAVE for leg in legs[: max(state.base_end, state.leg + 1)])
+
+
+def _count_unchanged_legs(remaining: RemainingWork, number: int, blocked_area: shapely.Geometry, helps: bool) -> int:
+    """How many legs of a tractor stay unchanged: up to its exit legs, or to the first blocked one."""
+    state, legs = remaining.states[number], remaining.plan.timed_missions[number].legs
+    if number in remaining.excluded:
+        return min(state.leg + 1, len(legs))
+    fixed_count = max(state.base_end, state.leg + 1)
+    for k in range(fixed_count, len(legs)):
+        if legs[k].task.kind == LEAVE and helps:
+            return k
+        if helps and shapely.intersects(shapely.LineString(legs[k].points), blocked_area):
+            return k
+    return len(legs)
+
+
+def _find_pieces(
+    remaining: RemainingWork, number: int, end: int, job: FieldJob, blocked_area: shapely.Geometry
+) -> tuple[list[WorkPiece], float]:
+    """The work that a tractor gives away: all that remains of an excluded one, what is blocked of another.
+
+    The second value is the metres of it that are blocked.
+    """
+    state, timed_mission = remaining.states[number], remaining.plan.timed_missions[number]
+    if number in remaining.excluded:
+        return find_remaining_pieces(timed_mission, state.leg, state.leg_m, job, blocked_area)
+    return find_remaining_pieces(timed_mission, end, 0.0, job, blocked_area)
+
+
+def _build_helper(remaining: RemainingWork, number: int, end: int) -> HelperTractor:
+    timed_mission, state = remaining.plan.timed_missions[number], remaining.states[number]
+    remaining_s = (
+        0.0 if state.done else timed_mission.leg_starts_s[end] - timed_mission.compute_driven_s(state.leg, state.leg_m)
+    )
+    return HelperTractor(number, remaining_s, compute_leg_end_pose(timed_mission.legs[end - 1], -1), [])
+
+
+def _infer_carried_supply(plan: FleetPlan) -> Supply | None:
+    """The supply that tractors of a plan carry, inferred from its stops; None without stops."""
+    refill_choice = (plan.scenario.refill or "").strip().lower()
+    service_place = SERVICE_VEHICLE if refill_choice == SERVICE_VEHICLE else HEADLAND
+    return infer_supply(
+        [timed_mission.legs for timed_mission in plan.timed_missions], plan.implement.width_m, service_place
+    )
+
+
+def _build_missions(
+    remaining: RemainingWork,
+    job: FieldJob,
+    helper_tractors: Sequence[HelperTractor],
+    ends: Sequence[int],
+    supply: Supply | None,
+) -> list[tuple[Leg, ...]]:
+    """All legs of every tractor, without gates on excluded ones; legs before `ends` are unchanged.
+
+    Work that is taken over gets service stops as the remaining load of a tractor needs them.
+    """
+    taken_legs = {helper.number: helper.legs for helper in helper_tractors}
+    service_points = list_service_points([timed_mission.legs for timed_mission in remaining.plan.timed_missions])
+    fleet_job = replace(job, tractors=remaining.plan.tractor_count)
+    missions = []
+    for number, timed_mission in enumerate(remaining.plan.timed_missions):
+        end = ends[number]
+        legs = [drop_open_gates(leg, remaining) for leg in timed_mission.legs[:end]]
+        if (number not in remaining.excluded and end < len(timed_mission.legs)) or taken_legs.get(number):
+            legs += taken_legs[number]
+            if supply is not None:
+                legs = add_stops_for_taken_work(fleet_job, supply, legs, end, service_points)
+            if timed_mission.legs[-1].task.kind == LEAVE and job.entrance_lane is not None:
+                legs += build_exit_legs(job, job.entrance_lane, Mission(tuple(legs)))
+        missions.append(tuple(legs))
+    return drop_stale_gates(missions, ends)
+
+
+def _build_plan_from_here(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]]) -> Plan:
+    """The remaining plan from where all tractors are; leg k counts from the present leg."""
+    missions_from_here = []
+    for number, (legs, state) in enumerate(zip(missions, remaining.states, strict=True)):
+        if number in remaining.excluded or (state.done and state.leg >= len(legs) - 1):
+            missions_from_here.append(Mission((_build_stationary_leg(remaining, number, legs),)))
+            continue
+        first_leg = _cut_leg(legs[state.leg], state.leg_m) if remaining.has_tractor_driven(number) else legs[0]
+        rows = [first_leg, *legs[state.leg + 1 :]]
+        missions_from_here.append(Mission(tuple(renumber_leg_gates(leg, remaining, -1) for leg in rows)))
+    return Plan(tuple(missions_from_here), {"strategy": "rest"})
+
+
+def _build_stationary_leg(remaining: RemainingWork, number: int, legs: tuple[Leg, ...]) -> Leg:
+    """A stub leg for a tractor that stays where it is; one on the road is moved far away."""
+    x, y, heading = _get_pose(remaining, number)
+    if _is_tractor_on_road(remaining, number):
+        x -= ROAD_M * (number + 1)
+    ahead = np.array([math.cos(heading), math.sin(heading)])
+    return Leg(np.array([(x, y), (x, y) + STUB_LENGTH_M * ahead]), 1.0, ground=legs[0].ground, task=LegTask())
+
+
+def _cut_leg(leg: Leg, done_m: float) -> Leg:
+    """The remaining part of a leg."""
+    line = shapely.LineString(leg.points)
+    remaining_line = shapely.ops.substring(line, min(max(done_m, 0.0), line.length - SHORTEST_LEG_M), line.length)
+    stand_s = leg.stand_s if done_m <= STAND_TOLERANCE_M else 0.0  # for how long it has stood is unknown
+    return replace(leg, points=np.asarray(remaining_line.coords), gates=(), stand_s=stand_s)
+
+
+def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningContext, plan: Plan) -> SimulationRun:
+    """Simulate the plan with traffic resolved; raises FleetManagerError if conflicts remain."""
+    clearance_m, beside_m = context.request.clearance_m, compute_parallel_clearance_m(context)
+    rehearsal = IncrementalSimulator(
+        context.tractor,
+        context.implement,
+        stop_clearance_m=clearance_m,
+        beside_clearance_m=beside_m,
+        seed=context.request.seed,
+    )
+
+    def compute_patience_s(tried_plan: Plan) -> float:
+        legs = [leg for mission in tried_plan.missions for leg in mission.legs]
+        return 600.0 + sum(leg.stand_s + 2.0 * leg.length_m / leg.speed_mps for leg in legs)
+
+    def simulate_alone(mission: Mission) -> SimulationRun:
+        single = Plan((mission,))
+        return World(single, context.tractor, context.implement).run(max_time_s=compute_patience_s(single))
+
+    def schedule_traffic(tried_plan: Plan, slack: float) -> ScheduledPlan | None:
+        return schedule_plan(
+            tried_plan, TrafficRules(context.tractor, context.implement, clearance_m, beside_m, simulate_alone), slack
+        )
+
+    try:
+        run, conflict = resolve_conflicts(
+            plan, lambda p: rehearsal.simulate(p, compute_patience_s(p)), schedule=schedule_traffic
+        )
+    except HeadlandError as refusal:
+        raise FleetManagerError(f"The remaining work cannot be planned: {refusal}") from None
+    if conflict is not None or run.outcome != DONE:
+        raise FleetManagerError(f"The remaining work cannot be planned: {conflict or run.outcome}.")
+    return move_waiting_places(
+        remaining, run, lambda tried_plan: rehearsal.simulate(tried_plan, compute_patience_s(tried_plan))
+    )
+
+
+def _build_whole_plan(remaining: RemainingWork, missions: Sequence[tuple[Leg, ...]], run: SimulationRun) -> FleetPlan:
+    """Join the legs driven so far and those of the run into one plan."""
+    plan, timed_run, whole_missions, timed_missions = remaining.plan, build_timed_missions(run.plan, run), [], []
+    for number, legs in enumerate(missions):
+        present_leg, old = remaining.states[number].leg, plan.timed_missions[number]
+        is_standing = number in remaining.excluded or (remaining.states[number].done and present_leg >= len(legs) - 1)
+        first_count = 1 if remaining.has_tractor_driven(number) else 0
+        past_legs = tuple(
+            replace(leg, gates=(), follow=None)
+            for leg in legs[: len(legs) if is_standing else present_leg + first_count]
+        )
+        if first_count and not is_standing:  # a standing tractor may have to wait where it is
+            present_gates = renumber_leg_gates(run.plan.missions[number].legs[0], remaining, 1).gates
+            past_legs = (*past_legs[:-1], replace(past_legs[-1], gates=present_gates))
+        future_legs = (
+            ()
+            if is_standing
+            else tuple(renumber_leg_gates(leg, remaining, 1) for leg in run.plan.missions[number].legs[first_count:])
+        )
+        whole_mission = Mission((*past_legs, *future_legs))
+        whole_missions.append(whole_mission)
+        seconds = (
+            *old.leg_seconds[: len(past_legs)],
+            *timed_run[number].leg_seconds[first_count : first_count + len(future_legs)],
+        )
+        timed_missions.append(TimedMission(whole_mission, seconds))
+    notes = {**plan.plan.notes, "replanned": True}
+    if "refills" in notes:
+        stops = notes["refills"] if isinstance(notes["refills"], list) else []
+        notes["refills"] = [stop for stop in stops if _is_existing_stop(stop, whole_missions)]
+    saved = replace(plan.saved, plan=Plan(tuple(whole_missions), notes))
+    finish = tuple(remaining.elapsed_s + float(seconds) for seconds in run.finish_s)
+    return replace(
+        plan,
+        saved=saved,
+        timed_missions=tuple(timed_missions),
+        finish_s=finish,
+        min_clearance_m=min(plan.min_clearance_m, run.min_clearance_m),
+    )
+
+
+def _is_existing_stop(stop: Any, whole_missions: Sequence[Mission]) -> bool:
+    """Whether a noted stop of a plan, which may come from outside, still exists in the new legs."""
+    try:
+        number, k, place = stop["tractor"] - 1, stop["leg"], (stop["x_m"], stop["y_m"])
+        leg = whole_missions[number].legs[k]
+        return number >= 0 and k >= 0 and leg.stand_s > 0.0 and math.dist(leg.points[0], place) < SHORTEST_LEG_M
+    except (TypeError, KeyError, IndexError, OverflowError):
+        return False

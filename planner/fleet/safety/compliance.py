@@ -1,0 +1,82 @@
+"""Checks of reports: whether a tractor obeys an order to stop, and whether its reported place is possible."""
+
+from __future__ import annotations
+
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.model.tractor_state import (
+    FENCE,
+    HALTED,
+    MANUAL,
+    OBSTACLE,
+    REMOTE,
+    STOPPED,
+    TOO_NEAR,
+    DisobeyingMotion,
+    TractorReport,
+    TractorState,
+)
+from planner.fleet.safety.motion_prediction import compute_stopping_time_s
+from planner.fleet.safety.safety_guard import MOVING_MPS
+
+REPEAT_STOP_S = 1.0  # between two orders to stand
+ORDER_DELAY_S = 0.5  # from the order to a report of one that has heard it, over a quick link
+REPORT_GAP_S = 0.25  # between two reports of a tractor that reports without a break
+NOT_BY_HAND = frozenset({HALTED, TOO_NEAR, FENCE, OBSTACLE})
+"""Holds under which a driver in the seat must stop too."""
+
+
+def is_driving_on(state: TractorState) -> bool:
+    """Whether a tractor moves although it has to stand."""
+    report = state.report
+    if report is None or not state.standing_ordered or report.speed_mps < MOVING_MPS:
+        return False
+    if report.mode == MANUAL:
+        return bool(state.holds & NOT_BY_HAND)
+    return not (report.mode == REMOTE and state.remote_command[1] != 0.0)
+
+
+def is_disobeying(state: TractorState, now: float, rules: FleetRules) -> bool:
+    """Whether a tractor still drives after it had time to stop; to be called at every tick.
+
+    It has the time for the order to arrive and a report to return, judged by the age of its reports, and while it
+    brakes twice what its brake needs. Only time with reports counts: after a pause of the service or the tractor it is
+    unknown what the tractor had received.
+    """
+    report = state.report
+    if report is None or not is_driving_on(state):
+        state.disobeying_motion = None
+        return False
+    if state.disobeying_motion is None:
+        state.disobeying_motion = DisobeyingMotion(report.speed_mps, now)
+    motion = state.disobeying_motion
+    if state.last_contact_s > motion.last_report_s:
+        motion.observed_s += min(state.last_contact_s - motion.last_report_s, REPORT_GAP_S)
+        motion.last_report_s = state.last_contact_s
+    allowed_s = ORDER_DELAY_S + 2.0 * min(state.delay_s, rules.silence_s)
+    if _is_braking(report, motion, rules):
+        allowed_s += 2.0 * compute_stopping_time_s(motion.speed_mps, rules) / rules.times
+    return motion.observed_s >= allowed_s
+
+
+def _is_braking(report: TractorReport, motion: DisobeyingMotion, rules: FleetRules) -> bool:
+    """Whether it reports braking, or slows down at least a quarter as fast as its brake can."""
+    lost_mps = 0.25 * rules.deceleration_mps2 * rules.times * motion.observed_s
+    is_slower = motion.observed_s > 0.0 and report.speed_mps <= motion.speed_mps - lost_mps
+    return report.mode == STOPPED or report.speed_command_mps == 0.0 or is_slower
+
+
+PLACE_TOLERANCE_M = 2.0  # of a place on a leg
+
+
+def find_impossible_place_reason(report: TractorReport, state: TractorState, timed_mission: TimedMission) -> str | None:
+    """Why a reported place is impossible, as the end of a sentence; None if it is possible."""
+    place_m = timed_mission.leg_starts_m[report.leg] + report.leg_m
+    if report.leg_m > timed_mission.lengths_m[report.leg] + PLACE_TOLERANCE_M:
+        return f"{report.leg_m:.1f} m along leg {report.leg}, which is {timed_mission.lengths_m[report.leg]:.1f} m long"
+    if place_m > timed_mission.leg_starts_m[min(state.base_end, len(timed_mission.legs))] + PLACE_TOLERANCE_M:
+        return f"on leg {report.leg}, beyond the {state.base_end} legs that it may drive"
+    known_leg = min(state.leg, len(timed_mission.legs))
+    if report.leg < known_leg and place_m < timed_mission.leg_starts_m[known_leg] + state.leg_m - PLACE_TOLERANCE_M:
+        return f"on leg {report.leg}, but it was already on leg {state.leg}"
+    return None

@@ -1,0 +1,213 @@
+"""Predicted paths of tractors for the next seconds: along base legs, or on the arc of their steering."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from planner.fleet.model.rules import FleetRules
+from planner.fleet.model.timed_mission import TimedMission
+from planner.fleet.model.tractor_state import AUTOMATIC, MANUAL, REMOTE, TractorReport, TractorState
+from vehicle.model.tractor import Tractor
+
+Array = npt.NDArray[np.float64]
+STEP_S = 0.5
+STRAIGHT_RAD = 1e-4
+
+
+class TwinPredictions(Protocol):
+    """Predictions of the twins, in metres of the plan at the guided point; None if unknown."""
+
+    def find_place(self, number: int) -> tuple[float, float] | None:
+        """Where a tractor is now: x, y."""
+
+    def predict_path(self, number: int, times_s: Array) -> Array | None:
+        """Poses (steps, 3) of a tractor at times from now on, if its command stays the same."""
+
+
+class NoTwins:
+    """Predictions of a fleet without twins: none."""
+
+    def find_place(self, number: int) -> tuple[float, float] | None:
+        """None."""
+
+    def predict_path(self, number: int, times_s: Array) -> Array | None:
+        """None."""
+
+
+def build_time_steps(rules: FleetRules) -> Array:
+    """The times (steps,) ahead of predictions, seconds from 0."""
+    return np.arange(0.0, rules.ahead_s + 0.5 * STEP_S, STEP_S)
+
+
+def build_standing_path(report: TractorReport, rules: FleetRules) -> Array:
+    """The poses (steps, 3) of an antenna that does not move."""
+    return np.tile([report.x_m, report.y_m, report.heading_rad], (len(build_time_steps(rules)), 1))
+
+
+def predict_path(
+    state: TractorState,
+    timed_mission: TimedMission,
+    tractor: Tractor,
+    rules: FleetRules,
+    *,
+    goes_on: bool = False,
+    twin_path: Array | None = None,
+    times_s: Array | None = None,
+) -> Array:
+    """Predict poses (steps, 3) of the antenna at `times_s` from now, by default those of `build_time_steps`: x, y (m)
+    and mathematical heading (rad).
+
+    With `goes_on` it drives on at the speed of its leg despite its holds. `twin_path` is the prediction of its twin,
+    used when it is driven by hand: the twin models the lag of steering and engine.
+    """
+    report = state.report
+    assert report is not None
+    times_s = build_time_steps(rules) if times_s is None else times_s
+    if report.mode == AUTOMATIC or goes_on:
+        speed_mps = max(abs(report.speed_mps), abs(report.speed_command_mps))
+        metres = speed_mps * times_s
+        if goes_on:
+            metres = max(speed_mps, timed_mission.legs[min(state.leg, len(timed_mission.legs) - 1)].speed_mps) * times_s
+        elif state.holds:
+            metres = np.minimum(metres, compute_braking_distance_m(speed_mps, rules))
+        poses = timed_mission.sample_poses(
+            min(state.leg, len(timed_mission.legs) - 1), state.leg_m, metres.tolist(), state.base_end
+        )
+        poses[0] = report.x_m, report.y_m, report.heading_rad
+        return poses
+    if twin_path is not None and report.mode in (REMOTE, MANUAL):
+        return twin_path
+    return predict_arc(report, tractor, report.velocity_mps, get_wheel_angle_rad(report), rules, times_s)
+
+
+def get_wheel_angle_rad(report: TractorReport) -> float:
+    """The wheel angle of a report: measured if there is one, else commanded."""
+    return report.steering_command_rad if report.steering_rad is None else report.steering_rad
+
+
+def predict_arc(
+    report: TractorReport,
+    tractor: Tractor,
+    velocity_mps: float,
+    steering_rad: float,
+    rules: FleetRules,
+    times_s: Array | None = None,
+) -> Array:
+    """Poses (steps, 3) at constant speed and wheel angle (positive right): a kinematic bicycle model."""
+    times_s = build_time_steps(rules) if times_s is None else times_s
+    antenna_forward_m = tractor.antenna_forward_m
+    x = report.x_m - antenna_forward_m * math.cos(report.heading_rad)
+    y = report.y_m - antenna_forward_m * math.sin(report.heading_rad)
+    curvature = -math.tan(steering_rad) / (tractor.front_axle_m + tractor.rear_axle_m)
+    headings_rad = report.heading_rad + curvature * velocity_mps * times_s
+    if abs(curvature) < STRAIGHT_RAD:
+        rear = np.column_stack(
+            [
+                x + velocity_mps * times_s * math.cos(report.heading_rad),
+                y + velocity_mps * times_s * math.sin(report.heading_rad),
+            ]
+        )
+    else:
+        radius_m = 1.0 / curvature
+        rear = np.column_stack(
+            [
+                x + radius_m * (np.sin(headings_rad) - math.sin(report.heading_rad)),
+                y - radius_m * (np.cos(headings_rad) - math.cos(report.heading_rad)),
+            ]
+        )
+    return np.column_stack(
+        [
+            rear[:, 0] + antenna_forward_m * np.cos(headings_rad),
+            rear[:, 1] + antenna_forward_m * np.sin(headings_rad),
+            headings_rad,
+        ]
+    )
+
+
+def compute_braking_distance_m(speed_mps: float, rules: FleetRules) -> float:
+    """Braking distance, metres."""
+    return speed_mps * speed_mps / (2.0 * rules.deceleration_mps2)
+
+
+def compute_stopping_time_s(speed_mps: float, rules: FleetRules) -> float:
+    """Seconds (of the simulated clock) from an order to stop to standstill, reaction included."""
+    return abs(speed_mps) / rules.deceleration_mps2 + rules.reaction_s * rules.times
+
+
+def compute_centre_poses(poses: Array, tractor: Tractor) -> Array:
+    """Poses of the centre of mass from poses (..., 3) of the antenna."""
+    guided_m = tractor.antenna_forward_m - tractor.rear_axle_m
+    moved = poses.copy()
+    moved[..., 0] -= guided_m * np.cos(poses[..., 2])
+    moved[..., 1] -= guided_m * np.sin(poses[..., 2])
+    return moved
+
+
+AnyArray = npt.NDArray[Any]
+TractorKey = tuple[str, int]
+"""Id of a fleet, and the number of its tractor from 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class NeighbourTractor:
+    """A tractor of another fleet, in metres and seconds of the observing fleet.
+
+    `path` (steps, 3) are predicted poses of its centre of mass at the observer's time steps; `model` is its compiled
+    record, `boxes` its outlines as of `outlines.build_footprint`. `is_waiting` means that it stands because another
+    is near and will resume by itself, `is_free` that its path is clear now, `has_priority` that its fleet has the right
+    of way, `is_linked` that orders can reach it, and `is_queueing` that it stands at its entrance, see
+    `SafetyGuard.is_queueing`.
+    """
+
+    key: TractorKey
+    name: str
+    fleet: str
+    path: AnyArray
+    model: AnyArray
+    boxes: shapely.MultiPolygon
+    speed_mps: float
+    braking_s: float
+    is_waiting: bool
+    is_free: bool
+    has_priority: bool
+    is_linked: bool
+    is_queueing: bool = False
+
+    @property
+    def expected_path(self) -> AnyArray:
+        """Its path; a waiting tractor stays where it is."""
+        return np.repeat(self.path[:1], len(self.path), axis=0) if self.is_waiting else self.path
+
+
+class NeighbourFleets(Protocol):
+    """The other fleets near one; see planner.fleet.manager.neighbourhood."""
+
+    def find_nearby_tractors(self) -> list[NeighbourTractor]:
+        """The tractors of other fleets that could come near."""
+
+    def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
+        """Stop all neighbouring fleets; returns their names."""
+
+    def restart_waiting_times(self) -> None:
+        """A tractor of this fleet resumes: waiting tractors of the others start their waiting time again."""
+
+
+class NoNeighbours:
+    """A fleet without neighbours."""
+
+    def find_nearby_tractors(self) -> list[NeighbourTractor]:
+        """None."""
+        return []
+
+    def stop_neighbour_fleets(self, who: str, now: float) -> list[str]:
+        """Nobody."""
+        return []
+
+    def restart_waiting_times(self) -> None:
+        """Nobody waits."""

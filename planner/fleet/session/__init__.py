@@ -1,0 +1,1 @@
+"""Sessions of live fleets: clients, frames, twins and recordings."""

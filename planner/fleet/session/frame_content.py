@@ -1,0 +1,220 @@
+"""Content of frames: reports read from them, and the scene, ticks and coverage of a fleet.
+
+Frames have degrees and eastings, the fleet manager radians and metres of the plan.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+import shapely
+
+from planner.fleet.manager.finish_forecast import FinishDistribution
+from planner.fleet.manager.fleet_manager import FleetManager
+from planner.fleet.model.fleet_plan import FleetPlan
+from planner.fleet.model.timed_mission import encode_leg
+from planner.fleet.model.tractor_state import TractorReport
+from planner.fleet.session.inbound_frames import StateFrame
+from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.plan_file import SavedPlan, format_plan
+from vehicle.sim.compile import compute_contact_boxes
+
+
+def build_report(state: StateFrame, plan: FleetPlan) -> TractorReport:
+    """The report of a state frame, at the guided point beside the antenna."""
+    heading_rad = math.radians(90.0 - state.heading_deg)
+    aside_m = plan.tractor.antenna_right_m
+    east, north = plan.saved.origin_m
+    return TractorReport(
+        x_m=state.easting_m - east - aside_m * math.sin(heading_rad),
+        y_m=state.northing_m - north + aside_m * math.cos(heading_rad),
+        heading_rad=heading_rad,
+        speed_mps=state.speed_mps,
+        speed_command_mps=state.speed_command_mps,
+        steering_command_rad=math.radians(state.steering_command_deg),
+        steering_rad=None if state.steering_deg is None else math.radians(state.steering_deg),
+        shuttle=state.shuttle,
+        mode=state.mode,
+        leg=state.leg,
+        leg_m=max(state.leg_m, 0.0),
+        implement=state.implement,
+        done=state.done,
+        errors=tuple(state.errors),
+        time_s=state.time.timestamp(),
+    )
+
+
+def build_antenna_pose_values(report: TractorReport | None, plan: FleetPlan) -> dict[str, float]:
+    """The place of the antenna of a report, as in a state frame; empty without one."""
+    if report is None:
+        return {}
+    aside_m, heading_angle_rad = plan.tractor.antenna_right_m, report.heading_rad
+    east, north = plan.saved.origin_m
+    return {
+        "easting_m": round(report.x_m + east + aside_m * math.sin(heading_angle_rad), 4),
+        "northing_m": round(report.y_m + north - aside_m * math.cos(heading_angle_rad), 4),
+        "heading_deg": round(compute_heading_deg(heading_angle_rad), 4),
+    }
+
+
+def compute_heading_deg(angle_rad: float) -> float:
+    """Compass heading in [0, 360) of a mathematical angle."""
+    return (90.0 - math.degrees(angle_rad)) % 360.0
+
+
+def describe_mission(plan: FleetPlan, number: int) -> dict[str, Any]:
+    """The legs of a tractor as a saved plan of one tractor, without gates: releases replace them."""
+    legs = tuple(drop_gates(leg) for leg in plan.timed_missions[number].legs)
+    text = format_plan(Plan((Mission(legs),)), crs=plan.saved.crs, origin_m=plan.saved.origin_m)
+    document: dict[str, Any] = json.loads(text)
+    return document
+
+
+def drop_gates(leg: Leg) -> Leg:
+    """A leg without gates and leader."""
+    return replace(leg, gates=(), follow=None)
+
+
+def convert_to_plan_m(saved: SavedPlan, ring: list[list[float]]) -> tuple[tuple[float, float], ...]:
+    """Eastings and northings as metres of the plan."""
+    east, north = saved.origin_m
+    return tuple((x - east, y - north) for x, y in ring)
+
+
+def find_next_time_s(since_midnight_s: float) -> float:
+    """The next local time of day, in seconds since 1970."""
+    now = datetime.now()
+    shown_at = now.replace(hour=0, minute=0, second=0, microsecond=0) + timedelta(seconds=since_midnight_s)
+    return (shown_at if shown_at > now else shown_at + timedelta(days=1)).timestamp()
+
+
+def build_scene(manager: FleetManager, deadline_s: float | None) -> dict[str, Any]:
+    """The scene frame; points in metres of the coordinate system."""
+    plan = manager.plan
+    origin = np.asarray(plan.saved.origin_m)
+    boxes = {name: round(metres, 3) for name, metres in compute_contact_boxes(plan.tractor, plan.implement).items()}
+    machine = {
+        "boxes_m": boxes,
+        "antenna_forward_m": plan.tractor.antenna_forward_m - plan.tractor.rear_axle_m,
+        "wheelbase_m": plan.tractor.wheelbase_m,
+        "max_steering_deg": plan.tractor.max_steering_deg,
+    }
+    fence = [np.asarray(part.exterior.coords) for part in shapely.get_parts(shapely.simplify(manager.guard.fence, 0.2))]
+    return {
+        "kind": "scene",
+        "version": manager.version * 1000 + manager.obstacles.version,
+        "crs": plan.saved.crs,
+        "origin_m": list(plan.saved.origin_m),
+        "field": [_round_points(np.asarray(ring) + origin) for ring in plan.rings],
+        "field_obstacles": [_round_points(np.asarray(ring) + origin) for ring in plan.obstacles],
+        "fence": [_round_points(ring + origin) for ring in fence],
+        "obstacles": [
+            {
+                "id": block.id,
+                "name": block.name,
+                "who": block.who,
+                "polygon_m": _round_points(np.asarray(block.ring) + origin),
+            }
+            for block in manager.obstacles.items.values()
+        ],
+        "width_m": plan.implement.width_m,
+        "deadline_s": deadline_s,
+        "tractors": [
+            {"tractor": number + 1, "legs": [encode_leg(leg, plan.saved.origin_m) for leg in timed_mission.legs]}
+            | machine
+            for number, timed_mission in enumerate(plan.timed_missions)
+        ],
+    }
+
+
+def _round_points(points: np.ndarray) -> list[list[float]]:
+    return np.round(points, 2).tolist()  # type: ignore[no-any-return]
+
+
+def build_tick_tractor(manager: FleetManager, number: int, now: float, state_time: str | None) -> dict[str, Any]:
+    """One tractor of a tick; `state_time` is that of its last state. The caller fills in the twin."""
+    state, report = manager.states[number], manager.states[number].report
+    east, north = manager.plan.saved.origin_m
+    worked_m = manager.timed_missions[number].worked_m[-1]
+    done_m = worked_m if state.done else manager.timed_missions[number].compute_worked_m(state.leg, state.leg_m)
+    steering_rad = None
+    if report is not None:
+        steering_rad = report.steering_command_rad if report.steering_rad is None else report.steering_rad
+    return {
+        "tractor": number + 1,
+        "time": state_time,
+        "easting_m": None if report is None else round(report.x_m + east, 3),
+        "northing_m": None if report is None else round(report.y_m + north, 3),
+        "heading_deg": None if report is None else round(compute_heading_deg(report.heading_rad), 2),
+        "speed_mps": None if report is None else round(report.speed_mps, 3),
+        "steering_deg": None if steering_rad is None else round(math.degrees(steering_rad), 2),
+        "twin": None,
+        "connection": state.get_connection(now, manager.rules.silence_s),
+        "age_s": None if report is None else round(now - state.last_fix_s, 2),
+        "mode": state.mode,
+        "holds": sorted(state.holds),
+        "holder": manager.control_leases.get_holder(number),
+        "leg": state.leg,
+        "leg_m": round(state.leg_m, 2),
+        "base_end": state.base_end,
+        "waits_for": [{"tractor": awaited + 1, "leg": leg} for awaited, leg in manager.find_awaited_legs(number)],
+        "eta_s": _round_finite(manager.finish_in_s[number]),
+        "late_s": _round_finite(manager.estimate_delay_s(number, now)),
+        "error_m": None,
+        "error_deg": None,
+        "done_pct": 100.0 if worked_m == 0.0 else round(100.0 * done_m / worked_m, 2),
+    }
+
+
+def build_tick_fleet(
+    manager: FleetManager, deadline_s: float | None, finish_distribution: FinishDistribution | None
+) -> dict[str, Any]:
+    """The fleet in a tick; the deadline in seconds from now, with the probability of meeting it, if known."""
+    done_m, worked_m = manager.compute_total_worked_m(), manager.plan.worked_m
+    finish_s = max(
+        (s for s, state in zip(manager.finish_in_s, manager.states, strict=True) if not state.has_no_more_legs),
+        default=math.inf,
+    )
+    probability = None
+    if finish_distribution is not None and deadline_s is not None:
+        probability = finish_distribution.compute_probability(
+            finish_s * manager.rules.times, deadline_s * manager.rules.times
+        )
+    return {
+        "state": manager.state,
+        "eta_s": _round_finite(finish_s),
+        "done_pct": round(100.0 * done_m / worked_m, 2) if worked_m else 100.0,
+        "done_m2": round(done_m * manager.plan.implement.width_m, 1),
+        "deadline_s": _round_finite(deadline_s),
+        "probability": probability,
+    }
+
+
+def build_alarms(manager: FleetManager) -> dict[str, Any]:
+    """The alarms frame, with UTC times."""
+    clock_s, now = time.time(), time.monotonic()
+    items = manager.alarms.describe_alarms()
+    for item in items:
+        since = datetime.fromtimestamp(clock_s - (now - item["since"]), UTC)
+        item["since"] = since.isoformat(timespec="seconds").replace("+00:00", "Z")
+    return {"kind": "alarms", "items": items}
+
+
+def build_coverage(manager: FleetManager, number: int, first: int) -> dict[str, Any] | None:
+    """The coverage frame of a tractor after the first points; None for nothing new."""
+    points = manager.coverage_map.get_points_after(number, first)
+    if not points:
+        return None
+    east, north = manager.plan.saved.origin_m
+    encoded = [None if point is None else [round(point[0] + east, 2), round(point[1] + north, 2)] for point in points]
+    return {"kind": "coverage", "tractor": number + 1, "first": first, "points": encoded}
+
+
+def _round_finite(value: float | None) -> float | None:
+    return round(value, 1) if value is not None and math.isfinite(value) else None

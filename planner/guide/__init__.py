@@ -1,0 +1,1 @@
+"""The guide: its pages as Markdown, and files that they show or install."""

@@ -1,0 +1,231 @@
+"""A diagnosis from files to results, with the change of a plan by the extended tractor; and the replay of one run."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
+from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
+from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
+from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
+from vehicle.identification.replay.horizon_errors import (
+    compute_anchored_errors,
+    compute_horizon_errors,
+    fit_rigid_motion,
+    simulate_instruments,
+    split_pieces,
+    sum_squared_errors_by_run,
+)
+from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
+from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.verdict.diagnose import ReportProgress, diagnose_logs
+from vehicle.identification.verdict.diagnosis_types import Diagnosis, PlanGain, ReplayedSegment, ReplayResult
+from vehicle.model.tractor import Settings, Tractor, resolve_tractor
+from vehicle.records import WORKING
+
+if TYPE_CHECKING:
+    from planner.evaluation.context import PlanningContext
+    from vehicle.missions.run import SimulationRun
+
+
+PLAN_FIELD = "iwamizawa"
+PLAN_WIDTH_M = 3.0
+MIN_TRACTOR_LENGTH_M = 1.0
+TIMEOUT_FACTOR = 3.0  # times as long as the plan takes with the file: slower drives are not finished at all
+
+
+Logs = Sequence[Log | str | Path] | Log | str | Path
+"""One or more logs."""
+
+
+def diagnose(
+    logs: Logs,
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    fixes: Sequence[str] = (),
+    use_driven_size: bool = False,
+    progress: ReportProgress | None = None,
+) -> Diagnosis:
+    """Return what the simulation of a tractor gets wrong in measured logs, why, and the gain of correcting it.
+
+    `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object,
+    a name or a file. Logs that cannot be of this tractor are refused with the size that they suggest, or diagnosed with
+    a tractor of that size with `use_driven_size`. `progress` is called with (done, an estimate of all). Raises LogError
+    and VehicleError.
+    """
+    with attach_parameter("tractor"):
+        machine = resolve_tractor(tractor)
+    with attach_parameter("logs"):
+        parsed_logs = collect_logs(logs, fixes, machine)
+    if use_driven_size:
+        machine = scale_to_logs(parsed_logs, machine, ground)
+    refuse_other_vehicle(parsed_logs, machine, ground)
+    return _add_plan_gain(diagnose_logs(parsed_logs, machine, ground, progress), machine)
+
+
+def diagnose_demo(
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    seed: int = 1,
+    hidden_effect: str | None = None,
+    progress: ReportProgress | None = None,
+) -> tuple[Diagnosis, HiddenEffect]:
+    """Diagnose simulated logs with a hidden effect, drawn from `seed` or named by `hidden_effect`; returns both.
+
+    Raises RequestError for a seed below 0 and VehicleError for an effect that cannot be hidden.
+    """
+    if seed < 0:
+        raise RequestError(f"{mark_parameter('seed')} {seed} is negative; use 0 or more.")
+    with attach_parameter("tractor"):
+        machine = resolve_tractor(tractor)
+    with attach_parameter("hide"):
+        hidden = draw_hidden_effect(seed, machine, hidden_effect)
+    return _add_plan_gain(
+        diagnose_logs(simulate_demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine
+    ), hidden
+
+
+def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
+    """Return given logs and those read from files; files are read together, as they share an origin."""
+    if isinstance(logs, str | Path | Log):
+        logs = [logs]
+    if not logs:
+        raise RequestError(f"No log is given; name one file or more in {mark_parameter('logs')}.")
+    given_logs = [log for log in logs if isinstance(log, Log)]
+    files = [Path(log) if Path(log).exists() else log for log in logs if not isinstance(log, Log)]
+    return [*given_logs, *(read_logs(files, fixes, machine.wheelbase_m) if files else ())]
+
+
+def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> Diagnosis:
+    """Add the change of a small plan by the extended tractor, or a note why there is none."""
+    gain, why_not = measure_plan_gain(machine, diagnosis.tractor)
+    return replace(diagnosis, plan=gain, notes=(*diagnosis.notes, *([why_not] if why_not else [])))
+
+
+def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | None, str]:
+    """Simulate a small plan made for a tractor with it and with the extended one.
+
+    Turning radius, headland and legs are those of the original tractor; the extended one drives the same plan as the
+    logs say the real one would. Without a plan the second value is a sentence with the reason, empty if nothing was
+    added.
+    """
+    if (extended.effects, extended.discrepancy_model) == (original.effects, original.discrepancy_model):
+        has_effects = extended.effects or extended.discrepancy_model
+        return None, "The tractor stays as its file has it, so no plan was driven to compare." if has_effects else ""
+    if original.length_m < MIN_TRACTOR_LENGTH_M:
+        return None, (
+            f"No plan was driven to compare: {original.name} is {original.length_m:g} m long, and plans are for "
+            "tractors "
+            f"of {MIN_TRACTOR_LENGTH_M:g} m or more."
+        )
+    # Planning is only loaded here, once the logs have been diagnosed.
+    from planner.evaluation.candidates.evaluate import Candidate, run_candidate
+    from planner.evaluation.context import prepare_context
+    from planner.request.plan_request import PlanRequest
+    from vehicle.missions.run import DONE
+    from vehicle.sim.world import World
+
+    try:
+        context = prepare_context(
+            PlanRequest(field=PLAN_FIELD, width_m=PLAN_WIDTH_M, no_headland=True), tractor=original
+        )
+        first = run_candidate(context, Candidate("row-by-row", 1)).run
+    except HeadlandError as refusal:
+        return None, f"No plan was driven to compare: {str(refusal).rstrip('.')}."
+    world = World(first.plan, extended, context.implement, seed=context.request.seed)
+    second = world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1]))
+    runs = [first, second]
+    if extended.discrepancy_model is not None:
+        world = World(
+            first.plan,
+            extended.model_copy(update={"discrepancy_model": None}),
+            context.implement,
+            seed=context.request.seed,
+        )
+        runs.append(world.run(max_time_s=TIMEOUT_FACTOR * float(first.time_s[-1])))
+    times = [float(run.duration_s) if run.outcome == DONE else None for run in runs]
+    lateral = [_measure_lateral_cm(context, run) for run in runs]
+    gain = PlanGain(PLAN_FIELD, times[0], times[1], lateral[0], lateral[1])
+    if len(runs) > 2:
+        slower = times[1] - times[2] if times[1] is not None and times[2] is not None else None
+        gain = replace(gain, discrepancy_s=slower, discrepancy_cm=lateral[1] - lateral[2])
+    return gain, ""
+
+
+def _measure_lateral_cm(context: PlanningContext, run: SimulationRun) -> float:
+    """Return the root mean square distance (cm) of the guided point from the nearest track, while working."""
+    from planner.evaluation.ground.coverage import compute_guided_path
+
+    points = compute_guided_path(run, context, 0)[run.get_statuses(0) == WORKING]
+    starts = np.array([swath.start_m for swath in context.layout.swaths])
+    ends = np.array([swath.end_m for swath in context.layout.swaths])
+    directions = (ends - starts) / np.linalg.norm(ends - starts, axis=1, keepdims=True)
+    offsets = points[:, None, :] - starts[None]
+    cross = np.abs(offsets[:, :, 0] * directions[None, :, 1] - offsets[:, :, 1] * directions[None, :, 0]).min(axis=1)
+    return 100.0 * float(np.sqrt(np.mean(cross**2)))
+
+
+ALIGNMENT_S, SEGMENT_S = 5.0, 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A replayed run with its errors, and the remarks on the log's columns and rows."""
+
+    replayed: ReplayResult
+    remarks: tuple[str, ...]
+
+
+def replay(
+    log: Log | str | Path,
+    *,
+    tractor: Tractor | str | Path = "eg105",
+    ground: str = "soil",
+    fixes: Sequence[str] = (),
+) -> Replay:
+    """Replay a log (an object, or a file read with `fixes`) with the effects of a tractor (object, name or file).
+
+    Raises LogError and VehicleError.
+    """
+    with attach_parameter("tractor"):
+        machine = resolve_tractor(tractor)
+    with attach_parameter("log"):
+        run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
+        course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
+    with attach_parameter("ground"):
+        rig, settings = build_rig_and_corrections(machine, ground, course.origin)
+    errors = compute_horizon_errors(sum_squared_errors_by_run(course, rig, {0: settings}))
+    segments = tuple(_replay_segment(rig, segment, settings) for segment in course.segments)
+    left_out = course.rows_read - course.rows
+    replayed = ReplayResult(run.name, machine.name, tuple(settings), errors, segments, left_out)
+    return Replay(replayed, tuple(list_remarks(run)))
+
+
+def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:
+    antenna, heading, wheel, speed = simulate_instruments(rig, segment, settings)
+    turn, shift = compute_log_alignment(segment, antenna, heading)
+    parts = tuple(
+        (rows, compute_anchored_errors(segment, antenna, heading, rows))
+        for rows in split_pieces(segment.time, SEGMENT_S)
+    )
+    return ReplayedSegment(segment, antenna @ turn.T + shift, wheel, speed, parts)
+
+
+def compute_log_alignment(
+    segment: DriveSegment, antenna: Array, heading: Array, seconds: float = ALIGNMENT_S
+) -> tuple[Array, Array]:
+    """Return rotation (2, 2) and shift (2,) that align the first seconds of the simulation with the measurement."""
+    rows = max(int(np.searchsorted(segment.time, seconds)), 2)
+    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
+    angle, *middles = fit_rigid_motion(0, rows, segment.east, segment.north, segment.heading, x, y, heading)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return turn, np.array(middles[:2]) - turn @ np.array(middles[2:])

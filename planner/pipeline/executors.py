@@ -1,0 +1,208 @@
+"""Executors that plan in processes of this machine or on a Dask cluster, and how tasks are given to any executor.
+
+The pool starts fresh processes (`spawn`) and never forks, as the caller may have threads; a script that uses it keeps
+its work under `if __name__ == "__main__":`. The cluster (https://distributed.dask.org) needs `headland[cluster]`.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing.connection import Connection
+from types import TracebackType
+from typing import Any, TypeVar
+
+from planner.errors import RequestError, WorkerError, mark_parameter
+from planner.pipeline.interrupts import stop_repeating
+
+PATIENCE_S = 10.0
+MAX_TRIES = 3  # how often a task is given to another worker when its own has ended
+
+
+class ClusterError(RequestError):
+    """A cluster cannot be used."""
+
+
+@contextmanager
+def connect_cluster(address: str) -> Iterator[Executor]:
+    """The executor of the cluster whose scheduler has this address, such as tcp://host:8786.
+
+    Raises ClusterError if there is none, WorkerError if its workers keep ending.
+    """
+    client = _create_client(address)
+    try:
+        with client.get_executor(pure=False, retries=MAX_TRIES) as executor:
+            yield executor
+    except Exception as error:
+        if type(error).__name__ != "KilledWorker":
+            raise
+        raise WorkerError(
+            f"Workers of the cluster {address} ended while planning, probably out of memory; give each worker one "
+            "thread and 2 GB."
+        ) from None
+    finally:
+        client.close()
+
+
+def _create_client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise ClusterError(
+            f"{mark_parameter('cluster')} needs Dask, which is not installed; install headland[cluster] or plan "
+            "without a cluster."
+        ) from None
+    try:
+        client = Client(address, timeout=PATIENCE_S, set_as_default=False)
+    except (OSError, ValueError):
+        raise ClusterError(
+            f"There is no Dask scheduler at {address!r} ({mark_parameter('cluster')}); start one with "
+            "'dask scheduler', its workers with 'dask worker ADDRESS --nthreads 1', and give its address, for instance "
+            "tcp://127.0.0.1:8786."
+        ) from None
+    if not client.scheduler_info(n_workers=-1)["workers"]:
+        client.close()
+        raise ClusterError(
+            f"The cluster {address} ({mark_parameter('cluster')}) has no workers; start some with "
+            f"'dask worker {address}'."
+        )
+    return client
+
+
+T = TypeVar("T")
+TASKS_PER_PROCESS = 2  # tasks handed to each process at a time: the current one and the next
+
+
+class SerialExecutor(Executor):
+    """Runs every task in the calling thread, before `submit` returns."""
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Run the task and return its finished future."""
+        future: Future[T] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+class LocalPool(ProcessPoolExecutor):
+    """Fresh processes that end with the process that started them, however that one ends.
+
+    In `iter_completed` the caller works too: it runs tasks itself when all processes are busy. Leaving the `with`
+    block by an exception, such as Ctrl-C, stops the running tasks.
+    """
+
+    def __init__(self, processes: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        listen, self._lifeline = context.Pipe(duplex=False)
+        with _convert_start_failure():
+            super().__init__(processes, context, _initialise_worker, (listen,))
+        self.task_window = TASKS_PER_PROCESS * processes
+        for _ in range(processes):
+            self.submit(_preload_modules)
+
+    def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
+        """Submit a task; a process started for it never receives Ctrl-C."""
+        with _convert_start_failure(), hold_interrupts():
+            return super().submit(fn, *args, **kwargs)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> bool | None:
+        if kind is not None:
+            stop_repeating()
+            # Otherwise the caller may hang at exit, waiting to hand over tasks that nobody takes.
+            self._call_queue.cancel_join_thread()  # type: ignore[attr-defined]
+            self._lifeline.close()
+        return super().__exit__(kind, error, trace)
+
+
+@contextmanager
+def _convert_start_failure() -> Iterator[None]:
+    """Report a process that cannot be started as a broken pool, not as a broken pipe of standard output."""
+    try:
+        yield
+    except BrokenPipeError as error:
+        raise BrokenProcessPool("a process could not be started") from error
+
+
+@contextmanager
+def hold_interrupts() -> Iterator[None]:
+    """Block Ctrl-C where the system can; processes started in the block never receive it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    previous_mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
+
+
+def _initialise_worker(lifeline: Connection) -> None:
+    """In a new process: leave Ctrl-C to the process that collects results, and end when the lifeline closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_parent, args=(lifeline,), daemon=True).start()
+
+
+def _exit_with_parent(lifeline: Connection) -> None:
+    try:
+        lifeline.recv_bytes()
+    except (EOFError, OSError):
+        os._exit(0)
+
+
+def _preload_modules() -> None:
+    """Import what every candidate needs while the caller still prepares the tasks."""
+    import planner.evaluation.candidates.evaluate  # noqa: F401
+
+
+def create_executor(task_count: int, processes: int | None = None) -> Executor:
+    """The executor for this many tasks in this many processes of this machine; by default one process per core.
+
+    The calling process counts as one of them: a single task or process needs no other.
+    """
+    count = min(processes or os.cpu_count() or 1, task_count)
+    return SerialExecutor() if count <= 1 else LocalPool(count - 1)
+
+
+def iter_completed(
+    executor: Executor, function: Callable[..., T], arguments: list[tuple[Any, ...]]
+) -> Iterator[tuple[int, T]]:
+    """Yield (index, function(*arguments[index])) as tasks finish; pending tasks are cancelled if the caller stops.
+
+    A `LocalPool` holds hardly any pending task: it finishes these, or drops them when left by an exception.
+    """
+    window = executor.task_window if isinstance(executor, LocalPool) else len(arguments)
+    waiting: dict[Future[T], int] = {}
+    pending = list(enumerate(arguments))[::-1]
+    try:
+        while pending or waiting:
+            while pending and len(waiting) < window:
+                index, task_arguments = pending.pop()
+                waiting[executor.submit(function, *task_arguments)] = index
+                yield from _pop_finished(waiting)
+            if pending:
+                index, task_arguments = pending.pop()
+                yield index, function(*task_arguments)
+            elif waiting:
+                wait(waiting, return_when=FIRST_COMPLETED)
+            yield from _pop_finished(waiting)
+    finally:
+        if not isinstance(executor, LocalPool):  # a broken pool fails on futures that are cancelled but still listed
+            for future in waiting:
+                future.cancel()
+
+
+def _pop_finished(waiting: dict[Future[T], int]) -> Iterator[tuple[int, T]]:
+    """Remove finished futures and yield their (index, result)."""
+    for future in [future for future in waiting if future.done()]:
+        index = waiting.pop(future)
+        yield index, future.result()

@@ -1,0 +1,169 @@
+"""A plan request completed by a farm file: tractor, implement, prices, times and uncertainty."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Container
+from dataclasses import dataclass, replace
+from typing import Any
+
+from planner.errors import RequestError, mark_parameter
+from planner.farm.inventory import FarmFile
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.settings import FarmPrices, FarmTimes, Yard
+from planner.farm.value_sources import find_unchanged_learned_values
+from planner.request.plan_request import PlanRequest
+from planner.request.random_inputs import UncertaintySettings, copy_settings
+from planner.risk.costs import CostTerms, compute_hourly_rates
+from strategies.program.supply import Supply
+from vehicle.model.tractor import Implement, Tractor, list_tractor_names
+
+
+@dataclass(frozen=True)
+class PlanInputs:
+    """A request with the values of a farm, and the machines to plan it with (`tractor`: an object or a file).
+
+    `farm_tractor` is None where the request names another tractor. `terms` and `uncertainty` are the farm's prices and
+    laws, `supply` is what the implement carries, `times` and `yard` make up its day. Without a farm all are None.
+    """
+
+    request: PlanRequest
+    tractor: Tractor | str | None
+    implement: Implement | None
+    farm_tractor: FarmTractor | None
+    farm_implement: FarmImplement | None
+    terms: CostTerms | None = None
+    uncertainty: UncertaintySettings | None = None
+    supply: Supply | None = None
+    times: FarmTimes | None = None
+    yard: Yard | None = None
+
+
+def build_inputs_without_farm(request: PlanRequest) -> PlanInputs:
+    """A request without a farm."""
+    return PlanInputs(request, None, None, None, None)
+
+
+def complete_request_by_farm(
+    request: PlanRequest, farm: FarmFile, given_parameters: Collection[str] = (), *, implement_name: str | None = None
+) -> PlanInputs:
+    """Complete a request by tractor, count, width, speeds, operation and prices of a farm; its shift gives the start.
+
+    The `given_parameters` of the request stay as they are; a given `tractor` may be the name of one of the farm's.
+    Without `implement_name` the first implement that fits is used. Raises RequestError, VehicleError.
+    """
+    farm_tractor = _select_tractor(request, farm, given_parameters, implement_name)
+    if farm_tractor is not None and "tractors" in given_parameters:
+        _check_tractor_count(farm_tractor, max(request.tractors))
+    farm_implement = _select_implement(farm, farm_tractor, implement_name)
+    given_parameters = {*given_parameters, "start_s"} if request.start_s is not None else given_parameters
+    if request.headland_order is not None or request.no_headland or "operation" in given_parameters:
+        given_parameters = {*given_parameters, "headland_order"}
+    farm_values = {
+        key: value
+        for key, value in _list_farm_values(farm, farm_tractor, farm_implement).items()
+        if key not in given_parameters and value is not None
+    }
+    sized_implement = farm_implement.simulated_implement
+    if "width_m" in given_parameters:
+        sized_implement = sized_implement.model_copy(update={"width_m": request.width_m, "frame_width_m": None})
+    terms = CostTerms(
+        _merge_prices(request, farm, given_parameters),
+        farm_tractor,
+        farm_implement,
+        learned_notes=_describe_learned_values(farm, farm_implement),
+    )
+    return PlanInputs(
+        replace(request, **farm_values),
+        None if farm_tractor is None else farm_tractor.origin,
+        sized_implement,
+        farm_tractor,
+        farm_implement,
+        terms,
+        copy_settings(farm.uncertainty),
+        farm_implement.build_supply(farm.times.refill_s),
+        farm.times,
+        farm.yard,
+    )
+
+
+def _describe_learned_values(farm: FarmFile, farm_implement: FarmImplement) -> tuple[str, ...]:
+    """Values of the implement and of the uncertainty that come from the farm's own logs, in words."""
+    prefixes = (f"implements.{farm_implement.name}.", "uncertainty.")
+    return tuple(
+        f"{one.key.split('.')[-1]} {one.format_with_interval()}"
+        for one in find_unchanged_learned_values(farm)
+        if one.key.startswith(prefixes)
+    )
+
+
+def _merge_prices(request: PlanRequest, farm: FarmFile, given_parameters: Container[str]) -> FarmPrices:
+    """The prices of the farm, replaced where the request gives them."""
+    price_fields = {"price_per_hour": "per_hour", "price_per_tractor": "transport_per_tractor"}
+    return farm.prices.model_copy(
+        update={own: getattr(request, name) for name, own in price_fields.items() if name in given_parameters}
+    )
+
+
+def _select_tractor(
+    request: PlanRequest, farm: FarmFile, given_parameters: Container[str], implement_name: str | None
+) -> FarmTractor | None:
+    """The tractor by its name, or the first that the implement fits."""
+    if "tractor" in given_parameters:
+        if request.tractor in list_tractor_names() or os.path.lexists(request.tractor):
+            return next((each for each in farm.tractors if each.name == request.tractor), None)
+        return farm.get_tractor(request.tractor)
+    farm_implement = None if implement_name is None else farm.get_implement(implement_name)
+    return next(each for each in farm.tractors if farm_implement is None or farm.is_compatible(each, farm_implement))
+
+
+def _check_tractor_count(farm_tractor: FarmTractor, requested: int) -> None:
+    """Refuse more tractors than the farm has of this kind."""
+    if requested > farm_tractor.count:
+        raise RequestError(
+            f"{mark_parameter('tractors')} asks for {requested}, and the farm has {farm_tractor.count} x "
+            f"{farm_tractor.name}; ask for {farm_tractor.count} at "
+            "most, or change its count in the farm file."
+        )
+
+
+def _select_implement(farm: FarmFile, farm_tractor: FarmTractor | None, implement_name: str | None) -> FarmImplement:
+    if implement_name is None:
+        return next(each for each in farm.implements if farm_tractor is None or farm.is_compatible(farm_tractor, each))
+    farm_implement = farm.get_implement(implement_name)
+    if farm_tractor is not None and not farm.is_compatible(farm_tractor, farm_implement):
+        fitting_names = [each.name for each in farm.implements if farm.is_compatible(farm_tractor, each)]
+        raise RequestError(
+            f"The implement {farm_implement.name!r} does not fit the tractor {farm_tractor.name!r} by the farm file; "
+            "use one of: "
+            f"{', '.join(fitting_names)}, or a tractor out of: {', '.join(farm_implement.tractors)}.",
+            parameter="implement",
+        )
+    return farm_implement
+
+
+def compute_price_per_hour(farm: FarmFile, farm_tractor: FarmTractor | None, farm_implement: FarmImplement) -> float:
+    """Cost of one working hour of a tractor with its implement and its share of supervision."""
+    prices = farm.prices
+    supervision = prices.supervision_share * prices.supervision_per_hour
+    if prices.per_hour is not None:
+        return prices.per_hour + supervision
+    hourly = compute_hourly_rates(prices, farm_tractor, farm_implement)
+    return hourly.rates_without_fuel + hourly.fuel_at_work + supervision
+
+
+def _list_farm_values(
+    farm: FarmFile, farm_tractor: FarmTractor | None, farm_implement: FarmImplement
+) -> dict[str, Any]:
+    """Parameters of a request from the farm; None for those it leaves open."""
+    return {
+        "width_m": farm_implement.width_m,
+        "speed_mps": farm_implement.speed_mps,
+        "turn_speed_mps": farm_implement.turn_speed_mps,
+        "operation": farm_implement.operation,
+        "headland_order": farm_implement.headland,
+        "tractors": None if farm_tractor is None else tuple(range(1, farm_tractor.count + 1)),
+        "price_per_hour": compute_price_per_hour(farm, farm_tractor, farm_implement),
+        "price_per_tractor": farm.prices.transport_per_tractor,
+        "start_s": farm.times.shift_span_s[0],
+    }

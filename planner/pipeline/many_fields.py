@@ -1,0 +1,241 @@
+"""Plans for many fields: the questions, their answers from any executor, and the answer file that lets a run resume.
+
+Each answer is one line of JSON, written as soon as it is known; a question without an answer does not stop the others.
+"""
+
+from __future__ import annotations
+
+import glob
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor
+from dataclasses import dataclass
+from functools import partial
+from hashlib import file_digest, sha256
+from pathlib import Path
+from typing import Any
+
+from fields.documents.reader import FieldSummary, list_fields
+from fields.documents.sources import list_field_files, parse_field_reference
+from fields.text_files import read_text
+from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.pipeline.executors import SerialExecutor, iter_completed
+from planner.pipeline.farm_inputs import PlanInputs
+from planner.pipeline.fingerprint import hash_content
+from planner.pipeline.planning import plan
+from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
+from reports.common.plan_results import PlanRanking
+
+
+@dataclass(frozen=True, eq=False)
+class FieldQuestion:
+    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win."""
+
+    inputs: PlanInputs
+    simulate_all: bool = False
+
+    @property
+    def field_name(self) -> str:
+        """The field as named in the request."""
+        return self.inputs.request.field
+
+
+@dataclass(frozen=True, eq=False)
+class FieldAnswer:
+    """The ranking of a field's plans, or the refusal."""
+
+    ranking: PlanRanking | None
+    refusal: HeadlandError | None = None
+
+
+def answer_question(question: FieldQuestion) -> FieldAnswer:
+    """Answer one question in the current process."""
+    inputs = question.inputs
+    try:
+        planning_result = plan(
+            inputs.request,
+            tractor=inputs.tractor,
+            implement=inputs.implement,
+            uncertainty=inputs.uncertainty,
+            cost_terms=inputs.terms,
+            supply=inputs.supply,
+            times=inputs.times,
+            yard=inputs.yard,
+            executor=SerialExecutor(),
+            simulate_all=question.simulate_all,
+        )
+    except HeadlandError as refusal:
+        return FieldAnswer(None, refusal)
+    return FieldAnswer(planning_result.ranking)
+
+
+def iter_answers(executor: Executor, questions: Sequence[FieldQuestion]) -> Iterator[tuple[int, FieldAnswer]]:
+    """Yield (index, answer) as questions are answered; raises WorkerError if processes keep ending.
+
+    Each question is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
+    """
+    try:
+        yield from iter_completed(executor, answer_question, [(question,) for question in questions])
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
+
+
+def hash_question(inputs: PlanInputs, simulate_all: bool = False) -> str:
+    """SHA-256 of everything the answer depends on: values, files and code."""
+    request = inputs.request
+    names = (request.tractor, inputs.tractor, request.rain, request.gnss_table)
+    files = [Path(name) for name in names if isinstance(name, str) and os.path.isfile(name)]
+    return hash_content(inputs, simulate_all, [_hash_file(path) for path in (*list_field_files(request.field), *files)])
+
+
+def _hash_file(path: Path) -> str | None:
+    """SHA-256 of a file; None if it does not exist."""
+    if not os.path.isfile(path):
+        return None
+    with path.open("rb") as stream:
+        return file_digest(stream, "sha256").hexdigest()
+
+
+KEY_FIELD, CHECKSUM_FIELD = "key", "sum"
+LINE_START = f'{{"{KEY_FIELD}": "'  # how every line begins
+Record = dict[str, Any]
+
+
+class AnswerFileError(RequestError):
+    """The answer file is not one, or was changed."""
+
+
+def add_checksum(record: Mapping[str, Any]) -> Record:
+    """The record with a checksum, by which `read_answer_file` detects changes."""
+    return {**record, CHECKSUM_FIELD: _compute_checksum(record)}
+
+
+def has_checksum(record: Mapping[str, Any]) -> bool:
+    """Whether a record has a checksum; records of an older Headland have none and are not used."""
+    return CHECKSUM_FIELD in record
+
+
+def read_answer_file(path: Path) -> dict[str, Record]:
+    """Records of an answer file by key; empty if there is no file yet.
+
+    A truncated last line is skipped. Raises AnswerFileError for another kind of file or a changed record.
+    """
+    if not path.exists():
+        return {}
+    text = read_text(path, f"a file of answers ({mark_parameter('checkpoint')})", AnswerFileError)
+    *lines, last_line = text.split("\n")
+    if not (last_line.startswith(LINE_START) or LINE_START.startswith(last_line)):
+        raise _build_garbled_error(path, len(lines) + 1)
+    records = [_read_record(path, number, line) for number, line in enumerate(lines, start=1)]
+    return {record[KEY_FIELD]: record for record in records}
+
+
+def _read_record(path: Path, number: int, line: str) -> Record:
+    try:
+        record = json.loads(line)
+    except (ValueError, RecursionError):
+        record = None
+    if not isinstance(record, dict) or not isinstance(record.get(KEY_FIELD), str):
+        raise _build_garbled_error(path, number)
+    if has_checksum(record) and record[CHECKSUM_FIELD] != _compute_checksum(record):
+        raise AnswerFileError(
+            f"Line {number} of {path} ({mark_parameter('checkpoint')}) was changed after it was saved; delete that "
+            "line or name another file."
+        )
+    return record
+
+
+def _build_garbled_error(path: Path, number: int) -> AnswerFileError:
+    return AnswerFileError(
+        f"Line {number} of {path} ({mark_parameter('checkpoint')}) is not an answer of Headland; name another file."
+    )
+
+
+def _compute_checksum(record: Mapping[str, Any]) -> str:
+    """SHA-256 of the record without its checksum."""
+    content = {name: value for name, value in record.items() if name != CHECKSUM_FIELD}
+    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+class AnswerFile:
+    """Appends records to a file, each flushed to disk before the next; does nothing without a path."""
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+
+    def replace_records(self, records: Iterable[Record]) -> None:
+        """Replace the file by these records."""
+        if self._path is not None:
+            _replace_file(self._path, records)
+
+    def append_record(self, record: Mapping[str, Any]) -> None:
+        """Append one record."""
+        if self._path is None:
+            return
+        with self._path.open("a", encoding="utf-8", newline="\n") as file:
+            file.write(_format_line(record))
+            file.flush()
+            os.fsync(file.fileno())
+
+    def write_all_records(self, records: Iterable[Record]) -> None:
+        """Replace the file by all records, in the order of the questions."""
+        self.replace_records(records)
+
+
+def _replace_file(path: Path, records: Iterable[Record]) -> None:
+    draft = path.with_name(path.name + ".part")
+    draft.write_text("".join(_format_line(record) for record in records), encoding="utf-8", newline="\n")
+    draft.replace(path)
+
+
+def _format_line(record: Mapping[str, Any]) -> str:
+    return json.dumps(record, ensure_ascii=False) + "\n"
+
+
+ALL_FIELDS = "*"
+MAX_FIELDS = 100_000
+
+
+def expand_field_names(
+    names: Iterable[str], *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+) -> tuple[str, ...]:
+    """The fields that names stand for, each once, in the order given.
+
+    ``file.geojson#*`` stands for every field of a file, ``*.geojson`` for every such file, sorted by name, if the
+    shell has not expanded it. Raises FieldError for a file that cannot be read, RequestError for a pattern that
+    matches no file.
+    """
+    list_parcels = partial(list_fields, local=local, crs=crs, swap_axes=swap_axes)
+    field_names = dict.fromkeys(
+        field for name in names for file in _iter_files(name) for field in _iter_parcels(file, list_parcels)
+    )
+    if len(field_names) > MAX_FIELDS:
+        raise RequestError(
+            f"{mark_parameter('field')} matches {len(field_names)} fields; plan at most {MAX_FIELDS} at once."
+        )
+    return tuple(field_names)
+
+
+def _iter_files(name: str) -> Iterator[str]:
+    place, mark, key = name.partition("#")
+    if os.path.exists(name) or not glob.has_magic(place):
+        yield name
+        return
+    files = sorted(glob.glob(place))
+    if not files:
+        raise RequestError(f"No file matches {place!r}; check the folder and the extension.", parameter="field")
+    for file in files:
+        yield file + mark + key
+
+
+def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, ...]]) -> Iterator[str]:
+    source = parse_field_reference(name)
+    if source.key != ALL_FIELDS:
+        yield name
+        return
+    listed = list_parcels(source.place)
+    keys = Counter(parcel.key for parcel in listed)
+    for parcel in listed:
+        yield f"{source.place}#{parcel.key if keys[parcel.key] == 1 else parcel.position}"

@@ -1,0 +1,279 @@
+"""What each tractor of a run does, step by step: the driver's list.
+
+The legs of one swath, headland side, turn or route are one step, drive-in included; a wait splits a step in two.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.common.plan_results import DriverLeg
+from vehicle.missions.plan import (
+    DRIVE,
+    DRIVE_IN,
+    ENTER,
+    HEADLAND_PASS,
+    LEAVE,
+    REFILL,
+    ROUTE,
+    SWATH,
+    TURN,
+    Leg,
+    LegTask,
+    Plan,
+)
+from vehicle.missions.run import SimulationRun
+from vehicle.records import FINISHED, STANDING, WAITING
+
+CORNER, WAIT, TO_REFILL = "corner", "wait", "refill-way"  # kinds of step that are not kinds of task
+MIN_WAIT_S = 3.0  # a shorter stop belongs to the step it interrupts
+LOOP_SHARE = 0.5  # of the length: a step whose ends are nearer to each other has no direction
+OMEGA_SWING_RAD = math.radians(20.0)  # a turn that first swings out by more than this is an omega
+MAX_SKEW_SHARE = 0.02  # of the length: swaths of one cell diverge by no more
+MIN_SPACING_SHARE = 0.5  # of the width: swaths of one cell are never nearer
+MAX_TURN_M = 60.0  # a longer one is a route, whatever its shape
+MIN_U_TURN_RAD, MIN_BULB_RAD = math.radians(135.0), math.radians(225.0)  # a turn by less is no U; one by more is a bulb
+MIN_LENGTH_M = 1e-3
+
+Rows = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class _StepNames:
+    """What the names of steps need: lines with several pieces, and the spacing of lines (m)."""
+
+    lettered_lines: frozenset[int]
+    width_m: float
+
+
+@dataclass(frozen=True)
+class _RecordSegment:
+    """Rows `first_row` to before `end_row` of the record: driving, waiting, or standing at a service stop."""
+
+    group: int
+    is_waiting: bool
+    is_standing: bool
+    first_row: int
+    end_row: int
+
+
+def list_steps(run: SimulationRun, width_m: float) -> tuple[tuple[DriverLeg, ...], ...]:
+    """The steps of every tractor in order; `width_m` is the width of the implement."""
+    names = _StepNames(_find_split_lines(run.plan), width_m)
+    return tuple(tuple(_iter_steps(run, tractor, names)) for tractor in range(run.plan.tractors))
+
+
+def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
+    """Names of swaths given by (line, piece) from 0: 14, or 14a and 14b where a line has several pieces."""
+    swath_keys = tuple(swath_keys)
+    split_lines = {line for line, piece in swath_keys if piece}
+    return tuple(
+        f"{line + 1}{_format_piece_letter(piece) if line in split_lines else ''}" for line, piece in swath_keys
+    )
+
+
+def _format_piece_letter(piece: int) -> str:
+    """a to z, then aa, ab, ..."""
+    return (_format_piece_letter(piece // 26 - 1) if piece >= 26 else "") + chr(ord("a") + piece % 26)
+
+
+def _find_split_lines(plan: Plan) -> frozenset[int]:
+    """Lines with several pieces."""
+    tasks = (leg.task for mission in plan.missions for leg in mission.legs)
+    return frozenset(task.number for task in tasks if task.number is not None and task.piece and task.kind == SWATH)
+
+
+def _is_on_headland(task: LegTask) -> bool:
+    return task.kind == HEADLAND_PASS
+
+
+def _iter_steps(run: SimulationRun, tractor: int, names: _StepNames) -> Iterator[DriverLeg]:
+    legs = run.plan.missions[tractor].legs
+    groups = _number_leg_steps(legs)
+    begun: set[int] = set()
+    for segment in _iter_segments(run, tractor, groups):
+        step = _build_wait_step(run, tractor, segment)
+        if segment.is_standing:
+            yield replace(step, kind=REFILL, amount=_find_service_amount(run, tractor, segment))
+            continue
+        if segment.is_waiting:
+            yield replace(step, for_tractors=_find_awaited_tractors(run, tractor, segment))
+            continue
+        members = np.flatnonzero(groups == segment.group)
+        named = _build_step(legs, int(members[0]), int(members[-1]), names)
+        yield replace(
+            named,
+            from_s=step.from_s,
+            seconds=step.seconds,
+            length_m=step.length_m,
+            x_m=step.x_m,
+            y_m=step.y_m,
+            continues=segment.group in begun,
+        )
+        begun.add(segment.group)
+
+
+def _number_leg_steps(legs: Sequence[Leg]) -> Rows:
+    """Number of the step each leg belongs to, (n,)."""
+    group, groups = 0, [0]
+    for before, after in pairwise(legs):
+        is_same_kind = _classify_task(before.task) == _classify_task(after.task)
+        group += not is_same_kind or not (before.task.has_same_goal(after.task) or after.task.kind in (ENTER, LEAVE))
+        groups.append(group)
+    return np.array(groups, dtype=np.int64)
+
+
+def _classify_task(task: LegTask) -> str:
+    """The class that all legs of a step share; crossing the headland line is part of the swath."""
+    if task.is_work or task.kind == DRIVE_IN:
+        return HEADLAND_PASS if _is_on_headland(task) else SWATH
+    return ROUTE if task.kind in (TURN, ROUTE) else task.kind
+
+
+def _iter_segments(run: SimulationRun, tractor: int, groups: Rows) -> Iterator[_RecordSegment]:
+    """Driving and standing segments in order of time; short stops belong to what they interrupt."""
+    status, group = run.get_statuses(tractor), groups[run.get_leg_numbers(tractor)]
+    end = int(np.argmax(status == FINISHED)) if (status == FINISHED).any() else len(status)
+    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
+    is_waiting = _clear_short_sequences(status[:end] == WAITING, math.ceil(MIN_WAIT_S / step_s - 1e-9) if step_s else 1)
+    is_standing = status[:end] == STANDING
+    keys = 3 * group[:end] + np.where(is_standing, 2, is_waiting)
+    cuts = [0, *(np.flatnonzero(np.diff(keys)) + 1).tolist(), end]
+    for first, last in pairwise(cuts):
+        if last > first:
+            yield _RecordSegment(int(group[first]), bool(is_waiting[first]), bool(is_standing[first]), first, last)
+
+
+def _clear_short_sequences(flags: npt.NDArray[np.bool_], min_rows: int) -> npt.NDArray[np.bool_]:
+    """The flags without runs of fewer than `min_rows`."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0]))))
+    long_flags = np.zeros(len(flags), dtype=bool)
+    for first, last in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
+        long_flags[first:last] = last - first >= min_rows
+    return long_flags
+
+
+def _build_wait_step(run: SimulationRun, tractor: int, segment: _RecordSegment) -> DriverLeg:
+    """A wait step with the time, length and place of a segment."""
+    first, last = segment.first_row, min(segment.end_row, len(run.time_s) - 1)
+    path = run.get_poses(tractor)[first : last + 1, :2]
+    driven_m = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))))
+    x, y = path[int(np.searchsorted(driven_m, 0.5 * driven_m[-1]))]
+    seconds = float(run.time_s[last] - run.time_s[first])
+    return DriverLeg(WAIT, None, "", float(run.time_s[first]), seconds, float(driven_m[-1]), float(x), float(y))
+
+
+def _find_service_amount(run: SimulationRun, tractor: int, segment: _RecordSegment) -> float | None:
+    """Amount filled in at a service stop, negative if taken out; None if the plan does not say."""
+    leg = int(run.get_leg_numbers(tractor)[segment.first_row])
+    entries = (one for one in run.plan.notes.get("refills", ()) if (one["tractor"], one["leg"]) == (tractor + 1, leg))
+    sign = -1.0 if run.plan.notes.get("collects") else 1.0
+    return next((sign * float(one["amount"]) for one in entries), None)
+
+
+def _find_awaited_tractors(run: SimulationRun, tractor: int, segment: _RecordSegment) -> tuple[int, ...]:
+    """The tractors, from 1, whose gates may be closed when a wait begins; otherwise the tractor that is followed."""
+    legs, current_leg = run.plan.missions[tractor].legs, int(run.get_leg_numbers(tractor)[segment.first_row])
+    started = bool((run.get_statuses(tractor)[: segment.first_row] != WAITING).any())
+    next_gates = (
+        legs[current_leg + 1].gates
+        if started and current_leg + 1 < len(legs)
+        else ()
+        if started
+        else legs[current_leg].gates
+    )
+    closed_by = {
+        gate.tractor + 1 for gate in next_gates if int(run.get_leg_numbers(gate.tractor)[segment.first_row]) <= gate.leg
+    }
+    follow = legs[current_leg].follow
+    return tuple(sorted(closed_by)) or (() if follow is None else (follow.tractor + 1,))
+
+
+def _build_step(legs: Sequence[Leg], first: int, last: int, names: _StepNames) -> DriverLeg:
+    """The step of the legs `first` to `last`, without time and place."""
+    task, kind_group = legs[first].task, _classify_task(legs[first].task)
+    goal = _find_next_work(legs, first)
+    on_headland_pass = _is_on_headland(legs[goal].task) if goal is not None else False
+    step = DriverLeg(kind_group, None, "", 0.0, 0.0, 0.0, 0.0, 0.0)
+    if kind_group == REFILL:
+        return replace(step, kind=TO_REFILL)
+    if kind_group == ENTER and goal is not None:
+        task = legs[goal].task
+    if kind_group in (DRIVE, LEAVE) or task.number is None:
+        return replace(step, kind=kind_group if kind_group in (ENTER, LEAVE) else DRIVE)
+    numbered_step = replace(step, number=task.number + (not on_headland_pass), is_headland_pass=on_headland_pass)
+    numbered_step = replace(
+        numbered_step, part=str(task.piece + 1) if on_headland_pass else _name_part(task, names.lettered_lines)
+    )
+    step_legs = legs[first : last + 1]
+    if kind_group == ENTER:
+        return numbered_step
+    if kind_group in (HEADLAND_PASS, SWATH):
+        return replace(numbered_step, bearing_deg=_compute_bearing_deg(step_legs))
+    before = legs[first - 1].task if first else None
+    is_way = any(leg.task.kind == ROUTE for leg in step_legs) or sum(leg.length_m for leg in step_legs) > MAX_TURN_M
+    is_corner = (
+        not is_way
+        and on_headland_pass
+        and before is not None
+        and _is_on_headland(before)
+        and before.number == task.number
+    )
+    swaths_over = (
+        _count_swaths_over(legs, first - 1, goal, names.width_m) if first and goal is not None and not is_way else None
+    )
+    kind = CORNER if is_corner else ROUTE if is_way else TURN
+    return replace(numbered_step, kind=kind, over_swaths=swaths_over, shape="" if is_way else _classify_turn(step_legs))
+
+
+def _count_swaths_over(legs: Sequence[Leg], from_index: int, to_index: int, width_m: float) -> int | None:
+    """How many swaths a turn leads over; None if it does not join two swaths of one cell."""
+    a, b = legs[from_index], legs[to_index]
+    if a.task.kind != SWATH or b.task.kind != SWATH or a.task.number is None or b.task.number is None:
+        return None
+    swath_count = abs(a.task.number - b.task.number)
+    along = a.points[-1] - a.points[-2]
+    along = along / float(np.hypot(*along))
+    ahead, off = b.points[-1] - b.points[0], b.points[0] - a.points[-1]
+    aside_m, apart_m = (abs(float(along[0] * step[1] - along[1] * step[0])) for step in (ahead, off))
+    parallel = aside_m <= MAX_SKEW_SHARE * b.length_m
+    spaced = MIN_SPACING_SHARE * swath_count * width_m <= apart_m <= (swath_count + 1.0 - MIN_SPACING_SHARE) * width_m
+    return swath_count if swath_count and parallel and spaced else None
+
+
+def _find_next_work(legs: Sequence[Leg], first: int) -> int | None:
+    return next((leg for leg in range(first, len(legs)) if legs[leg].task.is_work), None)
+
+
+def _name_part(task: LegTask, lettered: frozenset[int]) -> str:
+    return _format_piece_letter(task.piece) if task.number in lettered else ""
+
+
+def _compute_bearing_deg(legs: Sequence[Leg]) -> float | None:
+    """Direction from start to end, clockwise from north; None for a loop."""
+    begin, end = legs[0].points[0], legs[-1].points[-1]
+    east, north = (end - begin).tolist()
+    length = sum(leg.length_m for leg in legs)
+    if math.hypot(east, north) < max(LOOP_SHARE * length, MIN_LENGTH_M):
+        return None
+    return math.degrees(math.atan2(east, north)) % 360.0
+
+
+def _classify_turn(legs: Sequence[Leg]) -> str:
+    """The shape of a turn: "switch-back" (reversing), "omega" (bulb or swinging out), "u", or "" for a slight bend."""
+    if any(leg.gear < 0 for leg in legs):
+        return "switch-back"
+    points = np.concatenate([legs[0].points, *(leg.points[1:] for leg in legs[1:])])
+    steps = np.diff(points, axis=0)
+    steps = steps[np.hypot(*steps.T) > MIN_LENGTH_M]
+    bends = np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])))
+    left_rad, right_rad = float(bends[bends > 0].sum()), float(-bends[bends < 0].sum())
+    if max(left_rad, right_rad) < MIN_U_TURN_RAD:
+        return ""
+    return "omega" if min(left_rad, right_rad) > OMEGA_SWING_RAD or max(left_rad, right_rad) > MIN_BULB_RAD else "u"

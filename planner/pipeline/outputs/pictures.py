@@ -1,0 +1,320 @@
+"""A field in figures for `headland field`, and the plain arrays that pictures of a field or a run need."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry.polygon import orient
+
+from fields.geometry.field import Field
+from fields.geometry.field_lines import GuidanceLine, HeadlandEdge
+from fields.geometry.obstacles import LINE, POINT, Obstacle
+from fields.layout.cells import Cell
+from fields.layout.headland_passes import HeadlandPass
+from fields.layout.swaths import Layout
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
+from planner.evaluation.ground.overlays import GRID_M
+from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
+from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
+from reports.common.plan_results import CellOutline, HeadlandPassLine, PlanDrive, PlanResult, Points, UnworkedPiece
+from strategies.path_planning.connector import Connector
+from strategies.path_planning.paths import Pose
+from strategies.program.field_job import SwathPass
+from vehicle.missions.run import SimulationRun
+
+OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
+CUT_OFF_TOLERANCE_M = 0.5  # the place of a piece may lie this far beside the cut-off ground it is part of
+
+
+def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
+    """The field with its headland passes, cells and swaths, without tractors."""
+    layout = context.layout
+    boundary = layout.field.original_boundary or layout.field.boundary
+    return PlanDrive(
+        title=title,
+        boundary=np.asarray(boundary.exterior.coords)[:, :2],
+        holes=tuple(np.asarray(hole.coords)[:, :2] for hole in boundary.interiors),
+        swaths=np.array([[swath.start_m, swath.end_m] for swath in layout.swaths]),
+        width_m=layout.width_m,
+        step_s=0.1,
+        xy=(),
+        status=(),
+        finish_s=(),
+        seconds={"working": (), "turning": (), "waiting": (), "reversing": ()},
+        entrance=layout.field.entrance,
+        swath_names=name_swaths((swath.line, swath.piece) for swath in layout.swaths),
+        headland_passes=tuple(_build_pass_line(one) for one in context.headland_passes),
+        cells=tuple(_build_cell_outline(cell) for cell in layout.cells) if len(layout.cells) > 1 else (),
+        obstacles=_outline_obstacles(layout.field),
+        fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
+        cut_off=tuple(_build_cut_off_piece(part) for part in layout.field.cut_off_parts),
+    )
+
+
+def build_run_picture(context: PlanningContext, run: SimulationRun, result: PlanResult) -> PlanDrive:
+    """The run of a plan on its field, as plain arrays."""
+    plural = "s" if result.tractors > 1 else ""
+    shares = run.compute_time_shares()
+    return replace(
+        build_field_picture(context, f"{result.strategy}, {result.tractors} tractor{plural}, turns: {result.turn}"),
+        step_s=float(run.time_s[1] - run.time_s[0]),
+        xy=tuple(compute_guided_path(run, context, tractor) for tractor in range(run.plan.tractors)),
+        status=tuple(run.get_statuses(tractor) for tractor in range(run.plan.tractors)),
+        finish_s=tuple(float(t) for t in run.finish_s),
+        seconds={name: tuple(float(v) for v in values) for name, values in shares.items()}
+        | _list_service_seconds_by_tractor(context, run),
+        unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
+        largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
+        steps=list_steps(run, context.layout.width_m),
+        worked_pct=result.worked_pct,
+    )
+
+
+def _list_service_seconds_by_tractor(context: PlanningContext, run: SimulationRun) -> dict[str, tuple[float, ...]]:
+    """Seconds that every tractor stood at service stops; empty if nothing is carried."""
+    return {} if context.supply is None else {"refilling": tuple(float(seconds) for seconds in run.standing_s)}
+
+
+def _build_cut_off_piece(part: shapely.Polygon) -> UnworkedPiece:
+    place = shapely.point_on_surface(part)
+    return UnworkedPiece(float(part.area), float(place.x), float(place.y))
+
+
+def exclude_cut_off_piece(largest_piece: UnworkedPiece | None, field: Field) -> UnworkedPiece | None:
+    """The largest missed piece; None if most of it is ground cut off by obstacles, which is reported separately.
+
+    The place of the piece may lie beside that ground, on the margin to the obstacles.
+    """
+    if largest_piece is None:
+        return None
+    place = shapely.Point(largest_piece.x_m, largest_piece.y_m)
+    aside_m = max(CUT_OFF_TOLERANCE_M, float(shapely.distance(field.workable_region, place)))
+    cut_off_m2 = sum(part.area for part in field.cut_off_parts if shapely.dwithin(part, place, aside_m))
+    return None if cut_off_m2 >= 0.5 * largest_piece.m2 else largest_piece
+
+
+def _outline_obstacles(field: Field) -> tuple[Points, ...]:
+    """Outlines of obstacles, clipped to the map of the field."""
+    page = shapely.box(*(field.original_boundary or field.boundary).bounds)
+    parts = shapely.get_parts([shapely.intersection(one.shape, page) for one in field.obstacles])
+    return tuple(np.asarray(part.exterior.coords)[:-1, :2] for part in parts if part.area > 0.0)
+
+
+def _build_pass_line(headland_pass: HeadlandPass) -> HeadlandPassLine:
+    sides = [side.points if not index else side.points[1:] for index, side in enumerate(headland_pass.sides)]
+    return HeadlandPassLine(headland_pass.number, np.concatenate(sides))
+
+
+def _build_cell_outline(cell: Cell) -> CellOutline:
+    place = shapely.point_on_surface(cell.region)
+    parts = shapely.get_parts(cell.region)
+    return CellOutline(
+        cell.number, cell.bearing_deg, list_simplified_rings(tuple(parts)), float(place.x), float(place.y)
+    )
+
+
+def list_simplified_rings(pieces: tuple[shapely.Polygon, ...]) -> tuple[Points, ...]:
+    """Outlines and holes of pieces of ground, simplified for drawing."""
+    plain = (orient(piece.simplify(OUTLINE_TOLERANCE_M), 1.0) for piece in pieces)
+    return tuple(np.asarray(ring.coords)[:-1, :2] for one in plain for ring in (one.exterior, *one.interiors))
+
+
+MAX_ENDS = 60
+
+
+def describe_field(context: PlanningContext) -> dict[str, Any]:
+    """Facts of a field in the order a person would ask for them, units in the keys.
+
+    Lists hold mappings with the same keys: ``obstacles``, ``lines``, ``headlands``, ``cells``, ``headland_passes`` and
+    ``unworked``.
+    """
+    layout, field, driving_rules = context.layout, context.layout.field, context.driving_rules
+    lengths = [swath.length_m for swath in layout.swaths]
+    return {
+        "name": field.name,
+        "source": field.source,
+        "area_ha": round(field.area_ha, 4),
+        "holes": len(field.workable_region.interiors),
+        "obstacles": [_describe_obstacle(one, context) for one in field.obstacles],
+        "bypassed": len(field.small_obstacles),
+        "cut_off_m2": round(field.cut_off_m2, 1),
+        "fence_m": round(sum(fence.length for fence in field.fences), 1),
+        "lines": [_describe_line(one) for one in field.guidance_lines],
+        "headlands": [_describe_headland(one) for one in field.headland_edges],
+        "crs": field.crs or "local metres",
+        "bearing_deg": round(layout.bearing_deg, 2),
+        "cells": describe_cells(layout),
+        "headland_m": layout.headland_m,
+        "headland_passes": _describe_headland_passes(context),
+        "swaths": len(lengths),
+        "interrupted_swaths": len(lengths) - len({swath.line for swath in layout.swaths}),
+        "longest_swath_m": round(max(lengths), 1),
+        "shortest_swath_m": round(min(lengths), 1),
+        "swath_length_m": round(sum(lengths), 1),
+        "turning_radius_m": round(driving_rules.radius_m, 2),
+        "max_tractors": min(50, len({swath.line for swath in layout.swaths})),
+        "covered_pct": round(100.0 * _compute_layout_coverage_share(context), 2),
+        "unworked": [_describe_unworked(context, one) for one in find_unworked_areas(context)],
+        "turns": _describe_turns(context),
+    }
+
+
+def describe_cells(layout: Layout) -> list[dict[str, float]]:
+    """The cells of a layout in order of their numbers."""
+    return [
+        {
+            "number": cell.number,
+            "bearing_deg": round(cell.bearing_deg, 2),
+            "area_m2": round(cell.area_m2, 1),
+            "swaths": sum(swath.cell_number == cell.number for swath in layout.swaths),
+        }
+        for cell in layout.cells
+    ]
+
+
+def _describe_line(line: GuidanceLine) -> dict[str, Any]:
+    """A guidance line of the field file."""
+    return {"name": line.name, "bearing_deg": round(line.bearing_deg, 2), "length_m": round(float(line.line.length), 1)}
+
+
+def _describe_headland(edge: HeadlandEdge) -> dict[str, Any]:
+    """A headland of the field file: the distance of its inner edge from the boundary, and its length."""
+    return {
+        "typical_width_m": round(edge.median_width_m, 2),
+        "min_width_m": round(edge.min_width_m, 2),
+        "max_width_m": round(edge.max_width_m, 2),
+        "edge_m": round(float(edge.line.length), 1),
+    }
+
+
+def _describe_obstacle(obstacle: Obstacle, context: PlanningContext) -> dict[str, Any]:
+    """An obstacle: kind, name, size, place and the margin kept to it."""
+    form = obstacle.geometry.geom_type
+    place = shapely.point_on_surface(obstacle.geometry)
+    return {
+        "kind": obstacle.kind,
+        "name": obstacle.name or None,
+        "radius_m": round(obstacle.half_width_m, 3) if form == POINT else None,
+        "width_m": round(2.0 * obstacle.half_width_m, 3) if form == LINE else None,
+        "area_m2": round(obstacle.shape.area, 2),
+        "margin_m": context.request.margin_m,
+        "bypassed": any(shapely.intersects(place, small) for small in context.layout.field.small_obstacles),
+        **_describe_place(context, place.x, place.y),
+    }
+
+
+def _describe_place(context: PlanningContext, x: float, y: float) -> dict[str, float | None]:
+    """A place in metres of the field and, if the field has a coordinate system, in degrees."""
+    field = context.layout.field
+    lon, lat = (None, None) if field.crs is None else field.to_wgs84([(x, y)])[0].tolist()
+    return {"lon": lon, "lat": lat, "x_m": round(x, 2), "y_m": round(y, 2)}
+
+
+def _describe_headland_passes(context: PlanningContext) -> list[dict[str, Any]]:
+    """The headland passes by number: rings, open lines, total length and corners."""
+    return [
+        {
+            "number": number,
+            "rings": sum(one.is_closed for one in same_number),
+            "lines": sum(not one.is_closed for one in same_number),
+            "length_m": round(math.fsum(one.length_m for one in same_number), 1),
+            "corners": sum(abs(side.start_turn_rad) > 0.0 for one in same_number for side in one.sides),
+        }
+        for number in sorted({one.number for one in context.headland_passes})
+        if (same_number := [one for one in context.headland_passes if one.number == number])
+    ]
+
+
+def _compute_layout_coverage_share(context: PlanningContext) -> float:
+    """Share of the field under swaths and headland passes as laid out."""
+    field_area = context.layout.field.region_without_obstacles
+    return float(
+        shapely.intersection(build_worked_ground(context), field_area, grid_size=GRID_M).area / field_area.area
+    )
+
+
+def _describe_unworked(context: PlanningContext, area: UnworkedArea) -> dict[str, Any]:
+    """Ground unworked for one reason, and where its largest piece is."""
+    place = shapely.point_on_surface(area.pieces[0]) if area.pieces else None
+    return {
+        "area_m2": round(area.area_m2, 1),
+        "pieces": len(area.pieces) or None,
+        "largest_m2": round(area.pieces[0].area, 1) if area.pieces else None,
+        **(
+            dict.fromkeys(("lon", "lat", "x_m", "y_m")) if place is None else _describe_place(context, place.x, place.y)
+        ),
+        "reason": area.reason,
+    }
+
+
+def _describe_turns(context: PlanningContext) -> dict[str, Any]:
+    """Which turns fit and how long they take, by the number of swaths they lead over.
+
+    A kind of turn fits at the end of a swath if it stays in the field; the share is of up to MAX_ENDS ends spread over
+    the field. Seconds are simulated for a headland at right angles to the swaths. Where no turn fits there, the
+    estimate used for comparing orders of swaths is given separately.
+    """
+    fitting = {
+        str(lines): _compute_fitting_pct(context, lines) for lines in range(1, len(context.driving_rules.turn_s))
+    }
+    return {
+        "omega_fits": any("omega" in kinds for kinds in fitting.values()),
+        "fitting_pct_by_swaths": fitting,
+        "turn_s_by_swaths": _list_turn_seconds(context, fits=True),
+        "estimated_turn_s_by_swaths": _list_turn_seconds(context, fits=False),
+    }
+
+
+def _compute_fitting_pct(context: PlanningContext, lines: int) -> dict[str, float]:
+    """Percent of swath ends where a turn of each kind over this many lines fits; only kinds that fit somewhere."""
+    ends = _list_turn_ends(context, lines)
+    shares = {}
+    for kind in context.turn_kinds:
+        connector = Connector(context.free_space, context.driving_rules.radius_m, context.costs, (kind,))
+        turns = [connector.connect_directly(a, b) for a, b in ends]
+        shares[kind] = 100.0 * sum(turn is not None and turn.kind == kind for turn in turns) / max(len(ends), 1)
+    return {kind: round(share, 1) for kind, share in shares.items() if share}
+
+
+def _list_turn_ends(context: PlanningContext, lines: int) -> list[tuple[Pose, Pose]]:
+    """Start and end poses of turns over this many lines, to either side at both ends of every piece."""
+    job = context.build_job(1)
+    by_place = {(swath.cell_number, swath.line, swath.piece): swath for swath in context.layout.swaths}
+    ends = [
+        (job.get_exit_pose(SwathPass(swath, direction)), job.get_entry_pose(SwathPass(target, -direction)))
+        for swath in context.layout.swaths
+        for step in (lines, -lines)
+        for direction in (1, -1)
+        if (target := by_place.get((swath.cell_number, swath.line + step, swath.piece)))
+    ]
+    return ends[:: max(1, math.ceil(len(ends) / MAX_ENDS))]
+
+
+def _list_turn_seconds(context: PlanningContext, *, fits: bool) -> dict[str, float]:
+    return {
+        str(lines): round(seconds, 1)
+        for lines, (seconds, fitting) in enumerate(
+            zip(context.driving_rules.turn_s, context.fitting_turns, strict=True)
+        )
+        if lines and fitting is fits
+    }
+
+
+def build_outline_picture(context: PlanningContext) -> PlanDrive:
+    """The field with its layout, without tractors; ground that the layout leaves unworked is shown as missed."""
+    layout = context.layout
+    unworked = [piece for one in find_unworked_areas(context) for piece in one.pieces if piece.area >= MIN_AREA_M2]
+    unworked.sort(key=lambda piece: -round(piece.area, 3))
+    place = shapely.point_on_surface(unworked[0]) if unworked else None
+    bearing = f"{layout.bearing_deg:.0f} degrees" if len(layout.cells) == 1 else f"{len(layout.cells)} bearings"
+    largest = place and UnworkedPiece(float(unworked[0].area), float(place.x), float(place.y))
+    return replace(
+        build_field_picture(context, f"{layout.field.name}: {len(layout.swaths)} tracks at {bearing}"),
+        unworked=list_simplified_rings(tuple(unworked)),
+        largest_missed=exclude_cut_off_piece(largest, layout.field),
+    )

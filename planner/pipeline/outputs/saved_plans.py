@@ -1,0 +1,176 @@
+"""Saved plans: written as text, read back with their request and machines, and simulated again."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import shapely
+
+from fields.text_files import read_text
+from planner.errors import RequestError, attach_parameter
+from planner.evaluation.context import PlanningContext, load_gnss_errors
+from planner.pipeline.outputs.driving_steps import list_steps
+from planner.request.plan_request import PlanRequest
+from planner.request.service_points import add_coordinates
+from reports.common.plan_results import DriverLeg
+from vehicle.errors import MissionError
+from vehicle.missions.plan import Plan
+from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.tractor import Implement, Tractor, list_tractor_names, resolve_tractor
+from vehicle.sim.world import World
+
+MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
+EARLIER_NAMES = {
+    "before_s": "deadline_s",
+    "draws": "samples",
+    "prefer": "objective",
+    "swap": "swap_axes",
+    "along": "guidance_line",
+    "tracks_only": "no_headland",
+}
+"""Parameters of a request by their names in plans that version 0.1 saved, and the fleets made of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SavedPlanRun:
+    """A saved plan with its request, its run, and the steps of every tractor."""
+
+    saved: SavedPlan
+    request: PlanRequest
+    run: SimulationRun
+    steps: tuple[tuple[DriverLeg, ...], ...]
+
+
+def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
+    """Read a plan of `headland plan --save` and simulate it as it was when it was saved.
+
+    The tractor is the one its request names, or for a farm the one saved with the plan; the field is not needed, as
+    legs carry their ground. Raises MissionError, RequestError or VehicleError if the file holds no plan, or one that
+    this tractor does not finish.
+    """
+    saved = parse_saved_plan(read_text(path, "a plan of headland plan --save", MissionError))
+    request = read_request(saved)
+    run = rerun_plan(saved, request)
+    if run.outcome != DONE:
+        raise MissionError(
+            f"The plan is not driven to its end ({run.outcome}): it or the tractor {request.tractor!r} was changed "
+            f"since it was saved{_describe_old_plan(saved)}; plan again."
+        )
+    return SavedPlanRun(saved, request, run, list_steps(run, request.width_m))
+
+
+def read_request(saved: SavedPlan) -> PlanRequest:
+    """The request saved with a plan; raises RequestError if there is none or it is garbled."""
+    if not saved.scenario:
+        raise RequestError("The plan has no scenario that names its tractor; save it with headland plan --save.")
+    request_values = {
+        EARLIER_NAMES.get(key, key): value for key, value in saved.scenario.items() if key != MACHINES_KEY
+    }
+    unknown_keys = sorted(request_values.keys() - {each.name for each in fields(PlanRequest)})
+    if unknown_keys:
+        raise RequestError(f"The scenario of the plan has {unknown_keys[0]!r}, which is unknown; use a newer Headland.")
+    try:
+        return PlanRequest(**{key: _convert_to_tuple(value) for key, value in request_values.items()})
+    except RecursionError:
+        raise RequestError("The scenario of the plan is nested too deep; save the plan again.") from None
+
+
+def _convert_to_tuple(value: Any) -> Any:
+    """A value with its lists turned into tuples."""
+    return tuple(map(_convert_to_tuple, value)) if isinstance(value, list) else value
+
+
+def rerun_plan(saved: SavedPlan, request: PlanRequest) -> SimulationRun:
+    """The run of a saved plan with the tractor, implement and position errors of its request."""
+    tractor, implement = read_machines(saved, request)
+    return World(saved.plan, tractor, implement, position_errors=load_gnss_errors(request), seed=request.seed).run()
+
+
+def export_machines(context: PlanningContext) -> dict[str, Any]:
+    """The machines of a farm, which no name in the request identifies; empty without a farm."""
+    if context.cost_terms is None:
+        return {}
+    return {
+        MACHINES_KEY: {"tractor": context.tractor.model_dump(mode="json"), "implement": context.implement.model_dump()}
+    }
+
+
+def _describe_old_plan(saved: SavedPlan) -> str:
+    """A possible cause for a plan saved without machines."""
+    return (
+        ""
+        if MACHINES_KEY in saved.scenario
+        else ", or it is a farm's plan from an older Headland that saved no machines"
+    )
+
+
+def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Implement]:
+    """The machines saved with the plan, or the tractor of its request and a default implement of its width."""
+    saved_machines = saved.scenario.get(MACHINES_KEY)
+    if saved_machines is None:
+        name = request.tractor
+        if name not in list_tractor_names() and not os.path.lexists(name):
+            raise RequestError(
+                f"The tractor {name!r} of the plan is neither known nor an existing file{_describe_old_plan(saved)}; "
+                "plan again, or put the tractor's file back.",
+                parameter="tractor",
+            )
+        with attach_parameter("tractor"):
+            return resolve_tractor(request.tractor), Implement(width_m=request.width_m)
+    try:
+        tractor, implement = (json.dumps(saved_machines[name]) for name in ("tractor", "implement"))
+        return Tractor.model_validate_json(tractor), Implement.model_validate_json(implement)
+    except (KeyError, TypeError, ValueError):
+        raise RequestError(
+            f"The {MACHINES_KEY} in the scenario of the plan are garbled; save the plan again."
+        ) from None
+
+
+COORDINATE_DECIMALS = 4
+
+
+def write_saved_plan(context: PlanningContext, plan: Plan) -> str:
+    """A plan as JSON: legs and gates with the request and the machines they are for."""
+    field = context.layout.field
+    request_values = asdict(context.request) | export_machines(context)
+    text = format_plan(
+        add_coordinates(plan, field),
+        crs=field.crs,
+        origin_m=field.origin_m,
+        scenario=request_values,
+        ground=_export_ground(context),
+    )
+    return text + "\n"
+
+
+def _export_ground(context: PlanningContext) -> dict[str, Any]:
+    """Outlines of the field in metres to 0.1 mm, which `headland export` writes with the lines.
+
+    Polygons are lists of rings, outer ring first, without the closing point. ``inside_headland_m`` is the ground inside
+    the headland passes; empty where the headland is only room for turning.
+    """
+    layout, field = context.layout, context.layout.field
+    inside = shapely.get_parts(layout.inner_region) if layout.headland_passes else ()
+    return {
+        "name": field.name,
+        "boundary_m": _export_rings(field.original_boundary or field.boundary),
+        "inside_headland_m": [_export_rings(part) for part in inside if part.area > 0.0],
+        "obstacles": [
+            {"name": one.name or one.kind, "outline_m": _export_rings(part)}
+            for one in field.obstacles
+            for part in shapely.get_parts(one.shape)
+        ],
+        "entrance_m": None
+        if field.entrance is None
+        else [round(value, COORDINATE_DECIMALS) for value in field.entrance],
+    }
+
+
+def _export_rings(polygon: shapely.Polygon) -> list[list[list[float]]]:
+    loops = (polygon.exterior, *polygon.interiors)
+    return [shapely.get_coordinates(loop)[:-1].round(COORDINATE_DECIMALS).tolist() for loop in loops]

@@ -1,0 +1,351 @@
+"""Which candidates a request calls for, their results in order of merit, and the sentences of a ranking."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from fields.layout.swaths import Layout
+from planner.errors import RequestError, mark_parameter
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
+from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
+from planner.pipeline.outputs.pictures import describe_cells
+from planner.request.option_texts import MPS_PER_KMH, format_clock
+from planner.request.plan_request import PlanRequest
+from planner.request.service_points import describe_supply, export_supply
+from planner.risk.assessment import add_ranking_advice
+from planner.risk.costs import describe_prices
+from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key, get_finished_field_s
+from strategies.registry import STRATEGIES
+from vehicle.model.effects import DISCREPANCY_KEY
+from vehicle.model.tractor import Tractor
+
+MINUTE_S = 60.0
+
+
+def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult | None) -> tuple[str, ...]:
+    """Sentences on the times of day of a plan; none without a farm if all times are today."""
+    notes = describe_next_day_times(request)
+    if day is None or plan is None or plan.home_s is None:
+        return notes
+    if day.start_s is None:
+        return (
+            *notes,
+            f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides "
+            "the field work.",
+        )
+    ready, done, home = (request.format_clock_after(at) for at in (plan.ready_s, plan.done_s, plan.home_s))
+    end = "home" if day.road_m else "folded"
+    summary = (
+        f"{_describe_duties(day)}: out at {format_clock(day.start_s)}, field work from {ready} to {done}, "
+        f"{end} at {home}."
+    )
+    return (*notes, summary, *_describe_pauses(day, request, plan.home_s))
+
+
+def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
+    """Notes that a deadline or rain before the start's time of day is on the next day."""
+    start = request.start_s
+    if start is None:
+        return ()
+    notes = []
+    if request.deadline_s is not None and request.deadline_s < start:
+        notes.append(_describe_next_day_time("The deadline", format_clock(request.deadline_s), start))
+    clocks = re.findall(r"\b(\d{1,2}):(\d{2})\b", request.rain or "")
+    next_day_times = [
+        one for one in (3600 * int(hours) + 60 * int(minutes) for hours, minutes in clocks) if one <= start
+    ]
+    notes += [_describe_next_day_time("Rain", format_clock(one), start) for one in next_day_times]
+    return tuple(notes)
+
+
+def _describe_next_day_time(subject: str, clock_text: str, start_s: int) -> str:
+    return f"{subject} at {clock_text} means {clock_text} the next day, as the start is at {format_clock(start_s)}."
+
+
+def _describe_duties(day: Workday) -> str:
+    road_s = 0.5 * day.sum_duties_s(ROAD)
+    road = f"{day.road_m / 1000.0:.1f} km of road each way take {_format_minutes(road_s)}, " if day.road_m else ""
+    unfolding, folding = (_format_minutes(day.sum_duties_s(duty)) for duty in (UNFOLD, FOLD))
+    sentence = f"{road}unfolding {unfolding} and folding {folding}"
+    return sentence[0].upper() + sentence[1:]
+
+
+def _describe_pauses(day: Workday, request: PlanRequest, home_s: float) -> tuple[str, ...]:
+    """Sentences on breaks, on waiting for the first shift, and on work that continues in another shift."""
+    pauses = day.list_pauses(home_s)
+    notes = []
+    breaks = [pause for pause in pauses if pause.kind == BREAK]
+    if breaks:
+        total = _format_minutes(sum(pause.to_s - pause.from_s for pause in breaks))
+        notes.append(f"This includes {'a break' if len(breaks) == 1 else f'{len(breaks)} breaks'} of {total}.")
+    for pause in (one for one in pauses if one.kind == NIGHT):
+        begin, end = request.format_clock_after(pause.from_s), request.format_clock_after(pause.to_s)
+        notes.append(
+            f"The shift begins at {end}."
+            if pause.from_s <= 0.0
+            else f"The shift ends at {begin} before the work is done; it continues at {end}."
+        )
+    return tuple(notes)
+
+
+def _format_minutes(seconds: float) -> str:
+    minutes = round(seconds / MINUTE_S)
+    if 0.0 < seconds < 0.5 * MINUTE_S:
+        return f"{seconds:.0f} s"
+    return f"{minutes // 60} h {minutes % 60} min" if minutes >= 60 else f"{minutes} min"
+
+
+TIME_TOLERANCE_S = 0.05
+MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
+MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
+MIN_WORKED_PCT = 50.0  # a plan that works less of the field gets a remark
+
+
+def list_candidates(request: PlanRequest) -> list[Candidate]:
+    """Every combination worth simulating; for one tractor all formations are the same plan, tried once."""
+    candidates = []
+    for tractors in request.tractors:
+        names = list(request.strategies)
+        if tractors == 1:
+            formations = [name for name in names if STRATEGIES[name].side_by_side]
+            own_swath_names = [name for name in names if not STRATEGIES[name].side_by_side]
+            names = own_swath_names or formations[:1]
+        candidates += [Candidate(name, tractors) for name in names]
+    return candidates
+
+
+def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanRanking:
+    """Order by the time to finish the field, then tractors, then name; infeasible plans last.
+
+    A plan is charged for missed ground at its own rate: time and hourly cost grow by missed over worked area, without
+    ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked.
+    Raises RequestError for a margin that takes most of the field, or much of it if no plan works.
+    """
+    results = [add_piece_location(add_coverage_remark(result), context) for result in results]
+    check_margin(context, any(result.feasible for result in results))
+    feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)
+    pareto_front = _find_pareto_front(feasible)
+    ranked = [
+        replace(result, rank=place, on_pareto_front=result in pareto_front)
+        for place, result in enumerate(feasible, start=1)
+    ]
+    infeasible = sorted((r for r in results if not r.feasible), key=lambda r: (r.tractors, r.strategy))
+    request, field = context.request, context.layout.field
+    ranking = PlanRanking(
+        field_name=field.name,
+        area_ha=field.area_ha,
+        seed=request.seed,
+        plans=(*ranked, *infeasible),
+        start=None if request.start_s is None else format_clock(request.start_s),
+        deadline=None if request.deadline_s is None else format_clock(request.deadline_s),
+        allowed_s=request.time_limit_s,
+        assumptions=list_assumptions(context),
+        tractor_effects=list_tractor_effects(context.tractor),
+        scenario=export_request(context),
+        **_describe_currency_and_cost(context),
+        cut_off_m2=field.cut_off_m2,
+    )
+    return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
+
+
+def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
+    """The currency of a farm and a sentence on what its cost covers."""
+    if context.cost_terms is None:
+        return {}
+    prices = context.cost_terms.prices
+    return {"currency": prices.currency, "money_sentences": (f"Cost is {describe_prices(prices)}.",)}
+
+
+def add_clock_times(ranking: PlanRanking, context: PlanningContext) -> PlanRanking:
+    """The ranking with the times of day of its best plan."""
+    workday, request = context.workday, context.request
+    notes = describe_workday(workday, request, ranking.best)
+    if workday is None:
+        return replace(ranking, day_sentences=notes)
+    time_limit_s = ranking.allowed_s
+    field_time_s = (
+        None if time_limit_s is None else float(workday.compute_work_s(np.array(time_limit_s))) - workday.before_field_s
+    )
+    start = request.format_clock_after(workday.compute_clock_s(workday.before_field_s, begins=True))[:5] or None
+    return replace(ranking, day_sentences=notes, field_start=start, field_allowed_s=field_time_s)
+
+
+def check_margin(context: PlanningContext, feasible: bool) -> None:
+    """Refuse a margin that takes most of the ground outside obstacles, or much of it if no plan is feasible."""
+    field, margin_m = context.layout.field, context.request.margin_m
+    remaining_share = field.workable_region.area / field.area_without_margin_m2
+    if remaining_share < 1.0 - (MAX_MARGIN_SHARE if feasible else MAX_MARGIN_SHARE_INFEASIBLE):
+        consequence = (
+            "less than half of the ground outside obstacles"
+            if remaining_share < 1.0 - MAX_MARGIN_SHARE
+            else "and no plan works there"
+        )
+        raise RequestError(
+            f"The margin ({mark_parameter('margin_m')}) of {margin_m:g} m leaves {100.0 * remaining_share:.0f} % of "
+            f"field '{field.name}', {consequence}; use a smaller margin."
+        )
+
+
+def add_coverage_remark(result: PlanResult) -> PlanResult:
+    """The result, with a remark if it works less than MIN_WORKED_PCT of the field."""
+    if not result.feasible or result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT:
+        return result
+    coverage_remark = f"works only {result.worked_pct:.0f} % of the field; the rest is headland or between tracks"
+    return replace(result, remark=f"{result.remark}; {coverage_remark}" if result.remark else coverage_remark)
+
+
+def add_piece_location(result: PlanResult, context: PlanningContext) -> PlanResult:
+    """The result with longitude and latitude of its largest missed piece if the field has a coordinate system."""
+    piece, field = result.largest_missed, context.layout.field
+    if piece is None or field.crs is None:
+        return result
+    ((lon, lat),) = field.to_wgs84([(piece.x_m, piece.y_m)]).tolist()
+    return replace(result, largest_missed=replace(piece, lon=lon, lat=lat))
+
+
+def export_request(context: PlanningContext) -> dict[str, Any]:
+    """The request of a ranking as plain values, with the values chosen for what it left open."""
+    request, layout = context.request, context.layout
+    return {
+        "field": layout.field.name,
+        "width_m": layout.width_m,
+        "headland_m": layout.headland_m,
+        "bearing_deg": layout.bearing_deg,
+        "swaths": len(layout.swaths),
+        "cells": describe_cells(layout),
+        "radius_m": context.driving_rules.radius_m,
+        "clearance_m": request.clearance_m,
+        "margin_m": request.margin_m,
+        "tractor": context.tractor.name,
+        "turn": request.turn,
+        "speed_kmh": request.speed_mps / MPS_PER_KMH,
+        "headland_passes": layout.headland_passes,
+        "operation": request.operation,
+        "headland_order": request.headland_order,
+        "corners": request.corners,
+        "no_headland": request.no_headland,
+        "turn_speed_kmh": request.effective_turn_speed_mps / MPS_PER_KMH,
+        "price_per_hour": request.price_per_hour,
+        "price_per_tractor": request.price_per_tractor,
+        "start": None if request.start_s is None else format_clock(request.start_s),
+        "deadline": None if request.deadline_s is None else format_clock(request.deadline_s),
+        "seed": request.seed,
+        "gnss": request.gnss,
+        "samples": 0 if context.criteria is None else context.criteria.settings.samples,
+        "rain": request.rain,
+        "objective": request.objective,
+        **({} if context.supply is None else export_supply(context.supply)),
+        "budget": request.budget,
+    }
+
+
+def _find_pareto_front(feasible: list[PlanResult]) -> list[PlanResult]:
+    """Feasible plans that no other plan beats in time and number of tractors; of equal counts the quickest."""
+    front: list[PlanResult] = []
+    for result in sorted(feasible, key=lambda r: (r.tractors, get_finished_field_s(r))):
+        if not front or get_finished_field_s(result) < get_finished_field_s(front[-1]) - TIME_TOLERANCE_S:
+            if front and front[-1].tractors == result.tractors:
+                continue
+            front.append(result)
+    return front
+
+
+def list_tractor_effects(tractor: Tractor) -> dict[str, dict[str, float]]:
+    """Effects of a tractor file with their values, and its discrepancy model, if on, under DISCREPANCY_KEY."""
+    amounts = {name: dict(setting.value) for name, setting in tractor.effects.items()}
+    if tractor.discrepancy_model is not None and tractor.discrepancy_model.on:
+        amounts[DISCREPANCY_KEY] = dict(tractor.discrepancy_model.amounts)
+    return amounts
+
+
+def _describe_headland(context: PlanningContext) -> str:
+    """How the headland is treated, and what the time covers."""
+    count = context.layout.headland_passes
+    if not count:
+        return (
+            "Time counts from the start on the headland to the end of the last track; the headland stays unworked and "
+            "is charged like other missed ground."
+        )
+    plural = "es" if count > 1 else ""
+    return (
+        f"The headland is worked in {count} pass{plural} with {context.request.corners} corners, shared by all "
+        "tractors, before or after the tracks; time counts from the start to the end of the last track or pass."
+    )
+
+
+def _describe_entrance(context: PlanningContext) -> tuple[str, ...]:
+    """How the tractors come and leave; nothing without an entrance."""
+    if context.gateway is None:
+        return ()
+    return (
+        "All tractors enter and leave through the entrance, one after another; these drives are simulated and timed. "
+        "Outside the field tractors block nobody. Field work is done when the last one sets out for the entrance.",
+    )
+
+
+def _describe_counted_day_parts(context: PlanningContext) -> tuple[str, ...]:
+    """Which parts of the farm's day count."""
+    workday = context.workday
+    if workday is None:
+        return ()
+    notes = ["The day is the same for all tractors: road, unfolding, field work, folding, road."]
+    notes += [] if workday.road_m else ["The road to the field is not counted: its length is unknown."]
+    if workday.start_s is None and (workday.breaks_s or workday.shift_s[1] is not None):
+        notes.append("Without a start time, breaks and shifts of the farm are not counted.")
+    return tuple(notes)
+
+
+def _describe_bearings(layout: Layout) -> str:
+    """The bearing of the tracks, or the bearings in the cells."""
+    bearings = [f"{cell.bearing_deg:.0f}" for cell in layout.cells]
+    if len(bearings) == 1:
+        return f"bearing {bearings[0]} degrees"
+    return f"bearings {', '.join(bearings[:-1])} and {bearings[-1]} degrees in {len(bearings)} cells"
+
+
+def _describe_payment(context: PlanningContext) -> str:
+    """What is paid, and until when."""
+    request = context.request
+    if context.cost_terms is None:
+        hire_text = f" and {request.price_per_tractor:g} per tractor." if request.price_per_tractor else "."
+        return f"Every tractor is paid until the last one is done: {request.price_per_hour:g} per hour{hire_text}"
+    prices = context.cost_terms.prices
+    is_itemised = prices.per_hour is None
+    period = "until it is done, people until the last one is" if is_itemised else "until the last one is done"
+    return f"The cost is {describe_prices(prices)}; every tractor is paid {period}."
+
+
+def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
+    """The assumptions shared by all plans of a ranking, in sentences."""
+    driving_rules, layout, tractor = context.driving_rules, context.layout, context.tractor
+    kmh_per_mps = 3.6
+    return (
+        f"{tractor.name}, implement {layout.width_m:g} m wide, working {driving_rules.tool_m:.1f} m behind the "
+        "antenna.",
+        f"Work at {kmh_per_mps * driving_rules.work_speed_mps:.3g} km/h, "
+        f"turns at {kmh_per_mps * driving_rules.turn_speed_mps:.3g} km/h.",
+        f"Planned turning radius {driving_rules.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
+        f"{len(layout.swaths)} tracks at {_describe_bearings(layout)}.",
+        "Metres outside the field are those of the antenna; tractor and implement may reach over the boundary in "
+        "turns, which is counted as outline outside.",
+        "Worked ground is what the lowered implement passes over. Missed ground is charged at the plan's own rate: the "
+        "time to finish is the time driven times field over worked area, the hourly cost grows by the same factor, and "
+        "plans are ranked by that time."
+        + (" Ground that obstacles cut off is not charged." if layout.field.cut_off_parts else ""),
+        "Wheel traffic is finished ground off the headland that wheels cross with the implement raised; all tyres are "
+        f"assumed to be {TYRE_WIDTH_M:g} m wide.",
+        _describe_headland(context),
+        *_describe_entrance(context),
+        *_describe_counted_day_parts(context),
+        _describe_payment(context),
+        *(() if context.supply is None else describe_supply(context.supply)),
+        *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
+        *layout.field.remarks,
+    )

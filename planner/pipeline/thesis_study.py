@@ -1,0 +1,185 @@
+"""The study of chapter 6 of the thesis: Tables 6.1 to 6.3 and its claims, under one set of assumptions."""
+
+from __future__ import annotations
+
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.evaluation.context import RADIUS_FACTOR, PlanningContext, prepare_context
+from planner.pipeline.executors import create_executor
+from planner.pipeline.worker_tasks import Progress, iter_outcomes, pack_context
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import FleetStudy, PlanResult, ThesisClaim, ThesisTableRow
+
+HEADLAND_M = 10.0
+CLEARANCE_M = 0.05  # the thesis keeps no clearance: its tractors must only not touch
+TRACTOR_COUNTS = (1, 3, 5, 7, 9, 11)
+ROW_BY_ROW, OPTIMISED_ROWS, COLUMN_BY_COLUMN, SPLIT_FIELD = (
+    "row-by-row",
+    "row-by-row-optimised",
+    "col-by-col",
+    "split-field",
+)
+INCONSISTENT_NOTE = (
+    "the thesis prints the row of Table 6.3 (5 tractors) here; its Table 6.1 gives 25:30 for 3 in formation"
+)
+
+
+@dataclass(frozen=True)
+class ThesisTime:
+    """One printed time of the thesis and the candidate it belongs to."""
+
+    table: str
+    label: str
+    thesis_s: float
+    candidate: Candidate
+    note: str = ""
+
+
+def list_thesis_times() -> tuple[ThesisTime, ...]:
+    """Every time printed in Tables 6.1, 6.2 and 6.3."""
+    times = (74 * 60 + 35, 25 * 60 + 30, 20 * 60 + 53, 17 * 60 + 25, 12 * 60 + 30, 13 * 60 + 10)
+    first = tuple(
+        ThesisTime("6.1", "1 tractor" if count == 1 else f"{count} tractors", float(time), Candidate(ROW_BY_ROW, count))
+        for count, time in zip(TRACTOR_COUNTS, times, strict=True)
+    )
+    return (
+        *first,
+        ThesisTime("6.2", "in formation", 1253.0, Candidate(ROW_BY_ROW, 3), INCONSISTENT_NOTE),
+        ThesisTime("6.2", "separately", 1290.0, Candidate(SPLIT_FIELD, 3, jump=1), INCONSISTENT_NOTE),
+        ThesisTime("6.3", "row by row", 1253.0, Candidate(ROW_BY_ROW, 5)),
+        ThesisTime("6.3", "row by row, waiting optimised", 1038.0, Candidate(OPTIMISED_ROWS, 5)),
+        ThesisTime("6.3", "col by col", 1290.0, Candidate(COLUMN_BY_COLUMN, 5)),
+    )
+
+
+def study(*, executor: Executor | None = None, progress: Progress | None = None) -> FleetStudy:
+    """Simulate every row of the tables and judge the claims; `executor` and `progress` as in `planner.plan`."""
+    candidates = list(
+        dict.fromkeys(
+            [row.candidate for row in list_thesis_times()] + [Candidate(SPLIT_FIELD, 1), Candidate(SPLIT_FIELD, 3)]
+        )
+    )
+    if executor is None:
+        with create_executor(len(candidates)) as executor:
+            return study(executor=executor, progress=progress)
+    request = PlanRequest(field="iwamizawa", headland_m=HEADLAND_M, clearance_m=CLEARANCE_M, no_headland=True)
+    context = prepare_context(replace(request, strategies=(ROW_BY_ROW,)))
+    separate_context = prepare_context(replace(request, turn="switch-back"))
+    packed_context, packed_separate = pack_context(context), pack_context(separate_context)
+    task_arguments = [
+        (packed_separate if candidate.jump else packed_context, candidate, False) for candidate in candidates
+    ]
+    results = {candidates[index]: one.result for index, one in iter_outcomes(executor, task_arguments, progress)}
+    tables: dict[str, list[ThesisTableRow]] = {"6.1": [], "6.2": [], "6.3": []}
+    for row in list_thesis_times():
+        tables[row.table].append(_build_row(row, results[row.candidate]))
+    return FleetStudy(
+        {name: tuple(rows) for name, rows in tables.items()}, _judge_claims(results), _list_assumptions(context)
+    )
+
+
+def _build_row(row: ThesisTime, result: PlanResult) -> ThesisTableRow:
+    time = result.time_s if result.feasible else None
+    difference = None if time is None else 100.0 * (time / row.thesis_s - 1.0)
+    note = row.note or result.remark or "" if result.feasible else f"not feasible: {result.reason}"
+    return ThesisTableRow(row.label, row.candidate.tractors, row.thesis_s, time, difference, note)
+
+
+def _judge_claims(results: dict[Candidate, PlanResult]) -> tuple[ThesisClaim, ...]:
+    """Every claim of section 6.3 with its verdict from the simulation."""
+    time = {candidate: result.time_s if result.feasible else None for candidate, result in results.items()}
+    missing = [candidate for candidate, value in time.items() if value is None]
+    if missing:
+        names = ", ".join(f"{c.tractors} {c.strategy}" for c in missing)
+        return (ThesisClaim("all rows can be driven", False, f"not feasible here: {names}"),)
+    seconds = {candidate: float(value or 0.0) for candidate, value in time.items()}
+    return (
+        _judge_faster_with_more(seconds),
+        _judge_eleven_slower(seconds),
+        _judge_one_cheapest(seconds),
+        _judge_one_cheapest_apart(seconds),
+        _judge_formation_faster(seconds),
+        _judge_optimised_faster(seconds),
+        _judge_columns_similar(seconds),
+    )
+
+
+TimesByCandidate = dict[Candidate, float]
+
+
+def _judge_faster_with_more(times_s: TimesByCandidate) -> ThesisClaim:
+    rows = [times_s[Candidate(ROW_BY_ROW, count)] for count in TRACTOR_COUNTS[:-1]]
+    why = " > ".join(f"{value:.0f} s" for value in rows)
+    holds = rows == sorted(rows, reverse=True)
+    return ThesisClaim("from 1 to 9 tractors in formation, more tractors are faster", holds, why)
+
+
+def _judge_eleven_slower(times_s: TimesByCandidate) -> ThesisClaim:
+    nine, eleven = times_s[Candidate(ROW_BY_ROW, 9)], times_s[Candidate(ROW_BY_ROW, 11)]
+    why = f"both need 3 passes; 11 tractors take {eleven:.1f} s, 9 take {nine:.1f} s"
+    return ThesisClaim("11 tractors are slower than 9", eleven > nine, why)
+
+
+def _judge_one_cheapest(times_s: TimesByCandidate) -> ThesisClaim:
+    hours = {count: count * times_s[Candidate(ROW_BY_ROW, count)] / 3600.0 for count in TRACTOR_COUNTS}
+    why = "tractor-hours in formation: " + ", ".join(f"{count}: {value:.2f}" for count, value in hours.items())
+    return ThesisClaim("one tractor is cheapest per hectare (formations)", min(hours, key=lambda c: hours[c]) == 1, why)
+
+
+def _judge_one_cheapest_apart(times_s: TimesByCandidate) -> ThesisClaim:
+    one_alone_h, three_apart_h = (
+        times_s[Candidate(SPLIT_FIELD, 1)] / 3600.0,
+        3 * times_s[Candidate(SPLIT_FIELD, 3)] / 3600.0,
+    )
+    why = (
+        f"tractor-hours with wide turns: 1 alone: {one_alone_h:.2f}, 3 on separate blocks: {three_apart_h:.2f}; "
+        "separate blocks need no turns between them, and driving in from the road is not counted"
+    )
+    return ThesisClaim("one tractor is also cheaper than 3 on separate blocks", one_alone_h < three_apart_h, why)
+
+
+def _judge_formation_faster(times_s: TimesByCandidate) -> ThesisClaim:
+    together, apart = times_s[Candidate(ROW_BY_ROW, 3)], times_s[Candidate(SPLIT_FIELD, 3, jump=1)]
+    wide = times_s[Candidate(SPLIT_FIELD, 3)]
+    why = (
+        f"in formation {together:.0f} s, separately with switch-backs {apart:.0f} s; separately, skipping tracks so "
+        f"that U-turns fit: {wide:.0f} s"
+    )
+    return ThesisClaim("3 tractors in formation are faster than 3 working separately", together < apart, why)
+
+
+def _judge_optimised_faster(times_s: TimesByCandidate) -> ThesisClaim:
+    plain, timed = times_s[Candidate(ROW_BY_ROW, 5)], times_s[Candidate(OPTIMISED_ROWS, 5)]
+    gain = 100.0 * (1.0 - timed / plain)
+    why = f"{timed:.0f} s against {plain:.0f} s: {gain:.1f} % faster (thesis: 17.2 %)"
+    return ThesisClaim("optimised waiting is at least 10 % faster than row by row", gain >= 10.0, why)
+
+
+def _judge_columns_similar(times_s: TimesByCandidate) -> ThesisClaim:
+    row, col = times_s[Candidate(ROW_BY_ROW, 5)], times_s[Candidate(COLUMN_BY_COLUMN, 5)]
+    why = f"{col:.0f} s against {row:.0f} s: {col - row:+.0f} s (thesis: +37 s)"
+    return ThesisClaim("col by col is within a minute of row by row", abs(col - row) < 60.0, why)
+
+
+def _list_assumptions(context: PlanningContext) -> tuple[str, ...]:
+    driving_rules, swaths, speed = context.driving_rules, context.layout.swaths, context.tractor.speed
+    return (
+        f"Field 270 m x 70 m, implement 3 m, {len(swaths)} tracks of {swaths[0].length_m:.0f} m evenly spaced over the "
+        f"full width; headlands of {HEADLAND_M:g} m at both ends lie inside the field.",
+        f"{context.tractor.name}, 5 km/h on the tracks and in turns, accelerating at "
+        f"{speed.max_acceleration_mps2} m/s2, {speed.shift_time_s} s to shift; planned "
+        f"turning radius {driving_rules.radius_m:.2f} m ({RADIUS_FACTOR:g} times that of full lock on soil).",
+        f"Triangle of rows {driving_rules.gap_m:g} m apart; followers keep the distance by Eq. 6.1.",
+        f"The implement works {driving_rules.tool_m:.1f} m behind the antenna: lifted and lowered at the headland "
+        "line.",
+        "Rows queue inside their tracks, the first 10 m before the headland line, and move up when the place in front "
+        "is free. Row by row: released when the row before is at its place in formation. Col by col: released when the "
+        "tractor before has finished its turn; the side the turn leads to goes before the other.",
+        "Optimised: releases by constraint programming over the time each simulated turn occupies a segment of "
+        "headland, then simulated again; accepted only without contact.",
+        "Separately: a block of 8 neighbouring tracks each, one after another with switch-backs, as the thesis says.",
+        "Time runs from standstill on the headland until the last tractor has left its last track; nobody drives in "
+        "from the road. No GNSS error.",
+    )

@@ -1,0 +1,139 @@
+"""One candidate as a task for an executor, with inputs and results that can be sent to another process.
+
+`warm_up_simulation` loads every compiled function by a small simulation and a small schedule.
+"""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor
+from dataclasses import dataclass
+from threading import current_thread
+from typing import Any
+
+import numpy as np
+
+from planner.errors import WorkerError, mark_parameter
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.candidates.incumbents import prune_candidate
+from planner.evaluation.candidates.pruning import Incumbent
+from planner.evaluation.context import PlanningContext
+from planner.pipeline.executors import iter_completed
+from planner.pipeline.outputs.pictures import build_run_picture
+from planner.traffic.precedence import TrafficRules, schedule_plan
+from reports.common.plan_results import PlanDrive, PlanResult
+from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.tractor import Implement, Tractor, load_tractor
+from vehicle.sim.world import simulate
+
+CONTEXT_ATTRIBUTE = "headland_context"  # under this name a thread keeps its context
+Progress = Callable[[int, int], None]
+LOST_WORKER_MESSAGE = (
+    "A planning process ended or could not be started, probably out of memory; use fewer "
+    f"({mark_parameter('processes')}), and in a script keep the work under if __name__ == '__main__'."
+)
+
+
+@dataclass(frozen=True, eq=False)
+class TaskOutcome:
+    """A candidate's result, its run if it is feasible, and its picture if requested."""
+
+    result: PlanResult
+    run: SimulationRun | None = None
+    picture: PlanDrive | None = None
+
+
+def pack_context(context: PlanningContext) -> bytes:
+    """The pickled context that every task takes; each thread unpacks its own, so that threads share nothing.
+
+    The thread that packs it keeps using the original with its cached paths.
+    """
+    packed = pickle.dumps(context)
+    _cache_context(packed, context)
+    return packed
+
+
+def evaluate_task(
+    packed_context: bytes, candidate: Candidate, with_pictures: bool = False, incumbent: Incumbent | None = None
+) -> TaskOutcome:
+    """Evaluate a candidate in a packed context, unless it cannot beat the incumbent."""
+    context = _unpack_context(packed_context)
+    pruned_result = prune_candidate(context, candidate, incumbent)
+    if pruned_result is not None:
+        return TaskOutcome(pruned_result)
+    evaluation = simulate_candidate(context, candidate, incumbent)
+    result, run = evaluation.result, evaluation.run
+    if run is None or run.outcome != DONE:
+        return TaskOutcome(result)
+    return TaskOutcome(
+        result, run if result.feasible else None, build_run_picture(context, run, result) if with_pictures else None
+    )
+
+
+def _unpack_context(packed_context: bytes) -> PlanningContext:
+    """The context, unpacked once for consecutive tasks of a thread, so that paths found for one serve the next.
+
+    The thread keeps it until it ends or gets another one.
+    """
+    cached: tuple[bytes, PlanningContext] | None = getattr(current_thread(), CONTEXT_ATTRIBUTE, None)
+    if cached is None or cached[0] != packed_context:
+        return _cache_context(packed_context, pickle.loads(packed_context))
+    return cached[1]
+
+
+def _cache_context(packed_context: bytes, context: PlanningContext) -> PlanningContext:
+    setattr(current_thread(), CONTEXT_ATTRIBUTE, (packed_context, context))
+    return context
+
+
+def iter_outcomes(
+    executor: Executor,
+    task_arguments: Sequence[tuple[Any, ...]],
+    progress: Progress | None,
+    done_before: int = 0,
+    total: int = 0,
+) -> Iterator[tuple[int, TaskOutcome]]:
+    """Yield (index, outcome) as tasks finish; each has the arguments of `evaluate_task`.
+
+    `progress` is called with (done, total); `done_before` tasks of the `total` were finished earlier.
+    """
+    try:
+        for done_count, indexed_outcome in enumerate(
+            iter_completed(executor, evaluate_task, list(task_arguments)), start=done_before + 1
+        ):
+            if progress:
+                progress(done_count, total or len(task_arguments))
+            yield indexed_outcome
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
+
+
+def warm_up_simulation() -> None:
+    """Drive two tractors a few metres, with a gate, a follower and a reverse leg."""
+    tractor, implement = load_tractor("eg105"), Implement()
+
+    def build_leg(y: float, start: float, end: float, **more: object) -> Leg:
+        return Leg(np.array([[start, y], [end, y]]), 1.4, **more)  # type: ignore[arg-type]
+
+    first = Mission((build_leg(0, 0, 8), build_leg(0, 8, 6, gear=-1)))
+    second = Mission((build_leg(9, 0, 4, gates=(LegGate(0, 0, 2.0),), follow=FollowOrder(0, 0, 10.0)),))
+    simulate(Plan((first, second)), tractor, implement, stop_clearance_m=0.05)
+    _warm_up_scheduling(tractor, implement)
+
+
+def _warm_up_scheduling(tractor: Tractor, implement: Implement) -> None:
+    """Schedule two tractors whose paths cross."""
+
+    def build_mission(heading: tuple[float, float]) -> Mission:
+        steps = [np.outer([begin, begin + 12.0], heading) for begin in (-24.0, -12.0, 0.0)]
+        return Mission(tuple(Leg(points, 1.4, may_wait=True) for points in steps))
+
+    def simulate_alone(solo_mission: Mission) -> SimulationRun:
+        return simulate(Plan((solo_mission,)), tractor, implement)
+
+    schedule_plan(
+        Plan((build_mission((1.0, 0.0)), build_mission((0.0, 1.0)))),
+        TrafficRules(tractor, implement, 0.5, 0.5, simulate_alone),
+    )

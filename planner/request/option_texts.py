@@ -1,0 +1,106 @@
+"""Texts of requests as values, and back: times of day, tractor counts, widths, bearings, places, strategies."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from fields.text_files import shorten_value
+from planner.errors import RequestError, mark_parameter
+
+DAY_S = 24 * 3600
+MPS_PER_KMH = 1.0 / 3.6
+MAX_TRACTORS = 50
+MAX_DIGITS = 40  # nobody types a longer number on purpose
+
+
+def convert_kmh_to_mps(speed_kmh: float) -> float:
+    """km/h as m/s."""
+    return speed_kmh * MPS_PER_KMH
+
+
+def format_clock(seconds: float) -> str:
+    """Seconds of the day as hh:mm."""
+    return f"{int(seconds) // 3600 % 24:02d}:{int(seconds) % 3600 // 60:02d}"
+
+
+def format_later_clock(start_s: float, elapsed_s: float) -> str:
+    """ "17:00", "00:40 next day" or "07:10, 2 days later": the clock so many seconds after another."""
+    days, time_s = divmod(start_s + elapsed_s, DAY_S)
+    return format_clock(time_s) + {0: "", 1: " next day"}.get(int(days), f", {int(days)} days later")
+
+
+def parse_clock(text: str, parameter: str) -> int:
+    """ "13:00" as seconds of the day; raises RequestError that names the parameter."""
+    match = re.fullmatch(r"(\d{1,2}):(\d{2})", text.strip())
+    if not match or int(match[1]) > 23 or int(match[2]) > 59:
+        raise RequestError(
+            f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance 13:00."
+        )
+    return int(match[1]) * 3600 + int(match[2]) * 60
+
+
+def parse_counts(text: str) -> tuple[int, ...]:
+    """ "1-6", "3" or "1,3,5-7" as sorted counts; raises RequestError."""
+    counts: set[int] = set()
+    for part in text.split(","):
+        match = re.fullmatch(rf"\s*(\d{{1,{MAX_DIGITS}}})\s*(?:-\s*(\d{{1,{MAX_DIGITS}}})\s*)?", part)
+        if not match:
+            text = text if len(text) <= MAX_DIGITS else text[:MAX_DIGITS] + "..."
+            raise RequestError(
+                f"{mark_parameter('tractors')} {text!r} is not a count; write for instance 3, 1-6 or 1,3,5."
+            )
+        low, high = int(match[1]), int(match[2] or match[1])
+        if low > high:
+            raise RequestError(f"{mark_parameter('tractors')} {part.strip()!r} runs backwards; write {high}-{low}.")
+        if high > MAX_TRACTORS:
+            raise RequestError(f"{high} tractors cannot be planned; use 1 to {MAX_TRACTORS}.", parameter="tractors")
+        counts.update(range(low, high + 1))
+    return tuple(sorted(counts))
+
+
+def parse_widths(text: str) -> tuple[float, ...]:
+    """ "3" or "3,6" as widths in metres, each once, in the order given; raises RequestError."""
+    widths: dict[float, None] = {}
+    for part in text.split(","):
+        if not re.fullmatch(rf"\s*[-+]?(\d{{1,{MAX_DIGITS}}}(\.\d*)?|\.\d+)(e[-+]?\d{{1,3}})?\s*", part, re.I):
+            raise RequestError(
+                f"{mark_parameter('width_m')} {shorten_value(text)} is not a width; write metres, such as 3 or 3,6."
+            )
+        widths[float(part)] = None
+    return tuple(widths)
+
+
+def parse_cell_bearings(texts: Iterable[str]) -> tuple[tuple[int, float], ...]:
+    """ "2=45" and more as cells and degrees, the last of a cell counts; raises RequestError."""
+    bearings: dict[int, float] = {}
+    for text in texts:
+        match = re.fullmatch(rf"\s*(\d{{1,{MAX_DIGITS}}})\s*=\s*([-+]?\d{{1,{MAX_DIGITS}}}(?:\.\d*)?)\s*", text)
+        if not match:
+            raise RequestError(
+                f"{mark_parameter('cell_bearings')} {shorten_value(text)} is not a cell with its bearing; write for "
+                "instance 2=45."
+            )
+        bearings[int(match[1])] = float(match[2])
+    return tuple(sorted(bearings.items()))
+
+
+def parse_number_pair(text: str, parameter: str) -> tuple[float, float]:
+    """ "9.53,56.21" as two numbers; raises RequestError that names the parameter."""
+    try:
+        first, second = (float(part) for part in text.split(","))
+    except ValueError:
+        raise RequestError(
+            f"{mark_parameter(parameter)} {shorten_value(text)} is not a place; write longitude and latitude, for "
+            "instance 9.53,56.21."
+        ) from None
+    return first, second
+
+
+def parse_strategies(text: str) -> tuple[str, ...]:
+    """ "all", or names separated by commas, each once and in the order given; PlanRequest refuses unknown ones."""
+    from strategies.registry import STRATEGIES
+
+    if text.strip() == "all":
+        return tuple(STRATEGIES)
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",")))

@@ -1,0 +1,429 @@
+"""What is asked of a plan: the model from which the command line, the API and farm files take their options.
+
+A new option of `headland plan` is one more parameter of `PlanRequest`, and the code that acts on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Annotated, Any
+
+from pydantic.dataclasses import dataclass
+
+from fields.text_files import shorten_value
+from planner.errors import RequestError, mark_parameter, suggest_name
+from planner.request.option_texts import (
+    DAY_S,
+    MAX_TRACTORS,
+    MPS_PER_KMH,
+    convert_kmh_to_mps,
+    format_clock,
+    format_later_clock,
+    parse_cell_bearings,
+    parse_clock,
+    parse_counts,
+    parse_number_pair,
+    parse_strategies,
+)
+from planner.request.options import FlagOptions, NumberLimits, OptionHelp, OptionTextForm, convert_options_to_parameters
+from planner.request.validation import (
+    STRICT,
+    CellBearings,
+    Count,
+    Counts,
+    Names,
+    Number,
+    Place,
+    Text,
+    check_option_limits,
+    raise_request_errors,
+)
+from strategies.headland.work_order import HEADLAND_FIRST, HEADLAND_LAST, HEADLAND_ORDERS
+from strategies.names import STRATEGY_NAMES
+from strategies.path_planning.turn_kinds import TURN_KINDS
+
+MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
+DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1
+MAX_TURN_SPEED_MPS = 5.0 * MPS_PER_KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
+MAX_LENGTH_M = 1000.0  # wider, deeper and farther round than any machine that works a field
+FULL_CIRCLE_DEG = 360.0
+MAX_PRICE = 1e9  # in any currency
+MIN_CLEARANCE_M, MAX_CLEARANCE_M = 0.05, 10.0
+SOW = "sow"
+HEADLAND_ORDERS_BY_OPERATION = {
+    "till": HEADLAND_ORDERS,
+    SOW: (HEADLAND_LAST,),
+    "spray": HEADLAND_ORDERS,
+    "harvest": (HEADLAND_FIRST,),
+    "mow": (HEADLAND_FIRST,),
+}
+"""When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
+STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
+CORNERS = ("square", "round")
+MAX_MARGIN_M = 100.0
+MAX_SAMPLES = 1_000_000
+FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
+OBJECTIVES = (FASTEST, CHEAPEST, SUREST)
+SAMPLED_PARAMETERS = ("rain", "objective", "budget")  # they are judged by samples alone
+MAX_SEED = 2**53  # JavaScript has no larger whole numbers
+
+FIELD, MACHINES, WORK, COSTS = "Field", "Machines", "Work", "Costs and deadline"
+RISK, OUTPUT, COMPUTING = "Risk", "Output", "Computing"
+"""The panels of options in `headland plan --help`."""
+_STRATEGIES_HELP = f"Strategies to try, separated by commas: {', '.join(STRATEGY_NAMES)}; or all."
+_DEADLINE_HELP = "Deadline, hh:mm; before the start: next day. Best is the cheapest plan in time (late ground counts)."
+_RAIN_HELP = (
+    "When it begins to rain: 17:00, 16:30=20,17:00=50 (percent), 0.2/h (a rate) or a CSV of members (time, hours)."
+)
+_LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
+_SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
+_PRICE = NumberLimits(high=MAX_PRICE)
+
+
+@raise_request_errors
+@dataclass(frozen=True, config=STRICT)
+class PlanRequest:
+    """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
+
+    `field` and `tractor` are names or files. Planning decides what is None: the headland by the turn that must fit it,
+    the bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline
+    that is earlier than the start is on the next day. The clearance is between machines with their implements; on
+    neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. With
+    `no_headland` the headland is left as room for turning, else it is worked in passes. `cell_bearings` are pairs of a
+    cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a field in local metres) replaces
+    that of the field.
+
+    `samples` is None for as many as usual where there is a deadline, rain, an objective or a budget, else for none;
+    `rain` says when it begins (planner.risk.rain). `refill` is "headland", "tender", or a place in degrees "lon,lat"
+    (metres "x,y" for a field in local metres); None: at the place of the field file, else on the headland.
+
+    Raises RequestError for values and combinations that cannot be planned.
+    """
+
+    field: Annotated[
+        Text,
+        OptionHelp(
+            "A sample or a field file.",
+            FIELD,
+            api_help="A sample or an uploaded field; NAME#ID picks one of several parcels.",
+        ),
+    ] = "iwamizawa"
+    local: Annotated[bool, OptionHelp("The file holds local metres, not longitude and latitude.", FIELD)] = False
+    width_m: Annotated[
+        Number,
+        OptionHelp("Working width of the implement, metres.", MACHINES, from_farm=True),
+        _LENGTH("working width"),
+    ] = 3.0
+    headland_m: Annotated[
+        Number | None,
+        OptionHelp("Headland depth, metres. By default sized from the turn that must fit.", WORK),
+        _LENGTH("headland"),
+    ] = None
+    bearing_deg: Annotated[
+        Number | None,
+        OptionHelp("Direction of the tracks, degrees clockwise from north. By default the best one.", FIELD),
+        NumberLimits("bearing", "degrees", low=-FULL_CIRCLE_DEG, high=FULL_CIRCLE_DEG),
+    ] = None
+    radius_m: Annotated[
+        Number | None,
+        OptionHelp("Turning radius to plan with, metres. By default that at full lock.", MACHINES),
+        _LENGTH("turning radius"),
+    ] = None
+    clearance_m: Annotated[
+        Number,
+        OptionHelp("Least distance between machines with implements, metres.", MACHINES),
+        NumberLimits("clearance between tractors", "m", low=MIN_CLEARANCE_M, high=MAX_CLEARANCE_M),
+    ] = 0.5
+    margin_m: Annotated[
+        Number,
+        OptionHelp("Distance kept to obstacles, holes and fences, metres.", FIELD),
+        NumberLimits("margin to obstacles", "m", high=MAX_MARGIN_M),
+    ] = 0.3
+    tractor: Annotated[
+        Text,
+        OptionHelp(
+            "A tractor that comes with Headland (eg105, mr1000a) or a TOML file.",
+            MACHINES,
+            api_help="eg105, mr1000a, an uploaded tractor, or one of the farm.",
+            from_farm=True,
+        ),
+    ] = "eg105"
+    tractors: Annotated[
+        Counts,
+        OptionHelp("Tractor counts to try: 3, 1-6 or 1,3,5.", MACHINES, from_farm=True),
+        OptionTextForm(str, parse_counts, "1-6"),
+    ] = (1, 2, 3, 4, 5, 6)
+    strategies: Annotated[Names, OptionHelp(_STRATEGIES_HELP, WORK), OptionTextForm(str, parse_strategies, "all")] = (
+        STRATEGY_NAMES
+    )
+    turn: Annotated[
+        str, OptionHelp("Kind of turn: auto, u, omega or switch-back.", WORK, choices=("auto", *TURN_KINDS))
+    ] = "auto"
+    speed_mps: Annotated[
+        Number,
+        OptionHelp("Working speed, km/h.", MACHINES, from_farm=True),
+        OptionTextForm(float, convert_kmh_to_mps, DEFAULT_SPEED_KMH),
+        _SPEED("working speed"),
+    ] = DEFAULT_SPEED_KMH * MPS_PER_KMH
+    turn_speed_mps: Annotated[
+        Number | None,
+        OptionHelp("Turn speed, km/h. By default the working speed, at most 5.", MACHINES, from_farm=True),
+        OptionTextForm(float, convert_kmh_to_mps),
+        _SPEED("turn speed"),
+    ] = None
+    price_per_hour: Annotated[
+        Number, OptionHelp("Price of one tractor for one hour.", COSTS, from_farm=True), _PRICE
+    ] = 40.0
+    price_per_tractor: Annotated[
+        Number, OptionHelp("Price of bringing one tractor.", COSTS, from_farm=True), _PRICE
+    ] = 0.0
+    start_s: Annotated[
+        Count | None,
+        OptionHelp("Start of work, hh:mm.", COSTS),
+        OptionTextForm(str, partial(parse_clock, parameter="start_s")),
+    ] = None
+    deadline_s: Annotated[
+        Count | None,
+        OptionHelp(_DEADLINE_HELP, COSTS),
+        OptionTextForm(str, partial(parse_clock, parameter="deadline_s")),
+    ] = None
+    seed: Annotated[
+        Count, OptionHelp("Seed; the same seed gives the same bytes.", RISK), NumberLimits("seed", high=MAX_SEED)
+    ] = 1
+    gnss: Annotated[bool, OptionHelp("Let positions err as those of an RTK receiver do.", RISK)] = False
+    gnss_table: Annotated[
+        Text | None,
+        OptionHelp(
+            "The same by a table made with headland gnss fit.",
+            RISK,
+            api_help="The same by an uploaded table of headland gnss fit.",
+        ),
+    ] = None
+    operation: Annotated[
+        str,
+        OptionHelp(
+            "till, sow, spray, harvest or mow: says whether the headland comes first or last.",
+            WORK,
+            choices=tuple(HEADLAND_ORDERS_BY_OPERATION),
+            from_farm=True,
+        ),
+    ] = "till"
+    headland_order: Annotated[
+        str | None,
+        OptionHelp("When the headland is worked.", WORK, choices=HEADLAND_ORDERS),
+        FlagOptions(
+            {
+                "headland_first": (HEADLAND_FIRST, "Work the headland before the tracks."),
+                "headland_last": (HEADLAND_LAST, "Work the headland after the tracks."),
+            }
+        ),
+    ] = None
+    corners: Annotated[
+        str, OptionHelp("Corners of the headland: square (worked whole, backing up) or round.", WORK, choices=CORNERS)
+    ] = "square"
+    no_headland: Annotated[
+        bool,
+        OptionHelp(
+            "Leave the headland as room for turning, or work it in passes too.",
+            WORK,
+            declaration="--no-headland/--headland-passes",
+        ),
+    ] = False
+    samples: Annotated[
+        Count | None,
+        OptionHelp("Samples of what varies from day to day; 10000 with {deadline} or {rain}.", RISK),
+        NumberLimits(high=MAX_SAMPLES),
+    ] = None
+    rain: Annotated[
+        str | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
+    ] = None
+    objective: Annotated[
+        str | None, OptionHelp("What the best plan is: fastest, cheapest or surest.", COSTS, choices=OBJECTIVES)
+    ] = None
+    budget: Annotated[Number | None, OptionHelp("Most that may be paid; dearer plans are left out.", COSTS), _PRICE] = (
+        None
+    )
+    cell_bearings: Annotated[
+        CellBearings,
+        OptionHelp(
+            "Direction of the tracks in one cell: 2=45; once for every such cell.",
+            FIELD,
+            api_help="Direction of the tracks by cell, such as 2=45.",
+        ),
+        OptionTextForm(list[str], parse_cell_bearings),
+    ] = ()
+    refill: Annotated[
+        str | None,
+        OptionHelp(
+            "Where a tank is filled or emptied: headland, tender or a place LON,LAT (X,Y with {local}).", MACHINES
+        ),
+    ] = None
+    entrance: Annotated[
+        Place | None,
+        OptionHelp("Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file.", FIELD),
+        OptionTextForm(str, partial(parse_number_pair, parameter="entrance")),
+    ] = None
+    crs: Annotated[
+        str | None, OptionHelp("Coordinate system of a file that names none, such as EPSG:25832.", FIELD)
+    ] = None
+    swap_axes: Annotated[bool, OptionHelp("The file has latitude or northing first: exchange the two.", FIELD)] = False
+    guidance_line: Annotated[
+        str | None, OptionHelp("Lay the tracks along this guidance line of the file, by its name.", FIELD)
+    ] = None
+
+    def __post_init__(self) -> None:
+        check_option_limits(self)
+        _check_fleet(self)
+        _check_headland(self)
+        _check_bearings(self)
+        _check_entrance(self)
+        _check_times(self)
+        _check_samples(self)
+        if self.gnss_table is not None and not self.gnss:
+            raise RequestError(
+                f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
+            )
+
+    @classmethod
+    def from_options(cls, values: Mapping[str, Any], *, shift_s: int | None = None) -> PlanRequest:
+        """The request of options by their names, as on the command line; None is the same as not given.
+
+        Without a start the work starts at `shift_s`, seconds of the day. A GNSS table implies `gnss`. Raises
+        RequestError.
+        """
+        if values.get("headland_first") and values.get("headland_last"):
+            raise RequestError(
+                f"{mark_parameter('headland_first')} and {mark_parameter('headland_last')} exclude each other; leave "
+                "out one of them."
+            )
+        parameters = {"start_s": shift_s} | convert_options_to_parameters(cls, values)
+        return cls(**parameters | ({"gnss": True} if "gnss_table" in parameters else {}))
+
+    @property
+    def effective_turn_speed_mps(self) -> float:
+        """Speed in turns: the one asked for, else the working speed, limited by how fast the wheels turn over."""
+        return min(self.speed_mps, MAX_TURN_SPEED_MPS) if self.turn_speed_mps is None else self.turn_speed_mps
+
+    @property
+    def headland_orders(self) -> tuple[str, ...]:
+        """When the headland may be worked, "first" or "last"; empty where it is not worked."""
+        if self.no_headland:
+            return ()
+        return HEADLAND_ORDERS_BY_OPERATION[self.operation] if self.headland_order is None else (self.headland_order,)
+
+    @property
+    def time_limit_s(self) -> float | None:
+        """Seconds from start to deadline, over midnight if need be; None without a deadline."""
+        if self.deadline_s is None or self.start_s is None:
+            return None
+        return float((self.deadline_s - self.start_s) % DAY_S)
+
+    def format_clock_after(self, elapsed_s: float | None) -> str:
+        """The clock so many seconds after the start, with the day where that is another one; "" without a clock."""
+        return "" if self.start_s is None or elapsed_s is None else format_later_clock(self.start_s, elapsed_s)
+
+
+@raise_request_errors
+@dataclass(frozen=True, config=STRICT)
+class FarmChoice:
+    """A farm file whose machines and values complete a request, and whether every plan is simulated."""
+
+    farm: Annotated[
+        Text | None,
+        OptionHelp(
+            "A farm file (headland farm new): tractors, implements, prices. Options win over it.",
+            MACHINES,
+            api_help="An uploaded farm; what the request gives wins over it.",
+        ),
+    ] = None
+    implement: Annotated[
+        str | None, OptionHelp("The implement of the farm file, by name; by default the first that fits.", MACHINES)
+    ] = None
+    simulate_all: Annotated[bool, OptionHelp("Simulate and show every plan, however slow.", OUTPUT, name="all")] = False
+
+
+def _check_fleet(request: PlanRequest) -> None:
+    from strategies.registry import STRATEGIES
+
+    if not request.tractors:
+        raise RequestError(f"No tractor count is given in {mark_parameter('tractors')}; use for instance 1 to 6.")
+    for count in request.tractors:
+        if not 1 <= count <= MAX_TRACTORS:
+            raise RequestError(f"{count} tractors cannot be planned; use 1 to {MAX_TRACTORS}.", parameter="tractors")
+    strategy_list = ", ".join(STRATEGIES)
+    if not request.strategies:
+        raise RequestError(f"No strategy is given; use one or more of: {strategy_list}.", parameter="strategies")
+    for name in request.strategies:
+        if name not in STRATEGIES:
+            raise RequestError(
+                f"Strategy {name!r} is unknown{suggest_name(name, STRATEGIES)}; use one of: {strategy_list}.",
+                parameter="strategies",
+            )
+
+
+def _check_headland(request: PlanRequest) -> None:
+    if request.no_headland and request.headland_order is not None:
+        raise RequestError(
+            f"{mark_parameter('no_headland')} leaves the headland, and {mark_parameter('headland_order')} says when to "
+            "work it; leave out one of them."
+        )
+
+
+def _check_bearings(request: PlanRequest) -> None:
+    for cell, bearing_deg in request.cell_bearings:
+        if not abs(bearing_deg) <= FULL_CIRCLE_DEG:
+            raise RequestError(
+                f"The bearing of cell {cell} ({mark_parameter('cell_bearings')}) is {shorten_value(bearing_deg)}; use "
+                f"{-FULL_CIRCLE_DEG:g} to {FULL_CIRCLE_DEG:g} degrees."
+            )
+    if request.guidance_line is not None and (request.cell_bearings or request.bearing_deg is not None):
+        conflicting = "cell_bearings" if request.cell_bearings else "bearing_deg"
+        raise RequestError(
+            f"{mark_parameter('guidance_line')} is a bearing, and so is {mark_parameter(conflicting)}; leave out one "
+            "of them."
+        )
+    if request.cell_bearings and request.bearing_deg is not None:
+        raise RequestError(
+            f"{mark_parameter('bearing_deg')} is for all cells, {mark_parameter('cell_bearings')} for one; leave out "
+            "one of them."
+        )
+
+
+def _check_entrance(request: PlanRequest) -> None:
+    if request.entrance is not None and not all(map(math.isfinite, request.entrance)):
+        raise RequestError(
+            f"{mark_parameter('entrance')} is {shorten_value(request.entrance)}; give two numbers, longitude and "
+            "latitude."
+        )
+
+
+def _check_times(request: PlanRequest) -> None:
+    for name in ("start_s", "deadline_s"):
+        time_s = getattr(request, name)
+        if time_s is not None and not 0 <= time_s < DAY_S:
+            raise RequestError(f"{mark_parameter(name)} is {time_s:g}; give seconds of the day, from 0 to {DAY_S - 1}.")
+    if request.deadline_s is None:
+        return
+    if request.start_s is None:
+        raise RequestError(
+            f"The deadline {mark_parameter('deadline_s')} needs a start; give {mark_parameter('start_s')} as well.",
+            parameter="start_s",
+        )
+    if request.deadline_s == request.start_s:
+        raise RequestError(
+            f"The deadline {format_clock(request.deadline_s)} is the start itself; give another "
+            f"{mark_parameter('deadline_s')}."
+        )
+
+
+def _check_samples(request: PlanRequest) -> None:
+    if request.samples != 0:
+        return
+    for name in SAMPLED_PARAMETERS:
+        if getattr(request, name) is not None:
+            raise RequestError(
+                f"{mark_parameter('samples')} is 0, and {mark_parameter(name)} is judged by samples; give 1 or more, "
+                "or leave out one of them."
+            )

@@ -1,0 +1,131 @@
+"""Service points: where tanks are filled or emptied, and whether a load lasts for the longest swath."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from fields.geometry.field import Field
+from fields.geometry.geodesy import project
+from fields.layout.swaths import Layout
+from planner.errors import RequestError, mark_parameter
+from planner.request.plan_request import PlanRequest
+from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Point, Supply
+from vehicle.missions.plan import Plan
+
+MAX_DISTANCE_M = 50.0  # a hose or a loader reaches into the field from a place no farther off
+
+
+def locate_service_point(request: PlanRequest, field: Field, supply: Supply | None) -> Supply | None:
+    """The supply of every tractor with its service point; None where nothing is carried.
+
+    Raises RequestError for a place that cannot be read or is too far off, and for a place where nothing is carried.
+    """
+    requested_place = None if request.refill is None else request.refill.strip().lower()
+    if supply is None:
+        if requested_place is not None:
+            raise RequestError(
+                f"{mark_parameter('refill')} says where a tank is filled or emptied, and no implement carries "
+                "anything; give "
+                "a farm file whose implement has capacity and rate_per_m2, or leave it out."
+            )
+        return None
+    if requested_place in (HEADLAND, SERVICE_VEHICLE):
+        return replace(supply, served_at=requested_place, place=None)
+    place = field.service_point if requested_place is None else _parse_service_point(requested_place, field)
+    if place is None:
+        return replace(supply, served_at=HEADLAND, place=None)
+    distance_m = float(field.boundary.distance(shapely.Point(place)))
+    if distance_m > MAX_DISTANCE_M:
+        raise RequestError(
+            f"The place to refill lies {distance_m:.0f} m from the field; it must be within {MAX_DISTANCE_M:g} m of it."
+        )
+    return replace(supply, served_at=PLACE, place=place)
+
+
+def _parse_service_point(text: str, field: Field) -> Point:
+    """A place in metres of the field from degrees of longitude and latitude, or metres of a field in local metres."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = math.nan
+    degrees = field.crs is not None
+    if not (math.isfinite(x) and math.isfinite(y)) or (degrees and not (abs(x) <= 180.0 and abs(y) <= 90.0)):
+        expected = "longitude,latitude in degrees" if degrees else "x,y in metres, as the field is in local metres"
+        raise RequestError(
+            f"{mark_parameter('refill')} {text[:40]!r} is not a place; write {HEADLAND}, {SERVICE_VEHICLE} or "
+            f"{expected}.",
+            parameter="refill",
+        )
+    if field.crs is not None:
+        x, y = project(np.array([[x, y]]), "EPSG:4326", field.crs)[0].tolist()
+    east, north = field.origin_m
+    return x - east, y - north
+
+
+def check_capacity(supply: Supply | None, layout: Layout) -> None:
+    """Raise RequestError where a load does not last for the longest swath, as nobody refills half way along one."""
+    if supply is None:
+        return
+    longest = max((swath.length_m for swath in layout.swaths), default=0.0)
+    required = supply.compute_need(longest, layout.width_m)
+    if required > supply.capacity:
+        lasts_m = supply.capacity / supply.rate_per_m2 / layout.width_m
+        raise RequestError(
+            f"A capacity of {supply.capacity:g} lasts for {lasts_m:.0f} m of track at a rate of "
+            f"{supply.rate_per_m2:g} per m2, and the longest track of {longest:.0f} m takes {required:.6g}; use "
+            f"a capacity of {_ceil_to_three_digits(required):g} or more, "
+            f"a lower rate, or a {mark_parameter('bearing_deg')} with "
+            "shorter tracks."
+        )
+
+
+def _ceil_to_three_digits(need: float) -> float:
+    """A need rounded up to three digits."""
+    step = 10.0 ** (math.floor(math.log10(need)) - 2)
+    return math.ceil(need / step) * step
+
+
+def export_supply(supply: Supply) -> dict[str, float | str]:
+    """What tractors carry, as plain values for a ranking."""
+    return {
+        "capacity": supply.capacity,
+        "rate_per_m2": supply.rate_per_m2,
+        "refill_s": supply.stop_s,
+        "refill": supply.served_at if supply.place is None else f"{supply.place[0]:.2f},{supply.place[1]:.2f} m",
+    }
+
+
+def describe_supply(supply: Supply) -> tuple[str, ...]:
+    """What every plan assumes about tanks, one sentence each."""
+    action = "collects" if supply.collects else "spreads"
+    start_condition = "starts empty and is unloaded" if supply.collects else "starts full and is refilled"
+    return (
+        f"Every tractor {action} {supply.rate_per_m2:g} l or kg per m2 worked and carries {supply.capacity:g}; it "
+        f"{start_condition} in {supply.stop_s:g} s, {describe_service_point(supply)}.",
+        f"It does so between two tracks or on a headland pass, where that costs least time; after the last it "
+        f"{'keeps what it holds' if supply.collects else 'is not refilled'}.",
+    )
+
+
+def add_coordinates(plan: Plan, field: Field) -> Plan:
+    """The plan with longitude and latitude in its notes on refills, where the field has a coordinate system."""
+    service_stops = plan.notes.get("refills")
+    if not service_stops or field.crs is None:
+        return plan
+    degrees = field.to_wgs84([(one["x_m"], one["y_m"]) for one in service_stops]).tolist()
+    located = [{**one, "lon": lon, "lat": lat} for one, (lon, lat) in zip(service_stops, degrees, strict=True)]
+    return replace(plan, notes={**plan.notes, "refills": located})
+
+
+def describe_service_point(supply: Supply) -> str:
+    """Where tanks are filled or emptied, in words."""
+    if supply.served_at == HEADLAND:
+        return "on the headland at the end of a track"
+    if supply.served_at == SERVICE_VEHICLE:
+        return "by a tender at the end of a track, one tractor at a time; the tender's own driving is not simulated"
+    x, y = supply.place or (0.0, 0.0)
+    return f"at a place ({x:.0f}, {y:.0f} m), one tractor at a time"

@@ -1,0 +1,123 @@
+"""Types of parameters of requests, checked by pydantic, whose refusals are sentences."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Hashable, Mapping
+from numbers import Integral, Real
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, cast, get_type_hints
+
+from pydantic import BeforeValidator, ConfigDict, ValidationError, ValidationInfo
+
+from fields.text_files import shorten_value
+from planner.errors import HeadlandError, RequestError, mark_parameter, suggest_name
+from planner.request.options import NumberLimits, OptionHelp, find_annotation_metadata, get_plain_type
+
+MAX_NUMBER = 10**18
+STRICT = ConfigDict(strict=True, extra="forbid")
+Model = TypeVar("Model")
+
+
+def _convert_to_number(value: Any, info: ValidationInfo) -> Any:
+    """Numbers of other libraries as Python's."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return value
+    if isinstance(value, Integral) and abs(int(value)) > MAX_NUMBER:
+        mark = mark_parameter(str(info.field_name))
+        raise RequestError(f"{mark} has too many digits; use {MAX_NUMBER:.0e} at most.")
+    return int(value) if isinstance(value, Integral) else float(value)
+
+
+def _convert_to_tuple(value: Any, info: ValidationInfo) -> Any:
+    """Lists and ranges as tuples, with their entries."""
+    if isinstance(value, tuple | list | range):
+        return tuple(_convert_to_tuple(entry, info) for entry in value)
+    return _convert_to_number(value, info)
+
+
+def _convert_path_to_text(value: Any) -> Any:
+    """The path of a file as a text."""
+    return str(value) if isinstance(value, Path) else value
+
+
+Text = Annotated[str, BeforeValidator(_convert_path_to_text)]
+Count = Annotated[int, BeforeValidator(_convert_to_number)]
+Number = Annotated[float, BeforeValidator(_convert_to_number)]
+Counts = Annotated[tuple[int, ...], BeforeValidator(_convert_to_tuple)]
+Names = Annotated[tuple[str, ...], BeforeValidator(_convert_to_tuple)]
+Place = Annotated[tuple[float, float], BeforeValidator(_convert_to_tuple)]
+CellBearings = Annotated[tuple[tuple[int, float], ...], BeforeValidator(_convert_to_tuple)]
+_TYPE_TEXTS: dict[Any, str] = {
+    str: "a text",
+    bool: "True or False",
+    int: "a whole number",
+    float: "a number",
+    tuple[int, ...]: "whole numbers in a tuple",
+    tuple[str, ...]: "names in a tuple",
+    tuple[float, float]: "two numbers in a tuple",
+    tuple[tuple[int, float], ...]: "pairs of a cell's number and degrees in a tuple",
+}
+"""What to give for a parameter of a type."""
+
+
+def raise_request_errors(model: type[Model]) -> type[Model]:
+    """Let a pydantic dataclass raise RequestError instead of ValidationError; a decorator."""
+    initialise: Any = model.__init__
+
+    @functools.wraps(initialise)
+    def initialise_or_refuse(self: Any, *values: Any, **named_values: Any) -> None:
+        try:
+            initialise(self, *values, **named_values)
+        except ValidationError as error:
+            given = dict(zip(model.__annotations__, values, strict=False)) | named_values
+            raise _build_request_error(model, error, given) from None
+
+    model.__init__ = initialise_or_refuse  # type: ignore[method-assign]
+    return model
+
+
+def _build_request_error(model: type, error: ValidationError, given: Mapping[str, Any]) -> Exception:
+    """The first fault that pydantic found, as a sentence about the whole value of its parameter."""
+    fault = error.errors(include_url=False)[0]
+    cause, name = fault.get("ctx", {}).get("error"), str(fault["loc"][0]) if fault["loc"] else ""
+    if isinstance(cause, HeadlandError):
+        return cause
+    annotations = get_type_hints(model, include_extras=True)
+    if name not in annotations:
+        return TypeError(f"{model.__name__} has no parameter {name!r}.")
+    type_text = _TYPE_TEXTS[get_plain_type(annotations[name])]
+    return RequestError(f"{mark_parameter(name)} is {shorten_value(given[name])}; give {type_text}.")
+
+
+def check_option_limits(request: Any) -> None:
+    """Raise RequestError for a number beyond the limits of its option, or a word that is none of its choices."""
+    for name, annotation in _list_annotations(type(request)):  # type: ignore[arg-type]
+        value, option, limits = (
+            getattr(request, name),
+            find_annotation_metadata(annotation, OptionHelp),
+            find_annotation_metadata(annotation, NumberLimits),
+        )
+        if value is None:
+            continue
+        if limits is not None:
+            _check_limits(name, value, limits)
+        if option is not None and option.choices and value not in option.choices:
+            close = suggest_name(value, option.choices)
+            raise RequestError(
+                f"{mark_parameter(name)} {value!r} is unknown{close}; use {', '.join(option.choices)}.", parameter=name
+            )
+
+
+@functools.cache
+def _list_annotations(model: Hashable) -> tuple[tuple[str, Any], ...]:
+    return tuple(get_type_hints(cast("type", model), include_extras=True).items())
+
+
+def _check_limits(name: str, value: float, limits: NumberLimits) -> None:
+    written = value if limits.scale == 1.0 else value / limits.scale
+    if not limits.contains(written):
+        subject = f"The {limits.label} ({mark_parameter(name)})" if limits.label else mark_parameter(name)
+        number = str(written) if isinstance(written, int) else f"{written:g}"
+        unit = f" {limits.unit}" if limits.unit else ""
+        raise RequestError(f"{subject} is {number}{unit}; {limits.describe_range()}.")

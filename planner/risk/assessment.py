@@ -1,0 +1,351 @@
+"""How sure a simulated plan is and what it costs, which plan is advised, and a check of samples in full physics."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.farm.workday import Workday
+from planner.request.plan_request import CHEAPEST, FASTEST, PlanRequest
+from planner.request.random_inputs import UncertaintySettings
+from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, estimate_cost
+from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph
+from planner.risk.monte_carlo import DEFAULT_SAMPLES, RiskSettings, apply_factors, estimate_risk, sample_outcomes
+from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
+from planner.risk.planned_order import enforce_planned_order
+from planner.risk.rain import RainForecast, parse_rain
+from reports.common.plan_results import PlanRanking, PlanResult, get_field_work_end_s
+from reports.common.wording import format_duration, format_price
+from reports.plan.plan_wording import has_late_ground_loss
+from vehicle.missions.plan import Leg, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.world import World
+
+DEFAULT_DRIVES = 8
+MAX_SPEED_FACTOR = 3.0  # times the planned speed: no leg is simulated faster
+TIMEOUT_FACTOR = 3.0
+MIN_LEG_S = 0.1
+ACCELERATION_MPS2 = 0.7
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicsCheck:
+    """Finish (s) of the last tractor, (drives,) each: simulated in physics (nan: no comparison) and by the graph.
+
+    `contact_count` drives had tractors touching (in the field one would stop), `unfinished_count` did not finish;
+    neither can be compared with the graph.
+    """
+
+    simulated_s: Array
+    graph_s: Array
+    contact_count: int
+    unfinished_count: int
+
+    @property
+    def mean_relative_error(self) -> float:
+        """Mean absolute relative error of the graph; nan if no drive can be compared."""
+        error = np.abs(self.graph_s / self.simulated_s - 1.0)
+        return float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
+
+
+def check_graph_in_physics(
+    run: SimulationRun,
+    uncertainty: UncertaintySettings,
+    tractor: Tractor,
+    implement: Implement,
+    *,
+    drive_count: int = DEFAULT_DRIVES,
+    seed: int = 1,
+) -> PhysicsCheck:
+    """Simulate a run again with sampled speed factors on its legs, without stops, breakdowns and late starts.
+
+    Legs are driven at the speeds at which they take their sampled times; what does not depend on speed (changing gear,
+    moving the wheels) takes as long as before. Turns sampled quicker than possible are driven as quickly as possible,
+    and the graph is evaluated with those times.
+    """
+    leg_uncertainty = uncertainty.disable_input("stops").disable_input("breakdowns").disable_input("late start")
+    graph = build_leg_graph(run)
+    outcomes = sample_outcomes(graph, leg_uncertainty, samples=drive_count, seed=seed, keep_factors=True)
+    assert outcomes.leg_factors is not None
+    simulated_s, factor = np.full(drive_count, np.nan), outcomes.leg_factors.copy()
+    contact_count = unfinished_count = 0
+    for number in range(drive_count):
+        plan = scale_speeds(run.plan, graph, factor[:, number], tractor.speed.max_acceleration_mps2)
+        repeat = World(plan, tractor, implement).run(
+            max_time_s=600.0 + TIMEOUT_FACTOR * float(outcomes.finish_s[number])
+        )
+        contact_count += bool(repeat.contacts)
+        unfinished_count += repeat.outcome != DONE
+        if repeat.outcome == DONE and not repeat.contacts:
+            simulated_s[number] = repeat.duration_s
+            factor[:, number] = _replace_quick_factors(graph, build_leg_graph(repeat), factor[:, number])
+    return PhysicsCheck(simulated_s, apply_factors(graph, factor).finish_s, contact_count, unfinished_count)
+
+
+def _replace_quick_factors(graph: LegGraph, simulated_graph: LegGraph, factor: Array) -> Array:
+    """The factors, with those of quick turns replaced by the simulated ones: gears and wheels limit turns."""
+    is_quick_turn = (graph.kind != WORK_PASS) & (factor < 1.0)
+    simulated_factor = simulated_graph.driven_s / np.maximum(graph.driven_s, MIN_LEG_S)
+    return np.where(is_quick_turn & (graph.driven_s > MIN_LEG_S), simulated_factor, factor)
+
+
+def scale_speeds(plan: Plan, graph: LegGraph, factor: Array, acceleration_mps2: float = ACCELERATION_MPS2) -> Plan:
+    """The plan with every leg at the speed at which it takes `factor` (legs,) times its driven time."""
+    missions = []
+    for tractor, mission in enumerate(plan.missions):
+        nodes = graph.get_nodes(tractor)
+        gears = [0, *(leg.gear for leg in mission.legs), 0]
+        leg_rows = zip(mission.legs, graph.driven_s[nodes].tolist(), factor[nodes].tolist(), strict=True)
+        legs = []
+        for index, (leg, driven_s, share) in enumerate(leg_rows):
+            halts = index + 1 < len(mission.legs) and mission.legs[index + 1].stand_s > 0.0
+            standing = (gears[index] != leg.gear or leg.stand_s > 0.0) + (gears[index + 2] != leg.gear or halts)
+            lag = 0.5 * standing / acceleration_mps2
+            legs.append(replace(leg, speed_mps=_solve_speed(leg, driven_s, share, lag)))
+        missions.append(Mission(tuple(legs)))
+    return replace(plan, missions=tuple(missions))
+
+
+def _solve_speed(leg: Leg, driven_s: float, factor: float, lag: float) -> float:
+    """The speed v at which length / v + lag v + a fixed time gives the sampled time.
+
+    `lag` v is the time lost by starting and stopping where a leg begins or ends at a standstill.
+    """
+    length, speed = leg.length_m, leg.speed_mps
+    fixed = max(driven_s - length / speed - lag * speed, 0.0)
+    scale = driven_s / (length / speed + lag * speed + fixed)
+    moving_s = factor * (driven_s / scale) - fixed if scale > 0.0 else 0.0
+    root = moving_s * moving_s - 4.0 * lag * length
+    if moving_s <= 0.0 or root < 0.0:
+        return MAX_SPEED_FACTOR * speed
+    return min(2.0 * length / (moving_s + math.sqrt(root)), MAX_SPEED_FACTOR * speed)
+
+
+MIN_FINISH_PROBABILITY = 0.005  # a lower probability means that no plan meets the limit
+
+
+@dataclass(frozen=True)
+class DecisionCriteria:
+    """What plans are judged by beyond their time: samples and distributions, cost, objective and budget.
+
+    `limit_text` says when work must be done, such as "before 17:00"; "" without a limit. The criteria choose the best
+    plan only if `decides_best`: with a limit, an objective or a budget. `budget` is the most that may be paid.
+    """
+
+    settings: RiskSettings
+    cost_terms: CostTerms
+    limit_text: str
+    objective: str
+    decides_best: bool
+    budget: float | None = None
+
+
+def build_decision_criteria(
+    request: PlanRequest,
+    uncertainty: UncertaintySettings | None = None,
+    cost_terms: CostTerms | None = None,
+    workday: Workday | None = None,
+) -> DecisionCriteria | None:
+    """The criteria of a request; None without samples, limit, objective and budget.
+
+    Without `cost_terms` tractors are hired at the prices of the request. Raises RequestError for unreadable rain.
+    """
+    samples = request.samples
+    if samples is None:
+        sampling_parameters = (request.deadline_s, request.rain, request.objective, request.budget)
+        samples = 0 if all(each is None for each in sampling_parameters) else DEFAULT_SAMPLES
+    if samples == 0:
+        return None
+    rain = None if request.rain is None else parse_rain(request.rain, request.start_s)
+    settings = RiskSettings(
+        uncertainty or UncertaintySettings(), rain, request.time_limit_s, samples, request.seed, workday
+    )
+    effective_terms = cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+    limit_text = _describe_limit(request, settings)
+    decides_best = bool(limit_text) or request.objective is not None or request.budget is not None
+    return DecisionCriteria(
+        settings, effective_terms, limit_text, request.objective or CHEAPEST, decides_best, request.budget
+    )
+
+
+def _describe_limit(request: PlanRequest, settings: RiskSettings) -> str:
+    """When work must be done, such as "before 17:00"; "" without a limit."""
+    limits = [] if request.deadline_s is None else [f"before {request.format_clock_after(request.time_limit_s)}"]
+    rain = settings.rain
+    if rain is not None and request.start_s is not None and len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
+        limits.append(f"before {request.format_clock_after(rain.onsets_s[0])}")
+    elif rain is not None:
+        limits.append("before the rain")
+    return " and ".join(dict.fromkeys(limits))
+
+
+def add_risk_estimate(
+    result: PlanResult,
+    run: SimulationRun,
+    tractor: Tractor,
+    implement: Implement,
+    area_ha: float,
+    criteria: DecisionCriteria | None,
+) -> PlanResult:
+    """The result of a feasible plan with probability, quantiles of its time, and expected cost."""
+    if criteria is None or not result.feasible:
+        return result
+    estimate = estimate_risk(
+        enforce_planned_order(run, tractor, implement), criteria.settings, with_variance_shares=False
+    )
+    plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
+    return replace(
+        result,
+        finish_probability=estimate.finish_probability,
+        finish_probability_interval=estimate.finish_probability_interval,
+        p50_s=estimate.p50_s,
+        p80_s=estimate.p80_s,
+        p95_s=estimate.p95_s,
+        expected_cost=plan_cost.expected,
+        expected_cost_error=plan_cost.expected_error,
+        paid_cost=plan_cost.paid,
+    )
+
+
+def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) -> PlanRanking:
+    """The ranking with its advice and the plan it advises.
+
+    Plans that miss the deadline as simulated are excluded if others meet it; if none does, the closest remains. The
+    same holds for rain and budget; then the ranking says which of them no plan meets.
+    """
+    if criteria is None:
+        return ranking
+    plans = [plan for plan in ranking.plans if plan.expected_cost is not None]
+    in_time = [plan for plan in plans if plan.meets_deadline is not False]
+    chosen_key = unmet_note = None
+    objective = FASTEST  # if nothing else decides, or no plan is in time
+    if in_time and criteria.decides_best:
+        eligible, unmet_note, objective = _select_eligible(in_time, plans, criteria)
+        best_plan = choose_best(_build_figures(eligible, criteria), objective)
+        chosen_key = best_plan.strategy, best_plan.tractors
+    currency, samples = criteria.cost_terms.prices.currency, criteria.settings.samples
+    updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, unmet_sentence=unmet_note)
+    best_of_all = updated.best
+    best_key = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
+    figures = _build_figures(plans, criteria)
+    if unmet_note is not None and objective == CHEAPEST:  # a budget limits what is paid
+        figures = [replace(one, expected=one.paid) for one in figures]
+    sentence = write_advice(figures, criteria.limit_text, objective, best_key, criteria.budget, currency)
+    return replace(
+        updated, advice=sentence or None, money_sentences=(_describe_costs(criteria, has_late_ground_loss(updated)),)
+    )
+
+
+def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> str:
+    """A sentence on what the cost in the advice covers."""
+    prices = criteria.cost_terms.prices
+    subject = "Paid cost" if includes_late else "Cost"
+    sentence = (
+        f"{subject} in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(prices)}"
+    )
+    per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
+    late_text = f"; expected cost adds {per_ha} for each hectare not done {criteria.limit_text}"
+    return f"{sentence}{late_text if includes_late else ''}."
+
+
+def _select_eligible(
+    plans: list[PlanResult], all_plans: list[PlanResult], criteria: DecisionCriteria
+) -> tuple[list[PlanResult], str | None, str]:
+    """The eligible plans, a sentence on what no plan meets (or None), and the objective to choose by."""
+    before_rain, note = _select_before_rain(plans, criteria.settings.rain)
+    if note is not None:
+        return plans, note, FASTEST
+    budget = criteria.budget
+    affordable, all_affordable = (
+        [plan for plan in candidates if _is_affordable(plan, budget)] for candidates in (before_rain, all_plans)
+    )
+    if affordable or budget is None:
+        return affordable, None, criteria.objective
+    least_paid, unit = min(plan.paid_cost or 0.0 for plan in before_rain), criteria.cost_terms.prices.currency
+    cheapest = [plan for plan in before_rain if plan.paid_cost == least_paid]
+    subject = "No plan that finishes in time" if all_affordable else "No plan"
+    cheaper_is_late = not all_affordable and min(plan.paid_cost or 0.0 for plan in all_plans) < least_paid
+    closest = "the cheapest that finishes in time" if cheaper_is_late else "the cheapest"
+    note = (
+        f"{subject} is within the budget of {format_price(budget)} {unit}; "
+        f"{closest} costs {format_price(least_paid)} {unit}."
+    )
+    return cheapest, note, CHEAPEST
+
+
+def _is_affordable(plan: PlanResult, budget: float | None) -> bool:
+    return budget is None or (plan.paid_cost or 0.0) <= budget
+
+
+def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> tuple[list[PlanResult], str | None]:
+    """The plans that may finish before the rain; if none may, also a sentence that says so."""
+    if rain is None:
+        return plans, None
+    if len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
+        before_rain = [plan for plan in plans if get_field_work_end_s(plan) <= rain.onsets_s[0]]
+        late_s = min(get_field_work_end_s(plan) for plan in plans) - rain.onsets_s[0]
+        return (
+            before_rain,
+            None
+            if before_rain
+            else f"No plan finishes before the rain; the closest is {format_duration(late_s)} late.",
+        )
+    surest = max(plan.finish_probability or 0.0 for plan in plans)
+    if surest >= MIN_FINISH_PROBABILITY:
+        return plans, None
+    return [], f"No plan finishes before the rain: the surest does in {format_percent(surest)} of the samples."
+
+
+def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> list[PlanFigures]:
+    return [
+        PlanFigures(
+            plan.strategy,
+            plan.tractors,
+            plan.paid_cost or 0.0,
+            plan.expected_cost or 0.0,
+            plan.p50_s or 0.0,
+            plan.p95_s or 0.0,
+            plan.finish_probability,
+            criteria.settings.samples,
+            plan.expected_cost_error or 0.0,
+            plan.finish_probability_interval,
+        )
+        for plan in plans
+    ]
+
+
+def check_best_plan(
+    run: SimulationRun, tractor: Tractor, implement: Implement, criteria: DecisionCriteria
+) -> tuple[PhysicsCheck, dict[str, float]]:
+    """Samples of a plan simulated in full physics, and what causes the spread of its time."""
+    ordered_run = enforce_planned_order(run, tractor, implement)
+    settings = criteria.settings
+    check_result = check_graph_in_physics(ordered_run, settings.uncertainty, tractor, implement, seed=settings.seed)
+    return check_result, estimate_risk(
+        ordered_run, replace(settings, samples=min(settings.samples, 2000))
+    ).variance_shares
+
+
+def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]) -> tuple[str, ...]:
+    """A sentence on the check in full physics, and one on the main causes of the spread."""
+    drive_count = len(check_result.simulated_s)
+    compared_count = drive_count - check_result.contact_count - check_result.unfinished_count
+    sentence = f"{compared_count} of {drive_count} samples simulated in full physics"
+    if math.isnan(check_result.mean_relative_error):
+        sentence += " could be compared"
+    else:
+        sentence += f" finish {100.0 * check_result.mean_relative_error:.1f} % off their sampled times on average"
+    for number, problem in (
+        (check_result.contact_count, "tractors touch"),
+        (check_result.unfinished_count, "a tractor does not finish"),
+    ):
+        sentence += f"; in {number} {problem}" if number else ""
+    main_shares = [f"{name} ({100.0 * share:.0f} %)" for name, share in variance_shares.items() if share >= 0.01][:3]
+    causes = f"Main causes of uncertain time, by share of its variance: {', '.join(main_shares)}."
+    return f"{sentence}.", *([causes] if main_shares else [])

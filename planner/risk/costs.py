@@ -1,0 +1,229 @@
+"""The cost of a plan in every sample: machines, fuel, people, transport, and late ground.
+
+Hourly machine cost follows the ASAE machinery cost equations (ASAE EP496, D497).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.settings import FarmPrices
+from planner.risk.monte_carlo import SampledOutcomes
+from vehicle.missions.run import SimulationRun
+
+PCT_TO_SHARE = 0.01
+
+
+@dataclass(frozen=True)
+class HourlyRates:
+    """Cost per hour of use: ownership, repair, and fuel with oil by activity (`fuel_full`: at full power)."""
+
+    depreciation: float
+    interest: float
+    insurance: float
+    repair: float
+    fuel_at_work: float
+    fuel_in_turns: float
+    fuel_on_road: float
+    fuel_full: float
+
+    @property
+    def rates_without_fuel(self) -> float:
+        """All rates but fuel."""
+        return self.depreciation + self.interest + self.insurance + self.repair
+
+
+def compute_hourly_rates(
+    prices: FarmPrices, tractor: FarmTractor | None = None, implement: FarmImplement | None = None
+) -> HourlyRates:
+    """The hourly rates of one tractor with its implement; the prices fill in what these do not give."""
+    tractor_rates = _compute_ownership_rates(
+        prices,
+        _get_value(tractor, "price", prices.tractor_price),
+        _get_value(tractor, "years", prices.years),
+        _get_value(tractor, "hours_per_year", prices.hours_per_year),
+        (prices.first_year_value, prices.later_year_value, prices.repair_factor, prices.repair_power),
+    )
+    implement_rates = _compute_ownership_rates(
+        prices,
+        _get_value(implement, "price", prices.implement_price),
+        _get_value(implement, "years", prices.years),
+        _get_value(implement, "hours_per_year", prices.implement_hours_per_year),
+        (
+            prices.implement_first_year_value,
+            prices.implement_later_year_value,
+            prices.implement_repair_factor,
+            prices.implement_repair_power,
+        ),
+    )
+    power_kw = _get_value(tractor, "power_kw", prices.tractor_power_kw)
+    full_power_fuel = prices.fuel_l_per_kwh * power_kw * prices.fuel_per_l * (1.0 + prices.oil_share)
+    depreciation, interest, insurance, repair = (sum(pair) for pair in zip(tractor_rates, implement_rates, strict=True))
+    return HourlyRates(
+        depreciation,
+        interest,
+        insurance,
+        repair,
+        full_power_fuel * prices.work_load,
+        full_power_fuel * prices.turn_load,
+        full_power_fuel * prices.road_load,
+        full_power_fuel,
+    )
+
+
+def _get_value(machine: FarmTractor | FarmImplement | None, name: str, default: float) -> float:
+    value = getattr(machine, name, None)
+    return default if value is None else float(value)
+
+
+def compute_remaining_value(price: float, first: float, later: float, years: float) -> float:
+    """Remaining value of a machine after so many years: list price x d1 x d2^years."""
+    return price * first * math.pow(later, years)
+
+
+def compute_repair_cost(price: float, factor: float, power: float, hours: float) -> float:
+    """Repair cost until so many hours of use: list price x RF1 x (hours / 1000)^RF2."""
+    return price * factor * math.pow(hours / 1000.0, power)
+
+
+def _compute_ownership_rates(
+    prices: FarmPrices, price: float, years: float, hours: float, value_law: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]:
+    """Depreciation, interest, insurance and repair of one machine per hour of its use."""
+    first, later, factor, power = value_law
+    final_value = compute_remaining_value(price, first, later, years)
+    mean_value = 0.5 * (price + final_value)
+    life_hours = hours * years
+    return (
+        (price - final_value) / life_hours,
+        mean_value * prices.interest_pct * PCT_TO_SHARE / hours,
+        mean_value * prices.insurance_pct * PCT_TO_SHARE / hours,
+        compute_repair_cost(price, factor, power, life_hours) / life_hours,
+    )
+
+
+HOUR_S = 3600.0
+IDLE_LOAD = 0.1  # share of full power of an idling engine: waiting and stopped tractors
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PlanCost:
+    """Mean cost of a plan over the samples: `paid`, and `expected` with late ground added; with standard errors.
+
+    Work continues to the end whatever the weather; the price of late ground is the loss by rain.
+    """
+
+    paid: float
+    paid_error: float
+    expected: float
+    expected_error: float
+
+
+@dataclass(frozen=True)
+class CostTerms:
+    """The prices a fleet works at: those of the farm and of its machines.
+
+    Each tractor travels `road_km` there and back in `road_s`, and is unfolded and folded in `handling_s`. It drives
+    itself, unless the farm has a price for transport. `learned_notes` say which values come from the farm's own logs.
+    """
+
+    prices: FarmPrices
+    tractor: FarmTractor | None = None
+    implement: FarmImplement | None = None
+    road_km: float = 0.0
+    road_s: float = 0.0
+    handling_s: float = 0.0
+    learned_notes: tuple[str, ...] = ()
+
+
+def build_hire_terms(per_hour: float, per_tractor: float) -> CostTerms:
+    """Terms of hired tractors: a price per tractor and hour, all included, and one for bringing each tractor."""
+    return CostTerms(FarmPrices(per_hour=per_hour, supervision_share=0.0, transport_per_tractor=per_tractor))
+
+
+def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -> PlanCost:
+    """The cost of a plan for `area_ha` of work."""
+    paid, prices = compute_paid_per_sample(outcomes, terms), terms.prices
+    late_ground = (1.0 - outcomes.worked_share) * area_ha * (prices.late_per_ha + prices.seed_per_ha)
+    return PlanCost(
+        float(paid.mean()),
+        _compute_standard_error(paid),
+        float((paid + late_ground).mean()),
+        _compute_standard_error(paid + late_ground),
+    )
+
+
+def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
+    """What is paid in each sample, (samples,).
+
+    A fleet is paid from its actual start, and supervised until the last tractor is done.
+    """
+    tractors, prices = len(outcomes.tractor_finish_s), terms.prices
+    present_h = tractors * (outcomes.finish_s - outcomes.start_delay_s) / HOUR_S
+    people = present_h * prices.supervision_share * prices.supervision_per_hour
+    travel = tractors * compute_travel_cost(terms)
+    if prices.per_hour is not None:
+        return np.asarray(present_h * prices.per_hour + people + travel)
+    return np.asarray(
+        _compute_machine_cost(outcomes, compute_hourly_rates(prices, terms.tractor, terms.implement)) + people + travel
+    )
+
+
+def compute_simulated_cost(run: SimulationRun, terms: CostTerms) -> float:
+    """What is paid for a run as simulated, without variation."""
+    shares = run.compute_time_shares()
+    turning_s = shares["turning"].sum() + shares["reversing"].sum()
+    work_s, turn_s, zero = (np.array([float(value)]) for value in (shares["working"].sum(), turning_s, 0.0))
+    finish_s = np.asarray(run.finish_s)[:, None]
+    return float(
+        compute_paid_per_sample(SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero), terms)[0]
+    )
+
+
+def describe_prices(prices: FarmPrices) -> str:
+    """What the prices cover, such as "machines, fuel and people"."""
+    per_hour = prices.per_hour
+    parts = ["machines, fuel"] if per_hour is None else [f"{per_hour:.2f} for each tractor and hour"]
+    parts += ["people"] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
+    has_transport_price = prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0
+    parts += (
+        ["bringing the tractors" if has_transport_price else "the road"]
+        if per_hour is None or has_transport_price
+        else []
+    )
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def compute_travel_cost(terms: CostTerms) -> float:
+    """The cost of one tractor outside the field: transport or driving on the road, and handling."""
+    prices = terms.prices
+    transport = prices.transport_per_tractor + terms.road_km * prices.transport_per_km
+    road_s = 0.0 if transport > 0.0 else terms.road_s
+    if prices.per_hour is not None:
+        hourly = (road_s + terms.handling_s) * prices.per_hour
+    else:
+        rate = compute_hourly_rates(prices, terms.tractor, terms.implement)
+        on_road = road_s * (rate.rates_without_fuel + rate.fuel_on_road)
+        hourly = on_road + terms.handling_s * (rate.rates_without_fuel + IDLE_LOAD * rate.fuel_full)
+    people = (terms.road_s + terms.handling_s) * prices.supervision_share * prices.supervision_per_hour
+    return transport + (hourly + people) / HOUR_S
+
+
+def _compute_machine_cost(outcomes: SampledOutcomes, rates: HourlyRates) -> Array:
+    """Cost of machines and fuel, (samples,): each tractor until it is done; engines idle while waiting."""
+    used_s = (outcomes.tractor_finish_s - outcomes.start_delay_s).sum(axis=0)
+    idle_s = np.maximum(used_s - outcomes.work_s - outcomes.turn_s, 0.0)
+    fuel = outcomes.work_s * rates.fuel_at_work + outcomes.turn_s * rates.fuel_in_turns
+    fuel += idle_s * IDLE_LOAD * rates.fuel_full
+    return np.asarray((used_s * rates.rates_without_fuel + fuel) / HOUR_S)
+
+
+def _compute_standard_error(values: Array) -> float:
+    """Standard error of the mean."""
+    return float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0

@@ -1,0 +1,324 @@
+"""Legs and gates of a run as a graph: how long every leg takes without waiting, and who waits for whom.
+
+A leg begins when the previous one is driven and its gates are open; the tractor then stands for the leg's planned time
+and drives. Waiting is not part of the driving time, nor is the time lost by braking for a closed gate and starting
+again: braking counts as waiting, starting becomes `WaitLink.delay_s` wherever the gate does hold the tractor. If a gate
+opened just before the tractor arrived, the delay is taken from the run.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.missions.plan import LEAVE, SWATH, FollowOrder, Leg, Mission
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.records import REC_SPEED, STANDING, WAITING
+
+WORK_PASS, TURN_OVER_ONE, TURN_OVER_MORE = 0, 1, 2
+CRUISE_SHARE = 0.97  # of the planned speed: above it a tractor is neither braking nor starting
+DEFAULT_RESTART_S = 1.0  # lost by starting to 5 km/h at 0.7 m/s2, if a run does not show it
+MAX_ACCELERATION_S = 15.0
+Array = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class WaitLink:
+    """Node `after` waits until `offset_s` of node `source` are driven, plus a constant `delay_s`.
+
+    A gate holds back the start of `after`, a follow order (`at_end`) its end.
+    """
+
+    source: int
+    after: int
+    offset_s: float
+    delay_s: float
+    at_end: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class LegGraph:
+    """All legs of a plan, numbered tractor by tractor; arrays are (n,).
+
+    `driven_s` is driving time without waiting and standing, `stand_s` planned standing before a leg. `group` numbers
+    passes and turns within each tractor; legs of a group share their random factor. `kind` is WORK_PASS, TURN_OVER_ONE
+    (swath) or TURN_OVER_MORE. `worked_m` are metres with the implement down. `leaving` marks legs back to the entrance,
+    None without any. `order` lists nodes after the nodes their start waits for; a node whose end also waits appears
+    twice, for its start and its end. `links` are sorted by `after`.
+    """
+
+    tractors: int
+    first_nodes: tuple[int, ...]
+    tractor: IntArray
+    driven_s: Array
+    group: IntArray
+    kind: IntArray
+    worked_m: Array
+    order: tuple[int, ...]
+    links: tuple[WaitLink, ...]
+    stand_s: Array
+    leaving: npt.NDArray[np.bool_] | None = None
+
+    @property
+    def node_count(self) -> int:
+        """Number of legs."""
+        return len(self.driven_s)
+
+    def get_nodes(self, tractor: int) -> slice:
+        """The nodes of a tractor."""
+        end = self.first_nodes[tractor + 1] if tractor + 1 < self.tractors else self.node_count
+        return slice(self.first_nodes[tractor], end)
+
+
+@dataclass(frozen=True, eq=False)
+class _LegRecord:
+    """The record of one tractor: start rows of legs, and per row seconds, metres and seconds lost by cause."""
+
+    begin_rows: IntArray
+    time_s: Array
+    row_s: Array
+    row_m: Array
+    waiting_s: Array
+    braking_s: Array
+    starting_s: Array
+    standing_s: Array
+    restart_s: dict[int, float]
+
+    def get_driving_begin_s(self, leg: int) -> float:
+        """The effective start of a leg: without standing and starting."""
+        return float(self.time_s[self.begin_rows[leg]]) + self.sum_standing_s(leg) + self.restart_s.get(leg, 0.0)
+
+    def get_delayed_end_s(self, leg: int) -> float:
+        """The end of a leg, with all delays."""
+        return float(self.time_s[self.begin_rows[leg + 1] if leg + 1 < len(self.begin_rows) else -1])
+
+    def sum_standing_s(self, leg: int) -> float:
+        """Seconds that the tractor stood before a leg with open gates."""
+        end = self.begin_rows[leg + 1] if leg + 1 < len(self.begin_rows) else len(self.standing_s)
+        return float(self.standing_s[self.begin_rows[leg] : end].sum())
+
+
+def build_leg_graph(run: SimulationRun) -> LegGraph:
+    """The graph of a finished run; raises ValueError for another."""
+    if run.outcome != DONE:
+        raise ValueError(f"a run that ended in {run.outcome!r} has no finish")
+    missions = run.plan.missions
+    counts = [len(mission.legs) for mission in missions]
+    first_nodes = tuple(int(count) for count in np.cumsum([0, *counts[:-1]]))
+    records = [_read_leg_record(run, tractor) for tractor in range(len(missions))]
+    driven_s = [_compute_driven_s(one) for one in records]
+    groups, kinds = zip(*(_group_legs(mission) for mission in missions), strict=True)
+    links = _build_links(run, first_nodes, records)
+    leaving = np.array([leg.task.kind == LEAVE for mission in missions for leg in mission.legs])
+    begin_s = np.concatenate([one.time_s[one.begin_rows] for one in records])
+    return LegGraph(
+        tractors=len(missions),
+        first_nodes=first_nodes,
+        tractor=np.repeat(np.arange(len(missions)), counts),
+        driven_s=np.concatenate(driven_s),
+        group=np.concatenate(groups),
+        kind=np.concatenate(kinds),
+        worked_m=np.array([leg.length_m * leg.implement for mission in missions for leg in mission.legs]),
+        order=_sort_graph_nodes(first_nodes, sum(counts), links, begin_s),
+        links=tuple(links),
+        stand_s=np.array(
+            [one.sum_standing_s(leg) for one, count in zip(records, counts, strict=True) for leg in range(count)]
+        ),
+        leaving=leaving if leaving.any() else None,
+    )
+
+
+def _read_leg_record(run: SimulationRun, tractor: int) -> _LegRecord:
+    """The record of a tractor up to its finish, with the last row shortened to it."""
+    legs = run.plan.missions[tractor].legs
+    step_s = float(run.time_s[1] - run.time_s[0]) if len(run.time_s) > 1 else 0.0
+    finish = float(run.finish_s[tractor])
+    count = max(1, int(np.searchsorted(run.time_s, finish - 1e-9)))
+    leg_of_row = run.get_leg_numbers(tractor)[:count]
+    seconds = np.full(count, step_s)
+    seconds[-1] = finish - float(run.time_s[count - 1])
+    speed = np.abs(run.record[:count, tractor, REC_SPEED])
+    planned_speed = np.array([leg.speed_mps for leg in legs])[leg_of_row]
+    is_waiting = run.get_statuses(tractor)[:count] == WAITING
+    lost_s = seconds * np.clip(1.0 - speed / planned_speed, 0.0, 1.0)
+    braking, starting = np.zeros(count), np.zeros(count)
+    restart_s: dict[int, float] = {}
+    gears = np.array([leg.gear for leg in legs])[leg_of_row]
+    is_slow = (speed < CRUISE_SHARE * planned_speed) & ~is_waiting & (run.get_statuses(tractor)[:count] != STANDING)
+    max_rows = round(MAX_ACCELERATION_S / step_s) if step_s else 0
+    for start, end in _find_true_spans(is_waiting):
+        if start and gears[start] == gears[start - 1]:
+            braking_start = _find_true_span_start(is_slow & (gears == gears[start]), start, max_rows)
+            braking[braking_start:start] = lost_s[braking_start:start]
+        if end < count and start and gears[end] == gears[end - 1]:
+            restart_end = _find_true_span_end(is_slow & (gears == gears[end]), end, max_rows)
+            is_uncounted = braking[end:restart_end] == 0.0
+            starting[end:restart_end] = lost_s[end:restart_end] * is_uncounted
+            restart_s[int(leg_of_row[end])] = float(starting[end:restart_end].sum())
+    begin_rows = np.minimum(np.searchsorted(leg_of_row, np.arange(len(legs))), count)
+    time = np.append(run.time_s[:count], finish)
+    standing_s = seconds * (run.get_statuses(tractor)[:count] == STANDING)
+    return _LegRecord(
+        begin_rows, time, seconds, speed * seconds, seconds * is_waiting, braking, starting, standing_s, restart_s
+    )
+
+
+def _find_true_spans(flags: npt.NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First row and end row of every run of true rows."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], flags.astype(np.int8), [0])))).tolist()
+    return zip(edges[::2], edges[1::2], strict=True)
+
+
+def _find_true_span_start(flags: npt.NDArray[np.bool_], row: int, max_rows: int) -> int:
+    """The first of the true rows just before `row`, at most `max_rows` back."""
+    while row > 0 and max_rows > 0 and flags[row - 1]:
+        row, max_rows = row - 1, max_rows - 1
+    return row
+
+
+def _find_true_span_end(flags: npt.NDArray[np.bool_], row: int, max_rows: int) -> int:
+    """The row after the true rows from `row` on, at most `max_rows` ahead."""
+    while row < len(flags) and max_rows > 0 and flags[row]:
+        row, max_rows = row + 1, max_rows - 1
+    return row
+
+
+def _compute_driven_s(record: _LegRecord) -> Array:
+    """Driving seconds per leg, without waiting, braking for it and starting after it."""
+    driving_s = record.row_s - record.waiting_s - record.braking_s - record.starting_s - record.standing_s
+    cumulative_s = np.concatenate(([0.0], np.cumsum(driving_s)))
+    ends = np.append(record.begin_rows[1:], len(driving_s))
+    return np.asarray(cumulative_s[ends] - cumulative_s[record.begin_rows])
+
+
+def _group_legs(mission: Mission) -> tuple[IntArray, IntArray]:
+    """The group number and kind of each leg."""
+    legs = mission.legs
+    group = np.zeros(len(legs), dtype=np.int64)
+    for index, (before, leg) in enumerate(pairwise(legs), start=1):
+        group[index] = group[index - 1] + (not _is_same_group(before, leg))
+    kind = np.full(len(legs), TURN_OVER_MORE, dtype=np.int64)
+    for index, leg in enumerate(legs):
+        kind[index] = (
+            WORK_PASS
+            if leg.task.is_work
+            else TURN_OVER_ONE
+            if _is_neighbour_swath_turn(legs, index)
+            else TURN_OVER_MORE
+        )
+    return group, kind
+
+
+def _is_same_group(before: Leg, leg: Leg) -> bool:
+    """Whether two consecutive legs belong to one pass or one turn."""
+    if before.task.is_work != leg.task.is_work:
+        return False
+    return not leg.task.is_work or (before.task.kind == leg.task.kind and before.task.has_same_goal(leg.task))
+
+
+def _is_neighbour_swath_turn(legs: tuple[Leg, ...], index: int) -> bool:
+    """Whether a leg is part of a turn between two neighbouring swaths."""
+    before = next((leg.task for leg in reversed(legs[:index]) if leg.task.is_work), None)
+    after = next((leg.task for leg in legs[index:] if leg.task.is_work), None)
+    if before is None or after is None or before.kind != SWATH or after.kind != SWATH:
+        return False
+    return before.number is not None and after.number is not None and abs(before.number - after.number) == 1
+
+
+def _build_links(run: SimulationRun, first: tuple[int, ...], records: list[_LegRecord]) -> list[WaitLink]:
+    """Every gate and effective follow order as a link, sorted by the waiting node."""
+    links = []
+    restarts_s = sorted(seconds for one in records for seconds in one.restart_s.values())
+    typical_restart_s = restarts_s[len(restarts_s) // 2] if restarts_s else DEFAULT_RESTART_S
+    for tractor, mission in enumerate(run.plan.missions):
+        for index, leg in enumerate(mission.legs):
+            after = first[tractor] + index
+            starts_standing = index == 0 or mission.legs[index - 1].gear != leg.gear or leg.stand_s > 0.0
+            for gate in leg.gates:
+                leader_record = records[gate.tractor]
+                offset_s = _compute_driven_offset_s(
+                    leader_record, gate.leg, gate.after_m, run.plan.missions[gate.tractor]
+                )
+                opened_s = leader_record.get_driving_begin_s(gate.leg) + offset_s
+                passed_s = min(max(records[tractor].get_driving_begin_s(index) - opened_s, 0.0), typical_restart_s)
+                delay_s = 0.0 if starts_standing else records[tractor].restart_s.get(index, passed_s)
+                links.append(WaitLink(first[gate.tractor] + gate.leg, after, offset_s, delay_s))
+            if leg.follow is not None and _was_held_by_leader(records, leg.follow, tractor, index):
+                links.append(_build_follow_link(run, first, records, tractor, index))
+    return links
+
+
+def _compute_driven_offset_s(record: _LegRecord, leg: int, metres: float, mission: Mission) -> float:
+    """Driving seconds from the start of a leg until `metres` of it are driven, without waiting and starting."""
+    start = int(record.begin_rows[leg])
+    end = int(record.begin_rows[leg + 1]) if leg + 1 < len(record.begin_rows) else len(record.row_s)
+    if end <= start or metres <= 0.0:
+        return 0.0
+    driving_s = (record.row_s - record.waiting_s - record.starting_s - record.standing_s)[start:end]
+    driven_m = np.concatenate(([0.0], np.cumsum(record.row_m[start:end])))
+    share = min(1.0, metres / mission.legs[leg].length_m)
+    return float(np.interp(share * driven_m[-1], driven_m, np.concatenate(([0.0], np.cumsum(driving_s)))))
+
+
+def _was_held_by_leader(records: list[_LegRecord], follow: FollowOrder, tractor: int, index: int) -> bool:
+    """Whether the leader began its leg before the follower finished its own; otherwise it held nobody."""
+    leader_record = records[follow.tractor]
+    return float(leader_record.time_s[leader_record.begin_rows[follow.leg]]) < records[tractor].get_delayed_end_s(index)
+
+
+def _build_follow_link(
+    run: SimulationRun, first: tuple[int, ...], records: list[_LegRecord], tractor: int, index: int
+) -> WaitLink:
+    """The link by which a follower finishes its leg no sooner after its leader than in the run."""
+    legs = run.plan.missions[tractor].legs
+    follow = legs[index].follow
+    assert follow is not None
+    leader, leader_record = run.plan.missions[follow.tractor], records[follow.tractor]
+    metres = min(legs[index].length_m, leader.legs[follow.leg].length_m)
+    offset_s = _compute_driven_offset_s(leader_record, follow.leg, metres, leader)
+    passed_s = leader_record.get_driving_begin_s(follow.leg) + offset_s
+    delay_s = records[tractor].get_delayed_end_s(index) - passed_s
+    offset_s = max(0.0, offset_s + min(delay_s, 0.0))  # the leader was not there yet: use where it was
+    return WaitLink(
+        first[follow.tractor] + follow.leg, first[tractor] + index, offset_s, max(delay_s, 0.0), at_end=True
+    )
+
+
+def _sort_graph_nodes(first: tuple[int, ...], nodes: int, links: list[WaitLink], begin_s: Array) -> tuple[int, ...]:
+    """All nodes in the order of `LegGraph.order`, ties by time; an end that waits is an event of its own.
+
+    Raises ValueError if tractors wait for each other in a circle.
+    """
+    end_events = {link.after: nodes + number for number, link in enumerate(links) if link.at_end}
+    node_of_event = {number: node for node, number in end_events.items()}
+    successors: dict[int, list[int]] = {}
+    open_predecessors: dict[int, int] = dict.fromkeys([*range(nodes), *node_of_event], 0)
+    first_set = set(first)
+    pairs = [(end_events.get(node - 1, node - 1), node) for node in range(nodes) if node not in first_set]
+    wait_pairs = [(link.source, end_events[link.after] if link.at_end else link.after) for link in links]
+    for source, waiting_node in [*pairs, *end_events.items(), *wait_pairs]:
+        successors.setdefault(source, []).append(waiting_node)
+        open_predecessors[waiting_node] += 1
+
+    def sort_key(number: int) -> tuple[float, int]:
+        return round(float(begin_s[node_of_event.get(number, number)]), 3), number
+
+    ready = [sort_key(number) for number, count in open_predecessors.items() if count == 0]
+    heapq.heapify(ready)
+    order = []
+    while ready:
+        _, number = heapq.heappop(ready)
+        order.append(number)
+        for successor in successors.get(number, ()):
+            open_predecessors[successor] -= 1
+            if open_predecessors[successor] == 0:
+                heapq.heappush(ready, sort_key(successor))
+    if len(order) < len(open_predecessors):
+        raise ValueError("tractors of this plan wait for each other in a circle")
+    return tuple(node_of_event.get(number, number) for number in order)

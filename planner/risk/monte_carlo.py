@@ -1,0 +1,361 @@
+"""Monte Carlo simulation of a run's leg graph (longest path, all samples at once), and the figures of risk from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.request.random_inputs import (
+    RANDOM_INPUTS,
+    UncertaintySettings,
+    build_certain_settings,
+    compute_log_deviation,
+)
+from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph
+from planner.risk.rain import RainForecast
+from planner.risk.random_events import StopEvents, create_generator, draw_lognormal, draw_stop_events
+from vehicle.missions.run import SimulationRun
+
+MAX_SLIP_SHARE = 0.9
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SampledOutcomes:
+    """Outcomes per sample; seconds count from the planned start, arrays are (samples,).
+
+    `finish_s` is when the last tractor is done, or out of the field if it leaves by an entrance (`exit_start_s`: when
+    the last one sets out for that, None without an entrance); `tractor_finish_s` (tractors, samples). `work_s` and
+    `turn_s` are tractor seconds of driving on passes and off them, `worked_share` the share of worked metres done at
+    the limit, `start_delay_s` the delay of the start. `leg_factors` (legs, samples) are None unless kept.
+    """
+
+    finish_s: Array
+    tractor_finish_s: Array
+    work_s: Array
+    turn_s: Array
+    worked_share: Array
+    start_delay_s: Array
+    leg_factors: Array | None = None
+    exit_start_s: Array | None = None
+
+    @property
+    def work_finish_s(self) -> Array:
+        """When the last tractor has done its work, (samples,)."""
+        return self.finish_s if self.exit_start_s is None else self.exit_start_s
+
+
+@dataclass(frozen=True, eq=False)
+class _CommonFactors:
+    """Factors of the whole job, (samples,), and a generator per tractor for the factors of its legs."""
+
+    job_factor: Array
+    pass_factor: Array
+    start_delay_s: Array
+    generators: tuple[np.random.Generator, ...]
+
+
+def sample_outcomes(
+    graph: LegGraph,
+    uncertainty: UncertaintySettings,
+    *,
+    samples: int,
+    seed: int,
+    limit_s: Array | None = None,
+    keep_factors: bool = False,
+) -> SampledOutcomes:
+    """Sample the graph with random inputs; `limit_s` (samples,) is when work must be done.
+
+    The same seed gives the same common factors, breakdown times and late starts for every graph. `keep_factors` keeps
+    the factors of all legs.
+    """
+    common = _draw_common_factors(graph, uncertainty, samples, seed)
+    limits_s = np.full(samples, math.inf) if limit_s is None else limit_s
+    return _walk_longest_path(_start_walk(graph, uncertainty, seed, common), limits_s, keep_factors)
+
+
+def apply_factors(graph: LegGraph, leg_factors: Array) -> SampledOutcomes:
+    """Outcomes of the graph with these factors (legs, samples) on its driving times and no other variation."""
+    certain_settings, samples = build_certain_settings(), leg_factors.shape[1]
+    walk = _start_walk(graph, certain_settings, 0, _draw_common_factors(graph, certain_settings, samples, 0))
+    walk.fixed_factors = leg_factors
+    return _walk_longest_path(walk, np.full(samples, math.inf), keep_factors=False)
+
+
+def compute_slip_factor(uncertainty: UncertaintySettings, normals: Array) -> Array:
+    """Driving time at a sampled wheel slip relative to the median; ground speed is wheel speed x (1 - slip)."""
+    median = 0.01 * uncertainty.slip_pct
+    slip = np.minimum(median * np.exp(compute_log_deviation(uncertainty.slip_cv) * normals), MAX_SLIP_SHARE)
+    return np.asarray((1.0 - median) / (1.0 - slip))
+
+
+def _draw_common_factors(graph: LegGraph, uncertainty: UncertaintySettings, samples: int, seed: int) -> _CommonFactors:
+    job_factor = np.exp(
+        compute_log_deviation(uncertainty.job_cv) * create_generator(seed, "job").standard_normal(samples)
+    )
+    slip_factors = compute_slip_factor(uncertainty, create_generator(seed, "slip").standard_normal(samples))
+    normals = create_generator(seed, "late start").standard_normal(samples)
+    start_delay_s = draw_lognormal(uncertainty.start_delay_s, uncertainty.start_delay_cv, normals)
+    generators = tuple(create_generator(seed, "legs", tractor) for tractor in range(graph.tractors))
+    return _CommonFactors(job_factor, job_factor * slip_factors, start_delay_s, generators)
+
+
+@dataclass(eq=False)
+class _GraphWalk:
+    """The state of the walk along all legs: per tractor its time, its driving clock and its current factor."""
+
+    graph: LegGraph
+    common: _CommonFactors
+    deviation: tuple[float, float, float]
+    events: list[StopEvents]
+    now_s: Array
+    driven_clock_s: Array
+    current_group: list[int]
+    factors: list[Array]
+    fixed_factors: Array | None = None
+    opened_s: dict[int, Array] = field(default_factory=dict)
+
+    def get_factor(self, node: int) -> Array:
+        """The factor of a leg; every new pass or turn draws its numbers, whether they have an effect or not."""
+        if self.fixed_factors is not None:
+            return np.asarray(self.fixed_factors[node])
+        tractor, kind = int(self.graph.tractor[node]), int(self.graph.kind[node])
+        if self.current_group[tractor] != self.graph.group[node]:
+            self.current_group[tractor] = int(self.graph.group[node])
+            normals = self.common.generators[tractor].standard_normal(len(self.common.job_factor))
+            common_factor, spread = (
+                self.common.pass_factor if kind == WORK_PASS else self.common.job_factor,
+                self.deviation[kind],
+            )
+            self.factors[tractor] = common_factor * np.exp(spread * normals) if spread > 0.0 else common_factor
+        return self.factors[tractor]
+
+    def apply_waits(self, links: list[int], time_s: Array, at_end: bool) -> Array:
+        """The time, delayed to the opening of links of this kind."""
+        for index in links:
+            link = self.graph.links[index]
+            if link.at_end == at_end:
+                time_s = np.maximum(time_s, self.opened_s.pop(index) + link.delay_s)
+        return time_s
+
+    def apply_stops(self, tractor: int, seconds: float, time_s: Array) -> Array:
+        """The time, delayed by stops and breakdowns in the tractor's next `seconds` of driving."""
+        events, start = self.events[tractor], float(self.driven_clock_s[tractor])
+        hit = events.find_between(start, start + seconds)
+        if hit.start < hit.stop:
+            np.add.at(time_s, events.sample[hit], events.duration_s[hit])
+        return time_s
+
+    def set_link_openings(self, links: list[int], tractor: int, begin_s: Array, factor: Array, seconds: float) -> None:
+        """Set the opening times of links from a leg of a tractor."""
+        for index in links:
+            offset = self.graph.links[index].offset_s
+            self.opened_s[index] = self.apply_stops(tractor, min(offset, seconds), begin_s + offset * factor)
+
+
+def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> SampledOutcomes:
+    """The longest path; values of a leg are kept only as long as later legs need them."""
+    graph, samples = walk.graph, len(limit_s)
+    links_to, links_from = _index_links(graph)
+    spent_s, worked_m = {True: np.zeros(samples), False: np.zeros(samples)}, np.zeros(samples)
+    total_m = float(graph.worked_m.sum())
+    leg_factors = np.ones((graph.node_count, samples)) if keep_factors else None
+    exit_start_s = None if graph.leaving is None else np.zeros(samples)
+    begun_legs: dict[int, tuple[Array, Array]] = {}
+    for node in graph.order:
+        tractor, incoming = int(graph.tractor[node]), links_to.get(node, [])
+        if node not in begun_legs:
+            seconds, factor = float(graph.driven_s[node]), walk.get_factor(node)
+            begin_s = walk.apply_waits(incoming, walk.now_s[tractor], at_end=False) + graph.stand_s[node]
+            driven_s = seconds * factor
+            begun_legs[node] = begin_s, walk.apply_stops(tractor, seconds, begin_s + driven_s)
+            walk.set_link_openings(links_from.get(node, []), tractor, begin_s, factor, seconds)
+            spent_s[int(graph.kind[node]) == WORK_PASS] += driven_s
+            walk.driven_clock_s[tractor] += seconds
+            if leg_factors is not None:
+                leg_factors[node] = factor
+            if any(graph.links[index].at_end for index in incoming):
+                continue  # it comes again in the order, once it is known what its end waits for
+        begin_s, unhindered_end_s = begun_legs.pop(node)
+        walk.now_s[tractor] = end_s = walk.apply_waits(incoming, unhindered_end_s, at_end=True)
+        worked_m += graph.worked_m[node] * _compute_done_share(begin_s, end_s, limit_s)
+        if exit_start_s is not None and graph.leaving is not None and not graph.leaving[node]:
+            exit_start_s = np.maximum(exit_start_s, end_s)
+    worked_share = worked_m / total_m if total_m > 0.0 else np.ones(samples)
+    return SampledOutcomes(
+        walk.now_s.max(axis=0),
+        walk.now_s,
+        spent_s[True],
+        spent_s[False],
+        worked_share,
+        walk.common.start_delay_s,
+        leg_factors,
+        exit_start_s,
+    )
+
+
+def _start_walk(graph: LegGraph, uncertainty: UncertaintySettings, seed: int, common: _CommonFactors) -> _GraphWalk:
+    """The state with all tractors at their first leg, after the start delay."""
+    driven_s = [float(graph.driven_s[graph.get_nodes(tractor)].sum()) for tractor in range(graph.tractors)]
+    return _GraphWalk(
+        graph=graph,
+        common=common,
+        deviation=(
+            compute_log_deviation(uncertainty.speed_cv),
+            compute_log_deviation(uncertainty.turn_cv),
+            compute_log_deviation(uncertainty.turn_more_cv),
+        ),
+        events=[
+            draw_stop_events(uncertainty, seed, tractor, seconds, common.job_factor)
+            for tractor, seconds in enumerate(driven_s)
+        ],
+        now_s=np.repeat(common.start_delay_s[None], graph.tractors, axis=0),
+        driven_clock_s=np.zeros(graph.tractors),
+        current_group=[-1] * graph.tractors,
+        factors=[common.job_factor] * graph.tractors,
+    )
+
+
+def _compute_done_share(begin_s: Array, end_s: Array, limit_s: Array) -> Array | float:
+    """Share of a leg driven at the limit."""
+    if bool((end_s <= limit_s).all()):
+        return 1.0
+    return np.clip((limit_s - begin_s) / np.maximum(end_s - begin_s, 1e-9), 0.0, 1.0)
+
+
+def _index_links(graph: LegGraph) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
+    """Numbers of the links to a node and from it."""
+    links_to: dict[int, list[int]] = {}
+    links_from: dict[int, list[int]] = {}
+    for index, link in enumerate(graph.links):
+        links_to.setdefault(link.after, []).append(index)
+        links_from.setdefault(link.source, []).append(index)
+    return links_to, links_from
+
+
+Z95 = 1.959963984540054
+QUANTILES = (0.50, 0.80, 0.95)
+VARIANCE_SAMPLES = 2000
+SAME_VARIANCE_S2 = 1e-9
+DEFAULT_SAMPLES = 10_000
+DEFAULT_UNCERTAINTY = UncertaintySettings()
+
+
+class WorkClock(Protocol):
+    """The part of a farm's day that is for work, and the work time before field work begins."""
+
+    @property
+    def before_field_s(self) -> float: ...
+
+    def compute_work_s(self, clock_s: Array) -> Array: ...
+
+
+@dataclass(frozen=True)
+class RiskSettings:
+    """Distributions, rain and deadline (seconds after the start), number of samples and seed.
+
+    With a farm's `workday` not all time until the limit is for field work.
+    """
+
+    uncertainty: UncertaintySettings = DEFAULT_UNCERTAINTY
+    rain: RainForecast | None = None
+    deadline_s: float | None = None
+    samples: int = DEFAULT_SAMPLES
+    seed: int = 1
+    workday: WorkClock | None = None
+
+    def sample_field_limit_s(self) -> Array:
+        """Seconds of field work that fit before the limit, (samples,)."""
+        limit_s = self.sample_time_limit_s()
+        return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
+
+    def sample_time_limit_s(self) -> Array:
+        """When work must be done, (samples,): at the deadline or the rain; infinite without either."""
+        rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
+        return rain if self.deadline_s is None else np.minimum(rain, self.deadline_s)
+
+    @property
+    def has_limit(self) -> bool:
+        """Whether there is rain or a deadline."""
+        return self.rain is not None or self.deadline_s is not None
+
+
+@dataclass(frozen=True, eq=False)
+class RiskEstimate:
+    """The risk figures of one plan.
+
+    `finish_probability` and its Wilson interval (95 %) are None without deadline and rain. `mean_s` and the quantiles
+    are of the finish of the last tractor; `unworked_share` is the mean share of work not done at the limit.
+    `variance_shares` are the shares of the variance of the finish that vanish when an input is switched off, by name.
+    """
+
+    finish_probability: float | None
+    finish_probability_interval: tuple[float, float] | None
+    mean_s: float
+    p50_s: float
+    p80_s: float
+    p95_s: float
+    unworked_share: float
+    variance_shares: dict[str, float]
+    outcomes: SampledOutcomes
+
+
+def estimate_risk(run: SimulationRun, settings: RiskSettings, *, with_variance_shares: bool = True) -> RiskEstimate:
+    """The risk figures of a finished run."""
+    return estimate_graph_risk(build_leg_graph(run), settings, with_variance_shares=with_variance_shares)
+
+
+def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_variance_shares: bool = True) -> RiskEstimate:
+    """The risk figures of a leg graph."""
+    limit_s = settings.sample_field_limit_s()
+    outcomes = sample_outcomes(
+        graph, settings.uncertainty, samples=settings.samples, seed=settings.seed, limit_s=limit_s
+    )
+    in_time = int((outcomes.work_finish_s <= limit_s).sum())
+    p50, p80, p95 = (float(value) for value in np.quantile(outcomes.finish_s, QUANTILES))
+    return RiskEstimate(
+        finish_probability=in_time / settings.samples if settings.has_limit else None,
+        finish_probability_interval=compute_wilson_interval(in_time, settings.samples) if settings.has_limit else None,
+        mean_s=float(outcomes.finish_s.mean()),
+        p50_s=p50,
+        p80_s=p80,
+        p95_s=p95,
+        unworked_share=float(1.0 - outcomes.worked_share.mean()),
+        variance_shares=compute_variance_shares(graph, settings) if with_variance_shares else {},
+        outcomes=outcomes,
+    )
+
+
+def compute_wilson_interval(hits: int, trials: int, z: float = Z95) -> tuple[float, float]:
+    """Wilson score interval of a share (Wilson 1927); by default 95 %."""
+    share, square = hits / trials, z * z / trials
+    middle = (share + 0.5 * square) / (1.0 + square)
+    half = z / (1.0 + square) * math.sqrt(share * (1.0 - share) / trials + 0.25 * square / trials)
+    low = 0.0 if hits == 0 else max(0.0, middle - half)
+    return low, 1.0 if hits == trials else min(1.0, middle + half)
+
+
+def compute_variance_shares(
+    graph: LegGraph, settings: RiskSettings, samples: int = VARIANCE_SAMPLES
+) -> dict[str, float]:
+    """Share of the variance of the finishing time that goes with each input, the others left on, the largest first.
+
+    All on the same random numbers. The shares need not add up to 1: inputs act together.
+    """
+    samples = min(samples, settings.samples)
+
+    def compute_variance(uncertainty: UncertaintySettings) -> float:
+        return float(np.var(sample_outcomes(graph, uncertainty, samples=samples, seed=settings.seed).finish_s))
+
+    total_variance = compute_variance(settings.uncertainty)
+    if total_variance < SAME_VARIANCE_S2:
+        return dict.fromkeys(RANDOM_INPUTS, 0.0)
+    shares = {
+        name: max(0.0, 1.0 - compute_variance(settings.uncertainty.disable_input(name)) / total_variance)
+        for name in RANDOM_INPUTS
+    }
+    return dict(sorted(shares.items(), key=lambda pair: (-round(pair[1], 6), pair[0])))

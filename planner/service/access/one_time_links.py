@@ -1,0 +1,110 @@
+"""Addresses that work once: the login address that `headland serve` prints, and views of results in frames.
+
+Whoever sees what `headland serve` prints is at this machine or was shown it. The address that a request comes from does
+not prove that, as a proxy on this machine has it too. A frame of a page cannot send a token, so it gets a view.
+"""
+
+from __future__ import annotations
+
+import hmac
+import secrets
+import threading
+import time
+from collections.abc import Callable
+
+from starlette.requests import HTTPConnection
+from starlette.responses import RedirectResponse, Response
+
+from planner.service.errors import BusyError, NotFoundError, TokenError
+from planner.service.store.tables import ResultRow
+
+LOGIN_COOKIE = "headland_login"
+LOGIN_PATH = "/login"
+MOST_LOGINS = 100
+LOGIN_VALID_S = 30 * 24 * 3600.0
+
+
+class BrowserLogins:
+    """The code of the next login, and the browsers that have logged in since the start.
+
+    When a code is used, `on_used` is called with the next one, so that it can be shown.
+    """
+
+    def __init__(
+        self,
+        *,
+        secure: bool = False,
+        on_used: Callable[[str], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.secure, self.on_used, self._clock = secure, on_used, clock
+        self.code = secrets.token_urlsafe(24)
+        self._valid_until: dict[str, float] = {}
+
+    def redeem_code(self, code: str) -> str:
+        """The value of the cookie for a code, which is then used up. Raises TokenError."""
+        if not hmac.compare_digest(code.encode("utf-8", "surrogatepass"), self.code.encode()):
+            raise TokenError(
+                "This login address is used up or from an earlier start; open the one that headland serve "
+                "printed last.",
+                parameter="code",
+            )
+        self.code = secrets.token_urlsafe(24)
+        now = self._clock()
+        self._valid_until = {cookie: until for cookie, until in self._valid_until.items() if until > now}
+        while len(self._valid_until) >= MOST_LOGINS:
+            del self._valid_until[min(self._valid_until, key=lambda cookie: self._valid_until[cookie])]
+        cookie = secrets.token_urlsafe(32)
+        self._valid_until[cookie] = now + LOGIN_VALID_S
+        if self.on_used is not None:
+            self.on_used(self.code)
+        return cookie
+
+    def is_logged_in(self, connection: HTTPConnection) -> bool:
+        """Whether a connection has the cookie of a browser that has logged in."""
+        until = self._valid_until.get(connection.cookies.get(LOGIN_COOKIE, ""))
+        return until is not None and until > self._clock()
+
+    def log_in_browser(self, code: str) -> Response:
+        """Log a browser in and redirect it to the start page. Raises TokenError."""
+        response = RedirectResponse("/", 303, {"cache-control": "no-store"})
+        response.set_cookie(
+            LOGIN_COOKIE,
+            self.redeem_code(code),
+            max_age=int(LOGIN_VALID_S),
+            httponly=True,
+            samesite="strict",
+            secure=self.secure,
+        )
+        return response
+
+
+VIEW_VALID_S, MOST_VIEWS = 60.0, 1000
+
+
+class OneTimeViews:
+    """Views that are not used yet; whoever knows the name of one may look at it once."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._lock = clock, threading.Lock()
+        self._views: dict[str, tuple[float, ResultRow]] = {}
+
+    def add_view(self, result: ResultRow) -> str:
+        """The name of a new view; raises BusyError where too many are unused."""
+        now, name = self._clock(), secrets.token_urlsafe(24)
+        with self._lock:
+            self._views = {key: each for key, each in self._views.items() if each[0] > now}
+            if len(self._views) >= MOST_VIEWS:
+                raise BusyError(f"{MOST_VIEWS} views are not looked at yet; ask again in a minute.")
+            self._views[name] = (now + VIEW_VALID_S, result)
+        return name
+
+    def take_view(self, name: str) -> ResultRow:
+        """The result that a view shows; the view is then used up. Raises NotFoundError."""
+        with self._lock:
+            until, result = self._views.pop(name, (0.0, None))
+        if result is None or until <= self._clock():
+            raise NotFoundError(
+                "There is no such view, or it was looked at already; ask for another.", parameter="view"
+            )
+        return result

@@ -1,0 +1,174 @@
+"""The caller of a request and their rights, by the scopes of a token or by a browser login."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from fastapi import Depends
+from fastapi.security import HTTPBearer
+from starlette.requests import HTTPConnection, Request
+from starlette.routing import BaseRoute
+from starlette.websockets import WebSocket
+
+from planner.service.access.browser_policy import check_origin
+from planner.service.access.one_time_links import BrowserLogins
+from planner.service.access.token_cache import TokenCache
+from planner.service.errors import ScopeError, TokenError
+from planner.service.store.tables import TokenRow
+
+BEARER_SCHEME = HTTPBearer(
+    auto_error=False, description="A token of headland token new; a browser that has logged in reads without one."
+)
+ANONYMOUS_NAME, BROWSER_NAME = "nobody", "a browser that has logged in"
+
+READ, PLAN, OPERATE, DRIVE, ADMINISTER = "read", "plan", "operate", "drive", "administer"
+"""Rights that routes and links require."""
+RIGHTS_BY_SCOPE = {
+    "read": {READ},
+    "planner": {READ, PLAN},
+    "operator": {READ, OPERATE},
+    "robot": set(),
+    "admin": {READ, PLAN, OPERATE, DRIVE, ADMINISTER},
+}
+"""The rights of each scope; a robot may drive its own tractor and read its own fleet, see `Caller.has_right`."""
+SCOPE_OPTION_BY_RIGHT = {
+    READ: "read",
+    PLAN: "planner",
+    OPERATE: "operator",
+    DRIVE: "robot --fleet ID --tractor N",
+    ADMINISTER: "admin",
+}
+CALLER_SCOPE_KEY = "headland.who"
+"""Key of the ASGI scope for the caller, where the gate has identified it before the route."""
+
+
+@dataclass(frozen=True)
+class RequiredRight:
+    """The right that a route needs; `fleet_parameter` is the part of its path that names the fleet.
+
+    With `allows_own_fleet` a robot may use the route too, and is shown its own fleet only.
+    """
+
+    right: str
+    fleet_parameter: str | None = None
+    allows_own_fleet: bool = False
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Who sends a request: name, scopes and SHA-256 of the token (None without one).
+
+    A robot is bound to a `tractor`, counted from 1, of a `fleet`.
+    """
+
+    name: str
+    scopes: tuple[str, ...]
+    token_sha256: str | None = None
+    fleet: str | None = None
+    tractor: int | None = None
+
+    def has_right(self, right: str, fleet: str | None = None, tractor: int | None = None) -> bool:
+        """Whether the caller has a right, for a fleet and one of its tractors where these are given."""
+        if any(right in RIGHTS_BY_SCOPE[scope] for scope in self.scopes):
+            return True
+        if "robot" not in self.scopes or fleet is None or fleet != self.fleet:
+            return False
+        return right == READ or (right == DRIVE and tractor is not None and tractor == self.tractor)
+
+    def check_right(self, right: str, fleet: str | None = None, tractor: int | None = None) -> None:
+        """Raise TokenError where a token is needed and missing, ScopeError where the token lacks the right."""
+        if self.has_right(right, fleet, tractor):
+            return
+        scope = SCOPE_OPTION_BY_RIGHT[right]
+        if self.token_sha256 is None:
+            raise TokenError(
+                f"This needs a token of the scope {scope.split()[0]!r}; send it as 'Authorization: Bearer hl_...' "
+                f"(headland token new --scope {scope} makes one)."
+            )
+        if "robot" in self.scopes:
+            raise ScopeError(
+                f"The token {self.name!r} is for tractor {self.tractor} of the fleet {self.fleet} alone, to drive and "
+                f"read it; use another token (headland token new --scope {scope} makes one)."
+            )
+        raise ScopeError(
+            f"The token {self.name!r} has the scope {' '.join(self.scopes)!r} and this needs {scope.split()[0]!r}; use "
+            f"another token (headland token new --scope {scope} makes one)."
+        )
+
+    def can_see_fleet(self, fleet: str) -> bool:
+        """Whether lists show a fleet to the caller: a robot sees its own only."""
+        return self.has_right(READ, fleet)
+
+
+def require_right(
+    right: str, *, fleet_parameter: str | None = None, allows_own_fleet: bool = False
+) -> Callable[..., Any]:
+    """A dependency of routes: the caller; raises TokenError or ScopeError without this right. See RequiredRight."""
+    required = RequiredRight(right, fleet_parameter, allows_own_fleet)
+
+    async def identify_and_check(request: Request, _bearer: Annotated[object, Depends(BEARER_SCHEME)]) -> Caller:
+        caller = await identify_caller(request, read_bearer(request))
+        check_required_right(caller, required, request.path_params)
+        return caller
+
+    identify_and_check.need = required  # type: ignore[attr-defined]
+    return identify_and_check
+
+
+def find_required_right(route: BaseRoute) -> RequiredRight | None:
+    """The right that a route needs, None for a route that everybody may use."""
+    dependant = getattr(route, "dependant", None)
+    for dependency in dependant.dependencies if dependant is not None else ():
+        required = getattr(dependency.call, "need", None)
+        if isinstance(required, RequiredRight):
+            return required
+    return None
+
+
+def check_required_right(caller: Caller, required: RequiredRight, path_params: Mapping[str, Any]) -> None:
+    """Raise TokenError or ScopeError where the caller lacks the right that a route needs."""
+    if required.allows_own_fleet:
+        caller.check_right(required.right, caller.fleet)
+    else:
+        caller.check_right(
+            required.right, None if required.fleet_parameter is None else str(path_params.get(required.fleet_parameter))
+        )
+
+
+async def identify_caller(connection: HTTPConnection, token_text: str | None) -> Caller:
+    """The caller of a connection: as identified before, by the token, or anonymous; raises TokenError."""
+    known_caller = connection.scope.get(CALLER_SCOPE_KEY)
+    if isinstance(known_caller, Caller):
+        return known_caller
+    if token_text is None:
+        logins: BrowserLogins = connection.app.state.logins
+        return Caller(BROWSER_NAME, ("read",)) if logins.is_logged_in(connection) else Caller(ANONYMOUS_NAME, ())
+    token_cache: TokenCache = connection.app.state.book
+    return build_caller(await token_cache.identify_token_async(token_text))
+
+
+async def identify_socket(websocket: WebSocket, first_frame_token: str | None = None) -> Caller:
+    """The caller who opened a socket, by the token of its header or of its first frame.
+
+    Raises ScopeError for a page of another site, TokenError for a token that is not known.
+    """
+    check_origin(websocket)
+    return await identify_caller(websocket, read_bearer(websocket) or first_frame_token)
+
+
+def build_caller(token: TokenRow) -> Caller:
+    """The caller that a token stands for."""
+    return Caller(token.name, tuple(token.scopes.split()), token.sha256, token.fleet, token.tractor)
+
+
+def read_bearer(connection: HTTPConnection) -> str | None:
+    """The token of the header, None without one; raises TokenError for a header of another kind."""
+    header = connection.headers.get("authorization")
+    if header is None:
+        return None
+    kind, _, token = header.partition(" ")
+    if kind.lower() != "bearer" or not token.strip():
+        raise TokenError("The header Authorization cannot be read; send 'Authorization: Bearer hl_...'.")
+    return token.strip()

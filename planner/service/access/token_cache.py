@@ -1,0 +1,194 @@
+"""All tokens in memory, read again every second, so that no request waits for the database to know its caller."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import threading
+import time
+from collections.abc import Callable, Iterable
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from planner.service.errors import ServiceError, TokenError
+from planner.service.store.service_store import Store
+from planner.service.store.tables import TokenRow
+from planner.service.store.token_table import TOKEN_PREFIX, has_expired, hash_token
+
+REFRESH_PERIOD_S, SHORTEST_REFRESH_PERIOD_S, REFRESH_TIMEOUT_S, STALE_S = 1.0, 0.2, 2.0, 5.0
+LONGEST_TOKEN_CHARS = 200
+OPERATOR_SCOPES = frozenset({"operator", "admin"})
+UNKNOWN_TOKEN = "This token is unknown; it may have been revoked."
+UNREACHABLE_DATABASE = "This token is unknown, and a new one cannot be looked up now: the database does not answer."
+EXPIRED_TOKEN = "This token expired at {expires}; make a new one with headland token new."
+REVOKED_LINK_TOKEN = "The token of this link was revoked; link again with another one."
+EXPIRED_LINK_TOKEN = "The token of this link has expired; link again with another one."
+
+
+class TokenCache:
+    """The tokens of a store by their SHA-256, as they were when the database last answered.
+
+    A thread reads them every second from `start` to `close`. While the database does not answer, known tokens stay
+    valid until they expire. Every method may be called from any thread.
+    """
+
+    def __init__(self, store: Store, clock: Callable[[], float] = time.monotonic) -> None:
+        self._store, self._clock = store, clock
+        self._rows: dict[str, TokenRow] = {}
+        self._refreshed_at = -math.inf
+        self._last_started = self._last_finished = 0
+        self._waiting: list[tuple[int, asyncio.AbstractEventLoop, asyncio.Future[None]]] = []
+        self._changed, self._refresh_lock, self._refresh_requested = (
+            threading.Condition(),
+            threading.Lock(),
+            threading.Event(),
+        )
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.last_error: str | None = None
+
+    @property
+    def age_s(self) -> float:
+        """Seconds since the tokens were last read; infinite before the first time."""
+        return self._clock() - self._refreshed_at
+
+    def start(self) -> None:
+        """Start reading; returns when all tokens are read, or after two seconds."""
+        if self._thread is None:
+            self._closing.clear()
+            self._thread = threading.Thread(target=self._refresh_forever, name="headland-tokens", daemon=True)
+            self._thread.start()
+            self._wait_for_refresh()
+
+    def close(self) -> None:
+        """Stop reading."""
+        self._closing.set()
+        self._refresh_requested.set()
+        if self._thread is not None:
+            self._thread.join(REFRESH_TIMEOUT_S)
+            self._thread = None
+
+    def find_token(self, token_text: str) -> TokenRow | None:
+        """The token of a text, from memory only: never waits. None for an unknown or expired one."""
+        row = self._rows.get(hash_token(token_text))
+        return None if row is None or has_expired(row) else row
+
+    def is_operator_token(self, token_text: str) -> bool | None:
+        """Whether the holder of a token may operate fleets, from memory only; None for an unknown token."""
+        row = self.find_token(token_text)
+        return None if row is None else not OPERATOR_SCOPES.isdisjoint(row.scopes.split())
+
+    def identify_token(self, token_text: str) -> TokenRow:
+        """The token of a text; an unknown one is looked up once more, which may take two seconds.
+
+        Raises TokenError for an unknown or expired token.
+        """
+        if self._can_be_new(token_text):
+            self._wait_for_refresh()
+        return self._check_token(token_text)
+
+    async def identify_token_async(self, token_text: str) -> TokenRow:
+        """The same without blocking the event loop, and without one thread per waiting request."""
+        if self._can_be_new(token_text):
+            if self._thread is None:
+                await asyncio.to_thread(self._wait_for_refresh)
+            else:
+                await self._await_refresh()
+        return self._check_token(token_text)
+
+    def refresh(self) -> bool:
+        """Read all tokens now; False where the database does not answer, which leaves all as it was."""
+        with self._refresh_lock:
+            with self._changed:
+                self._last_started += 1
+                refresh_number = self._last_started
+            try:
+                rows = {row.sha256: row for row in self._store.list_tokens()}
+            except (SQLAlchemyError, ServiceError, OSError) as error:
+                self._log_error_once(error)
+            else:
+                self._rows, self._refreshed_at, self.last_error = rows, self._clock(), None
+            self._wake_waiters(refresh_number)
+            return self.last_error is None
+
+    def find_invalid_tokens(self, token_digests: Iterable[str]) -> dict[str, str]:
+        """Of these tokens, by SHA-256, the revoked and expired ones, each with the sentence that ends its link."""
+        rows, reasons = self._rows, {}
+        if self._refreshed_at == -math.inf:
+            return {}
+        for sha256 in token_digests:
+            row = rows.get(sha256)
+            if row is None or has_expired(row):
+                reasons[sha256] = REVOKED_LINK_TOKEN if row is None else EXPIRED_LINK_TOKEN
+        return reasons
+
+    def _can_be_new(self, token_text: str) -> bool:
+        """Whether a text could be a token made after the last reading."""
+        return (
+            token_text.startswith(TOKEN_PREFIX)
+            and len(token_text) <= LONGEST_TOKEN_CHARS
+            and hash_token(token_text) not in self._rows
+        )
+
+    def _check_token(self, token_text: str) -> TokenRow:
+        row = self._rows.get(hash_token(token_text))
+        if row is None:
+            raise TokenError(UNREACHABLE_DATABASE if self.age_s > STALE_S else UNKNOWN_TOKEN, parameter="token")
+        if has_expired(row):
+            raise TokenError(EXPIRED_TOKEN.format(expires=row.expires), parameter="token")
+        return row
+
+    def _wake_waiters(self, refresh_number: int) -> None:
+        """Wake all who wait for the reading of this number or an earlier one."""
+        with self._changed:
+            self._last_finished = refresh_number
+            self._changed.notify_all()
+            ready = [each for each in self._waiting if each[0] <= refresh_number]
+            self._waiting = [each for each in self._waiting if each[0] > refresh_number]
+        for _, loop, future in ready:
+            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+                loop.call_soon_threadsafe(_resolve_future, future)
+
+    def _log_error_once(self, error: Exception) -> None:
+        """Note why the tokens cannot be read; log it once, not every second."""
+        words = " ".join(str(getattr(error, "orig", None) or error).split())[:200]
+        if self.last_error is None:
+            logging.getLogger(__name__).error("Tokens cannot be read; known ones stay valid: %s", words)
+        self.last_error = words
+
+    def _wait_for_refresh(self) -> None:
+        """Wait, at most two seconds, for a reading that began after this call."""
+        if self._thread is None:
+            self.refresh()
+            return
+        with self._changed:
+            number = self._last_started + 1
+            self._refresh_requested.set()
+            self._changed.wait_for(lambda: self._last_finished >= number, REFRESH_TIMEOUT_S)
+
+    async def _await_refresh(self) -> None:
+        loop = asyncio.get_running_loop()
+        ready: asyncio.Future[None] = loop.create_future()
+        with self._changed:
+            self._waiting.append((self._last_started + 1, loop, ready))
+        self._refresh_requested.set()
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(ready, REFRESH_TIMEOUT_S)
+
+    def _refresh_forever(self) -> None:
+        while not self._closing.is_set():
+            self._refresh_requested.clear()
+            try:
+                self.refresh()
+            except Exception:  # if this thread ended, no token could be revoked any more
+                logging.getLogger(__name__).exception("Reading the tokens")
+            # However many unknown texts arrive, the database is read at most five times a second.
+            self._closing.wait(SHORTEST_REFRESH_PERIOD_S)
+            self._refresh_requested.wait(REFRESH_PERIOD_S - SHORTEST_REFRESH_PERIOD_S)
+
+
+def _resolve_future(future: asyncio.Future[None]) -> None:
+    if not future.done():
+        future.set_result(None)

@@ -1,0 +1,359 @@
+"""The apps: the control process, the back office behind it, and both in one for tests.
+
+control   rights and limits, fleets, links and stops; it forwards everything else to the office
+office    files, summaries, jobs, exports, tokens, events, documentation and pages
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import multiprocessing
+import os
+import signal
+import socket
+import threading
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import AbstractAsyncContextManager
+from functools import partial
+from importlib import resources
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+import uvicorn
+from fastapi import APIRouter, Depends, FastAPI, Response
+from sqlalchemy.exc import DBAPIError
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from planner.request.parameter_names import strip_unit
+from planner.service.access.browser_policy import SecurityHeadersMiddleware
+from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
+from planner.service.access.token_cache import TokenCache
+from planner.service.api import administration, job_routes, monitoring
+from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, views_router
+from planner.service.api.monitoring import ConnectionMetrics, FleetMetrics, JobMetrics, ServiceMetrics, find_version
+from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
+from planner.service.fleets import fleet_routes, fleet_socket, twin_routes
+from planner.service.fleets.fleet_sessions import FleetSessions
+from planner.service.fleets.fleet_socket import PendingConnections
+from planner.service.fleets.twin_routes import TwinDiagnosis
+from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
+from planner.service.gateway.connection_limits import ConnectionRegistry
+from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
+from planner.service.gateway.request_logs import RequestIdMiddleware, set_up_logs
+from planner.service.gateway.responses import add_error_handlers, document_errors
+from planner.service.jobs.file_reading import FileReader
+from planner.service.jobs.workers import WorkerSupervisor
+from planner.service.pages.static_files import mount_pages
+from planner.service.settings import ServiceSettings
+from planner.service.store.backup import sweep_unnamed_bytes
+from planner.service.store.service_store import Store
+
+DOCS_ASSETS = {
+    "swagger-ui-bundle.js": "text/javascript; charset=utf-8",
+    "swagger-ui.css": "text/css; charset=utf-8",
+    "favicon-32x32.png": "image/png",
+}
+DOCS_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Headland: the service</title>
+<link rel="icon" href="docs/favicon-32x32.png"><link rel="stylesheet" href="docs/swagger-ui.css"></head>
+<body><div id="docs"></div><script src="docs/swagger-ui-bundle.js"></script><script src="docs/start.js"></script></body>
+</html>
+"""
+DOCS_SCRIPT = (
+    'SwaggerUIBundle({url: "openapi.json", dom_id: "#docs", deepLinking: true, persistAuthorization: false});\n'
+)
+
+docs_router = APIRouter(include_in_schema=False)
+
+
+@docs_router.get("/docs")
+def show_docs_page() -> Response:
+    """The documentation page, which works offline."""
+    return Response(DOCS_PAGE, media_type="text/html; charset=utf-8")
+
+
+@docs_router.get("/docs/start.js")
+def show_docs_script() -> Response:
+    """The script of the documentation page."""
+    return Response(DOCS_SCRIPT, media_type="text/javascript; charset=utf-8")
+
+
+def _add_docs_asset(name: str, media: str) -> None:
+    @docs_router.get(f"/docs/{name}")
+    def show_asset() -> Response:
+        content = (resources.files("fastapi_swagger.resources") / name).read_bytes()
+        return Response(content, media_type=media, headers={"cache-control": "max-age=86400"})
+
+
+for _name, _media in DOCS_ASSETS.items():
+    _add_docs_asset(_name, _media)
+
+
+API_PREFIX = "/api/v1"
+TOKENS_PATH = f"{API_PREFIX}/tokens"
+SWEEP_PERIOD_S = 3600.0
+API_DESCRIPTION = (
+    "Plan, watch and drive fleets. Lists are {items: [...]}, refusals {error: sentence, parameter: name or null}."
+)
+Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
+
+
+def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> FastAPI:
+    """The whole service in one app; its workers run from its start to its end.
+
+    Files are read in processes of their own, or with `reads_inline` in this one. Raises DatabaseError.
+    """
+    app = _build_app(settings, _run_whole_lifespan)
+    _set_up_control_state(app, reads_inline=reads_inline)
+    _set_up_back_office_state(app)
+    control, office = list_control_routers(), list_back_office_routers()
+    _add_routers(app, [*control, *office])
+    mount_pages(app)
+    _add_middleware(app, control, office)
+    return app
+
+
+def create_control_app(settings: ServiceSettings, office: BackOffice, connections: ConnectionRegistry) -> FastAPI:
+    """The app of the control process. Raises DatabaseError."""
+    app = _build_app(settings, _run_control_lifespan, openapi_url=None)
+    _set_up_control_state(app, reads_inline=False)
+    app.state.office = office
+    app.state.metrics.registry.register(ConnectionMetrics(connections))
+    control = list_control_routers()
+    _add_routers(app, control)
+
+    async def flush_recordings(path: str) -> None:
+        await fleet_routes.save_recording_before_read(app.state.hub, path)
+
+    async def refresh_tokens(path: str) -> None:
+        if path.startswith(TOKENS_PATH):
+            await asyncio.to_thread(app.state.book.refresh)
+
+    forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens)
+    app.router.default = _build_forwarding_app(forward)
+    _add_middleware(app, control, list_back_office_routers())
+    return app
+
+
+def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
+    """The app of the office, which answers only requests with the secret. Raises DatabaseError."""
+    app = _build_app(settings, _run_office_lifespan)
+    app.state.reader = FileReader(settings, app.state.store)
+    _set_up_back_office_state(app)
+    _add_routers(app, list_back_office_routers(), documented_routers=list_control_routers())
+    mount_pages(app)
+    app.add_middleware(SharedSecretMiddleware, secret=secret)
+    app.add_middleware(RequestIdMiddleware, trusts_header=True)
+    return app
+
+
+def list_control_routers() -> list[APIRouter]:
+    """Routers that need the memory of the control process."""
+    return [monitoring.health_router, fleet_routes.fleet_router, twin_routes.twin_router, fleet_socket.link_router]
+
+
+def list_back_office_routers() -> list[APIRouter]:
+    """All other routers."""
+    parts = [
+        *map(build_files_router, FILE_KIND_BY_PATH),
+        *map(build_jobs_router, JOB_KIND_BY_PATH),
+        job_routes.exports_router,
+        all_jobs_router,
+        views_router,
+    ]
+    return [
+        *parts,
+        fleet_routes.recording_router,
+        administration.tokens_router,
+        administration.events_router,
+        docs_router,
+    ]
+
+
+def _build_app(
+    settings: ServiceSettings, lifespan: Lifespan, openapi_url: str | None = f"{API_PREFIX}/openapi.json"
+) -> FastAPI:
+    app = FastAPI(
+        title="Headland",
+        version=find_version(),
+        description=API_DESCRIPTION,
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        openapi_url=openapi_url,
+        swagger_ui_oauth2_redirect_url=None,
+    )
+    app.state.settings = settings
+    app.state.store = Store(settings)
+    app.state.office = None
+    add_error_handlers(app, strip_unit)
+    return app
+
+
+def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
+    state = app.state
+    state.book = TokenCache(state.store)
+    state.logins = BrowserLogins(secure=state.settings.public_url.startswith("https://"))
+    state.reader = FileReader(state.settings, state.store, reads_inline=reads_inline)
+    state.diagnosing = TwinDiagnosis(state.store, state.reader)
+    state.hub = FleetSessions(state.store, state.diagnosing.follow_up, book=state.book)
+    state.greetings = PendingConnections()
+    state.metrics = ServiceMetrics()
+    state.metrics.registry.register(FleetMetrics(state.hub))
+    state.hub.on_stop = partial(state.metrics.count_stop, "link")
+    state.job_figures = JobMetrics(state.metrics, state.store)
+    app.add_route(LOGIN_PATH, monitoring.log_in_browser, methods=["GET"], include_in_schema=False)
+    app.add_route("/metrics", monitoring.show_metrics, methods=["GET"], include_in_schema=False)
+
+
+def _set_up_back_office_state(app: FastAPI) -> None:
+    app.state.supervisor = WorkerSupervisor(app.state.settings, app.state.store)
+    app.state.views = OneTimeViews()
+
+
+def _add_routers(app: FastAPI, routers: Sequence[APIRouter], documented_routers: Sequence[APIRouter] = ()) -> None:
+    """Add routes below /api/v1; `documented_routers` are only documented here, another process answers them."""
+    app.include_router(_combine_routers(routers))
+    if documented_routers:
+        documented = FastAPI(title=app.title, version=app.version, description=app.description)
+        documented.include_router(_combine_routers([*documented_routers, *routers]))
+        app.openapi = documented.openapi  # type: ignore[method-assign]
+
+
+def _combine_routers(routers: Sequence[APIRouter]) -> APIRouter:
+    combined = APIRouter(
+        prefix=API_PREFIX, dependencies=[Depends(refuse_unknown_query)], responses=document_errors(422)
+    )
+    for router in routers:
+        combined.include_router(router)
+    return combined
+
+
+def _add_middleware(app: FastAPI, control: Sequence[APIRouter], office: Sequence[APIRouter]) -> None:
+    """Add the gate before all routes, with those of the office."""
+    settings: ServiceSettings = app.state.settings
+    rules = list_route_rules(control, API_PREFIX, settings, are_orders=True) + list_route_rules(
+        office, API_PREFIX, settings
+    )
+    app.add_middleware(RequestGate, settings=settings, rules=rules)
+    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
+
+
+def _build_forwarding_app(forward: OfficeForwarder) -> ASGIApp:
+    """The app for addresses without a route in the control process."""
+
+    async def forward_or_close(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "http":
+            await forward(scope, receive, send)
+        else:
+            await send({"type": "websocket.close", "code": 1008, "reason": "There is no link at this address."})
+
+    return forward_or_close
+
+
+@contextlib.asynccontextmanager
+async def _run_whole_lifespan(app: FastAPI) -> AsyncIterator[None]:
+    async with _run_office(app), _run_control(app):
+        yield
+    app.state.store.close()
+
+
+@contextlib.asynccontextmanager
+async def _run_control_lifespan(app: FastAPI) -> AsyncIterator[None]:
+    app.state.office.start()
+    try:
+        async with _run_control(app):
+            yield
+    finally:
+        await app.state.forward.close()
+        await app.state.office.stop()
+        app.state.store.close()
+
+
+@contextlib.asynccontextmanager
+async def _run_office_lifespan(app: FastAPI) -> AsyncIterator[None]:
+    async with _run_office(app):
+        app.state.reader.start_processes()
+        yield
+    app.state.reader.close()
+    app.state.store.close()
+
+
+@contextlib.asynccontextmanager
+async def _run_control(app: FastAPI) -> AsyncIterator[None]:
+    try:
+        await app.state.hub.start()
+        yield
+    finally:
+        await app.state.hub.stop()
+        app.state.reader.close()
+
+
+@contextlib.asynccontextmanager
+async def _run_office(app: FastAPI) -> AsyncIterator[None]:
+    sweep_task: asyncio.Task[None] | None = None
+    try:
+        await asyncio.to_thread(sweep_unnamed_bytes, app.state.store)
+        sweep_task = asyncio.create_task(_sweep_forever(app.state.store))
+        app.state.supervisor.start()
+        yield
+    finally:
+        if sweep_task is not None:
+            sweep_task.cancel()
+        await asyncio.to_thread(app.state.supervisor.stop)
+
+
+async def _sweep_forever(store: Store) -> None:
+    """Delete the bytes of refused uploads and deleted files from time to time."""
+    while True:
+        await asyncio.sleep(SWEEP_PERIOD_S)
+        with contextlib.suppress(DBAPIError):
+            await asyncio.to_thread(sweep_unnamed_bytes, store)
+
+
+OFFICE_NICENESS = 5
+
+
+def run_back_office(settings: ServiceSettings, secret: str, port_sender: Connection) -> None:
+    """Run the office until the service ends; the main function of its process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.umask(0o077)
+    if hasattr(os, "nice"):
+        os.nice(OFFICE_NICENESS)  # stops and links come before files and jobs
+    set_up_logs()
+    threading.Thread(target=_exit_with_service, daemon=True).start()
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener.bind((LOOPBACK_HOST, 0))
+    listener.listen(1024)
+    config = uvicorn.Config(
+        create_back_office_app(settings, secret),
+        log_config=None,
+        access_log=False,
+        proxy_headers=False,
+        server_header=False,
+        ws="none",
+        timeout_graceful_shutdown=2,
+        timeout_keep_alive=60,
+        backlog=1024,
+    )
+
+    class PortReportingServer(uvicorn.Server):
+        """Reports its port once it listens."""
+
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets)
+            if not self.should_exit:
+                port_sender.send(listener.getsockname()[1])
+
+    PortReportingServer(config).run(sockets=[listener])
+
+
+def _exit_with_service() -> None:
+    """End this process when the service ends, for whatever reason."""
+    parent: Any = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(0)

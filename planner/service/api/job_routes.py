@@ -1,0 +1,192 @@
+"""Routes for plans, days and diagnoses: submit, watch, cancel, delete, results, views and exports for terminals."""
+
+from pathlib import PurePosixPath
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
+from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
+from planner.service.access.browser_policy import REPORT_SECURITY_POLICY
+from planner.service.access.permissions import Caller, require_right
+from planner.service.api.uploads import build_download
+from planner.service.gateway.responses import JobInfo, JobList, ViewInfo, document_errors
+from planner.service.jobs.file_reading import build_client_queue_key
+from planner.service.jobs.job_requests import REQUEST_MODELS
+from planner.service.jobs.submission import submit_job
+from planner.service.store.service_store import Store
+from planner.service.store.tables import JobRow, ResultRow
+from reports.plan.guidance_export import GUIDANCE_FORMATS, write_guidance
+from vehicle.missions.plan_file import parse_saved_plan
+
+ExportAccess = Annotated[Caller, Depends(require_right("read"))]
+FormParameter = Annotated[
+    str, Query(max_length=20, description=f"One of {', '.join(form.name for form in GUIDANCE_FORMATS)}.")
+]
+TractorParameter = Annotated[int | None, Query(description="Only this tractor, counted from 1.")]
+CurvesParameter = Annotated[
+    bool | None, Query(description="Curves too, or straight lines only; by default as the format has it.")
+]
+EXPORT_CONTENT: dict[str, object] = {
+    media: {} for media in sorted({ZIP_MEDIA_TYPE, *(form.media_type for form in GUIDANCE_FORMATS)})
+}
+
+exports_router = APIRouter(tags=["plans"])
+
+
+@exports_router.get(
+    "/plans/{id}/results/{name}/export",
+    response_class=Response,
+    responses=document_errors(401, 403, 404, 422)
+    | {200: {"content": EXPORT_CONTENT, "description": "The file, or a ZIP of several"}},
+    operation_id="export_plan_result",
+)
+def export_plan_result(
+    request: Request,
+    _caller: ExportAccess,
+    id: str,
+    name: str,
+    to: FormParameter,
+    tractor: TractorParameter = None,
+    curves: CurvesParameter = None,
+) -> Response:
+    """Boundary, headland and lines of plan.json, or of another plan of the job, by tractor in driving order."""
+    store: Store = request.app.state.store
+    row, form = store.get_result(id, name, "plan"), find_format(to)
+    mission = parse_saved_plan(store.blobs.read_bytes(row.sha256).decode("utf-8", "replace"))
+    export = write_guidance(build_guidance(mission, tractor), form, curves)
+    stem = PurePosixPath(row.name).stem
+    if export.is_single_file:
+        return build_download(next(iter(export.files.values())), form.media_type, f"{stem}{form.extension}")
+    return build_download(zip_files(export.files), ZIP_MEDIA_TYPE, f"{stem}-{form.name}.zip")
+
+
+JOB_KIND_BY_PATH = {"plans": "plan", "days": "day", "diagnoses": "diagnosis"}
+RESULT_MEDIA_TYPES = ("application/json", "application/toml", "image/png", "text/csv", "text/html")
+INLINE_MEDIA_TYPES = ("text/html", "image/png")
+ReadAccess = Annotated[Caller, Depends(require_right("read"))]
+PlanAccess = Annotated[Caller, Depends(require_right("plan"))]
+
+all_jobs_router = APIRouter(tags=["jobs"])
+
+
+@all_jobs_router.get("/jobs", responses=document_errors(401, 403), operation_id="list_jobs")
+def list_jobs_of_all_kinds(request: Request, _caller: ReadAccess) -> JobList:
+    """Jobs of all kinds, the newest first, at most 500."""
+    return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs()])
+
+
+views_router = APIRouter(tags=["jobs"])
+
+
+@views_router.get(
+    "/views/{view}",
+    response_class=Response,
+    responses=document_errors(404, 422)
+    | {200: {"content": {each: {} for each in RESULT_MEDIA_TYPES}, "description": "The file"}},
+    operation_id="show_view",
+)
+def show_view(request: Request, view: str) -> Response:
+    """The file of a view, once."""
+    return build_result_response(request.app.state.store, request.app.state.views.take_view(view))
+
+
+def build_result_response(store: Store, result: ResultRow) -> Response:
+    """A result as a file, or as a page that may do nothing but show itself, with its security headers."""
+    response = build_download(store.blobs.read_bytes(result.sha256), result.media, result.name)
+    if result.media.split(";")[0] in INLINE_MEDIA_TYPES:
+        response.headers["content-disposition"] = "inline"
+        response.headers["content-security-policy"] = REPORT_SECURITY_POLICY
+        response.headers["x-frame-options"] = "SAMEORIGIN"
+    return response
+
+
+def build_jobs_router(path: str) -> APIRouter:
+    """The routes of one kind of job."""
+    kind = JOB_KIND_BY_PATH[path]
+    router = APIRouter(prefix=f"/{path}", tags=[path])
+    _add_submit_route(router, kind)
+    _add_read_routes(router, kind)
+    _add_cancel_and_delete_routes(router, kind)
+    return router
+
+
+def _add_submit_route(router: APIRouter, kind: str) -> None:
+    model: Any = REQUEST_MODELS[kind]
+
+    @router.post("", status_code=202, responses=document_errors(401, 403, 422), operation_id=f"ask_{kind}")
+    async def submit(request: Request, caller: PlanAccess, body: model) -> JobInfo:
+        """Submit a job; a request that cannot be fulfilled is refused at once, as on the command line."""
+        store: Store = request.app.state.store
+        row = await submit_job(
+            store, request.app.state.reader, build_client_queue_key(request, caller), kind, body, caller
+        )
+        return await run_in_threadpool(describe_job, row)
+
+
+def _add_read_routes(router: APIRouter, kind: str) -> None:
+    @router.get("", responses=document_errors(401, 403), operation_id=f"list_{kind}_jobs")
+    def list_jobs(request: Request, _who: ReadAccess) -> JobList:
+        """All of them, the newest first, at most 500."""
+        return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs(kind)])
+
+    @router.get("/{id}", responses=document_errors(401, 403, 404, 422), operation_id=f"watch_{kind}")
+    def show_job(request: Request, _who: ReadAccess, id: str) -> JobInfo:
+        """Progress and results of a job."""
+        return describe_job(request.app.state.store.get_job(id, kind))
+
+    responses = document_errors(401, 403, 404, 422) | {
+        200: {"content": {each: {} for each in RESULT_MEDIA_TYPES}, "description": "The file"}
+    }
+
+    @router.get(
+        "/{id}/results/{name}", response_class=Response, responses=responses, operation_id=f"download_{kind}_result"
+    )
+    def download_result(request: Request, _who: ReadAccess, id: str, name: str) -> Response:
+        """One result of the job: result.json or another that it lists."""
+        store: Store = request.app.state.store
+        return build_result_response(store, store.get_result(id, name, kind))
+
+    @router.post(
+        "/{id}/results/{name}/view", responses=document_errors(401, 403, 404, 422), operation_id=f"view_{kind}_result"
+    )
+    def create_view(request: Request, _who: ReadAccess, id: str, name: str) -> ViewInfo:
+        """An address that shows the file once, within a minute and without a token, for the frame of a page."""
+        row = request.app.state.store.get_result(id, name, kind)
+        return ViewInfo(path=f"views/{request.app.state.views.add_view(row)}")
+
+
+def _add_cancel_and_delete_routes(router: APIRouter, kind: str) -> None:
+    @router.post("/{id}/cancel", responses=document_errors(401, 403, 404, 409, 422), operation_id=f"cancel_{kind}")
+    def cancel_job(request: Request, caller: PlanAccess, id: str) -> JobInfo:
+        """Cancel a queued or running job."""
+        row = request.app.state.store.cancel_job(id, kind)
+        request.app.state.store.add_event(None, caller.name, f"{kind} cancelled", {"id": id})
+        return describe_job(row)
+
+    @router.delete(
+        "/{id}", status_code=204, responses=document_errors(401, 403, 404, 409, 422), operation_id=f"delete_{kind}"
+    )
+    def delete_job(request: Request, caller: PlanAccess, id: str) -> None:
+        """Delete a job and its results; a running one is cancelled first."""
+        request.app.state.store.delete_job(id, kind)
+        request.app.state.store.add_event(None, caller.name, f"{kind} deleted", {"id": id})
+
+
+def describe_job(job: JobRow) -> JobInfo:
+    """A job as an answer."""
+    return JobInfo.model_validate(
+        {
+            "id": job.id,
+            "kind": job.kind,
+            "name": job.name,
+            "status": job.status,
+            "progress": {"done": job.done, "all": job.all, "words": job.words},
+            "error": job.error,
+            "created": job.created,
+            "finished": job.finished,
+            "request": job.request,
+            "results": [each.name for each in job.results],
+        }
+    )

@@ -1,0 +1,233 @@
+"""Health, readiness, caller, login, and metrics for Prometheus: requests, links, ages, stops and jobs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib.metadata import PackageNotFoundError, version
+from typing import TYPE_CHECKING, Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+from prometheus_client.core import GaugeMetricFamily, Metric
+from prometheus_client.registry import Collector
+from sqlalchemy.exc import SQLAlchemyError
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import RedirectResponse
+
+from planner.errors import HeadlandError
+from planner.service.access.permissions import RIGHTS_BY_SCOPE, Caller, identify_caller, read_bearer, require_right
+from planner.service.access.token_cache import TokenCache
+from planner.service.errors import ServiceError, StorageError
+from planner.service.gateway.request_gate import build_message_response, build_refusal_response
+from planner.service.gateway.responses import CallerInfo, HealthInfo, ReadinessInfo, document_errors
+
+if TYPE_CHECKING:
+    from planner.service.fleets.fleet_sessions import FleetSessions
+    from planner.service.gateway.connection_limits import ConnectionRegistry
+    from planner.service.store.service_store import Store
+
+
+METRICS_MEDIA_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+LATENCY_BUCKETS_S = (0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 10.0, 60.0)
+COUNTED_METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS", "PATCH"})
+JOB_COUNT_PERIOD_S = 5.0
+JOB_STATES = ("queued", "running", "done", "failed", "cancelled")
+
+
+class ServiceMetrics:
+    """Metrics that are counted as things happen, and gauges that are set when they are read."""
+
+    def __init__(self) -> None:
+        self.registry = CollectorRegistry()
+        self.requests = Histogram(
+            "headland_request_seconds",
+            "How long requests took, forwarded ones included.",
+            ("method", "status"),
+            registry=self.registry,
+            buckets=LATENCY_BUCKETS_S,
+        )
+        self.stops = Counter("headland_stops", "Orders to stop a whole fleet.", ("by",), registry=self.registry)
+        self.stop_seconds = Histogram(
+            "headland_stop_seconds",
+            "From an order to stop until it is sent to the last link.",
+            registry=self.registry,
+            buckets=(0.001, 0.005, 0.01, 0.05, 0.1, 0.5, 1.0),
+        )
+        self.office_starts = Gauge(
+            "headland_office_starts", "How often the office was started.", registry=self.registry
+        )
+        self.ready = Gauge("headland_ready", "1 when database and office can be used.", registry=self.registry)
+        self.loop_lag_s = Gauge(
+            "headland_loop_lag_seconds", "By how much the last step of the fleets came late.", registry=self.registry
+        )
+
+    def observe_request(self, method: str, status: int, seconds: float) -> None:
+        """Count an answered request."""
+        method = method if method in COUNTED_METHODS else "other"
+        self.requests.labels(method, f"{status // 100}xx").observe(seconds)
+
+    def count_stop(self, source: str, seconds: float) -> None:
+        """Count an order to stop a fleet, over HTTP or a link, that was sent to all of its links."""
+        self.stops.labels(source).inc()
+        self.stop_seconds.observe(seconds)
+
+    def format_metrics(self) -> bytes:
+        """All metrics as text."""
+        return generate_latest(self.registry)
+
+
+class FleetMetrics(Collector):
+    """Links, time since the last report of each tractor, and alarms, by fleet."""
+
+    def __init__(self, hub: FleetSessions) -> None:
+        self.hub = hub
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        links = GaugeMetricFamily("headland_links", "Links that are open.", labels=("fleet", "role"))
+        ages = GaugeMetricFamily(
+            "headland_report_age_seconds",
+            "Seconds since the last report of a linked tractor.",
+            labels=("fleet", "tractor"),
+        )
+        alarms = GaugeMetricFamily("headland_alarms", "Alarms that are on.", labels=("fleet", "level"))
+        now = time.monotonic()
+        for id, fleet in list(self.hub.by_id.items()):
+            roles = [client.role for client in fleet.clients]
+            for role in sorted(set(roles)):
+                links.add_metric((id, role), roles.count(role))
+            for number in sorted(fleet.tractors):
+                heard_s = now - fleet.manager.states[number].last_contact_s
+                ages.add_metric((id, str(number + 1)), max(heard_s, 0.0))
+            levels = [alarm.level for alarm in fleet.manager.alarms.list_alarms() if not alarm.over]
+            for level in sorted(set(levels)):
+                alarms.add_metric((id, level), levels.count(level))
+        return links, ages, alarms
+
+
+class ConnectionMetrics(Collector):
+    """Open connections, and those that were closed unfinished."""
+
+    def __init__(self, connections: ConnectionRegistry) -> None:
+        self.connections = connections
+
+    def collect(self) -> Iterable[Metric]:
+        """The metrics, for prometheus_client."""
+        opened = GaugeMetricFamily(
+            "headland_connections", "Open connections other than links.", value=len(self.connections)
+        )
+        closed = GaugeMetricFamily(
+            "headland_connections_closed", "Unfinished connections closed, by why.", labels=("why",)
+        )
+        for why, count in sorted(self.connections.closed_by_reason.items()):
+            closed.add_metric((why,), count)
+        return opened, closed
+
+
+class JobMetrics:
+    """Jobs by state, counted in the database at most every few seconds."""
+
+    def __init__(self, metrics: ServiceMetrics, store: Store) -> None:
+        self._gauge = Gauge("headland_jobs", "Jobs by state.", ("status",), registry=metrics.registry)
+        self._store, self._counted_s = store, float("-inf")
+
+    def update_job_counts(self) -> None:
+        """Count again where the last count is old; call this in a thread. Raises DBAPIError."""
+        if time.monotonic() - self._counted_s < JOB_COUNT_PERIOD_S:
+            return
+        self._counted_s = time.monotonic()
+        counts = self._store.count_jobs()
+        for state in JOB_STATES:
+            self._gauge.labels(state).set(counts.get(state, 0))
+
+
+TOKENS_STALE_S = 5.0
+DATABASE_DOWN = "The database has not answered for {age_s:.0f} s. Stops and links work; nothing is recorded."
+OFFICE_STARTING = "The process for files, jobs and pages is starting. Stops and links work."
+health_router = APIRouter(tags=["service"])
+OwnReadAccess = Annotated[Caller, Depends(require_right("read", allows_own_fleet=True))]
+
+
+@health_router.get("/health", responses=document_errors())
+async def show_health(request: Request) -> HealthInfo:
+    """Whether the service runs, its version, and what is missing now; this does not query the database."""
+    faults = list_service_faults(request)
+    return HealthInfo(status="degraded" if faults else "ok", version=find_version(), faults=faults)
+
+
+@health_router.get(
+    "/ready", responses=document_errors() | {503: {"model": ReadinessInfo, "description": "Something is missing"}}
+)
+async def show_readiness(request: Request, response: Response) -> ReadinessInfo:
+    """Whether everything works: 200, or 503 with what is missing."""
+    faults = list_service_faults(request)
+    response.status_code = 503 if faults else 200
+    return ReadinessInfo(ready=not faults, faults=faults)
+
+
+@health_router.get("/me", responses=document_errors(401, 403))
+async def show_caller(caller: OwnReadAccess) -> CallerInfo:
+    """The caller: name of the token, and its rights."""
+    rights = sorted({right for scope in caller.scopes for right in RIGHTS_BY_SCOPE[scope]})
+    return CallerInfo(name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor)
+
+
+async def log_in_browser(request: Request) -> Response:
+    """Log in the browser that opens the address which `headland serve` printed.
+
+    A HEAD request, such as a link preview, does not use the address up.
+    """
+    if request.method != "GET":
+        return build_message_response(405, "This address takes GET.", {"allow": "GET"})
+    if request.app.state.logins.is_logged_in(request):
+        return RedirectResponse("/", 303)  # opened again from the history or a bookmark
+    try:
+        response: Response = request.app.state.logins.log_in_browser(request.query_params.get("code", ""))
+    except ServiceError as error:
+        return build_refusal_response(error)
+    return response
+
+
+async def show_metrics(request: Request) -> Response:
+    """Metrics for Prometheus; they need the right to read."""
+    state = request.app.state
+    try:
+        (await identify_caller(request, read_bearer(request))).check_right("read")
+    except ServiceError as error:
+        return build_refusal_response(error)
+    metrics: ServiceMetrics = state.metrics
+    figures: JobMetrics = state.job_figures
+    faults = list_service_faults(request)
+    if state.book.age_s <= TOKENS_STALE_S:
+        with suppress(SQLAlchemyError, HeadlandError):
+            await run_in_threadpool(figures.update_job_counts)
+    metrics.loop_lag_s.set(state.hub.lag_s)
+    metrics.ready.set(0 if faults else 1)
+    metrics.office_starts.set(0 if state.office is None else state.office.starts)
+    return Response(metrics.format_metrics(), media_type=METRICS_MEDIA_TYPE)
+
+
+def list_service_faults(request: Request) -> list[str]:
+    """What is missing in the service now, one sentence each."""
+    state = request.app.state
+    book: TokenCache = state.book
+    faults = []
+    if book.age_s > TOKENS_STALE_S:
+        faults.append(DATABASE_DOWN.format(age_s=min(book.age_s, 1e6)))
+    try:
+        state.store.check_disk_space(0)
+    except StorageError as error:
+        faults.append(str(error))
+    if state.office is not None and state.office.url is None:
+        faults.append(OFFICE_STARTING)
+    return faults
+
+
+def find_version() -> str:
+    """The installed version of Headland."""
+    try:
+        return version("headland")
+    except PackageNotFoundError:
+        return "unknown"

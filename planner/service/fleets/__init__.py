@@ -1,0 +1,1 @@
+"""Live fleets over HTTP and WebSocket, and the client of simulated robots."""

@@ -1,0 +1,381 @@
+"""Fleets over HTTP: create, start, stop, replan; the AsyncAPI 3.0 document of their links; recordings."""
+
+from __future__ import annotations
+
+import json
+import re
+import time
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Literal, get_args
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic.json_schema import models_json_schema
+from starlette.concurrency import run_in_threadpool
+
+from planner.fleet.manager.finish_forecast import FinishDistribution, read_finish_distribution
+from planner.fleet.session import inbound_frames, outbound_messages
+from planner.fleet.session.frame_content import build_tick_fleet, build_tick_tractor, find_next_time_s
+from planner.fleet.session.state_recorder import format_log_csv, zip_logs
+from planner.request.option_texts import parse_clock
+from planner.request.validation_messages import describe_fault, format_location
+from planner.service.access.permissions import Caller, require_right
+from planner.service.errors import NotFoundError, ServiceError
+from planner.service.fleets.fleet_sessions import FleetLabel, FleetSessions
+from planner.service.gateway.request_gate import LARGE_BODY_KEY
+from planner.service.gateway.responses import READ_ROUTE_ERRORS, ApiModel, document_errors
+from planner.service.store.service_store import Store
+from planner.service.store.store_part import check_name
+
+INBOUND_FRAMES: tuple[type[inbound_frames.InboundFrame], ...] = (
+    inbound_frames.ConnectFrame,
+    inbound_frames.StateFrame,
+    *get_args(inbound_frames.OrderFrame),
+    inbound_frames.DisconnectFrame,
+)
+SCHEMA_REFERENCE = "#/components/schemas/{model}"
+ROLES_TEXT = (
+    "The first frame is connect. A tractor sends state, obstacle and disconnect; operators (control) all other frames; "
+    "viewers and twins send only disconnect. Operators need a token of the scope operator, a tractor a token of the "
+    "scope robot made for it, in the header Authorization or in connect. An unusable frame is answered with refused "
+    "and changes nothing, except an obstacle of a tractor: that tractor stands until an operator has looked or it "
+    "sends a readable one."
+)
+
+
+@lru_cache(maxsize=1)
+def build_asyncapi_document() -> dict[str, Any]:
+    """The AsyncAPI document as plain values."""
+    modes = [(model, "validation") for model in (*INBOUND_FRAMES, *outbound_messages.OUTBOUND_MESSAGES)]
+    _, schemas = models_json_schema(modes, ref_template=SCHEMA_REFERENCE)  # type: ignore[arg-type]
+    messages = {
+        model.__name__: _describe_message(model) for model in (*INBOUND_FRAMES, *outbound_messages.OUTBOUND_MESSAGES)
+    }
+    return {
+        "asyncapi": "3.0.0",
+        "info": {"title": "Headland fleet link", "version": str(inbound_frames.VERSION), "description": ROLES_TEXT},
+        "defaultContentType": "application/json",
+        "channels": {
+            "link": {
+                "address": "/api/v1/fleets/{id}/link",
+                "parameters": {"id": {"description": "The id of a fleet."}},
+                "messages": {name: {"$ref": f"#/components/messages/{name}"} for name in messages},
+            }
+        },
+        "operations": {
+            "send": _describe_operation("receive", INBOUND_FRAMES, "Frames that clients send."),
+            "receive": _describe_operation(
+                "send", outbound_messages.OUTBOUND_MESSAGES, "Frames that the service sends."
+            ),
+        },
+        "components": {"messages": messages, "schemas": schemas["$defs"]},
+    }
+
+
+def _describe_message(model: type[Any]) -> dict[str, Any]:
+    kind = model.model_fields["kind"]
+    word = kind.default if isinstance(kind.default, str) else get_args(kind.annotation)[0]
+    payload = {"$ref": SCHEMA_REFERENCE.format(model=model.__name__)}
+    return {"name": word, "title": model.__name__, "summary": (model.__doc__ or "").strip(), "payload": payload}
+
+
+def _describe_operation(action: str, models: tuple[type[Any], ...], summary: str) -> dict[str, Any]:
+    return {
+        "action": action,
+        "summary": summary,
+        "channel": {"$ref": "#/channels/link"},
+        "messages": [{"$ref": f"#/channels/link/messages/{model.__name__}"} for model in models],
+    }
+
+
+fleet_router = APIRouter(tags=["fleets"])
+FleetsReader = Annotated[Caller, Depends(require_right("read"))]
+FleetReader = Annotated[Caller, Depends(require_right("read", fleet_parameter="id"))]
+Operator = Annotated[Caller, Depends(require_right("operate"))]
+WRITES = document_errors(401, 403, 404, 409, 422)
+LONGEST_PLAN = 30_000_000
+RANKING_FILE, FIELD_FOLDER = "result.json", "field/"
+JSON_TYPE = "application/json"
+
+
+class FleetRequest(BaseModel):
+    """A fleet to create: `plan` is the id of a plan job (with `result`, one of its saved plans) or a saved plan.
+
+    `field` is by default that of the job. `deadline` (hh:mm, the next one) is by default that of the plan. `horizon_s`
+    is for how many seconds tractors drive their base without contact to the service.
+    """
+
+    model_config = ConfigDict(extra="forbid")
+    name: Annotated[str, Field(min_length=1, max_length=80)]
+    plan: Annotated[str, Field(min_length=1, max_length=LONGEST_PLAN)]
+    result: Annotated[str, Field(max_length=120)] = "plan.json"
+    field: Annotated[str, Field(max_length=80)] | None = None
+    tractor: Annotated[str, Field(max_length=80)] | None = None
+    deadline: Annotated[str, Field(max_length=5)] | None = None
+    twin_method: Literal["predict", "thesis"] = "predict"
+    times: Annotated[float, Field(ge=0.1, le=100.0, allow_inf_nan=False)] = 1.0
+    horizon_s: Annotated[float, Field(ge=2.0, le=600.0, allow_inf_nan=False)] = 20.0
+
+
+REQUEST_BODY = {"required": True, "content": {JSON_TYPE: {"schema": FleetRequest.model_json_schema()}}}
+
+
+class ReplanRequest(BaseModel):
+    """Tractors whose tracks the others take over; failed ones are always included."""
+
+    model_config = ConfigDict(extra="forbid")
+    without: Annotated[list[Annotated[int, Field(ge=1, le=999)]], Field(max_length=999)] = []
+
+
+class AcceptRequest(BaseModel):
+    """The proposal to accept."""
+
+    model_config = ConfigDict(extra="forbid")
+    proposal: Annotated[int, Field(ge=1)]
+
+
+class FleetAnswer(ApiModel):
+    """A fleet; `fleet` and `tractors` are as in the last tick, empty for one that could not be restored.
+
+    `recorded` is whether there is a recording to replay.
+    """
+
+    id: str
+    name: str
+    created: str
+    error: str | None = None
+    recorded: bool = False
+    fleet: dict[str, Any] = Field(default_factory=dict)
+    tractors: list[dict[str, Any]] = Field(default_factory=list)
+
+
+class FleetList(ApiModel):
+    """All fleets, the oldest first."""
+
+    items: list[FleetAnswer]
+
+
+class ProposalAnswer(ApiModel):
+    """The number of a proposal; the link sends it once it is ready."""
+
+    proposal: int
+
+
+def _get_sessions(request: Request) -> FleetSessions:
+    sessions: FleetSessions = request.app.state.hub
+    return sessions
+
+
+def _get_store(request: Request) -> Store:
+    store: Store = request.app.state.store
+    return store
+
+
+def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
+    """A fleet from memory: answers do not wait for the database."""
+    answer = FleetAnswer(id=label.id, name=label.name, created=label.created, error=sessions.faults.get(label.id))
+    session = sessions.by_id.get(label.id)
+    if session is None:
+        return answer
+    now = time.monotonic()
+    answer.recorded = max(session.recorder.received) >= 0
+    answer.fleet = build_tick_fleet(session.manager, session.compute_deadline_s(), session.finish_distribution)
+    answer.tractors = [
+        build_tick_tractor(session.manager, number, now, None) for number in range(session.tractor_count)
+    ]
+    return answer
+
+
+@fleet_router.get("/fleets", responses=READ_ROUTE_ERRORS)
+async def list_fleets(
+    request: Request, who: Annotated[Caller, Depends(require_right("read", allows_own_fleet=True))]
+) -> FleetList:
+    """All fleets; a robot sees only its own."""
+    sessions = _get_sessions(request)
+    labels = sorted(sessions.labels.values(), key=lambda label: (label.created, label.id))
+    return FleetList(items=[_build_answer(sessions, label) for label in labels if who.can_see_fleet(label.id)])
+
+
+@fleet_router.post(
+    "/fleets", status_code=201, responses=WRITES, openapi_extra={LARGE_BODY_KEY: True, "requestBody": REQUEST_BODY}
+)
+async def create_fleet(request: Request, who: Operator) -> FleetAnswer:
+    """Create a fleet from a plan; it stands until it is started."""
+    store, sessions = _get_store(request), _get_sessions(request)
+    fleet_request: FleetRequest = await sessions.run_in_process(read_fleet_request, await request.body())
+    check_name(fleet_request.name)
+    text, finish_distribution = await run_in_threadpool(_read_plan, store, fleet_request)
+    files, stored_files = await run_in_threadpool(_read_replacement_files, store, fleet_request)
+    deadline_s = (
+        None if fleet_request.deadline is None else find_next_time_s(parse_clock(fleet_request.deadline, "deadline"))
+    )
+    settings = {
+        "times": fleet_request.times,
+        "way": fleet_request.twin_method,
+        "deadline_s": deadline_s,
+        "files": stored_files,
+        "horizon_s": fleet_request.horizon_s,
+        "chances": None if finish_distribution is None else asdict(finish_distribution),
+    }
+    session = await sessions.create_session(fleet_request.name, text, files, settings)
+    session.manager.log_event(who.name, "created", name=fleet_request.name)
+    return _build_answer(sessions, sessions.get_label(session.id))
+
+
+def read_fleet_request(body: bytes) -> FleetRequest:
+    """Read a request, which may be large, in a process of its own. Raises ServiceError."""
+    try:
+        return FleetRequest.model_validate_json(body)
+    except ValidationError as error:
+        fault = error.errors(include_url=False)[0]
+    place = format_location(fault["loc"]) or "The body"
+    name = next((part for part in fault["loc"] if isinstance(part, str)), None)
+    raise ServiceError(describe_fault(fault, place), parameter=name)
+
+
+def _read_plan(store: Store, fleet_request: FleetRequest) -> tuple[str, FinishDistribution | None]:
+    """The text of the plan, with its finish times if it is from a job with samples."""
+    if fleet_request.plan.lstrip().startswith("{"):
+        return fleet_request.plan, None
+    result = store.get_result(fleet_request.plan, fleet_request.result, "plan")
+    text = store.blobs.read_bytes(result.sha256).decode("utf-8", "replace")
+    ranking = json.loads(store.blobs.read_bytes(store.get_result(fleet_request.plan, RANKING_FILE, "plan").sha256))
+    return text, read_finish_distribution(ranking, fleet_request.result)
+
+
+def _read_replacement_files(
+    store: Store, fleet_request: FleetRequest
+) -> tuple[dict[str, tuple[str, bytes]], dict[str, tuple[str, str]]]:
+    """Contents of the named files, and their suffixes and digests in the store."""
+    stored_files: dict[str, tuple[str, str]] = {}
+    for kind, name in (("field", fleet_request.field), ("tractor", fleet_request.tractor)):
+        if name is not None:
+            row = store.get_file(kind, name)
+            stored_files[kind] = row.suffix, row.sha256
+    if fleet_request.field is None and not fleet_request.plan.lstrip().startswith("{"):
+        # The field as the plan was made for it: the boundary is not in the plan.
+        for place, sha256 in store.get_job(fleet_request.plan, "plan").inputs.items():
+            if place.startswith(FIELD_FOLDER):
+                stored_files["field"] = PurePosixPath(place).suffix, sha256
+    return {
+        kind: (suffix, store.blobs.read_bytes(sha256)) for kind, (suffix, sha256) in stored_files.items()
+    }, stored_files
+
+
+@fleet_router.get("/fleets/{id}", responses=WRITES)
+async def get_fleet(request: Request, _who: FleetReader, id: str) -> FleetAnswer:
+    """One fleet."""
+    return _build_answer(_get_sessions(request), _get_sessions(request).get_label(id))
+
+
+@fleet_router.delete("/fleets/{id}", status_code=204, responses=WRITES)
+async def delete_fleet(request: Request, _who: Operator, id: str) -> Response:
+    """Stop and delete a fleet with its recording."""
+    await _get_sessions(request).delete(id)
+    return Response(status_code=204)
+
+
+async def _carry_out_order(request: Request, id: str, order: str, who: Caller) -> FleetAnswer:
+    """Carry out an order at once; it is saved afterwards."""
+    sessions = _get_sessions(request)
+    session = sessions.get_session(id)
+    now = time.monotonic()
+    if order == "start":
+        session.manager.start_fleet_work(who.name, now)
+    elif order == "stop":
+        session.manager.stop_all(who.name, now)
+    elif order == "pause":
+        session.manager.pause_tractors(who.name, None, now)
+    else:
+        session.manager.resume_tractors(who.name, None, now)
+    session.send_pending_outputs()
+    if order == "stop":
+        request.app.state.metrics.count_stop("http", time.monotonic() - now)
+    return _build_answer(sessions, sessions.get_label(id))
+
+
+@fleet_router.post("/fleets/{id}/start", responses=WRITES)
+async def start_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
+    """Start all tractors."""
+    return await _carry_out_order(request, id, "start", who)
+
+
+@fleet_router.post("/fleets/{id}/pause", responses=WRITES)
+async def pause_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
+    """Pause all tractors until they are resumed."""
+    return await _carry_out_order(request, id, "pause", who)
+
+
+@fleet_router.post("/fleets/{id}/resume", responses=WRITES)
+async def resume_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
+    """Resume all tractors."""
+    return await _carry_out_order(request, id, "resume", who)
+
+
+@fleet_router.post("/fleets/{id}/stop", responses=WRITES)
+async def stop_fleet(request: Request, who: Operator, id: str) -> FleetAnswer:
+    """Stop all tractors, also those driven by remote control."""
+    return await _carry_out_order(request, id, "stop", who)
+
+
+@fleet_router.post("/fleets/{id}/replan", status_code=202, responses=WRITES)
+async def replan_fleet(request: Request, who: Operator, id: str, body: ReplanRequest) -> ProposalAnswer:
+    """Replan the remaining work without some tractors."""
+    session = _get_sessions(request).get_session(id)
+    number = session.replan(who.name, [tractor - 1 for tractor in body.without])
+    session.send_pending_outputs()
+    return ProposalAnswer(proposal=number)
+
+
+@fleet_router.post("/fleets/{id}/accept", responses=WRITES)
+async def accept_proposal(request: Request, who: Operator, id: str, body: AcceptRequest) -> FleetAnswer:
+    """Accept a proposal that is ready."""
+    session = _get_sessions(request).get_session(id)
+    session.accept_proposal(who.name, body.proposal, time.monotonic())
+    session.send_pending_outputs()
+    return _build_answer(_get_sessions(request), _get_sessions(request).get_label(id))
+
+
+@fleet_router.get("/asyncapi.json", responses=document_errors(401, 403))
+async def get_asyncapi(_who: FleetsReader) -> dict[str, Any]:
+    """The frames of the link (AsyncAPI)."""
+    return build_asyncapi_document()
+
+
+RECORDING_PATH = re.compile(r"/api/v1/fleets/([^/]+)/recording/?")
+RECORDING_ANSWERS = document_errors(401, 403, 404, 422) | {
+    200: {"content": {"application/zip": {}}, "description": "One log per tractor"}
+}
+recording_router = APIRouter(tags=["fleets"])
+
+
+@recording_router.get("/fleets/{id}/recording", response_class=Response, responses=RECORDING_ANSWERS)
+async def get_recording(request: Request, _who: Annotated[Caller, Depends(require_right("read"))], id: str) -> Response:
+    """The recorded states as logs for diagnosis; raises NotFoundError if there are none."""
+    sessions: FleetSessions | None = getattr(request.app.state, "hub", None)
+    if sessions is not None:
+        await save_recording_before_read(sessions, request.url.path)
+    content = await run_in_threadpool(_pack_recording, request.app.state.store, id)
+    headers = {"content-disposition": f'attachment; filename="fleet-{id}.zip"'}
+    return Response(content, media_type="application/zip", headers=headers)
+
+
+async def save_recording_before_read(sessions: FleetSessions, path: str) -> None:
+    """Save the states of a live fleet first, if the path is that of its recording."""
+    matched = RECORDING_PATH.fullmatch(path)
+    session = sessions.by_id.get(matched[1]) if matched else None
+    if session is not None:
+        await sessions.save(session)
+
+
+def _pack_recording(store: Store, id: str) -> bytes:
+    store.get_fleet(id)
+    logs = [
+        (f"tractor-{number + 1}.csv", format_log_csv(store.read_recording(id, number)))
+        for number in store.list_recorded_tractors(id)
+    ]
+    if not logs:
+        raise NotFoundError("No tractor of this fleet has reported yet; start it first.", parameter="id")
+    return zip_logs(logs)

@@ -1,0 +1,168 @@
+"""Open connections, and which of them are closed when there are too many.
+
+A connection is idle unless it is answering a request with a known token. When there are too many, the address with the
+most loses its oldest idle one, so that a new one (perhaps an order to stop) always gets in.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import logging
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+MOST_PER_ADDRESS, MOST_CONNECTIONS = 256, 1024
+HEADER_TIMEOUT_S, BODY_GRACE_S, STALLED_TIMEOUT_S = 10.0, 30.0, 60.0
+SLOWEST_BYTES_PER_S = 512.0
+LONGEST_BODY_S = 1800.0
+REPORT_PERIOD_S = 60.0
+GREETED_SCOPE_KEY = "headland.greeted"
+"""Key of the ASGI scope of a link for the function to call once its first frame was accepted."""
+RESERVED_FILES = 256  # file descriptors kept back for links, the database and files
+
+
+@dataclass(eq=False)
+class OpenConnection:
+    """One connection of an address; `close` ends it at once. Times are of a monotonic clock."""
+
+    address: str
+    close: Callable[[], None]
+    opened_s: float
+    is_idle: bool = True
+    begun_s: float | None = None
+    received_bytes: int = 0
+
+
+@dataclass
+class ConnectionLimits:
+    """Limits on the number of connections and on how slowly they may send (seconds, bytes per second)."""
+
+    per_address: int = MOST_PER_ADDRESS
+    total: int = MOST_CONNECTIONS
+    header_s: float = HEADER_TIMEOUT_S
+    body_s: float = BODY_GRACE_S
+    stalled_s: float = STALLED_TIMEOUT_S
+    slowest_bytes_per_s: float = SLOWEST_BYTES_PER_S
+
+
+@dataclass
+class ConnectionRegistry:
+    """All connections except links (WebSockets), by age; `closed_by_reason` counts those that were closed."""
+
+    limits: ConnectionLimits = field(default_factory=ConnectionLimits)
+    clock: Callable[[], float] = time.monotonic
+    closed_by_reason: dict[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._open: OrderedDict[OpenConnection, None] = OrderedDict()
+        self._by_address: dict[str, OrderedDict[OpenConnection, None]] = {}
+        self._reported_s, self._unreported = float("-inf"), 0
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def add_connection(self, address: str, close: Callable[[], None]) -> OpenConnection | None:
+        """A new connection; None where there is no room for it, so that it must be closed."""
+        of_address = self._by_address.get(address, OrderedDict())
+        if len(of_address) >= self.limits.per_address and not self._close_oldest_idle(of_address):
+            return None
+        if len(self._open) >= self.limits.total and not self._close_oldest_idle(
+            max(self._by_address.values(), key=len)
+        ):
+            return None
+        connection = OpenConnection(address, close, self.clock())
+        self._open[connection] = None
+        self._by_address.setdefault(address, OrderedDict())[connection] = None
+        return connection
+
+    def remove_connection(self, connection: OpenConnection) -> None:
+        """Forget a connection that is closed or has become a link."""
+        self._open.pop(connection, None)
+        of_address = self._by_address.get(connection.address)
+        if of_address is not None:
+            of_address.pop(connection, None)
+            if not of_address:
+                del self._by_address[connection.address]
+
+    def begin_request(self, connection: OpenConnection, *, is_known: bool) -> None:
+        """The head of a request is complete, with or without a known token."""
+        connection.is_idle, connection.begun_s, connection.received_bytes = not is_known, self.clock(), 0
+
+    def end_request(self, connection: OpenConnection) -> None:
+        """The request is answered; the connection now counts as new."""
+        connection.is_idle, connection.begun_s, connection.opened_s = True, None, self.clock()
+        for rows in (self._open, self._by_address.get(connection.address, OrderedDict())):
+            if connection in rows:
+                rows.move_to_end(connection)
+
+    def end_connection(self, connection: OpenConnection, reason: str) -> None:
+        """Close a connection for a reason, which is counted, and logged at most once a minute."""
+        self.remove_connection(connection)
+        self.closed_by_reason[reason] = self.closed_by_reason.get(reason, 0) + 1
+        self._log_closed(connection.address, reason)
+        connection.close()
+
+    def is_body_too_slow(self, connection: OpenConnection) -> bool:
+        """Whether the body of a request arrives too slowly, or takes too long."""
+        if connection.begun_s is None:
+            return False
+        lasted_s = self.clock() - connection.begun_s
+        if lasted_s < self.limits.body_s:
+            return False
+        return lasted_s > LONGEST_BODY_S or connection.received_bytes < lasted_s * self.limits.slowest_bytes_per_s
+
+    def _close_oldest_idle(self, rows: OrderedDict[OpenConnection, None]) -> bool:
+        """Close the oldest idle connection; whether there was one."""
+        oldest = next((each for each in rows if each.is_idle), None)
+        if oldest is None:
+            self._count_refused()
+            return False
+        self.end_connection(oldest, "displaced")
+        return True
+
+    def _count_refused(self) -> None:
+        self.closed_by_reason["refused"] = self.closed_by_reason.get("refused", 0) + 1
+
+    def _log_closed(self, address: str, reason: str) -> None:
+        now = self.clock()
+        self._unreported += 1
+        if now - self._reported_s < REPORT_PERIOD_S:
+            return
+        logging.getLogger(__name__).warning(
+            "Closed %d unfinished connections, the last of %s (%s); the next report follows in %.0f s at the earliest.",
+            self._unreported,
+            address,
+            reason,
+            REPORT_PERIOD_S,
+        )
+        self._reported_s, self._unreported = now, 0
+
+
+def compute_network_key(host: str) -> str:
+    """What counts as one address: of IPv6 the whole network that one machine usually has (/64)."""
+    if ":" not in host:
+        return host
+    try:
+        return str(ipaddress.IPv6Network((host.partition("%")[0], 64), strict=False))
+    except ValueError:
+        return host
+
+
+def compute_connection_limits() -> ConnectionLimits:
+    """Limits that leave room for links within what the system lets a process open.
+
+    The number of files that may be open is raised as far as the system allows first.
+    """
+    try:
+        import resource
+    except ImportError:  # Windows has no such limit for sockets
+        return ConnectionLimits()
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most_files = min(hard, 65_536) if hard != resource.RLIM_INFINITY else 65_536
+    if soft == resource.RLIM_INFINITY or soft < most_files:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (most_files, hard))
+        soft = most_files
+    total = max(16, min(MOST_CONNECTIONS, (soft - RESERVED_FILES) // 2))
+    return ConnectionLimits(per_address=min(MOST_PER_ADDRESS, max(8, total // 2)), total=total)

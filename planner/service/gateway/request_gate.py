@@ -1,0 +1,265 @@
+"""The gate before every route: rate, caller, right and size are checked before a body is read.
+
+A refused request is read to its end where it is short, so that the sender can read the answer. Unknown parameters of a
+query or a form are refused as well.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from urllib.parse import unquote, urlsplit
+
+from fastapi import APIRouter
+from fastapi.dependencies.models import Dependant
+from fastapi.routing import APIRoute
+from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import JSONResponse
+from starlette.routing import compile_path
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from planner.errors import suggest_name
+from planner.service.access.permissions import (
+    CALLER_SCOPE_KEY,
+    RequiredRight,
+    check_required_right,
+    find_required_right,
+    identify_caller,
+    read_bearer,
+)
+from planner.service.errors import ServiceError
+from planner.service.gateway.connection_limits import compute_network_key
+from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+
+
+async def refuse_unknown_query(connection: HTTPConnection) -> None:
+    """A dependency of all routes; raises ServiceError for the first query parameter that the route does not have."""
+    route = connection.scope.get("route")
+    if not isinstance(route, APIRoute):
+        return
+    known_names = sorted(set(_list_query_names(route.dependant)))
+    for name in connection.query_params:
+        if name not in known_names:
+            accepted = f"it takes {', '.join(known_names)}" if known_names else "it takes none"
+            raise ServiceError(
+                f"{name[:40]!r} is not a parameter of this address; {accepted}{suggest_name(name, known_names)}.",
+                parameter=name[:40],
+            )
+
+
+async def refuse_unknown_form_parts(request: Request) -> None:
+    """A dependency of uploads; raises ServiceError for the first part of the form that the route does not have."""
+    route = request.scope["route"]
+    known_names = sorted(each.alias for each in route.dependant.body_params)
+    for name in await request.form():
+        if name not in known_names:
+            close = suggest_name(name, known_names)
+            sentence = f"{name[:40]!r} is not a part of this form; it takes {', '.join(known_names)}{close}."
+            raise ServiceError(sentence, parameter=name[:40])
+
+
+def _list_query_names(dependant: Dependant) -> Iterator[str]:
+    yield from (each.alias for each in dependant.query_params)
+    for each in dependant.dependencies:
+        yield from _list_query_names(each)
+
+
+KILOBYTE_BYTES = 1024
+MOST_ORDER_BYTES = 64 * KILOBYTE_BYTES
+FORM_OVERHEAD_BYTES = 64 * KILOBYTE_BYTES  # of a form besides its file
+LARGE_BODY_KEY = "x-headland-large"
+"""Key in the `openapi_extra` of a route whose body may be as large as an upload."""
+
+
+@dataclass(frozen=True)
+class RouteRule:
+    """One route: methods, path as an expression, the right it needs (None: no right), and the largest body in bytes."""
+
+    methods: frozenset[str]
+    path: re.Pattern[str]
+    required_right: RequiredRight | None
+    most_bytes: int
+
+
+def list_route_rules(
+    routers: Iterable[APIRouter], prefix: str, settings: ServiceSettings, *, are_orders: bool = False
+) -> list[RouteRule]:
+    """The rules of all routes of routers below a prefix; orders to fleets (`are_orders`) have short bodies."""
+    most_bytes = MOST_ORDER_BYTES if are_orders else MEGABYTE_BYTES
+    routes = [route for router in routers for route in router.routes if isinstance(route, APIRoute)]
+    return [_build_route_rule(route, prefix, settings, most_bytes) for route in routes]
+
+
+def find_route_rule(rules: Iterable[RouteRule], method: str, path: str) -> tuple[RouteRule, dict[str, str]] | None:
+    """The rule for a request, and the parts of its path; None where there is no such route."""
+    for rule in rules:
+        if method in rule.methods and (match := rule.path.match(path)):
+            return rule, match.groupdict()
+    return None
+
+
+def _build_route_rule(route: APIRoute, prefix: str, settings: ServiceSettings, most_bytes: int) -> RouteRule:
+    is_large = _has_file_part(route.dependant) or (route.openapi_extra or {}).get(LARGE_BODY_KEY, False)
+    rule_bytes = settings.upload_bytes + FORM_OVERHEAD_BYTES if is_large else most_bytes
+    return RouteRule(
+        frozenset(route.methods or ()), compile_path(prefix + route.path)[0], find_required_right(route), rule_bytes
+    )
+
+
+def _has_file_part(dependant: Dependant) -> bool:
+    return any("multipart" in str(getattr(each.field_info, "media_type", "")) for each in dependant.body_params)
+
+
+API_PATH = "/api/"
+STOP_PATH = re.compile(rf"{API_PATH}v1/fleets/[^/]+/stop/?")
+MOST_TRACKED_ADDRESSES = 10_000
+MISSING_PATH = "The request names no path; ask for one such as /api/v1/health."
+MOST_DRAINED_BYTES, DRAIN_TIMEOUT_S = MEGABYTE_BYTES, 2.0
+
+
+class RateLimiter:
+    """Requests per minute for each address, with bursts of up to a minute's worth (token bucket, Turner)."""
+
+    def __init__(self, per_minute: int, clock: Callable[[], float] = time.monotonic) -> None:
+        self._capacity, self._clock = float(per_minute), clock
+        self._remaining: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def take_token(self, address: str) -> float:
+        """Take a token; 0, or the seconds until there is one."""
+        now = self._clock()
+        remaining, last_time = self._remaining.get(address, (self._capacity, now))
+        remaining = min(self._capacity, remaining + (now - last_time) * self._capacity / 60.0)
+        is_taken = remaining >= 1.0
+        self._remaining[address] = (remaining - 1.0 if is_taken else remaining, now)
+        self._remaining.move_to_end(address)
+        if len(self._remaining) > MOST_TRACKED_ADDRESSES:
+            self._remaining.popitem(last=False)  # the address seen least recently has most of its tokens back
+        return 0.0 if is_taken else (1.0 - remaining) * 60.0 / self._capacity
+
+
+class RequestGate:
+    """Passes a request to its route, with its `Caller` in the scope, or answers in one sentence.
+
+    An order to stop from a caller with the right is passed however many requests were sent.
+    """
+
+    def __init__(self, app: ASGIApp, settings: ServiceSettings, rules: Sequence[RouteRule]) -> None:
+        self.app, self.settings, self.rules = app, settings, rules
+        self.rate_limiter = RateLimiter(settings.rate_per_minute)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """The ASGI entry point."""
+        if scope["type"] != "http":
+            await self.app(scope, receive, send)
+            return
+        if not scope["path"].startswith("/") and not _set_path_from_url(scope):
+            await build_message_response(400, MISSING_PATH, {"connection": "close"})(scope, receive, send)
+            return
+        matched = find_route_rule(self.rules, scope["method"], scope["path"])
+        most_bytes = 0 if matched is None else matched[0].most_bytes  # an unknown address takes no body
+        refusal = await self._find_refusal(scope, matched, most_bytes)
+        if refusal is not None:
+            if not await _drain_body(scope, receive):
+                refusal.headers["connection"] = "close"
+            await refusal(scope, receive, send)
+            return
+        await self.app(scope, _limit_body(receive, most_bytes), send)
+
+    async def _find_refusal(
+        self, scope: Scope, matched: tuple[RouteRule, dict[str, str]] | None, most_bytes: int
+    ) -> JSONResponse | None:
+        """The refusal of a request; None where it may pass."""
+        connection = HTTPConnection(scope)
+        is_stop = scope["method"] == "POST" and STOP_PATH.fullmatch(scope["path"]) is not None
+        address = compute_network_key(str((scope.get("client") or ("",))[0]))
+        wait_s = self.rate_limiter.take_token(address) if scope["path"].startswith(API_PATH) else 0.0
+        if wait_s > 0.0 and not is_stop:
+            return self._build_rate_refusal(wait_s)
+        try:
+            caller = scope[CALLER_SCOPE_KEY] = await identify_caller(connection, read_bearer(connection))
+            if matched is not None and matched[0].required_right is not None:
+                check_required_right(caller, matched[0].required_right, matched[1])
+        except ServiceError as error:
+            return self._build_rate_refusal(wait_s) if wait_s > 0.0 else build_refusal_response(error)
+        length = connection.headers.get("content-length", "")
+        if length.isdigit() and int(length[:18]) > most_bytes:
+            return build_message_response(413, _build_too_large_message(most_bytes), {"connection": "close"})
+        return None
+
+    def _build_rate_refusal(self, wait_s: float) -> JSONResponse:
+        message = f"More than {self.settings.rate_per_minute} requests in a minute; ask again later."
+        return build_message_response(429, message, {"retry-after": str(int(wait_s) + 1), "connection": "close"})
+
+
+def _set_path_from_url(scope: Scope) -> bool:
+    """Take the path from a whole address, as requests to proxies have it; whether there is one."""
+    try:
+        parts = urlsplit(scope["raw_path"].decode("ascii"))
+    except ValueError:
+        return False
+    if parts.scheme not in ("http", "https") or not parts.netloc:
+        return False
+    path = parts.path or "/"
+    scope["path"], scope["raw_path"] = unquote(path), path.encode()
+    return True
+
+
+def build_refusal_response(error: ServiceError) -> JSONResponse:
+    """A refusal as an answer."""
+    headers = {"www-authenticate": "Bearer"} if error.http_status == 401 else {}
+    return build_message_response(error.http_status, str(error), headers, error.parameter)
+
+
+def build_message_response(
+    status: int, message: str, headers: Mapping[str, str] | None = None, parameter: str | None = None
+) -> JSONResponse:
+    """A sentence as an answer."""
+    return JSONResponse({"error": message, "parameter": parameter}, status, dict(headers or {}))
+
+
+async def _drain_body(scope: Scope, receive: Receive) -> bool:
+    """Read and drop a short body, as closing before its end would lose the answer; whether it ended."""
+    headers = dict(scope["headers"])
+    length = headers.get(b"content-length", b"0")
+    if b"expect" in headers or not length.isdigit() or int(length[:18]) > MOST_DRAINED_BYTES:
+        return False
+    remaining_bytes = MOST_DRAINED_BYTES
+    try:
+        async with asyncio.timeout(DRAIN_TIMEOUT_S):
+            while remaining_bytes > 0:
+                message = await receive()
+                remaining_bytes -= len(message.get("body", b""))
+                if not message.get("more_body", False):
+                    return True
+    except TimeoutError:
+        return False
+    return False
+
+
+def _limit_body(receive: Receive, most_bytes: int) -> Receive:
+    """The same, but a body that is longer than allowed is refused."""
+    received_bytes = 0
+
+    async def receive_counted() -> Message:
+        nonlocal received_bytes
+        message = await receive()
+        received_bytes += len(message.get("body", b""))
+        if received_bytes > most_bytes:
+            raise HTTPException(413, _build_too_large_message(most_bytes), {"connection": "close"})
+        return message
+
+    return receive_counted
+
+
+def _build_too_large_message(most_bytes: int) -> str:
+    if most_bytes == 0:
+        return "No route at this address takes a body; the API is documented at /api/v1/docs."
+    size = (
+        f"{most_bytes // MEGABYTE_BYTES} MB" if most_bytes >= MEGABYTE_BYTES else f"{most_bytes // KILOBYTE_BYTES} KB"
+    )
+    return f"The body is larger than {size}, the limit here; send less."

@@ -1,0 +1,275 @@
+"""Models of the answers of the API, and errors as answers: one sentence and its parameter, never a traceback."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any, Literal
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ConfigDict, field_validator
+from sqlalchemy.exc import InterfaceError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.exceptions import HTTPException
+from starlette.routing import Match
+
+from planner.errors import HeadlandError
+from planner.request.validation_messages import describe_fault, format_location
+from planner.service.errors import StorageError
+from planner.service.store.disk_storage import DISK_FULL, is_disk_full
+
+TokenScope = Literal["read", "planner", "operator", "robot", "admin"]
+JobStatus = Literal["queued", "running", "done", "failed", "cancelled"]
+
+
+class ApiModel(BaseModel):
+    """An answer, built from any object with attributes of the same names."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+
+class ErrorInfo(ApiModel):
+    """A refusal: one sentence, and the parameter at fault if there is one."""
+
+    error: str
+    parameter: str | None = None
+
+
+class HealthInfo(ApiModel):
+    """Whether the service is in order; `faults` are sentences about what is missing while it is degraded."""
+
+    status: Literal["ok", "degraded"]
+    version: str
+    faults: list[str]
+
+
+class ReadinessInfo(ApiModel):
+    """Whether everything can be used, and what is missing."""
+
+    ready: bool
+    faults: list[str]
+
+
+class CallerInfo(ApiModel):
+    """The caller; a robot is bound to one tractor of one fleet."""
+
+    name: str
+    rights: list[str]
+    fleet: str | None
+    tractor: int | None
+
+
+class FileInfo(ApiModel):
+    """A file by its name; a `sample` comes with Headland, `options` say how a field is read (crs, swap_axes, local)."""
+
+    kind: str
+    name: str
+    suffix: str
+    size: int
+    media: str
+    created: str | None
+    sample: bool = False
+    options: dict[str, Any] = {}
+
+
+class FileList(ApiModel):
+    """Files, those that come with Headland first."""
+
+    items: list[FileInfo]
+
+
+class JobProgress(ApiModel):
+    """Progress of a job: steps done, all steps, and what it is doing now."""
+
+    done: int
+    all: int
+    words: str
+
+
+class JobInfo(ApiModel):
+    """A job; `error` says in one sentence why it failed, `results` are the names of its files."""
+
+    id: str
+    kind: str
+    name: str
+    status: JobStatus
+    progress: JobProgress
+    error: str | None
+    created: str
+    finished: str | None
+    request: dict[str, Any]
+    results: list[str]
+
+
+class JobList(ApiModel):
+    """Jobs, the newest first."""
+
+    items: list[JobInfo]
+
+
+class ViewInfo(ApiModel):
+    """The path below /api/v1 at which a result is shown once."""
+
+    path: str
+
+
+class TokenInfo(ApiModel):
+    """A token; a robot's is bound to one `tractor` of one `fleet`. It is valid until it `expires`, if it does."""
+
+    name: str
+    scopes: list[TokenScope]
+    created: str
+    fleet: str | None = None
+    tractor: int | None = None
+    expires: str | None = None
+
+    @field_validator("scopes", mode="before")
+    @classmethod
+    def _split_scopes(cls, scopes: object) -> object:
+        return scopes.split() if isinstance(scopes, str) else scopes
+
+
+class TokenList(ApiModel):
+    """Tokens, the oldest first."""
+
+    items: list[TokenInfo]
+
+
+class NewToken(TokenInfo):
+    """A new token; its text is shown only once."""
+
+    token: str
+
+
+class EventInfo(ApiModel):
+    """Who did what, and when (UTC)."""
+
+    id: int
+    time: str
+    fleet: str | None
+    who: str
+    what: str
+    data: dict[str, Any]
+
+
+class EventList(ApiModel):
+    """Events, the oldest first."""
+
+    items: list[EventInfo]
+
+
+_STATUS_MEANINGS = {
+    401: "No token, or an unknown or expired one",
+    403: "The token lacks the right",
+    404: "Nothing of that name",
+    405: "Another method is needed",
+    409: "A name is taken, or the state does not allow it",
+    413: "Too many bytes",
+    422: "A value that cannot be used",
+    429: "Too many requests, or too many jobs waiting",
+    503: "The database cannot be used",
+    507: "No room left on the disk",
+}
+
+
+COMMON_ERROR_STATUSES = (413, 429, 503, 507)
+
+
+def document_errors(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Documentation of the refusals of a route, with those that every route has."""
+    return {
+        each: {"model": ErrorInfo, "description": _STATUS_MEANINGS[each]}
+        for each in sorted({*statuses, *COMMON_ERROR_STATUSES})
+    }
+
+
+READ_ROUTE_ERRORS = document_errors(401, 403, 422)
+"""Refusals of a route that reads."""
+
+
+INTERNAL_ERROR = "This is a fault of Headland; the log of the service has the details. Please report it."
+HTTP_METHODS = ("DELETE", "GET", "HEAD", "OPTIONS", "PATCH", "POST", "PUT")
+
+
+def build_error_response(status: int, message: str, parameter: str | None = None, **headers: str) -> JSONResponse:
+    """A refusal as an answer."""
+    return JSONResponse({"error": message, "parameter": parameter}, status, headers)
+
+
+def add_error_handlers(app: FastAPI, rename_parameter: Callable[[str], str]) -> None:
+    """Let an app answer errors as sentences; `rename_parameter` gives the API's names of parameters."""
+
+    async def handle_headland_error(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HeadlandError)
+        status = getattr(error, "http_status", 422)
+        headers = {"www-authenticate": "Bearer"} if status == 401 else {}
+        parameter = None if error.parameter is None else rename_parameter(error.parameter)
+        return build_error_response(status, error.render_sentence(rename_parameter), parameter, **headers)
+
+    async def handle_invalid_request(_request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, RequestValidationError)
+        return build_error_response(422, *_describe_first_fault(error.errors()))
+
+    async def handle_http_exception(request: Request, error: Exception) -> JSONResponse:
+        assert isinstance(error, HTTPException)
+        return _answer_http_exception(app, request, error)
+
+    async def handle_lost_database(_request: Request, error: Exception) -> JSONResponse:
+        logging.getLogger(__name__).error("The database: %s", error)
+        return build_error_response(503, "The database cannot be reached now; try again.")
+
+    async def handle_os_error(_request: Request, error: Exception) -> JSONResponse:
+        if not is_disk_full(error):
+            raise error
+        return build_error_response(StorageError.http_status, DISK_FULL)
+
+    async def handle_internal_error(_request: Request, _error: Exception) -> JSONResponse:
+        return build_error_response(500, INTERNAL_ERROR)
+
+    app.add_exception_handler(HeadlandError, handle_headland_error)
+    app.add_exception_handler(RequestValidationError, handle_invalid_request)
+    app.add_exception_handler(HTTPException, handle_http_exception)
+    for kind in (OperationalError, InterfaceError, PoolTimeout):
+        app.add_exception_handler(kind, handle_lost_database)
+    app.add_exception_handler(OSError, handle_os_error)
+    app.add_exception_handler(Exception, handle_internal_error)
+
+
+def _answer_http_exception(app: FastAPI, request: Request, error: HTTPException) -> JSONResponse:
+    headers = {name.lower(): value for name, value in (error.headers or {}).items()}
+    if error.status_code == 404:
+        return build_error_response(404, "There is nothing at this address; the API is documented at /api/v1/docs.")
+    if error.status_code == 405:
+        headers["allow"] = ", ".join(_list_allowed_methods(app, request))
+        return build_error_response(
+            405, f"This address does not take {request.method[:20]}; it takes {headers['allow']}.", **headers
+        )
+    if error.status_code == 400:
+        if is_disk_full(error):  # the temporary folder for bodies is full
+            return build_error_response(StorageError.http_status, DISK_FULL)
+        return build_error_response(
+            422, "The body cannot be read; send JSON in UTF-8, or a form with the file for uploads."
+        )
+    return build_error_response(error.status_code, str(error.detail), None, **headers)
+
+
+def _list_allowed_methods(app: FastAPI, request: Request) -> list[str]:
+    """The methods that an address takes."""
+    allowed = []
+    for method in HTTP_METHODS:
+        scope = dict(request.scope) | {"method": method}
+        if any(route.matches(scope)[0] == Match.FULL for route in app.router.routes):
+            allowed.append(method)
+    return allowed
+
+
+def _describe_first_fault(faults: Any) -> tuple[str, str | None]:
+    """The first fault of a request as a sentence, and its parameter."""
+    fault = faults[0]
+    if fault["type"] == "json_invalid":
+        return describe_fault(fault, "The body"), None
+    location = fault["loc"][1:]
+    name = next((part for part in location if isinstance(part, str)), None)
+    return describe_fault(fault, format_location(location) or f"The {fault['loc'][0]}"), name

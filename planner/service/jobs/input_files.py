@@ -1,0 +1,184 @@
+"""The input files of a request, kept as they were when it was made: requests name uploads, never paths.
+
+Files of a kind lie in a folder of that name while a job works: "field/north.geojson", "farm/own.toml" with the tractors
+it names beside it. What a file of the farm or the day names is looked for among the uploaded files alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from fields.nested_text import parse_toml
+from fields.sample_fields import list_sample_names
+from planner.service.errors import NotFoundError, ServiceError
+from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobRequest, PlanJobRequest
+from planner.service.store.file_table import SUFFIXES_BY_KIND
+from planner.service.store.service_store import Store
+from vehicle.model.tractor import list_tractor_names
+
+DAY_FILE = "day/day.toml"
+EXAMPLE_FARM = "example"  # the name of the example farm in a day file
+PATH_CHARACTERS = "/\\:\0"
+
+InputFiles = dict[str, str]
+"""Files of a request: the path of each in the job's folder, and the SHA-256 of its bytes."""
+
+
+class InputCollector:
+    """Collects the files of one request from the store."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self.inputs: InputFiles = {}
+
+    def add_file(self, kind: str, name: str, parameter: str, folder: str = "", filename: str = "") -> str:
+        """Add an uploaded file; returns its path. Raises ServiceError about the parameter."""
+        try:
+            stored_file = self._store.get_file(kind, _strip_suffix(kind, name))
+        except NotFoundError as error:
+            raise ServiceError(str(error), parameter=parameter) from None
+        file_path = f"{folder or kind}/{filename or stored_file.name + stored_file.suffix}"
+        self.add_bytes(kind, file_path, stored_file.sha256, parameter)
+        return file_path
+
+    def add_bytes(self, kind: str, file_path: str, sha256: str, parameter: str) -> None:
+        """Add bytes at a path; a farm brings the tractor files that it names."""
+        self.inputs[file_path] = sha256
+        if kind == "farm":
+            self._add_named_files(sha256, file_path.partition("/")[0], parameter, _list_farm_tractors)
+
+    def add_field(self, name: str, parameter: str) -> str:
+        """The path of a sample or an uploaded field, with the part after "#"."""
+        stem, mark, key = name.partition("#")
+        return name if stem in list_sample_names() else self.add_file("field", stem, parameter) + mark + key
+
+    def get_field_options(self, name: str) -> dict[str, Any]:
+        """How an uploaded field is read, as given with the upload."""
+        stem = name.partition("#")[0]
+        return (
+            {}
+            if stem in list_sample_names()
+            else dict(self._store.get_file("field", _strip_suffix("field", stem)).options)
+        )
+
+    def add_tractor(self, name: str, parameter: str) -> str:
+        """The name of a built-in tractor, or the path of an uploaded one."""
+        return name if name in list_tractor_names() else self.add_file("tractor", name, parameter)
+
+    def add_day(self, text: str) -> None:
+        """The text of a day, and the files that it names."""
+        sha256 = self._store.blobs.put_bytes(text.encode())
+        self.inputs[DAY_FILE] = sha256
+        self._add_named_files(sha256, "day", "day", _list_day_files)
+
+    def _add_named_files(
+        self,
+        sha256: str,
+        folder: str,
+        parameter: str,
+        list_names: Callable[[Mapping[str, Any]], Iterator[tuple[str, str]]],
+    ) -> None:
+        """Add the files that a TOML file names, beside it under those names; a file that is not TOML names none."""
+        try:
+            values = parse_toml(self._store.blobs.read_bytes(sha256).decode("utf-8-sig"))
+        except (ValueError, RecursionError):
+            return
+        for kind, name in list_names(values):
+            if f"{folder}/{name}" == DAY_FILE:
+                sentence = (
+                    f"A {kind} of the day has the name {name!r} of the day file itself; upload it under another name."
+                )
+                raise ServiceError(sentence, parameter=parameter)
+            self.add_file(kind, name, parameter, folder, name)
+
+
+def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], InputFiles]:
+    """The request with paths in its folder, and the files to write there; raises ServiceError."""
+    collector, values = (
+        InputCollector(store),
+        request.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"}),
+    )
+    if _is_rain_table(values.get("rain")):
+        values["rain"] = collector.add_file("table", values["rain"].strip(), "rain")
+    if isinstance(request, PlanJobRequest):
+        values = _collect_plan_files(store, collector, dict(request), values)
+    elif isinstance(request, DayJobRequest):
+        collector.add_day(request.day)
+        values["day"] = DAY_FILE
+        if request.farm is not None:
+            values["farm"] = (
+                request.farm if request.farm == EXAMPLE_FARM else collector.add_file("farm", request.farm, "farm")
+            )
+    elif isinstance(request, DiagnosisJobRequest):
+        values["logs"] = [collector.add_file("log", name, "logs") for name in request.logs]
+        values["tractor"] = collector.add_tractor(request.tractor, "tractor")
+    return values, collector.inputs
+
+
+def _collect_plan_files(
+    store: Store, collector: InputCollector, options: Mapping[str, Any], values: dict[str, Any]
+) -> dict[str, Any]:
+    """The given values of a plan request with the paths of its files; `options` has defaults as well."""
+    values["field"] = collector.add_field(options["field"], "field")
+    values = collector.get_field_options(options["field"]) | values
+    if options["gnss_table"] is not None:
+        values["gnss_table"] = collector.add_file("table", options["gnss_table"], "gnss_table")
+    if options["farm"] is not None:
+        values["farm"] = collector.add_file("farm", options["farm"], "farm")
+    if "tractor" in values and not _is_farm_tractor(store, options["farm"], options["tractor"]):
+        values["tractor"] = collector.add_tractor(options["tractor"], "tractor")
+    return values
+
+
+def write_inputs(store: Store, inputs: Mapping[str, str], folder: Path) -> None:
+    """Write the files of a request to a folder."""
+    for file_path, sha256 in inputs.items():
+        path = folder / file_path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(store.blobs.read_bytes(sha256))
+
+
+def _is_farm_tractor(store: Store, farm: str | None, tractor: str) -> bool:
+    """Whether a tractor is one of the farm: neither built in nor uploaded, and no path."""
+    uploaded_names = {each.name for each in store.list_files("tractor")} | set(list_tractor_names())
+    if farm is None or any(mark in tractor for mark in PATH_CHARACTERS):
+        return False
+    return _strip_suffix("tractor", tractor) not in uploaded_names
+
+
+def _strip_suffix(kind: str, name: str) -> str:
+    """A name without the ending of its kind."""
+    return next((name.removesuffix(end) for end in SUFFIXES_BY_KIND[kind] if name.endswith(end)), name)
+
+
+def _list_farm_tractors(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Tractor files that a farm names."""
+    for name in _list_texts(values.get("tractors"), "file"):
+        if name not in list_tractor_names():
+            yield "tractor", name
+
+
+def _list_day_files(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Fields, the farm and the table of rain that a day names."""
+    for name in _list_texts(values.get("fields"), "file"):
+        if name.partition("#")[0] not in list_sample_names():
+            yield "field", name.partition("#")[0]
+    farm = values.get("farm")
+    if isinstance(farm, str) and farm != EXAMPLE_FARM:
+        yield "farm", farm
+    rain = values.get("rain")
+    if isinstance(rain, str) and _is_rain_table(rain):
+        yield "table", rain.strip()
+
+
+def _list_texts(tables: Any, key: str) -> Iterator[str]:
+    for table in tables if isinstance(tables, list) else ():
+        if isinstance(table, Mapping) and isinstance(table.get(key), str):
+            yield table[key]
+
+
+def _is_rain_table(rain: Any) -> bool:
+    """Whether rain is given as a table (planner.risk.rain)."""
+    return isinstance(rain, str) and rain.strip().lower().endswith(".csv")

@@ -1,0 +1,185 @@
+"""Runs the jobs of the service: plans, days and diagnoses, with their results as named bytes of a media type."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from planner.day.field_times import FieldTimeCache
+from planner.day.input_file import load_day
+from planner.day.planning import plan_day, prepare_day
+from planner.pipeline.diagnosis import diagnose, diagnose_demo
+from planner.pipeline.executors import create_executor
+from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.pipeline.planning import PlanningResult
+from planner.pipeline.planning import plan as simulate_all
+from planner.pipeline.ranking import list_candidates
+from planner.pipeline.worker_tasks import warm_up_simulation
+from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobContext
+from planner.service.sandbox.request_checks import build_request_plan_inputs
+from planner.service.store.job_queue import ResultFile
+from reports.common.plan_results import PlanRanking
+from reports.common.wording import format_duration
+from reports.day.page import draw_gantt, draw_road_map, render_day_page
+from reports.day.schedule_results import DayResult
+from reports.day.tables import format_day_csv, format_day_json
+from reports.diagnosis.page import render_diagnosis_page
+from reports.diagnosis.tables import format_diagnosis_json
+from reports.plan.map_data import format_maps_json
+from reports.plan.map_figure import draw_plan_map, render_png
+from reports.plan.plan_wording import name_best_late_plan
+from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
+from reports.plan.ranking_page import render_plan_page
+from vehicle.identification.verdict.demo_logs import HiddenEffect
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.model.tractor_writer import format_tractor_toml
+
+
+def build_json_file(name: str, text: str) -> ResultFile:
+    """A JSON file."""
+    return name, text.encode(), "application/json"
+
+
+def build_csv_file(name: str, text: str) -> ResultFile:
+    """A CSV file."""
+    return name, text.encode(), "text/csv; charset=utf-8"
+
+
+def build_html_file(name: str, text: str) -> ResultFile:
+    """A page."""
+    return name, text.encode("utf-8", "replace"), "text/html; charset=utf-8"
+
+
+def build_png_file(name: str, content: bytes) -> ResultFile:
+    """A picture."""
+    return name, content, "image/png"
+
+
+def build_toml_file(name: str, text: str) -> ResultFile:
+    """A TOML file."""
+    return name, text.encode(), "application/toml"
+
+
+def run_day_job(job: JobContext) -> list[ResultFile]:
+    """Plan a day; raises HeadlandError where it cannot be planned."""
+    request = DayJobRequest.model_validate(job.request)
+    day_request, day_farm = load_day(request.day, farm=request.farm, rain=request.rain, certainty_pct=request.certainty)
+    prepared_day = prepare_day(day_request, day_farm)
+    cache = FieldTimeCache(Path(job.cache_folder))
+    unknown_count = prepared_day.count_uncached_field_times(cache)
+    job.report_progress(0, max(unknown_count, 1), "Simulating fields")
+    if unknown_count:
+        warm_up_simulation()
+    with create_executor(max(unknown_count, 1), job.processes) as executor:
+        result = plan_day(
+            prepared_day,
+            cache=cache,
+            executor=executor,
+            samples=request.samples,
+            seed=request.seed,
+            progress=lambda done, all: job.report_progress(done, all, "Simulating fields"),
+        )
+    job.report_progress(1, 1, "Writing the results")
+    files = list(_write_day_results(result))
+    job.report_progress(
+        1, 1, "Done" if result.jobs else f"No field can be done; the closest is {result.closest_field}."
+    )
+    return files
+
+
+def _write_day_results(result: DayResult) -> Iterator[ResultFile]:
+    yield build_json_file("result.json", format_day_json(result))
+    yield build_csv_file("result.csv", format_day_csv(result))
+    yield build_html_file("page.html", render_day_page(result))
+    yield build_png_file("gantt.png", render_png(draw_gantt(result)))
+    figure = draw_road_map(result)
+    if figure is not None:
+        yield build_png_file("map.png", render_png(figure))
+
+
+def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
+    """Diagnose logs, or a demonstration; raises HeadlandError for logs that cannot be used."""
+    request = DiagnosisJobRequest.model_validate(job.request)
+
+    def report_progress(done: int, all: int) -> None:
+        job.report_progress(done, all, "Diagnosing")
+
+    report_progress(0, 0)
+    hidden: HiddenEffect | None = None
+    if request.demo:
+        diagnosis, hidden = diagnose_demo(
+            tractor=request.tractor,
+            ground=request.ground,
+            seed=request.seed if request.seed is not None else 1,
+            hidden_effect=request.hide,
+            progress=report_progress,
+        )
+    else:
+        diagnosis = diagnose(
+            request.logs,
+            tractor=request.tractor,
+            ground=request.ground,
+            fixes=request.fix,
+            use_driven_size=request.as_driven,
+            progress=report_progress,
+        )
+    return list(_write_diagnosis_results(diagnosis, hidden))
+
+
+def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) -> Iterator[ResultFile]:
+    yield build_json_file("result.json", format_diagnosis_json(diagnosis, hidden))
+    yield build_html_file("page.html", render_diagnosis_page(diagnosis, None if hidden is None else hidden.description))
+    yield build_toml_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
+
+
+def run_plan_job(job: JobContext) -> list[ResultFile]:
+    """Simulate and rank plans; raises HeadlandError where nothing can be planned."""
+    question = build_request_plan_inputs(job.request)
+    job.report_progress(0, 0, "Loading the simulator")
+    warm_up_simulation()
+    request = question.request
+    simulates_all = bool(job.request.get("all"))
+    with create_executor(len(list_candidates(request)), job.processes) as executor:
+        planned = simulate_all(
+            request,
+            tractor=question.tractor,
+            implement=question.implement,
+            uncertainty=question.uncertainty,
+            cost_terms=question.terms,
+            supply=question.supply,
+            times=question.times,
+            yard=question.yard,
+            executor=executor,
+            with_pictures=True,
+            progress=lambda done, all: job.report_progress(done, all, "Simulating plans"),
+            simulate_all=simulates_all,
+        )
+    job.report_progress(1, 1, "Writing the results")
+    files = list(_write_plan_results(planned))
+    job.report_progress(1, 1, _describe_plan_outcome(planned.ranking))
+    return files
+
+
+def _describe_plan_outcome(ranking: PlanRanking) -> str:
+    """Whether a plan meets the request, in a sentence."""
+    if ranking.best is None:
+        return "No plan is feasible."
+    if ranking.missed_by_s is not None:
+        late = format_duration(ranking.missed_by_s)
+        return f"No plan meets the deadline; the {name_best_late_plan(ranking)} misses it by {late}."
+    return ranking.unmet_sentence or "Done"
+
+
+def _write_plan_results(planned: PlanningResult) -> Iterator[ResultFile]:
+    ranking, best = planned.ranking, planned.ranking.best
+    drive = None if best is None else planned.pictures[best.strategy, best.tractors]
+    yield build_json_file("result.json", format_ranking_json(ranking))
+    yield build_csv_file("result.csv", format_ranking_csv(ranking))
+    yield build_html_file("page.html", render_plan_page(ranking, drive, planned.pictures))
+    yield build_json_file("maps.json", format_maps_json(ranking, drive, planned.pictures))
+    if drive is not None:
+        yield build_png_file("map.png", render_png(draw_plan_map(drive, ranking.field_name)))
+    if best is not None and planned.run is not None:
+        yield build_json_file("plan.json", write_saved_plan(planned.context, planned.run.plan))
+    for (strategy, tractors), legs in planned.plans.items():
+        yield build_json_file(f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs))

@@ -1,0 +1,48 @@
+"""Jobs are submitted here: a request is checked, its input files are collected, and it is queued."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+
+from planner.service.access.permissions import Caller
+from planner.service.jobs.file_reading import FileReader
+from planner.service.jobs.input_files import InputFiles, collect_inputs
+from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobRequest, PlanJobRequest
+from planner.service.store.service_store import Store
+from planner.service.store.store_part import LONGEST_NAME_CHARS
+from planner.service.store.tables import JobRow
+
+
+async def submit_job(
+    store: Store, reader: FileReader, client: str, kind: str, body: JobRequest, caller: Caller
+) -> JobRow:
+    """Check a request of a client and make it a job; raises HeadlandError, BusyError."""
+    if isinstance(body, DayJobRequest | DiagnosisJobRequest):
+        await run_in_threadpool(body.check_options)
+    values, inputs = await run_in_threadpool(collect_inputs, store, body)
+    await reader.check_request(client, kind, values, inputs)
+    return await run_in_threadpool(_add_job, store, kind, body, values, inputs, caller)
+
+
+def _add_job(
+    store: Store, kind: str, body: JobRequest, values: dict[str, Any], inputs: InputFiles, caller: Caller
+) -> JobRow:
+    """The job of a request that was checked."""
+    request_values = body.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
+    row = store.add_job(kind, body.name or _choose_job_name(body), request_values, inputs, values)
+    store.add_event(None, caller.name, f"{kind} asked for", {"id": row.id, "name": row.name})
+    return row
+
+
+def _choose_job_name(body: JobRequest) -> str:
+    """What a job is called by what it reads."""
+    words = "day"
+    if isinstance(body, PlanJobRequest):
+        words = str(dict(body)["field"])
+    elif isinstance(body, DiagnosisJobRequest):
+        words = ", ".join(body.logs[:3]) or "demonstration"
+    words = re.sub(r"[^\w()+-]+", " ", words).strip(" ()+-_")[:LONGEST_NAME_CHARS].strip()
+    return words or "job"

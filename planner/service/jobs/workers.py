@@ -1,0 +1,325 @@
+"""Worker processes, which run one job after another, and their supervisor.
+
+A worker holds its job by reporting it, and ends with the server. A worker that ends is replaced, and its job goes back
+into the queue.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import multiprocessing
+import os
+import secrets
+import shutil
+import signal
+import socket
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from multiprocessing.connection import wait
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import TypeVar, cast
+
+from sqlalchemy.exc import DBAPIError
+
+from planner.errors import HeadlandError
+from planner.request.parameter_names import strip_unit
+from planner.service.errors import StorageError
+from planner.service.jobs.input_files import write_inputs
+from planner.service.jobs.job_requests import JobContext, JobFunction
+from planner.service.settings import ServiceSettings
+from planner.service.store.disk_storage import DISK_FULL, is_disk_full
+from planner.service.store.job_queue import ResultFile
+from planner.service.store.service_store import Store
+from planner.service.store.tables import JobRow
+
+PLAN_KIND, DAY_KIND, DIAGNOSIS_KIND = "plan", "day", "diagnosis"
+
+
+def get_job_function(name: str, settings: ServiceSettings) -> JobFunction:
+    """The function of a kind of job; its modules are loaded only now."""
+    if name in settings.job_functions:
+        return cast(JobFunction, settings.job_functions[name])
+    if name == PLAN_KIND:
+        from planner.service.jobs.job_runs import run_plan_job
+
+        return run_plan_job
+    if name == DAY_KIND:
+        from planner.service.jobs.job_runs import run_day_job
+
+        return run_day_job
+    if name == DIAGNOSIS_KIND:
+        from planner.service.jobs.job_runs import run_diagnosis_job
+
+        return run_diagnosis_job
+    raise KeyError(name)
+
+
+T = TypeVar("T")
+LOST_STATUS = 4
+"""Exit status of a worker whose job was cancelled or given to another: it stops at once and is started again."""
+CLAIM_PERIOD_S, REPORTS_PER_LEASE, LONGEST_REPORT_PERIOD_S = 0.2, 5, 0.5
+WORK_FOLDER, CACHE_FOLDER = "work", "field-times"
+DISK_RETRY_S, LONGEST_DISK_RETRY_S = 1.0, 30.0
+WAITING_FOR_DISK = "waits for room on the disk"
+DATABASE_WRITE_ERRORS = (DBAPIError, StorageError)
+"""Errors for which nothing can be written to the database now."""
+JOB_FAULT = "This is a fault of Headland ({words}); please report it."
+
+
+def run_worker(settings: ServiceSettings, worker: str) -> None:
+    """Run jobs until the server is gone or ends this; the main function of the process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_service, daemon=True).start()
+    store = Store(settings)
+    while True:
+        job = _claim_next_job(store, worker)
+        if job is None:
+            time.sleep(CLAIM_PERIOD_S)
+        else:
+            run_and_store_job(store, worker, job)
+
+
+def run_and_store_job(store: Store, worker: str, job: JobRow) -> None:
+    """Run one claimed job, and store its results or the reason for its failure.
+
+    Where the disk has no room for it, it waits, and nothing is counted against it.
+    """
+    claim = ClaimedJob(store, worker, job.number)
+    with claim.report_while_running():
+        files, sentence = _retry_while_disk_full(store, claim, lambda: _compute_job_results(store, job, claim))
+        # Bytes first, as they need the most room; reports go on meanwhile.
+        _retry_while_disk_full(store, claim, lambda: [store.blobs.put_bytes(content) for _, content, _ in files])
+
+    def store_outcome() -> bool:
+        if claim.latest_progress is not None:
+            store.report_job(job.number, worker, claim.latest_progress)
+        if sentence is not None:
+            return store.fail_job(job.number, worker, sentence)
+        return store.finish_job(job.number, worker, files)
+
+    _retry_while_database_busy(store_outcome)
+
+
+def _compute_job_results(store: Store, job: JobRow, claim: ClaimedJob) -> tuple[Sequence[ResultFile], str | None]:
+    """The results of a job, or the sentence why it failed. Raises StorageError where the disk is full."""
+    settings = store.settings
+    try:
+        with _enter_job_folder(store, job):
+            context = JobContext(
+                job.work, settings.processes, claim.note_progress, str(settings.data.resolve() / CACHE_FOLDER)
+            )
+            return get_job_function(job.kind, settings)(context), None
+    except StorageError:
+        raise
+    except HeadlandError as refusal:
+        return (), refusal.render_sentence(strip_unit)
+    except MemoryError:
+        return (), "This needs more memory than there is; try fewer tractors or a smaller field."
+    except Exception as error:
+        if is_disk_full(error, settings.data):
+            raise StorageError(DISK_FULL) from error
+        logging.getLogger(__name__).exception("The job %s", job.id)
+        return (), JOB_FAULT.format(words=" ".join(f"{type(error).__name__}: {error}".split())[:200])
+
+
+@dataclass
+class ClaimedJob:
+    """A job that a worker holds: a thread reports it, and ends the process once the worker has lost the job."""
+
+    store: Store
+    worker: str
+    job_number: int
+    latest_progress: tuple[int, int, str] | None = None
+    is_over: threading.Event = field(default_factory=threading.Event)
+
+    def note_progress(self, done: int, all: int, words: str) -> None:
+        """Note the progress; the next report stores it."""
+        self.latest_progress = (done, all, words)
+
+    @contextlib.contextmanager
+    def report_while_running(self) -> Iterator[None]:
+        """Report while the body runs."""
+        thread = threading.Thread(target=self._report_forever, daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            self.is_over.set()
+            thread.join()
+
+    def _report_forever(self) -> None:
+        period_s = min(LONGEST_REPORT_PERIOD_S, self.store.settings.lease_s / REPORTS_PER_LEASE)
+        while not self.is_over.wait(period_s):
+            with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                if not self.store.report_job(self.job_number, self.worker, self.latest_progress):
+                    os._exit(LOST_STATUS)
+
+
+def _retry_while_disk_full(store: Store, claim: ClaimedJob, action: Callable[[], T]) -> T:
+    """The result of an action that writes to the disk; while the disk is full, it is retried."""
+    pause_s = DISK_RETRY_S
+    while True:
+        before = claim.latest_progress
+        try:
+            return action()
+        except StorageError:
+            logging.getLogger(__name__).warning("The job %s %s.", claim.job_number, WAITING_FOR_DISK)
+        done, all_, _ = before or (0, 0, "")
+        claim.latest_progress = (done, all_, WAITING_FOR_DISK)
+        time.sleep(pause_s)
+        pause_s = min(2 * pause_s, LONGEST_DISK_RETRY_S)
+        claim.latest_progress = done, all_, before[2] if before is not None else ""
+
+
+def _claim_next_job(store: Store, worker: str) -> JobRow | None:
+    """The next job; None where there is none or the database does not answer."""
+    try:
+        return store.claim_job(worker)
+    except DATABASE_WRITE_ERRORS as error:
+        logging.getLogger(__name__).warning("The database: %s", error)
+        time.sleep(1.0)
+        return None
+
+
+def _retry_while_database_busy(store_outcome: Callable[[], bool], most_attempts: int = 5) -> None:
+    """Store a result; retry while the database cannot be reached, and at last leave the job to another worker.
+
+    One whose disk is full is asked until there is room: no other worker could do anything meanwhile.
+    """
+    attempt = 0
+    while True:
+        try:
+            store_outcome()
+            return
+        except StorageError:
+            time.sleep(DISK_RETRY_S)
+        except DBAPIError:
+            attempt += 1
+            if attempt == most_attempts:
+                raise
+            time.sleep(0.5 * 2 ** (attempt - 1))
+
+
+@contextlib.contextmanager
+def _enter_job_folder(store: Store, job: JobRow) -> Iterator[None]:
+    """Work in a folder of its own with the files of a job, which keep the names of their uploads."""
+    base = store.settings.data.resolve() / WORK_FOLDER
+    base.mkdir(parents=True, exist_ok=True)
+    previous_folder = os.getcwd()
+    with tempfile.TemporaryDirectory(dir=base, prefix=f"{job.id}-") as folder:
+        write_inputs(store, job.inputs, Path(folder))
+        os.chdir(folder)
+        try:
+            yield
+        finally:
+            os.chdir(previous_folder)
+
+
+def _exit_with_service() -> None:
+    """End this process when the server ends, for whatever reason."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(0)
+
+
+SUPERVISE_PERIOD_S, TERMINATE_TIMEOUT_S = 1.0, 5.0
+SHORT_LIFE_S, LONGEST_RESTART_PAUSE_S = 1.0, 30.0
+"""A worker that ends sooner is replaced after a pause, which doubles each time."""
+
+
+@dataclass
+class _WorkerSlot:
+    """A slot for one worker process."""
+
+    process: SpawnProcess | None = None
+    worker: str = ""
+    since_s: float = 0.0
+    pause_s: float = 0.0
+
+
+class WorkerSupervisor:
+    """Starts worker processes and replaces those that end, in a thread of its own."""
+
+    def __init__(self, settings: ServiceSettings, store: Store) -> None:
+        self.settings, self.store = settings, store
+        self._context = multiprocessing.get_context("spawn")
+        self._slots = [_WorkerSlot() for _ in range(settings.workers)]
+        self._stopping = threading.Event()
+        self._was_unwritable = False
+        self._thread = threading.Thread(target=self._watch_workers, name="headland-workers", daemon=True)
+
+    def start(self) -> None:
+        """Start; delete work folders that an earlier service left behind."""
+        shutil.rmtree(self.settings.data / WORK_FOLDER, ignore_errors=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End all workers; their jobs go back into the queue without counting a try."""
+        self._stopping.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        for slot in self._slots:
+            self._end_worker(slot)
+
+    def list_worker_pids(self) -> list[int]:
+        """Process ids of the workers."""
+        return [one.process.pid for one in self._slots if one.process is not None and one.process.pid is not None]
+
+    def _watch_workers(self) -> None:
+        while not self._stopping.is_set():
+            for slot in self._slots:
+                with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+                    self._replace_ended(slot)
+            self._release_unreported()
+            sentinels = [slot.process.sentinel for slot in self._slots if slot.process is not None]
+            if sentinels and not wait(sentinels, timeout=SUPERVISE_PERIOD_S):
+                continue
+            self._stopping.wait(0.05 if sentinels else SUPERVISE_PERIOD_S)
+
+    def _release_unreported(self) -> None:
+        """Put back jobs that nobody reports; after a time without writes, living workers may report first."""
+        try:
+            if self._was_unwritable:
+                self.store.renew_leases()
+                self._was_unwritable = False
+            else:
+                self.store.release_expired()
+        except DATABASE_WRITE_ERRORS:
+            self._was_unwritable = True
+
+    def _replace_ended(self, slot: _WorkerSlot) -> None:
+        """Start a worker in an empty slot; the job of one that ended goes back into the queue."""
+        if slot.process is not None and slot.process.exitcode is not None:
+            lived_s, status = time.monotonic() - slot.since_s, slot.process.exitcode
+            logging.getLogger(__name__).info("The worker %s ended with status %s.", slot.worker, status)
+            self.store.release_jobs(slot.worker, counts_try=status != LOST_STATUS)
+            slot.process = None
+            slot.pause_s = (
+                min(max(2 * slot.pause_s, SHORT_LIFE_S), LONGEST_RESTART_PAUSE_S) if lived_s < SHORT_LIFE_S else 0.0
+            )
+            slot.since_s = time.monotonic()
+        if slot.process is None and time.monotonic() - slot.since_s >= slot.pause_s:
+            slot.worker = f"{socket.gethostname()[:40]}:{os.getpid()}:{secrets.token_hex(4)}"
+            slot.process = self._context.Process(
+                target=run_worker, args=(self.settings, slot.worker), name="headland-worker"
+            )
+            slot.process.start()
+            slot.since_s = time.monotonic()
+
+    def _end_worker(self, slot: _WorkerSlot) -> None:
+        if slot.process is None:
+            return
+        slot.process.terminate()
+        slot.process.join(TERMINATE_TIMEOUT_S)
+        if slot.process.exitcode is None:
+            slot.process.kill()
+            slot.process.join()
+        with contextlib.suppress(*DATABASE_WRITE_ERRORS):
+            self.store.release_jobs(slot.worker, counts_try=False)
+        slot.process = None

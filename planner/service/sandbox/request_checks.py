@@ -1,0 +1,95 @@
+"""Checks of requests before they become jobs, run in the folder with the files of the request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from planner.errors import RequestError, mark_parameter
+
+if TYPE_CHECKING:
+    from planner.pipeline.farm_inputs import PlanInputs
+
+
+def build_request_plan_inputs(values: Mapping[str, Any]) -> PlanInputs:
+    """What to plan, from the options of a plan request and its farm; raises HeadlandError as the command does."""
+    from planner.farm.inventory import load_farm
+    from planner.pipeline.farm_inputs import build_inputs_without_farm, complete_request_by_farm
+    from planner.request.options import list_given_parameters
+    from planner.request.plan_request import PlanRequest
+
+    farm_file, implement = values.get("farm"), values.get("implement")
+    farm = None if farm_file is None else load_farm(farm_file)
+    if farm is None and implement is not None:
+        raise RequestError(
+            f"{mark_parameter('implement')} {implement!r} names an implement of a farm file; give "
+            f"{mark_parameter('farm')} or leave it out.",
+            parameter="implement",
+        )
+    shift_s = None if farm is None or values.get("deadline") is None else farm.times.shift_span_s[0]
+    request = PlanRequest.from_options(values, shift_s=shift_s)
+    if farm is None:
+        return build_inputs_without_farm(request)
+    return complete_request_by_farm(request, farm, list_given_parameters(PlanRequest, values), implement_name=implement)
+
+
+def check_plan_request(values: Mapping[str, Any]) -> None:
+    """Raise HeadlandError for a plan request that cannot be fulfilled; all its files are read."""
+    from fields.documents.reader import read_field
+    from fields.errors import attach_parameter
+    from fields.geometry.field_lines import find_line_bearing_deg
+    from fields.layout.swaths import check_width
+    from planner.evaluation.context import load_gnss_errors
+    from planner.request.service_points import locate_service_point
+    from planner.risk.assessment import build_decision_criteria
+
+    question = build_request_plan_inputs(values)
+    request = question.request
+    with attach_parameter("rain"):
+        build_decision_criteria(request)
+    with attach_parameter("gnss_table"):
+        load_gnss_errors(request)
+    with attach_parameter("field"):
+        field = read_field(request.field, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+        check_width(field, request.width_m)
+        if request.guidance_line is not None:
+            find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
+    with attach_parameter("refill"):
+        locate_service_point(request, field, question.supply)
+
+
+def check_day_request(values: Mapping[str, Any]) -> None:
+    """Raise HeadlandError for a day that cannot be planned."""
+    from fields.errors import attach_parameter
+    from planner.day.input_file import load_day
+
+    with attach_parameter("day"):
+        load_day(values["day"], farm=values.get("farm"), rain=values.get("rain"), certainty_pct=values.get("certainty"))
+
+
+def check_diagnosis_request(values: Mapping[str, Any]) -> None:
+    """Raise HeadlandError for an unknown tractor, ground, conversion or effect.
+
+    The logs are read when the job is done.
+    """
+    from fields.errors import attach_parameter
+    from vehicle.identification.logs.reader import parse_conventions
+    from vehicle.identification.verdict.demo_logs import draw_hidden_effect
+    from vehicle.model.ground import find_ground_index
+    from vehicle.model.tractor import resolve_tractor
+
+    tractor = resolve_tractor(values["tractor"])
+    with attach_parameter("ground"):
+        find_ground_index(values.get("ground", "soil"))
+    with attach_parameter("fixes"):
+        parse_conventions(values.get("fix", ()))
+    with attach_parameter("hide"):
+        draw_hidden_effect(1, tractor, values.get("hide"))
+
+
+REQUEST_CHECKS: dict[str, Callable[[Mapping[str, Any]], None]] = {
+    "plan": check_plan_request,
+    "day": check_day_request,
+    "diagnosis": check_diagnosis_request,
+}
+"""Checks by kind of request."""

@@ -1,0 +1,103 @@
+"""The table of uploaded files: fields, tractors, farms, logs, tables of rain and of GNSS errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import sqlalchemy as sa
+
+from planner.service.errors import ConflictError, NotFoundError, ServiceError
+from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_storable_text
+from planner.service.store.tables import FileRow
+
+SUFFIXES_BY_KIND = {
+    "field": (".geojson", ".json", ".zip", ".kml", ".kmz", ".gpkg", ".fgb", ".gpx", ".xml"),
+    "tractor": (".toml",),
+    "farm": (".toml",),
+    "log": (".csv",),
+    "table": (".csv",),
+}
+MEDIA_BY_SUFFIX = {
+    ".geojson": "application/geo+json",
+    ".json": "application/json",
+    ".toml": "application/toml",
+    ".csv": "text/csv; charset=utf-8",
+    ".zip": "application/zip",
+    ".kml": "application/vnd.google-earth.kml+xml",
+    ".kmz": "application/vnd.google-earth.kmz",
+    ".gpkg": "application/geopackage+sqlite3",
+    ".fgb": "application/octet-stream",
+    ".gpx": "application/gpx+xml",
+    ".xml": "application/xml",
+}
+
+
+def check_suffix(kind: str, suffix: str) -> str:
+    """The suffix of a file in lower case; raises ServiceError where its kind does not have it."""
+    if suffix not in SUFFIXES_BY_KIND[kind]:
+        raise ServiceError(
+            f"A {kind} does not end in {suffix[:20]!r}; give a file that ends in "
+            f"{' or '.join(SUFFIXES_BY_KIND[kind])}.",
+            parameter="file",
+        )
+    return suffix
+
+
+class FileStore(StorePart):
+    """Uploaded files."""
+
+    def add_file(
+        self, kind: str, name: str, content: bytes, suffix: str = "", options: Mapping[str, Any] | None = None
+    ) -> FileRow:
+        """Store a file under its name, with the options for reading it.
+
+        The same bytes again under the same name are read as is said now. Raises ServiceError for a name or ending that
+        cannot be, ConflictError where other bytes have the name.
+        """
+        name, suffix = check_name(name), check_suffix(kind, suffix or SUFFIXES_BY_KIND[kind][0])
+        row = FileRow(
+            kind=kind,
+            name=name,
+            suffix=suffix,
+            sha256=self.blobs.put_bytes(content),
+            size=len(content),
+            media=MEDIA_BY_SUFFIX[suffix],
+            created=format_utc_now_ms(),
+            options=dict(options or {}),
+        )
+        try:
+            with self.database.open_write_session() as session:
+                session.add(row)
+        except sa.exc.IntegrityError:
+            existing = self.get_file(kind, name)
+            if existing.sha256 != row.sha256:
+                raise ConflictError(
+                    f"There is a {kind} {name!r} with other content; choose another name or delete it first.",
+                    parameter="name",
+                ) from None
+            if existing.options != row.options:
+                with self.database.open_write_session() as session:
+                    session.execute(sa.update(FileRow).where(FileRow.id == existing.id).values(options=row.options))
+            return self.get_file(kind, name)
+        return row
+
+    def get_file(self, kind: str, name: str) -> FileRow:
+        """The file of a kind and name; raises NotFoundError."""
+        query = sa.select(FileRow).where(FileRow.kind == kind, FileRow.name == name)
+        with self.database.open_read_session() as session:
+            row = session.scalar(query) if is_storable_text(name) else None
+        if row is None:
+            raise NotFoundError(f"There is no {kind} {name[:60]!r}; the list shows all.", parameter=kind)
+        return row
+
+    def list_files(self, kind: str) -> list[FileRow]:
+        """All files of a kind by name."""
+        with self.database.open_read_session() as session:
+            return list(session.scalars(sa.select(FileRow).where(FileRow.kind == kind).order_by(FileRow.name)))
+
+    def delete_file(self, kind: str, name: str) -> None:
+        """Delete a file; jobs that use it keep their copy. Raises NotFoundError."""
+        existing = self.get_file(kind, name)
+        with self.database.open_write_session() as session:
+            session.execute(sa.delete(FileRow).where(FileRow.id == existing.id))

@@ -1,0 +1,223 @@
+"""The queue of jobs: each is claimed by one worker at a time, reported on, and finished once."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import sqlalchemy as sa
+
+from planner.service.errors import BusyError, ConflictError, NotFoundError
+from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_storable_text
+from planner.service.store.tables import JobRow, ResultRow
+
+QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
+UNFINISHED_STATUSES = (QUEUED, RUNNING)
+MOST_LISTED_JOBS = 500
+LONGEST_PROGRESS_CHARS = 200
+
+ResultFile = tuple[str, bytes, str]
+"""A result of a job: file name, bytes and media type."""
+
+
+class JobStore(StorePart):
+    """Jobs and their results."""
+
+    def add_job(
+        self,
+        kind: str,
+        name: str,
+        request: Mapping[str, Any],
+        inputs: Mapping[str, str] | None = None,
+        work: Mapping[str, Any] | None = None,
+    ) -> JobRow:
+        """Queue a job: its request, and `work`, the same as the worker takes it where that differs.
+
+        Raises BusyError where too much waits.
+        """
+        row = JobRow(
+            id=secrets.token_hex(6),
+            kind=kind,
+            name=check_name(name),
+            status=QUEUED,
+            request=dict(request),
+            work=dict(request if work is None else work),
+            inputs=dict(inputs or {}),
+            created=format_utc_now_ms(),
+            done=0,
+            all=0,
+            words="",
+            tries=0,
+            results=[],
+        )
+        with self.database.open_write_session() as session:
+            waiting = session.scalar(sa.select(sa.func.count()).where(JobRow.status == QUEUED)) or 0
+            if waiting >= self.settings.jobs_waiting:
+                raise BusyError(f"{waiting} jobs are waiting; cancel some, or ask again when they are done.")
+            session.add(row)
+        return row
+
+    def get_job(self, id: str, kind: str | None = None) -> JobRow:
+        """One job; raises NotFoundError."""
+        with self.database.open_read_session() as session:
+            row = (
+                session.scalar(sa.select(JobRow).where(JobRow.id == id, *_build_kind_filter(kind)))
+                if is_storable_text(id)
+                else None
+            )
+        if row is None:
+            raise NotFoundError(f"There is no {kind or 'job'} {id[:60]!r}; the list shows all.", parameter="id")
+        return row
+
+    def list_jobs(self, kind: str | None = None) -> list[JobRow]:
+        """Jobs of a kind or all, the newest first."""
+        query = (
+            sa.select(JobRow).where(*_build_kind_filter(kind)).order_by(JobRow.number.desc()).limit(MOST_LISTED_JOBS)
+        )
+        with self.database.open_read_session() as session:
+            return list(session.scalars(query))
+
+    def count_jobs(self) -> dict[str, int]:
+        """Number of jobs by status."""
+        with self.database.open_read_session() as session:
+            rows = session.execute(sa.select(JobRow.status, sa.func.count()).group_by(JobRow.status))
+            return {status: int(count) for status, count in rows}
+
+    def get_result(self, id: str, name: str, kind: str | None = None) -> ResultRow:
+        """One result of a job; raises NotFoundError."""
+        result = next((each for each in self.get_job(id, kind).results if each.name == name), None)
+        if result is None:
+            raise NotFoundError(f"The job {id!r} has no result {name!r}; it names those it has.", parameter="name")
+        return result
+
+    def cancel_job(self, id: str, kind: str | None = None) -> JobRow:
+        """Cancel a job that is not done; its worker stops soon. Raises NotFoundError, ConflictError."""
+        job = self.get_job(id, kind)
+        ended = sa.update(JobRow).where(JobRow.number == job.number, JobRow.status.in_(UNFINISHED_STATUSES))
+        with self.database.open_write_session() as session:
+            done = session.execute(
+                ended.values(status=CANCELLED, finished=format_utc_now_ms(), worker=None, lease=None)
+            )
+        row = self.get_job(id, kind)
+        if not done.rowcount:  # type: ignore[attr-defined]
+            raise ConflictError(f"The job {id!r} is {row.status}; only one that is queued or running can be cancelled.")
+        return row
+
+    def delete_job(self, id: str, kind: str | None = None) -> None:
+        """Delete a job and its results; raises NotFoundError, or ConflictError while it runs."""
+        row = self.get_job(id, kind)
+        if row.status == RUNNING:
+            raise ConflictError(f"The job {id!r} is running; cancel it first.")
+        with self.database.open_write_session() as session:
+            session.execute(sa.delete(JobRow).where(JobRow.id == id, JobRow.status != RUNNING))
+
+    def claim_job(self, worker: str) -> JobRow | None:
+        """Claim the next job for a worker; None where none waits.
+
+        What was begun before comes after what was not, so that one job that takes its worker with it holds up nothing.
+        """
+        if not self._has_waiting_jobs():
+            return None
+        first = sa.select(JobRow.number).where(JobRow.status == QUEUED).order_by(JobRow.tries, JobRow.number).limit(1)
+        first = first.with_for_update(skip_locked=True)
+        claim = sa.update(JobRow).where(JobRow.number == first.scalar_subquery(), JobRow.status == QUEUED)
+        values = {
+            "status": RUNNING,
+            "worker": worker,
+            "lease": self._compute_lease_end_s(),
+            "done": 0,
+            "all": 0,
+            "words": "",
+        }
+        with self.database.open_write_session() as session:
+            number = session.scalar(claim.values(**values, tries=JobRow.tries + 1).returning(JobRow.number))
+            return None if number is None else session.get(JobRow, number)
+
+    def _has_waiting_jobs(self) -> bool:
+        with self.database.open_read_session() as session:
+            return session.scalar(sa.select(JobRow.number).where(JobRow.status == QUEUED).limit(1)) is not None
+
+    def _compute_lease_end_s(self) -> float:
+        return time.time() + self.settings.lease_s
+
+    def report_job(self, number: int, worker: str, progress: tuple[int, int, str] | None = None) -> bool:
+        """Renew the lease of a job and store its progress; False where the worker has lost the job."""
+        values: dict[str, Any] = {"lease": self._compute_lease_end_s()}
+        if progress is not None:
+            values |= {"done": progress[0], "all": progress[1], "words": progress[2][:LONGEST_PROGRESS_CHARS]}
+        with self.database.open_write_session() as session:
+            held = session.execute(_build_claimed_job_update(number, worker).values(**values))
+            return bool(held.rowcount)  # type: ignore[attr-defined]
+
+    def finish_job(self, number: int, worker: str, files: Sequence[ResultFile]) -> bool:
+        """Store all results of a job, or none and return False where the worker has lost the job."""
+        stored = [(name, self.blobs.put_bytes(content), len(content), media) for name, content, media in files]
+        ended = {"status": DONE, "finished": format_utc_now_ms(), "worker": None, "lease": None}
+        with self.database.open_write_session() as session:
+            if not session.execute(_build_claimed_job_update(number, worker).values(**ended)).rowcount:  # type: ignore[attr-defined]
+                return False
+            session.execute(sa.delete(ResultRow).where(ResultRow.job == number))
+            session.add_all(
+                ResultRow(job=number, name=name, sha256=sha256, size=size, media=media)
+                for name, sha256, size, media in stored
+            )
+        return True
+
+    def fail_job(self, number: int, worker: str, sentence: str) -> bool:
+        """Fail a job with a sentence; False where the worker has lost the job."""
+        ended = {"status": FAILED, "error": sentence, "finished": format_utc_now_ms(), "worker": None, "lease": None}
+        with self.database.open_write_session() as session:
+            held = session.execute(_build_claimed_job_update(number, worker).values(**ended))
+            return bool(held.rowcount)  # type: ignore[attr-defined]
+
+    def release_jobs(self, worker: str, *, counts_try: bool) -> None:
+        """Put the jobs of a worker that is gone back into the queue; without `counts_try` the try is not counted."""
+        values = {"status": QUEUED, "worker": None, "lease": None}
+        of_worker = (JobRow.status == RUNNING, JobRow.worker == worker)
+        with self.database.open_write_session() as session:
+            if counts_try:
+                self._fail_jobs_out_of_tries(session, *of_worker)
+            else:
+                values["tries"] = JobRow.tries - 1  # type: ignore[assignment]
+            session.execute(sa.update(JobRow).where(*of_worker).values(**values))
+
+    def renew_leases(self) -> None:
+        """Renew the lease of every running job.
+
+        For use after a time without writes: living workers report now, and jobs of dead ones are released later.
+        """
+        with self.database.open_write_session() as session:
+            session.execute(sa.update(JobRow).where(JobRow.status == RUNNING).values(lease=self._compute_lease_end_s()))
+
+    def release_expired(self) -> None:
+        """Put jobs with an expired lease back into the queue."""
+        late = (JobRow.status == RUNNING, JobRow.lease < time.time())
+        with self.database.open_read_session() as session:
+            if session.scalar(sa.select(JobRow.number).where(*late).limit(1)) is None:
+                return
+        with self.database.open_write_session() as session:
+            self._fail_jobs_out_of_tries(session, *late)
+            session.execute(sa.update(JobRow).where(*late).values(status=QUEUED, worker=None, lease=None))
+
+    def _fail_jobs_out_of_tries(self, session: Any, *conditions: Any) -> None:
+        """Fail the jobs that have used up their tries."""
+        tries = self.settings.tries
+        sentence = (
+            f"The worker process ended {tries} times before this job was done, probably for lack of memory; try a "
+            "smaller field or fewer tractors."
+        )
+        session.execute(
+            sa.update(JobRow)
+            .where(*conditions, JobRow.tries >= tries)
+            .values(status=FAILED, error=sentence, finished=format_utc_now_ms(), worker=None, lease=None)
+        )
+
+
+def _build_kind_filter(kind: str | None) -> tuple[Any, ...]:
+    return () if kind is None else (JobRow.kind == kind,)
+
+
+def _build_claimed_job_update(number: int, worker: str) -> Any:
+    return sa.update(JobRow).where(JobRow.number == number, JobRow.worker == worker, JobRow.status == RUNNING)

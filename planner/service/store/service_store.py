@@ -1,0 +1,51 @@
+"""The store of the service, made of its parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from planner.service.settings import ServiceSettings
+from planner.service.store.database import migrate_database
+from planner.service.store.file_table import FileStore
+from planner.service.store.fleet_table import FleetStore
+from planner.service.store.job_queue import JobStore
+from planner.service.store.token_table import TokenStore
+
+
+class Store(TokenStore, FileStore, JobStore, FleetStore):
+    """All stored data; every method may be called from any thread and any process.
+
+    An older database is brought up to date. Raises DatabaseError where it cannot be reached, is newer than this
+    software or belongs to another program.
+    """
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        super().__init__(settings)
+        try:
+            migrate_database(self.database.engine)
+        except BaseException:
+            self.close()
+            raise
+
+    def check_database(self) -> None:
+        """Raise DatabaseError where the database does not answer."""
+        self.database.check_database()
+
+    def check_disk_space(self, size_bytes: int) -> None:
+        """Raise StorageError where a file of this size would be refused."""
+        self.blobs.check_disk_space(size_bytes)
+
+    def close(self) -> None:
+        """Close the database."""
+        self.database.close()
+
+
+@contextmanager
+def open_store(settings: ServiceSettings) -> Iterator[Store]:
+    """A store that is open while the body runs."""
+    store = Store(settings)
+    try:
+        yield store
+    finally:
+        store.close()

@@ -1,0 +1,71 @@
+"""The base of the parts of the store: database, bytes, times and names."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from datetime import UTC, datetime
+
+from planner.service.errors import ServiceError
+from planner.service.settings import MEGABYTE_BYTES, ServiceSettings
+from planner.service.store.database import Database
+from planner.service.store.disk_storage import BlobStore
+
+LONGEST_NAME_CHARS = 100
+BYTES_FOLDER = "bytes"
+WINDOWS_DEVICES = {
+    "con",
+    "prn",
+    "aux",
+    "nul",
+    *(f"{port}{number}" for port in ("com", "lpt") for number in range(1, 10)),
+}
+
+
+class StorePart:
+    """A part of the store."""
+
+    def __init__(self, settings: ServiceSettings) -> None:
+        settings.data.mkdir(parents=True, exist_ok=True, mode=0o700)
+        self.settings = settings
+        self.blobs = BlobStore(settings.data / BYTES_FOLDER, settings.reserve_mb * MEGABYTE_BYTES)
+        self.database = Database(settings.url)
+
+
+def format_utc_now_ms() -> str:
+    """The time in UTC to the millisecond: "2026-05-01T06:10:00.123Z"."""
+    return format_time(datetime.now(UTC))
+
+
+def format_time(time_utc: datetime) -> str:
+    """A UTC time as text; texts sort as the times do."""
+    return time_utc.isoformat(timespec="milliseconds").removesuffix("+00:00") + "Z"
+
+
+def is_storable_text(text: str) -> bool:
+    """Whether every database can hold a text: PostgreSQL takes no NUL, and no database takes a lone surrogate."""
+    return not any(one == "\0" or "\ud800" <= one <= "\udfff" for one in text)
+
+
+def check_name(name: str, parameter: str = "name") -> str:
+    """A checked name in normalised Unicode.
+
+    It begins with a letter or digit and has only letters, digits, spaces and `._()+-`, so it is never a path.
+    Raises ServiceError.
+    """
+    name = unicodedata.normalize("NFC", name)
+    if name.partition(".")[0].strip().lower() in WINDOWS_DEVICES:
+        raise ServiceError(f"{name!r} is what Windows calls a device; choose another name.", parameter=parameter)
+    if (
+        len(name) > LONGEST_NAME_CHARS
+        or ".." in name
+        or not re.fullmatch(r"\w[\w ._()+-]*", name)
+        or name != name.strip()
+    ):
+        shown = name if len(name) <= 40 else name[:40] + "..."
+        raise ServiceError(
+            f"The name {shown!r} cannot be used; begin with a letter or digit, then letters, digits, spaces and "
+            f"._()+- (no two dots), at most {LONGEST_NAME_CHARS}.",
+            parameter=parameter,
+        )
+    return name

@@ -1,0 +1,183 @@
+"""The table of tokens, of which only the SHA-256 is stored."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import secrets
+from collections.abc import Iterable
+from datetime import UTC, date, datetime, timedelta
+from typing import Any
+
+import sqlalchemy as sa
+from sqlalchemy.orm import Session
+
+from planner.service.errors import ConflictError, NotFoundError, ServiceError
+from planner.service.store.store_part import StorePart, check_name, format_time, format_utc_now_ms, is_storable_text
+from planner.service.store.tables import FleetRow, TokenRow
+
+READ, PLANNER, OPERATOR, ROBOT, ADMIN = "read", "planner", "operator", "robot", "admin"
+SCOPES = (READ, PLANNER, OPERATOR, ROBOT, ADMIN)
+"""Scopes of tokens; their rights are in planner.service.access.permissions."""
+FORMER_SCOPE = "control"
+TOKEN_PREFIX = "hl_"
+NEVER, ROBOT_TOKEN_LIFE = "never", "30d"
+MOST_TRACTORS, LONGEST_LIFE_DAYS = 999, 3660
+PERIOD_PATTERN = re.compile(r"([0-9]{1,6})([mhd])")
+PERIOD_UNITS = {"m": "minutes", "h": "hours", "d": "days"}
+
+
+class TokenStore(StorePart):
+    """The tokens."""
+
+    def create_token_text(self, name: str, scopes: str | Iterable[str], **options: Any) -> str:
+        """The text of a new token, as of `create_token`."""
+        return self.create_token(name, scopes, **options)[0]
+
+    def create_token(
+        self,
+        name: str,
+        scopes: str | Iterable[str],
+        *,
+        fleet: str | None = None,
+        tractor: int | None = None,
+        expires: str | None = None,
+    ) -> tuple[str, TokenRow]:
+        """Make a token: its text, which is stored nowhere, and its row.
+
+        `expires` is as of `parse_end`; without it a robot's token ends after 30 days and others never. Raises
+        ServiceError, NotFoundError for a fleet that there is not, ConflictError.
+        """
+        chosen = check_scopes(scopes.split() if isinstance(scopes, str) else scopes)
+        check_robot_binding(chosen, fleet, tractor)
+        end = parse_expiry(expires or (ROBOT_TOKEN_LIFE if ROBOT in chosen else NEVER))
+        text = TOKEN_PREFIX + secrets.token_urlsafe(32)
+        row = TokenRow(
+            name=check_name(name),
+            scopes=" ".join(chosen),
+            sha256=hash_token(text),
+            created=format_utc_now_ms(),
+            fleet=fleet,
+            tractor=tractor,
+            expires=end,
+        )
+        try:
+            with self.database.open_write_session() as session:
+                _check_fleet_exists(session, fleet)
+                session.add(row)
+        except sa.exc.IntegrityError:
+            sentence = f"There is a token {name!r}; choose another name or revoke it."
+            raise ConflictError(sentence, parameter="name") from None
+        return text, row
+
+    def find_token(self, token_text: str) -> TokenRow | None:
+        """The token of a text; None for an unknown or expired one."""
+        with self.database.open_read_session() as session:
+            row = session.scalar(sa.select(TokenRow).where(TokenRow.sha256 == hash_token(token_text)))
+        return None if row is None or has_expired(row) else row
+
+    def list_tokens(self) -> list[TokenRow]:
+        """All tokens, the oldest first, expired ones included."""
+        with self.database.open_read_session() as session:
+            return list(session.scalars(sa.select(TokenRow).order_by(TokenRow.id)))
+
+    def revoke_token(self, name: str) -> None:
+        """Revoke a token; raises NotFoundError."""
+        with self.database.open_write_session() as session:
+            row = session.scalar(sa.select(TokenRow).where(TokenRow.name == name)) if is_storable_text(name) else None
+            if row is None:
+                raise NotFoundError(f"There is no token {name!r}; headland token list shows all.", parameter="name")
+            session.delete(row)
+
+
+def hash_token(token_text: str) -> str:
+    """The SHA-256 of a token."""
+    return hashlib.sha256(token_text.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def has_expired(row: TokenRow) -> bool:
+    """Whether a token has expired."""
+    return row.expires is not None and row.expires <= format_utc_now_ms()
+
+
+def check_scopes(scopes: Iterable[str]) -> tuple[str, ...]:
+    """Scopes in alphabetical order, each once; raises ServiceError for none or an unknown one."""
+    chosen = tuple(sorted(set(scopes)))
+    unknown = next((each for each in chosen if each not in SCOPES), None)
+    if unknown is not None or not chosen:
+        problem = "No scope is given" if unknown is None else f"The scope {unknown[:40]!r} is unknown"
+        if unknown == FORMER_SCOPE:
+            problem += " (operator and planner together are what it was)"
+        raise ServiceError(f"{problem}; use {', '.join(SCOPES[:-1])} or {SCOPES[-1]}.", parameter="scope")
+    return chosen
+
+
+def check_robot_binding(scopes: tuple[str, ...], fleet: str | None, tractor: int | None) -> None:
+    """Check that a robot's token, and no other, is bound to one tractor of one fleet; raises ServiceError."""
+    if ROBOT not in scopes:
+        if fleet is not None or tractor is not None:
+            raise ServiceError(
+                f"A token of the scope {' '.join(scopes)} is bound to no tractor; leave out fleet and tractor, or use "
+                "the scope robot.",
+                parameter="tractor" if fleet is None else "fleet",
+            )
+        return
+    if scopes != (ROBOT,):
+        raise ServiceError("A token of the scope robot has no other scope; make one for each.", parameter="scope")
+    if fleet is None or tractor is None:
+        lacking = "fleet" if fleet is None else "tractor"
+        raise ServiceError(
+            f"A token of the scope robot is for one tractor of one fleet; give its {lacking} too.", parameter=lacking
+        )
+    if not 1 <= tractor <= MOST_TRACTORS:
+        raise ServiceError(f"The tractor is {tractor}; use 1 to {MOST_TRACTORS}.", parameter="tractor")
+
+
+def parse_expiry(text: str) -> str | None:
+    """When a token expires, in UTC; None for never.
+
+    `text` is a period ("90m", "12h", "30d"), a date, whose day is included, a time in ISO 8601 (UTC where it names no
+    zone), or "never". Raises ServiceError for others, and for an end that is past or further off than ten years.
+    """
+    if text == NEVER:
+        return None
+    begin = datetime.now(UTC)
+    end = _parse_expiry_time(text, begin)
+    if end is None:
+        raise ServiceError(
+            f"The end {text[:40]!r} cannot be read; write 30d, 12h, 90m, a date such as 2027-01-31, a time such as "
+            "2027-01-31T18:00:00Z, or never.",
+            parameter="expires",
+        )
+    if not begin < end <= begin + timedelta(days=LONGEST_LIFE_DAYS):
+        shown = format_time(end)
+        raise ServiceError(
+            f"The end {text[:40]!r} is {shown}; choose one that is to come, within ten years, or never.",
+            parameter="expires",
+        )
+    return format_time(end)
+
+
+def _parse_expiry_time(text: str, begin: datetime) -> datetime | None:
+    """The time that a text means; None where it means none."""
+    period = PERIOD_PATTERN.fullmatch(text)
+    try:
+        if period is not None:
+            return begin + timedelta(**{PERIOD_UNITS[period[2]]: int(period[1])})
+        if len(text) == len("2027-01-31"):
+            day = date.fromisoformat(text)
+            return datetime(day.year, day.month, day.day, tzinfo=UTC) + timedelta(days=1)
+        end = datetime.fromisoformat(text)
+        return end.replace(tzinfo=UTC) if end.tzinfo is None else end.astimezone(UTC)
+    except (ValueError, OverflowError):
+        return None
+
+
+def _check_fleet_exists(session: Session, fleet: str | None) -> None:
+    if fleet is None:
+        return
+    if not is_storable_text(fleet) or session.get(FleetRow, fleet) is None:
+        raise NotFoundError(
+            f"There is no fleet {fleet[:60]!r}; the address of its page, and /api/v1/fleets, show its id.",
+            parameter="fleet",
+        )

@@ -1,0 +1,320 @@
+"""Farm values learned from a farm's own logs and put into its farm file, each with its interval and its runs."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fields.text_files import count_noun, quote_path, read_text
+from planner.errors import RequestError
+from planner.evaluation.context import MAX_REVERSE_SPEED_MPS, RADIUS_FACTOR
+from planner.farm.inventory import FarmFile, load_farm, parse_farm
+from planner.farm.machines import FarmImplement
+from planner.request.option_texts import MPS_PER_KMH
+from planner.request.plan_request import MAX_SPEED_KMH, MIN_SPEED_KMH
+from planner.task_logs.observations import IntervalEstimate, RunObservations
+from planner.task_logs.runs.run_files import load_imported_runs
+from planner.task_logs.runs.run_records import ProjectedRun
+from planner.task_logs.toml_edit import append_block, format_toml_value, remove_blocks, set_value
+from reports.task_logs.run_results import LearnedOutcome
+from strategies.path_planning.turns import list_allowed_kinds
+from strategies.program.field_job import DrivingRules
+from strategies.program.turn_timing import TurnTimer
+from vehicle.model.tractor import Implement, Tractor
+
+SLOWEST_MPS, FASTEST_MPS = 0.3, 5.5
+HALVINGS = 8  # of the speed range: accurate to 0.02 m/s
+HEADLAND_DEPTH_M = 1e3
+SOIL_GROUND = "soil"
+
+
+class TurnSpeedFit:
+    """The turn speed at which a simulated turn over `swaths_over` swaths takes as long as measured."""
+
+    def __init__(self, tractor: Tractor, implement: Implement, work_mps: float, swaths_over: int) -> None:
+        """Store the machines and the working speed; nothing is simulated yet."""
+        self.tractor, self.implement, self.work_mps, self.swaths_over = tractor, implement, work_mps, swaths_over
+
+    def simulate_turn_seconds(self, turn_mps: float) -> float | None:
+        """Simulated seconds of the quickest turn on a headland without limits; None without a turn."""
+        driving_rules = DrivingRules(
+            work_speed_mps=self.work_mps,
+            turn_speed_mps=turn_mps,
+            reverse_speed_mps=min(turn_mps, MAX_REVERSE_SPEED_MPS),
+            radius_m=RADIUS_FACTOR * self.tractor.compute_smallest_radius_m(SOIL_GROUND),
+            tool_m=self.implement.hitch_m,
+        )
+        clock = TurnTimer(self.tractor, self.implement, driving_rules, SOIL_GROUND)
+        times = clock.measure_best_times(self.implement.width_m, HEADLAND_DEPTH_M, list_allowed_kinds("auto"))
+        last_index = min(self.swaths_over, len(times) - 1)
+        turn_s = times[last_index]
+        across_m = (
+            self.swaths_over - last_index
+        ) * self.implement.width_m  # over more tracks than that it drives straight across
+        return None if turn_s is None else turn_s + across_m / turn_mps
+
+    def find_turn_speed_mps(self, seconds: float) -> float | None:
+        """The speed (m/s) at which a turn takes this long, by bisection; None if no speed from 0.3 to 5.5 m/s does."""
+        low, high = SLOWEST_MPS, FASTEST_MPS
+        slowest, quickest = self.simulate_turn_seconds(low), self.simulate_turn_seconds(high)
+        if slowest is None or quickest is None or not quickest <= seconds <= slowest:
+            return None
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            middle_s = self.simulate_turn_seconds(middle)
+            if middle_s is None:
+                return None
+            low, high = (low, middle) if middle_s < seconds else (middle, high)
+        return 0.5 * (low + high)
+
+
+WIDTH_TOLERANCE = 0.1
+"""Largest relative difference between the width of logs and of their implement."""
+MAX_RUN_NAMES = 40
+HABIT_SHARE = 2.0 / 3.0
+"""Share of runs with the same order of the headland from which it is learned."""
+LEARNED_SECTION = "learned"
+TABLES_HINT = "write each section as a table with one key per line"
+
+
+@dataclass(frozen=True)
+class LearnedFarm:
+    """The farm file as text with the learned values, these values, and sentences on values that were not learned."""
+
+    text: str
+    values: tuple[LearnedOutcome, ...]
+    notes: tuple[str, ...]
+
+
+def learn_farm_values(
+    paths: Sequence[str | Path], farm: str | Path, implement: str | None = None, replace_given: bool = False
+) -> LearnedFarm:
+    """Learn speeds, turns, stops and the order of the headland from imported runs, and put them into a farm file.
+
+    Values given in the file are kept, except those learned earlier, unless `replace_given`. All other text is kept
+    byte for byte. Raises LogError, RequestError, VehicleError.
+    """
+    if not os.path.exists(farm):
+        raise RequestError(
+            f"There is no farm file {quote_path(farm)}; check its name, or create one with headland farm new."
+        )
+    farm_file = load_farm(farm)
+    text = read_text(farm, "a farm file (TOML)", RequestError)
+    runs = load_imported_runs(paths)
+    farm_implement, matching_runs, notes = _choose_implement(farm_file, runs, implement)
+    observations = RunObservations(matching_runs, farm_implement.width_m)
+    if not observations.runs:
+        raise RequestError("No run has the work state of its implement, so nothing can be learned; give logs with it.")
+    if len(observations.runs) < len(runs):
+        notes.append(
+            f"{count_noun(len(runs) - len(observations.runs), 'run')} skipped: another width or no work state."
+        )
+    learned_values = list(_learn_values(farm_file, farm_implement, observations, notes))
+    if not learned_values:
+        raise RequestError("The runs are too short to learn from; give runs with at least five turns, stops or passes.")
+    edited_text, outcomes = _insert_learned_values(text, farm_file, learned_values, replace_given)
+    _check_edit(edited_text, str(farm), Path(farm).parent, farm_file, outcomes)
+    return LearnedFarm(edited_text, tuple(outcomes), tuple(notes))
+
+
+def _choose_implement(
+    farm_file: FarmFile, runs: Sequence[ProjectedRun], name: str | None
+) -> tuple[FarmImplement, list[ProjectedRun], list[str]]:
+    """The implement of the runs, the runs with its width, and remarks."""
+    if "implements" not in farm_file.model_fields_set:
+        raise RequestError("The farm file has no implement; add the implement of the logs under [[implements]].")
+    widths = [run.width_m for run in runs if run.width_m]
+    if name is None:
+        if not widths:
+            raise RequestError("The logs do not give their working width; name the implement with --implement.")
+        width = float(np.median(widths))
+        fitting = [
+            farm_implement for farm_implement in farm_file.implements if _is_same_width(farm_implement.width_m, width)
+        ]
+        if len(fitting) != 1:
+            implement_names = ", ".join(
+                f"{farm_implement.name} ({farm_implement.width_m:g} m)" for farm_implement in farm_file.implements
+            )
+            count = "no implement" if not fitting else "several implements"
+            raise RequestError(
+                f"The working width of the logs is {width:g} m, and the farm has {count} of this width; name one with "
+                f"--implement: {implement_names}."
+            )
+        chosen = fitting[0]
+    else:
+        chosen = farm_file.get_implement(name)
+    matching_runs = [run for run in runs if run.width_m is None or _is_same_width(chosen.width_m, run.width_m)]
+    if not matching_runs:
+        raise RequestError(
+            f"No run was logged with the width of the implement {chosen.name!r}, {chosen.width_m:g} m; give logs of it."
+        )
+    return chosen, matching_runs, []
+
+
+def _is_same_width(first_m: float, second_m: float) -> bool:
+    return abs(second_m / first_m - 1.0) <= WIDTH_TOLERANCE
+
+
+def _learn_values(
+    farm_file: FarmFile, farm_implement: FarmImplement, observations: RunObservations, notes: list[str]
+) -> Iterator[LearnedOutcome]:
+    """Every value with enough events; too few events are noted."""
+    name = f"implements.{farm_implement.name}"
+    speed = observations.estimate_speed_mps()
+    if speed is not None and MIN_SPEED_KMH <= speed.value / MPS_PER_KMH <= MAX_SPEED_KMH:
+        yield _build_learned_value(
+            f"{name}.speed_kmh", speed, "median of {events} passes in {runs}", 1.0 / MPS_PER_KMH, 2
+        )
+        yield from _learn_turn_speed(farm_file, farm_implement, observations, speed, notes)
+    yield from _learn_headland_order(name, observations, notes)
+    for key, estimate, template, decimals in (
+        ("speed_cv", observations.estimate_pass_cv(), "speed of {events} passes in {runs}", 3),
+        ("turn_cv", observations.estimate_turn_cv(), "time of {events} turns to the next track in {runs}", 3),
+        ("turn_more_cv", observations.estimate_long_turn_cv(), "time of {events} turns over more tracks in {runs}", 3),
+        ("stops_per_hour", observations.estimate_stops_per_hour(), "{events} stops in {runs}, per hour of driving", 2),
+        ("stop_s", observations.estimate_mean_stop_s(), "mean of {events} stops in {runs}", 1),
+        ("stop_cv", observations.estimate_stop_cv(), "length of {events} stops in {runs}", 2),
+    ):
+        if estimate is None:
+            notes.append(f"Too few events to learn {key}.")
+        else:
+            yield _build_learned_value(f"uncertainty.{key}", estimate, template, 1.0, decimals)
+
+
+def _build_learned_value(
+    key: str, estimate: IntervalEstimate, template: str, factor: float, decimals: int
+) -> LearnedOutcome:
+    value, low, high = (round(factor * bound, decimals) for bound in (estimate.value, estimate.low, estimate.high))
+    origin = template.format(events=estimate.events, runs=count_noun(len(estimate.runs), "run"))
+    return LearnedOutcome(key, value, low, high, origin, "", estimate.runs)
+
+
+def _learn_turn_speed(
+    farm_file: FarmFile,
+    farm_implement: FarmImplement,
+    observations: RunObservations,
+    speed: IntervalEstimate,
+    notes: list[str],
+) -> Iterator[LearnedOutcome]:
+    """The turn speed at which a simulated turn takes as long as measured."""
+    measured = observations.estimate_frequent_turn_s()
+    if measured is None:
+        notes.append("Too few U-turns without a stop to learn turn_speed_kmh.")
+        return
+    swaths_over, turn = measured
+    tractor = next(tractor for tractor in farm_file.tractors if farm_file.is_compatible(tractor, farm_implement))
+    simulated = TurnSpeedFit(tractor.build_tractor(), farm_implement.simulated_implement, speed.value, swaths_over)
+    speeds_mps = [simulated.find_turn_speed_mps(seconds) for seconds in (turn.value, turn.high, turn.low)]
+    origin = (
+        f"{turn.value:.1f} s per turn over {count_noun(swaths_over, 'track')} (95 %: {turn.low:.1f} to "
+        f"{turn.high:.1f}), median of {turn.events} in {count_noun(len(turn.runs), 'run')}; at this speed the "
+        f"simulated {tractor.name} takes as long"
+    )
+    if speeds_mps[0] is None:
+        notes.append(f"Measured: {origin.split(';', 1)[0]}; at no turn speed does {tractor.name} take as long.")
+        return
+    speeds_kmh = [None if speed_mps is None else round(speed_mps / MPS_PER_KMH, 2) for speed_mps in speeds_mps]
+    yield LearnedOutcome(
+        f"implements.{farm_implement.name}.turn_speed_kmh",
+        speeds_kmh[0] or 0.0,
+        speeds_kmh[1],
+        speeds_kmh[2],
+        origin,
+        "",
+        turn.runs,
+    )
+
+
+def _learn_headland_order(name: str, observations: RunObservations, notes: list[str]) -> Iterator[LearnedOutcome]:
+    estimate = observations.estimate_headland_first_share()
+    if estimate is None:
+        notes.append("No run shows whether the headland is worked first; this needs the outline of the field.")
+        return
+    first_count = round(estimate.value * estimate.events)
+    if 1.0 - HABIT_SHARE < estimate.value < HABIT_SHARE:
+        notes.append(
+            f"The headland was worked first in {first_count} of {estimate.events} runs, so no order is learned."
+        )
+        return
+    order = "first" if estimate.value >= HABIT_SHARE else "last"
+    count = first_count if order == "first" else estimate.events - first_count
+    origin = f"worked {order} in {count} of {count_noun(estimate.events, 'run')}"
+    yield LearnedOutcome(f"{name}.headland", order, None, None, origin, "", estimate.runs)
+
+
+def _insert_learned_values(
+    text: str, farm_file: FarmFile, learned_values: Sequence[LearnedOutcome], replace_given: bool
+) -> tuple[str, list[LearnedOutcome]]:
+    """The text with every value that may be set, and the outcome for each."""
+    earlier_values = {learned.key: learned.value for learned in farm_file.learned}
+    outcomes, accepted = [], []
+    for learned in learned_values:
+        section, number, key = _locate_toml_value(farm_file, learned.key)
+        holder = farm_file.implements[number] if number is not None else farm_file.uncertainty
+        is_given = key in holder.model_fields_set
+        old_value = getattr(holder, key)
+        if (
+            is_given
+            and not replace_given
+            and (learned.key not in earlier_values or earlier_values[learned.key] != old_value)
+        ):
+            outcomes.append(replace(learned, done=f"kept {_format_value(old_value)}"))
+            continue
+        interval = "" if learned.low is None else f", 95 % {learned.low:g} to {learned.high:g}"
+        comment = f"own logs: {learned.measured}{interval}"
+        text = set_value(text, section, number, key, format_toml_value(learned.value), comment)
+        outcomes.append(replace(learned, done=f"was {_format_value(old_value)}" if is_given else "added"))
+        accepted.append(learned)
+    text = remove_blocks(text, LEARNED_SECTION, {learned.key for learned in accepted})
+    for learned in accepted:
+        text = append_block(text, LEARNED_SECTION, _build_learned_entry(learned))
+    return text, outcomes
+
+
+def _build_learned_entry(learned: LearnedOutcome) -> dict[str, Any]:
+    entries: dict[str, Any] = {"key": learned.key, "value": learned.value}
+    if learned.low is not None and learned.high is not None:
+        entries |= {"low": learned.low, "high": learned.high}
+    names = list(learned.runs[:MAX_RUN_NAMES])
+    unnamed_count = len(learned.runs) - len(names)
+    origin = learned.measured + (f" (and {unnamed_count} more runs)" if unnamed_count else "")
+    return {**entries, "origin": origin, "runs": names}
+
+
+def _locate_toml_value(farm_file: FarmFile, key: str) -> tuple[str, int | None, str]:
+    """Section, number within it and key in the file for a key such as implements.drill.speed_kmh."""
+    section, _, rest = key.partition(".")
+    if section != "implements":
+        return section, None, rest
+    name, _, last = rest.rpartition(".")
+    return section, [implement.name for implement in farm_file.implements].index(name), last
+
+
+def _format_value(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _check_edit(text: str, label: str, folder: Path, farm_file: FarmFile, outcomes: Sequence[LearnedOutcome]) -> None:
+    """Raise RequestError unless the edited text is a farm with only these values changed."""
+    try:
+        tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise RequestError(f"The farm file {label} cannot be edited ({error}); {TABLES_HINT}.") from None
+    edited_farm = parse_farm(text, label, folder)
+    expected = farm_file.model_dump()
+    for outcome in outcomes:
+        if outcome.done.startswith("kept"):
+            continue
+        _, number, key = _locate_toml_value(farm_file, outcome.key)
+        holder = expected["uncertainty"] if number is None else expected["implements"][number]
+        holder[key] = outcome.value
+    actual = edited_farm.model_dump()
+    del expected[LEARNED_SECTION], actual[LEARNED_SECTION]
+    if actual != expected:
+        raise RequestError(f"The farm file {label} cannot be edited; {TABLES_HINT}.")

@@ -1,0 +1,1 @@
+"""Readers of task logs, one module for each format."""

@@ -1,0 +1,205 @@
+"""CSV files of positions in time, with an optional mapping file (TOML) that describes their columns:
+
+    [columns]                 # our name = "name in the file"
+    time = "Timestamp"        # a date and time, or seconds
+    longitude = "Lon"
+    latitude = "Lat"
+    speed_kmh = "Speed"       # or speed_mps
+    works = "Implement"       # 1, true, on or yes while working
+    [values]
+    width_m = 3.0
+    field = "Long acre"
+
+Without a mapping, columns are found by usual names.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fields.nested_text import parse_toml
+from fields.text_files import check_header, explain_parse_error, quote_path, read_bytes, read_text, shorten_value
+from planner.errors import suggest_name
+from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.formats.point_shapefiles import parse_timestamp
+from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
+from vehicle.identification.errors import LogError
+
+USUAL_COLUMNS: dict[str, tuple[str, ...]] = {
+    "time": ("time", "timestamp", "time_s", "datetime", "isotime", "utc"),
+    "longitude": ("longitude", "lon", "lng", "long"),
+    "latitude": ("latitude", "lat"),
+    "speed_kmh": ("speed_kmh", "kmh"),
+    "speed_mps": ("speed_mps",),
+    "works": ("works", "implement", "working", "work_state"),
+}
+"""Usual names of columns, in lower case."""
+REQUIRED_COLUMNS = ("time", "longitude", "latitude")
+TRUE_TEXTS = frozenset(("1", "1.0", "true", "on", "yes", "working", "down"))
+MPS_PER_KMH = 1.0 / 3.6
+DELIMITERS = ",;\t"
+
+
+@dataclass(frozen=True)
+class _ColumnMapping:
+    """Names of the columns, and values for the whole file."""
+
+    columns: dict[str, str]
+    width_m: float | None = None
+    field: str = ""
+
+
+def read_csv_log(path: str, mapping: str | None) -> LogContents:
+    """The run of a CSV file, by a mapping file or usual column names; raises LogError."""
+    rows, encoding_note = _read_rows(path)
+    header = [cell.strip() for cell in rows[0]]
+    column_mapping = _find_usual_columns(header, path) if mapping is None else _read_mapping(mapping, header, path)
+    cells = {
+        name: [row[header.index(column)] if header.index(column) < len(row) else "" for row in rows[1:]]
+        for name, column in column_mapping.columns.items()
+    }
+    time_s, start = _parse_times(cells["time"])
+    decimal_mark = "," if any("," in cell for cell in cells["longitude"]) else "."
+    lonlat = np.column_stack([_parse_numbers(cells[name], decimal_mark) for name in ("longitude", "latitude")])
+    run = LoggedRun(
+        Path(path).stem,
+        "CSV",
+        lonlat,
+        time_s,
+        _find_speed_mps(cells, decimal_mark),
+        _parse_work_states(cells.get("works")),
+        column_mapping.width_m,
+        start,
+        column_mapping.field or Path(path).stem,
+        notes=(encoding_note,) if encoding_note else (),
+    )
+    return LogContents((remove_unusable_rows(run),))
+
+
+def _read_csv_by_usual_names(path: str, label: str) -> LogContents:
+    return read_csv_log(path, None)
+
+
+def _read_rows(path: str) -> tuple[list[list[str]], str]:
+    """The cells of the file, and a remark on its encoding."""
+    content, encoding_note = read_bytes(path, "a CSV file", LogError), ""
+    if b"\0" in content:
+        raise LogError(f"{quote_path(path)} is not a CSV file: it contains binary data; save it as text.")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text, encoding_note = content.decode("latin-1"), "the file is not UTF-8; it is read as Latin-1"
+    first = text.split("\n", 1)[0]
+    delimiter = max(DELIMITERS, key=first.count)
+    check_header(text, quote_path(path), LogError, delimiter)
+    try:
+        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise LogError(f"{quote_path(path)} is not a CSV file ({error}); save it as comma-separated text.") from None
+    if len(rows) < 3:
+        raise LogError(f"{quote_path(path)} has fewer than two rows below its header; give a log with timed positions.")
+    return rows, encoding_note
+
+
+def _find_usual_columns(header: list[str], path: str) -> _ColumnMapping:
+    """Columns by their usual names; raises LogError for a missing column."""
+    lower = [cell.lower() for cell in header]
+    columns = {}
+    for name, usual in USUAL_COLUMNS.items():
+        place = next((lower.index(one) for one in usual if one in lower), None)
+        if place is not None:
+            columns[name] = header[place]
+    lacks = [name for name in REQUIRED_COLUMNS if name not in columns]
+    if lacks:
+        raise LogError(
+            f"{quote_path(path)} has no column {lacks[0]} (it has: {shorten_value(', '.join(header), 120)}); name it "
+            'in a mapping file: [columns], then for instance time = "Timestamp".'
+        )
+    return _ColumnMapping(columns)
+
+
+def _read_mapping(mapping: str, header: list[str], path: str) -> _ColumnMapping:
+    text = read_text(mapping, "a mapping file (TOML)", LogError)
+    try:
+        content = parse_toml(text)
+    except (ValueError, RecursionError) as error:
+        raise LogError(f"The mapping {quote_path(mapping)} is not TOML: {explain_parse_error(error)}.") from None
+    columns, values = content.get("columns"), content.get("values", {})
+    if not isinstance(columns, dict) or not isinstance(values, dict):
+        raise LogError(
+            f"The mapping {quote_path(mapping)} has no table [columns]; write one as in headland logs import --help."
+        )
+    _check_mapping(columns, values, header, f"The mapping {quote_path(mapping)}", path)
+    width = values.get("width_m")
+    return _ColumnMapping(dict(columns), None if width is None else float(width), str(values.get("field", "")))
+
+
+def _check_mapping(
+    columns: Mapping[str, Any], values: Mapping[str, Any], header: list[str], label: str, path: str
+) -> None:
+    for name, column in columns.items():
+        if name not in USUAL_COLUMNS:
+            raise LogError(
+                f"{label} has {name!r} in [columns]{suggest_name(name, USUAL_COLUMNS)}; use only "
+                f"{', '.join(USUAL_COLUMNS)}."
+            )
+        if column not in header:
+            close = suggest_name(str(column), header)
+            raise LogError(
+                f"{label}: {quote_path(path)} has no column {shorten_value(column)}{close} for {name}; name an "
+                "existing one."
+            )
+    lacks = [name for name in REQUIRED_COLUMNS if name not in columns]
+    if lacks:
+        raise LogError(f"{label} does not name the column of {lacks[0]}; add it to [columns].")
+    unknown_keys = sorted(values.keys() - {"width_m", "field"})
+    if unknown_keys:
+        raise LogError(f"{label} has {unknown_keys[0]!r} in [values]; use width_m and field.")
+    width = values.get("width_m")
+    if width is not None and not (isinstance(width, int | float) and 0.1 <= width <= 100.0):
+        raise LogError(f"{label}: width_m is {shorten_value(width)}; use 0.1 to 100 m.")
+
+
+def _parse_times(cells: list[str]) -> tuple[Array, str]:
+    """Seconds (n,), and the first date and time as text unless the cells are seconds."""
+    seconds = _parse_numbers(cells, ",")
+    if np.isfinite(seconds).mean() > 0.5:
+        return seconds, ""
+    stamps = np.array([parse_timestamp(cell) for cell in cells])
+    known_stamps = stamps[np.isfinite(stamps)]
+    if not len(known_stamps):
+        raise LogError(f"the time column begins with {shorten_value(cells[0])}; write seconds, or 2020-01-02T17:30:20.")
+    return stamps - known_stamps[0], datetime.fromtimestamp(float(known_stamps[0]), UTC).strftime("%Y-%m-%dT%H:%M:%S")
+
+
+def _find_speed_mps(cells: Mapping[str, list[str]], decimal_mark: str) -> Array | None:
+    if "speed_mps" in cells:
+        return _parse_numbers(cells["speed_mps"], decimal_mark)
+    return _parse_numbers(cells["speed_kmh"], decimal_mark) * MPS_PER_KMH if "speed_kmh" in cells else None
+
+
+def _parse_work_states(cells: list[str] | None) -> Mask | None:
+    return None if cells is None else np.array([cell.strip().lower() in TRUE_TEXTS for cell in cells])
+
+
+def _parse_numbers(cells: list[str], decimal_mark: str) -> Array:
+    """Numbers (n,), NaN for other text."""
+    return np.array([_parse_number(cell.replace(",", ".") if decimal_mark == "," else cell) for cell in cells])
+
+
+def _parse_number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
+LOG_FORMAT = LogFormat("CSV", (".csv", ".txt"), _read_csv_by_usual_names, lambda names: False)

@@ -1,0 +1,375 @@
+"""ISOXML task data (ISO 11783-10) with time logs: one run for every log, with the field of its task.
+
+A time log has two files: a header (XML) that names columns, and binary records. A record has the time of day (ms), the
+day since 1980-01-01, those parts of the position that are empty in the header, and the changed values, each a column
+number and a 32-bit integer. A value holds until its next change.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import date, timedelta
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+import numpy as np
+
+from fields.errors import FieldError
+from fields.formats import isoxml
+from fields.formats.archive import ArchiveMembers, is_archive
+from fields.formats.markup import parse_root
+from fields.text_files import count_noun
+from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.runs.run_records import (
+    ACTIVE_M,
+    ACTIVE_S,
+    AREA_M2,
+    FUEL_L,
+    INACTIVE_M,
+    INACTIVE_S,
+    Array,
+    LogContents,
+    LoggedRun,
+    Mask,
+)
+from vehicle.identification.errors import LogError
+
+_POSITION_FIELDS = (
+    ("A", "i"),
+    ("B", "i"),
+    ("C", "i"),
+    ("D", "B"),
+    ("E", "H"),
+    ("F", "H"),
+    ("G", "B"),
+    ("H", "I"),
+    ("I", "H"),
+)
+SECONDS_PER_DAY = 86_400.0
+DEGREES_PER_UNIT = 1e-7
+TLG_EPOCH = date(1980, 1, 1)
+MAX_COLUMNS = 255
+
+
+@dataclass(frozen=True, eq=False)
+class TimeLog:
+    """Records of one time log, unchecked.
+
+    Attributes:
+        columns: DDI as four hexadecimal digits, and device element, of every column.
+        time_s: (n,) seconds since 1980-01-01.
+        lat_deg, lon_deg: (n,) degrees, NaN if not logged.
+        fix_status: (n,) status of the position, 0 for none, NaN if not logged.
+        values: (n, columns), NaN before the first value.
+        lost_bytes: after the last complete record.
+    """
+
+    columns: tuple[tuple[str, str], ...]
+    time_s: Array
+    lat_deg: Array
+    lon_deg: Array
+    fix_status: Array
+    values: Array
+    lost_bytes: int
+
+    def find_ddi_columns(self, ddi: str) -> list[int]:
+        """Columns with a DDI."""
+        return [place for place, (name, _) in enumerate(self.columns) if name == ddi]
+
+
+def parse_time_log(header: bytes, records: bytes, label: str) -> TimeLog:
+    """A time log from the contents of its two files; raises FieldError or LogError for an unusable header."""
+    time_element = parse_root(header, f"{label}.xml")
+    if time_element.tag != "TIM":
+        time_element = next(time_element.iter("TIM"), time_element)
+    position = time_element.find("PTN")
+    attributes = {} if position is None else dict(position.attrib)
+    parts = [(key, kind) for key, kind in _POSITION_FIELDS if attributes.get(key) == ""]
+    columns = tuple((each.get("A", "").upper().zfill(4), each.get("C", "")) for each in time_element.iter("DLV"))
+    if len(columns) > MAX_COLUMNS:
+        raise LogError(f"{label}.xml names {len(columns)} columns; a time log has at most {MAX_COLUMNS}.")
+    heads, values, lost_bytes = _parse_records(records, "<IH" + "".join(kind for _, kind in parts), len(columns))
+    table = {key: heads[:, 2 + place] for place, (key, _) in enumerate(parts)}
+    empty = np.full(len(heads), np.nan)
+    return TimeLog(
+        columns,
+        heads[:, 1] * SECONDS_PER_DAY + heads[:, 0] / 1e3,
+        table.get("A", empty) * DEGREES_PER_UNIT,
+        table.get("B", empty) * DEGREES_PER_UNIT,
+        table.get("D", empty),
+        values,
+        lost_bytes,
+    )
+
+
+def _parse_records(data: bytes, struct_format: str, column_count: int) -> tuple[Array, Array, int]:
+    """Heads (n, parts) and values (n, columns) of the complete records, and the number of bytes after them."""
+    head, change = struct.Struct(struct_format), struct.Struct("<Bi")
+    size, place = head.size, 0
+    heads, rows, current_values = [], [], np.full(column_count, np.nan)
+    while place + size < len(data):
+        count = data[place + size]
+        end = place + size + 1 + change.size * count
+        if end > len(data):
+            break
+        changes = list(change.iter_unpack(data[place + size + 1 : end]))
+        if any(index >= column_count for index, _ in changes):
+            break  # out of step: the rest are not records
+        heads.append(head.unpack_from(data, place))
+        for index, value in changes:
+            current_values[index] = value
+        rows.append(current_values.copy())
+        place = end
+    parts = len(head.unpack(bytes(size)))
+    table = np.array(heads, dtype=np.float64).reshape(len(heads), parts)
+    return table, np.array(rows, dtype=np.float64).reshape(len(rows), column_count), len(data) - place
+
+
+def format_isoxml_time(seconds: float) -> str:
+    """Seconds since 1980 as "2020-01-02T17:30:20"; "" if out of range."""
+    day, rest_s = divmod(round(seconds), int(SECONDS_PER_DAY))
+    try:
+        when = TLG_EPOCH + timedelta(days=day)
+    except OverflowError:
+        return ""
+    return f"{when.isoformat()}T{rest_s // 3600:02d}:{rest_s // 60 % 60:02d}:{rest_s % 60:02d}"
+
+
+WIDTH_DDI, WORK_STATE_DDI, SPEED_DDI = "0043", "008D", "018D"
+COUNTER_DDIS = {
+    AREA_M2: ("0074", 1.0),
+    ACTIVE_M: ("0075", 1e-3),
+    INACTIVE_M: ("0076", 1e-3),
+    ACTIVE_S: ("0077", 1.0),
+    INACTIVE_S: ("0078", 1.0),
+    FUEL_L: ("0094", 1e-3),
+}
+"""Totals of a task: their DDI and the unit of their values (ISO 11783-11)."""
+MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0, INACTIVE_S: 1.0, FUEL_L: 0.05}
+"""Largest plausible rise of totals per second."""
+CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
+"""Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
+SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
+METRES_PER_MM = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class _Partfield:
+    """A partfield: its name, stated area and rings in degrees."""
+
+    name: str
+    area_m2: float | None
+    rings: tuple[Array, ...]
+
+
+@dataclass(frozen=True)
+class _ValuePresentation:
+    """Conversion of a value for display by its device: (number + offset) x scale, and its unit."""
+
+    offset: float
+    scale: float
+    unit: str
+
+
+def _read_isoxml_logs(path: str, label: str) -> LogContents:
+    place = Path(path)
+    is_container = place.is_dir() or is_archive(place)
+    if not is_container and place.name.lower() != isoxml.TASKDATA_FILE:
+        raise LogError(f"{label} is a single file of task data; name its folder, or the TASKDATA.XML in it.")
+    members = ArchiveMembers(place) if is_container else ArchiveMembers(place.parent, 0)
+    taskdata_files = members.find_paths_by_name(isoxml.TASKDATA_FILE) if is_container else [place.name]
+    runs: list[LoggedRun] = []
+    notes: list[str] = []
+    for taskdata_file in taskdata_files:  # each with its own limit of bytes
+        runs += _read_runs(ArchiveMembers(place) if is_container else members, taskdata_file, label, notes)
+    if not runs and not notes:
+        raise LogError(f"{label} is ISOXML without a time log (TLG); export the finished tasks with their logs.")
+    return LogContents(tuple(runs), tuple(notes))
+
+
+def _read_runs(members: ArchiveMembers, taskdata_file: str, label: str, notes: list[str]) -> Iterator[LoggedRun]:
+    """The runs of one TASKDATA.XML."""
+    roots = list(isoxml.read_taskdata_roots(members, taskdata_file, label))
+    partfields = {one.get("A", ""): _parse_partfield(one) for root in roots for one in root.iter("PFD")}
+    values = _read_presentations(roots)
+    for task, name in _list_time_logs(roots):
+        try:
+            run = _read_run(members, taskdata_file, name, values)
+        except (FieldError, LogError) as refusal:
+            notes.append(f"{name} is skipped: {refusal}")
+            continue
+        partfield = partfields.get(task.get("E", ""))
+        if partfield is not None:
+            run = replace(run, field=partfield.name, outline=partfield.rings, outline_m2=partfield.area_m2)
+        yield replace(run, field=run.field or (task.get("B") or "").strip())
+
+
+def _list_time_logs(roots: list[Element]) -> Iterator[tuple[Element, str]]:
+    """Every time log once, with its task."""
+    seen: set[str] = set()
+    for task in (one for root in roots for one in root.iter("TSK")):
+        for log in task.iter("TLG"):
+            name = (log.get("A") or "").strip()
+            if name and name not in seen:
+                seen.add(name)
+                yield task, name
+
+
+def _read_run(
+    members: ArchiveMembers, taskdata_file: str, name: str, values: dict[tuple[str, str], _ValuePresentation]
+) -> LoggedRun:
+    header, records = (
+        members.read_member_beside(taskdata_file, f"{name}.xml"),
+        members.read_member_beside(taskdata_file, f"{name}.bin"),
+    )
+    for content, ending in ((header, "xml"), (records, "bin")):
+        if content is None:
+            raise LogError(f"{name}.{ending} is missing in the folder; copy the whole folder.")
+    log = parse_time_log(header or b"", records or b"", name)
+    notes = []
+    if log.lost_bytes:
+        rows = count_noun(len(log.time_s), "record")
+        notes.append(f"{count_noun(log.lost_bytes, 'byte')} after {rows} skipped: not a complete record")
+    is_working = _find_work_state(log, notes)
+    speed = _find_speed_mps(log, values)
+    time_s = _unwrap_midnight(log.time_s, notes)
+    lonlat = np.column_stack([log.lon_deg, log.lat_deg])
+    lonlat[log.fix_status == 0] = np.nan
+    run = LoggedRun(
+        name,
+        "ISOXML",
+        lonlat,
+        time_s,
+        speed,
+        is_working,
+        _estimate_width_m(log),
+        counters=_compute_counter_rises(log),
+        notes=tuple(notes),
+    )
+    start = float(time_s[0]) if len(time_s) else 0.0
+    return replace(remove_unusable_rows(run), start=format_isoxml_time(start))
+
+
+def _find_any_section_on(log: TimeLog, notes: list[str]) -> Mask | None:
+    """Whether any section is on by the condensed work states, two bits per section, 1 is on; None without them."""
+    states = log.values[:, [place for place, (ddi, _) in enumerate(log.columns) if ddi in CONDENSED_STATE_DDIS]]
+    if not np.isfinite(states).any():
+        return None
+    notes.append("the work state is from the sections: working if any section is on")
+    bits = np.nan_to_num(states).astype(np.int64)
+    return np.asarray(np.any([(bits >> shift) & 3 == 1 for shift in range(0, 32, 2)], axis=(0, 2)))
+
+
+def _unwrap_midnight(time_s: Array, notes: list[str]) -> Array:
+    """Times of a terminal that does not count the day at midnight, corrected with a note."""
+    jumps_back = np.diff(time_s, prepend=time_s[:1]) < -43_200.0
+    if jumps_back.any():
+        notes.append("the log does not count the day at midnight; this was corrected")
+    return np.asarray(time_s + 86_400.0 * np.cumsum(jumps_back))
+
+
+def _find_work_state(log: TimeLog, notes: list[str]) -> Mask | None:
+    """Whether any element of the machine works, else any of its sections; None if not logged."""
+    places = log.find_ddi_columns(WORK_STATE_DDI)
+    states = log.values[:, places]
+    if not np.isfinite(states).any():
+        return _find_any_section_on(log, notes)
+    if len(places) > 1:
+        notes.append(f"{len(places)} elements have a work state; the run is working if any of them is")
+    return np.asarray((states == 1.0).any(axis=1))
+
+
+def _find_speed_mps(log: TimeLog, values: dict[tuple[str, str], _ValuePresentation]) -> Array | None:
+    """The speed in m/s: the standard value, or a proprietary value that its device displays as a speed."""
+    for place, (ddi, element) in enumerate(log.columns):
+        presentation = values.get((ddi, element)) or values.get((ddi, ""))
+        has_speed_unit = presentation is not None and presentation.unit in SPEED_UNITS_MPS
+        if (ddi == SPEED_DDI or has_speed_unit) and np.isfinite(log.values[:, place]).any():
+            if presentation is None or not has_speed_unit:
+                return np.asarray(log.values[:, place] * METRES_PER_MM)
+            return np.asarray(
+                (log.values[:, place] + presentation.offset) * presentation.scale * SPEED_UNITS_MPS[presentation.unit]
+            )
+    return None
+
+
+def _estimate_width_m(log: TimeLog) -> float | None:
+    """The largest median width of an element, in metres; sections are parts of it."""
+    widths = [
+        np.median(column[column > 0])
+        for column in log.values[:, log.find_ddi_columns(WIDTH_DDI)].T
+        if (column > 0).any()
+    ]
+    return float(max(widths)) * METRES_PER_MM if widths else None
+
+
+def _compute_counter_rises(log: TimeLog) -> dict[str, float]:
+    """The rises of totals over the log; of several elements the largest."""
+    totals = {}
+    for name, (ddi, unit) in COUNTER_DDIS.items():
+        rises = [
+            _sum_counter_rises(log.time_s, column * unit, MAX_RISE_PER_S[name])
+            for column in log.values[:, log.find_ddi_columns(ddi)].T
+        ]
+        known_rises = [one for one in rises if one is not None]
+        if known_rises:
+            totals[name] = max(known_rises)
+    return totals
+
+
+def _sum_counter_rises(time_s: Array, column: Array, max_per_s: float) -> float | None:
+    """The sum of all rises of a total; None without values.
+
+    A total is sent when it changes, so a value that first appears after the first row has risen before. It counts too
+    if it can have accumulated since the first row, but not if it continues an earlier log of the task.
+    """
+    rows = np.flatnonzero(np.isfinite(column))
+    if not len(rows):
+        return None
+    first = float(column[rows[0]])
+    starts_in_log = 0.0 <= first <= max_per_s * (float(time_s[rows[0]] - time_s[0]) + 1.0)
+    return float(np.maximum(np.diff(column[rows]), 0.0).sum()) + starts_in_log * first
+
+
+def _read_presentations(roots: list[Element]) -> dict[tuple[str, str], _ValuePresentation]:
+    """Display conversions of values by DDI and device element; "" stands for any element."""
+    presentations: dict[tuple[str, str], _ValuePresentation] = {}
+    for device in (one for root in roots for one in root.iter("DVC")):
+        device_presentations = {one.get("A"): one for one in device.findall("DVP")}
+        for process_data in device.findall("DPD"):
+            value = _parse_presentation(device_presentations.get(process_data.get("F")))
+            if value is None:
+                continue
+            ddi, key = (process_data.get("B") or "").upper().zfill(4), process_data.get("A")
+            presentations.setdefault((ddi, ""), value)
+            for element in device.findall("DET"):
+                if any(one.get("A") == key for one in element.findall("DOR")):
+                    presentations[(ddi, element.get("A", ""))] = value
+    return presentations
+
+
+def _parse_presentation(element: Element | None) -> _ValuePresentation | None:
+    if element is None:
+        return None
+    try:
+        return _ValuePresentation(
+            float(element.get("B") or 0), float(element.get("C") or 1), (element.get("E") or "").strip()
+        )
+    except ValueError:
+        return None
+
+
+def _parse_partfield(element: Element) -> _Partfield:
+    try:
+        area_m2 = float(element.get("D") or "nan")
+    except ValueError:
+        area_m2 = float("nan")
+    name = (element.get("C") or "").strip() or element.get("A", "")
+    return _Partfield(
+        name, area_m2 if area_m2 > 0.0 else None, tuple(np.array(ring) for ring in isoxml.read_boundary_rings(element))
+    )
+
+
+LOG_FORMAT = LogFormat("ISOXML", (".xml", ".bin"), _read_isoxml_logs, lambda names: isoxml.TASKDATA_FILE in names)

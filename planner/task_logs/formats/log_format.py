@@ -1,0 +1,69 @@
+"""The record of a task log format, and the cleaning of runs: only rows with position and increasing time are kept."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fields.text_files import count_noun
+from planner.task_logs.runs.run_records import LogContents, LoggedRun
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.gating import find_decreasing_entries, find_jumps
+
+
+@dataclass(frozen=True)
+class LogFormat:
+    """A format of task logs.
+
+    Attributes:
+        name: its usual name.
+        extensions: of its files, lower case.
+        read: reads the runs of the file, folder or archive at a path; the second argument is its name in messages.
+            Raises FieldError, LogError.
+        holds: whether a folder or archive with these file names (lower case, without folders) is in this format.
+    """
+
+    name: str
+    extensions: tuple[str, ...]
+    read: Callable[[str, str], LogContents]
+    holds: Callable[[frozenset[str]], bool]
+
+
+MIN_ROWS = 10
+EARTH_RADIUS_M = 6_371_008.8
+
+
+def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
+    """The run without unusable rows, its time from 0; notes give the number of dropped rows by reason.
+
+    Raises LogError if fewer than MIN_ROWS rows remain.
+    """
+    lon, lat = run.lonlat.T
+    has_position = np.isfinite(run.lonlat).all(axis=1) & (np.abs(lat) < 90.0) & (np.abs(lon) <= 180.0)
+    has_position &= (np.abs(lat) > 1e-6) | (np.abs(lon) > 1e-6)  # receivers without a position log 0, 0
+    dropped = [(int((~has_position).sum()), "without a position")]
+    rows = np.flatnonzero(has_position & np.isfinite(run.time_s))
+    dropped.append((int(has_position.sum()) - len(rows), "without a time"))
+    is_late = find_decreasing_entries(run.time_s[rows])
+    rows = rows[~is_late]
+    dropped.append((int(is_late.sum()), "out of order in time"))
+    if len(rows):
+        longitude_scale = float(np.cos(np.radians(np.median(lat[rows]))))
+        east, north = np.radians(lon[rows]) * EARTH_RADIUS_M * longitude_scale, np.radians(lat[rows]) * EARTH_RADIUS_M
+        is_jump = find_jumps(run.time_s[rows], east, north)
+        rows = rows[~is_jump]
+        dropped.append((int(is_jump.sum()), "with an impossible jump of position"))
+    if len(rows) < MIN_ROWS:
+        count = count_noun(len(rows), "row")
+        raise LogError(f"only {count} of {len(run.time_s)} usable; a run needs {MIN_ROWS} with time and position.")
+    notes = [f"{count_noun(count, 'row')} {why} skipped" for count, why in dropped if count]
+    return replace(
+        run,
+        lonlat=run.lonlat[rows],
+        time_s=run.time_s[rows] - run.time_s[rows[0]],
+        speed_mps=None if run.speed_mps is None else run.speed_mps[rows],
+        is_working=None if run.is_working is None else run.is_working[rows],
+        notes=(*run.notes, *notes),
+    )

@@ -1,0 +1,188 @@
+"""Shapefiles of timed points, as exported by John Deere Operations Center (columns IsoTime or Time, SWATHWIDTH).
+
+Machines log such points while they work. Where a rate or yield column is 0, the implement was lifted; gaps in time were
+not logged.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+import numpy as np
+
+from fields.errors import FieldError
+from fields.formats.archive import ArchiveMembers
+from fields.formats.gdal import SHAPEFILE_DRIVER, LayerTable, read_table, restrict_gdal_drivers
+from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
+from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
+from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
+from planner.task_logs.runs.run_records import WGS84, Array, LogContents, LoggedRun, Mask
+from vehicle.identification.errors import LogError
+
+METADATA_SUFFIX = "-Deere-Metadata.json"
+LATIN1_NOTE = "names do not match the declared encoding; they are read as Latin-1"
+RATE_COLUMNS = ("appliedrate", "vryieldvol", "wetmass", "drymass", "vryieldmas", "seedrate")
+MAX_DBF_NAME_LETTERS = 10  # longest column name of dBASE; some exports write longer ones
+UNIT_LENGTHS_M = {"ft": 0.3048, "m": 1.0, "in": 0.0254, "cm": 0.01}
+TIME_COLUMNS = ("isotime", "time")
+TIME_FORMATS = ("%m/%d/%Y %I:%M:%S %p", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S")
+
+
+def _read_point_shapefiles(path: str, label: str) -> LogContents:
+    members, names = find_shapefiles(Path(path))
+    runs, notes = [], []
+    for name in names:
+        try:
+            runs.append(_read_run(members, name))
+        except (FieldError, LogError) as refusal:
+            notes.append(f"{PurePosixPath(name).name} is skipped: {refusal}")
+    if not names:
+        raise LogError(f"{label} has no Shapefile; name the .shp file, its folder or a ZIP archive of it.")
+    return LogContents(tuple(runs), tuple(notes))
+
+
+def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
+    stem = PurePosixPath(name).stem
+    columns, lonlat, encoding_note = _read_columns(members, name)
+    time_s, start = _parse_times(columns)
+    metadata = _read_metadata(members, name, stem)
+    notes = [encoding_note] if encoding_note else []
+    works = _find_work_state(columns, notes)
+    if len(time_s) and not np.isfinite(time_s).any():
+        raise LogError("its column IsoTime or Time has no valid time; export the points with their time.")
+    order = np.argsort(time_s, kind="stable")
+    run = LoggedRun(
+        stem,
+        "Shapefile",
+        lonlat[order],
+        time_s[order],
+        is_working=None if works is None else works[order],
+        width_m=_compute_median_width_m(columns, metadata),
+        start=start,
+        field=str(metadata.get("FieldName") or stem),
+        notes=tuple(notes),
+    )
+    return remove_unusable_rows(run)
+
+
+def _read_columns(members: ArchiveMembers, name: str) -> tuple[Mapping[str, Sequence[Any]], Array, str]:
+    """Columns by lower-case names, positions in degrees, and a note on the encoding."""
+    import shapely
+
+    table = _read_table(members, name)
+    points = shapely.from_wkb(table.shapes, on_invalid="ignore")
+    geometry_types = {one.geom_type for one in points if one is not None}
+    if geometry_types != {"Point"}:
+        raise LogError("its shapes are not points; name the Shapefile of logged points.")
+    lonlat = np.column_stack([shapely.get_x(points), shapely.get_y(points)])
+    if table.crs is None:
+        raise LogError("it has no .prj with its coordinate system; export it with one.")
+    if not is_wgs84_longitude_latitude(table.crs):
+        lonlat = _convert_to_degrees(lonlat, table.crs)
+    return table.columns, lonlat, LATIN1_NOTE if table.is_latin1 else ""
+
+
+def _read_table(members: ArchiveMembers, name: str) -> LayerTable:
+    """The table of a Shapefile, read with GDAL restricted to its driver; raises FieldError, LogError."""
+    from pyogrio.errors import DataLayerError, DataSourceError
+
+    parts = find_component_files(members, name, "it")
+    try:
+        with warnings.catch_warnings(), restrict_gdal_drivers(SHAPEFILE_DRIVER):
+            warnings.simplefilter("ignore")  # rows with unreadable numbers are dropped later
+            return read_table(pack_component_files(parts))
+    except UnboundLocalError:  # raised by pyogrio if GDAL cannot describe a coordinate system
+        raise LogError("its .prj names an unknown coordinate system; export it again.") from None
+    except (DataSourceError, DataLayerError, ValueError, RuntimeError, OSError, IndexError) as error:
+        if isinstance(error, FieldError):
+            raise
+        raise LogError("it cannot be read as a Shapefile; export it again.") from None
+
+
+def _convert_to_degrees(points: Array, crs: str) -> Array:
+    is_finite = np.isfinite(points).all(axis=1)
+    points[is_finite] = project(points[is_finite], crs, WGS84)
+    return points
+
+
+def _parse_times(columns: Mapping[str, Sequence[Any]]) -> tuple[Array, str]:
+    """Seconds (n,) since the first valid time, and that time as text."""
+    name = next((one for one in TIME_COLUMNS if one in columns), None)
+    if name is None:
+        raise LogError(f"it has no column IsoTime or Time (it has: {', '.join(columns)}); export the points with time.")
+    stamps = np.array([parse_timestamp(value) for value in columns[name]])
+    known_stamps = stamps[np.isfinite(stamps)]
+    if not len(known_stamps):
+        raise LogError(f"its column {name} has no time such as 2020-01-02T17:30:20; export the points with time.")
+    first = float(known_stamps.min())
+    return stamps - first, datetime.fromtimestamp(first, UTC).strftime("%Y-%m-%dT%H:%M:%S")
+
+
+def parse_timestamp(value: Any) -> float:
+    """A date and time as seconds since 1970, in any of the formats of exports; NaN for anything else."""
+    text = str(value).strip()
+    try:
+        when = datetime.fromisoformat(text)
+    except ValueError:
+        for clock in TIME_FORMATS:
+            try:
+                when = datetime.strptime(text, clock)
+                break
+            except ValueError:
+                continue
+        else:
+            return math.nan
+    try:
+        return (when if when.tzinfo else when.replace(tzinfo=UTC)).timestamp()
+    except (OverflowError, ValueError):
+        return math.nan
+
+
+def _find_work_state(columns: Mapping[str, Sequence[Any]], notes: list[str]) -> Mask | None:
+    """Working where a rate column is above 0; None without such a column."""
+    name = next(
+        (one for rate in RATE_COLUMNS for one in columns if one == rate or one == rate[:MAX_DBF_NAME_LETTERS]), None
+    )
+    if name is None:
+        return None
+    notes.append(f"the work state is from column {name}: working if above 0")
+    values = np.array([_parse_number(value) for value in columns[name]])
+    return np.asarray(values > 0.0)
+
+
+def _compute_median_width_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any]) -> float | None:
+    """The median of SWATHWIDTH in metres, by the unit in the metadata, in feet without it."""
+    if "swathwidth" not in columns:
+        return None
+    attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
+    unit = next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == "swathwidth"), "ft")
+    values = np.array([_parse_number(value) for value in columns["swathwidth"]])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    return float(np.median(values)) * UNIT_LENGTHS_M.get(str(unit), UNIT_LENGTHS_M["ft"]) if len(values) else None
+
+
+def _parse_number(value: Any) -> float:
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return math.nan
+
+
+def _read_metadata(members: ArchiveMembers, name: str, stem: str) -> dict[str, Any]:
+    content = members.read_member_beside(name, stem + METADATA_SUFFIX)
+    try:
+        metadata = json.loads(content.decode("utf-8-sig")) if content else {}
+    except (ValueError, RecursionError):
+        return {}
+    return metadata if isinstance(metadata, dict) else {}
+
+
+LOG_FORMAT = LogFormat(
+    "a Shapefile", (".shp",), _read_point_shapefiles, lambda names: any(one.endswith(".shp") for one in names)
+)

@@ -1,0 +1,231 @@
+"""Events of runs that a farm can learn from (speeds of passes, turns, stops, order of the headland), with intervals.
+
+Events of one run are correlated, so whole runs are resampled, not events, as soon as there are enough runs (cluster
+bootstrap: Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapter 8); with fewer runs, events are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from planner.task_logs.runs.phases import MOVING_MPS, RunPhases, classify_phases, find_true_segments
+from planner.task_logs.runs.run_records import Array, ProjectedRun
+from reports.task_logs.run_results import ACTIVITY_KINDS, STANDING
+
+BOOTSTRAP_SAMPLES, BOOTSTRAP_SEED = 1_000, 1
+MIN_BOOTSTRAP_RUNS = 5
+INTERVAL_QUANTILES = (0.025, 0.975)
+Statistic = Callable[[Array], float]
+
+
+@dataclass(frozen=True)
+class IntervalEstimate:
+    """A value with its 95 % interval, the number of events, and the names of their runs."""
+
+    value: float
+    low: float
+    high: float
+    events: int
+    runs: tuple[str, ...]
+
+
+def estimate_statistic(events: Mapping[str, Array], statistic: Statistic, min_events: int) -> IntervalEstimate | None:
+    """A statistic of the events (n, ...) of all runs; None for fewer than `min_events`."""
+    used_events = {name: run_events for name, run_events in events.items() if len(run_events)}
+    if sum(map(len, used_events.values())) < min_events:
+        return None
+    parts = list(used_events.values())
+    all_events = np.concatenate(parts)
+    random = np.random.default_rng(BOOTSTRAP_SEED)
+    samples = []
+    for _ in range(BOOTSTRAP_SAMPLES):
+        if len(parts) >= MIN_BOOTSTRAP_RUNS:
+            resample = np.concatenate([parts[index] for index in random.integers(0, len(parts), len(parts))])
+        else:
+            resample = all_events[random.integers(0, len(all_events), len(all_events))]
+        samples.append(statistic(resample))
+    low, high = np.quantile(np.array(samples), INTERVAL_QUANTILES)
+    return IntervalEstimate(statistic(all_events), float(low), float(high), len(all_events), tuple(used_events))
+
+
+def estimate_hourly_rate(events: Mapping[str, tuple[int, float]]) -> IntervalEstimate | None:
+    """Events per hour, from (events, hours) of every run, with Garwood's exact interval of a Poisson rate.
+
+    With several runs, the bootstrap interval is used if it is wider.
+    """
+    from scipy.stats import chi2
+
+    used_events = {name: pair for name, pair in events.items() if pair[1] > 0.0}
+    count, hours = sum(pair[0] for pair in used_events.values()), sum(pair[1] for pair in used_events.values())
+    if not hours:
+        return None
+    low = float(chi2.ppf(INTERVAL_QUANTILES[0], 2 * count)) / 2.0 / hours if count else 0.0
+    high = float(chi2.ppf(INTERVAL_QUANTILES[1], 2 * count + 2)) / 2.0 / hours
+    if len(used_events) >= MIN_BOOTSTRAP_RUNS:
+        table = {name: np.array([pair], dtype=np.float64) for name, pair in used_events.items()}
+        by_run = estimate_statistic(table, lambda rows: float(rows[:, 0].sum() / rows[:, 1].sum()), 1)
+        if by_run is not None:
+            low, high = min(low, by_run.low), max(high, by_run.high)
+    return IntervalEstimate(count / hours, low, high, count, tuple(used_events))
+
+
+def estimate_share(hits: int, runs: tuple[str, ...]) -> IntervalEstimate:
+    """The share `hits` of the runs, with Wilson's interval (J. Am. Stat. Assoc. 22:209, 1927)."""
+    n, z = len(runs), 1.959964
+    middle = (hits + 0.5 * z * z) / (n + z * z)
+    half = z / (n + z * z) * math.sqrt(hits * (n - hits) / n + 0.25 * z * z)
+    return IntervalEstimate(hits / n, max(0.0, middle - half), min(1.0, middle + half), n, runs)
+
+
+def compute_variation_coefficient(values: Array) -> float:
+    """Coefficient of variation of a sample (n,)."""
+    return float(np.std(values, ddof=1) / np.mean(values)) if len(values) > 1 else 0.0
+
+
+def compute_mean(values: Array) -> float:
+    """The mean of a sample (n,)."""
+    return float(np.mean(values))
+
+
+def compute_median(values: Array) -> float:
+    """The median of a sample (n,)."""
+    return float(np.median(values))
+
+
+MIN_PASS_S = 20.0
+"""Shorter segments of work are not passes."""
+MIN_EVENTS, MAX_SWATHS_OVER = 5, 10
+EDGE_WIDTHS, INNER_WIDTHS, MIN_SHARE = 1.0, 3.0, 0.05
+"""Widths from the outline up to which work is headland, widths from which it is inside, smallest share of either."""
+
+
+class RunObservations:
+    """Events of runs by kind; `width_m` converts the offset of a turn to a number of swaths."""
+
+    def __init__(self, runs: Sequence[ProjectedRun], width_m: float) -> None:
+        """Classify the phases of the runs with a known work state."""
+        self.width_m = width_m
+        self.runs = [run for run in runs if run.has_work_state]
+        self.phases_by_run: dict[str, RunPhases] = {run.name: classify_phases(run) for run in self.runs}
+
+    def estimate_speed_mps(self) -> IntervalEstimate | None:
+        """The working speed: the median of the mean speeds of passes."""
+        return estimate_statistic({run.name: _find_pass_speeds(run) for run in self.runs}, compute_median, MIN_EVENTS)
+
+    def estimate_pass_cv(self) -> IntervalEstimate | None:
+        """Coefficient of variation of the mean speed of passes, relative to their run."""
+        passes = {run.name: _find_pass_speeds(run) for run in self.runs}
+        ratios = {
+            name: pass_speeds / pass_speeds.mean()
+            for name, pass_speeds in passes.items()
+            if len(pass_speeds) >= MIN_EVENTS
+        }
+        return estimate_statistic(ratios, compute_variation_coefficient, MIN_EVENTS)
+
+    def list_u_turn_seconds(self, min_swaths: int, max_swaths: int | None = None) -> Mapping[str, Array]:
+        """Seconds of U-turns without a stop over `min_swaths` to `max_swaths` swaths, by run."""
+        return {
+            name: np.array(
+                [
+                    turn.seconds
+                    for turn in run_phases.turns
+                    if turn.is_u_turn and _is_turn_across_swaths(turn.offset_m, self.width_m, min_swaths, max_swaths)
+                ]
+            )
+            for name, run_phases in self.phases_by_run.items()
+        }
+
+    def estimate_frequent_turn_s(self) -> tuple[int, IntervalEstimate] | None:
+        """The most frequent turn: over how many swaths, and its median in seconds."""
+        counts = {
+            swaths_over: sum(map(len, self.list_u_turn_seconds(swaths_over, swaths_over).values()))
+            for swaths_over in (1, 2, 3, 4)
+        }
+        swaths_over = max(counts, key=lambda each: counts[each])
+        estimate = estimate_statistic(self.list_u_turn_seconds(swaths_over, swaths_over), compute_median, MIN_EVENTS)
+        return None if estimate is None else (swaths_over, estimate)
+
+    def estimate_turn_cv(self) -> IntervalEstimate | None:
+        """Coefficient of variation of the time of turns to the next swath."""
+        return estimate_statistic(self.list_u_turn_seconds(1, 1), compute_variation_coefficient, 2 * MIN_EVENTS)
+
+    def estimate_long_turn_cv(self) -> IntervalEstimate | None:
+        """Coefficient of variation of the time of longer turns, relative to the mean over as many swaths."""
+        ratios: dict[str, list[float]] = {run.name: [] for run in self.runs}
+        for swaths_over in range(2, MAX_SWATHS_OVER + 1):
+            turns_by_run = self.list_u_turn_seconds(swaths_over, swaths_over)
+            all_turns = np.concatenate(list(turns_by_run.values()))
+            if len(all_turns) >= MIN_EVENTS:
+                for name, run_values in turns_by_run.items():
+                    ratios[name] += (run_values / all_turns.mean()).tolist()
+        return estimate_statistic(
+            {name: np.array(run_values) for name, run_values in ratios.items()},
+            compute_variation_coefficient,
+            2 * MIN_EVENTS,
+        )
+
+    def estimate_stops_per_hour(self) -> IntervalEstimate | None:
+        """Stops per hour of driving."""
+        return estimate_hourly_rate(
+            {run.name: (len(self.phases_by_run[run.name].stops_s), self._sum_moving_h(run)) for run in self.runs}
+        )
+
+    def _sum_moving_h(self, run: ProjectedRun) -> float:
+        durations_s = np.diff(run.time_s)
+        return float(durations_s[self.phases_by_run[run.name].kinds != ACTIVITY_KINDS.index(STANDING)].sum()) / 3600.0
+
+    def estimate_mean_stop_s(self) -> IntervalEstimate | None:
+        """Mean length of a stop."""
+        return estimate_statistic(
+            {name: run_phases.stops_s for name, run_phases in self.phases_by_run.items()}, compute_mean, MIN_EVENTS
+        )
+
+    def estimate_stop_cv(self) -> IntervalEstimate | None:
+        """Coefficient of variation of the length of stops."""
+        return estimate_statistic(
+            {name: run_phases.stops_s for name, run_phases in self.phases_by_run.items()},
+            compute_variation_coefficient,
+            2 * MIN_EVENTS,
+        )
+
+    def estimate_headland_first_share(self) -> IntervalEstimate | None:
+        """The share of runs that worked the edge of the field before its inside; None if no run shows it."""
+        first_by_run = {
+            run.name: first for run in self.runs if (first := _is_edge_first(run, self.width_m)) is not None
+        }
+        return estimate_share(sum(first_by_run.values()), tuple(first_by_run)) if first_by_run else None
+
+
+def _is_turn_across_swaths(offset_m: float, width_m: float, min_swaths: int, max_swaths: int | None) -> bool:
+    swaths_over = offset_m / width_m
+    return swaths_over > min_swaths - 0.5 and (max_swaths is None or swaths_over <= max_swaths + 0.5)
+
+
+def _find_pass_speeds(run: ProjectedRun) -> Array:
+    """Mean speeds (n,) of the segments of work."""
+    pass_speeds = []
+    for first, last in find_true_segments(run.is_working):
+        speed = run.speed_mps[first:last]
+        speed = speed[speed > MOVING_MPS]
+        if run.time_s[last - 1] - run.time_s[first] >= MIN_PASS_S and len(speed):
+            pass_speeds.append(float(speed.mean()))
+    return np.array(pass_speeds)
+
+
+def _is_edge_first(run: ProjectedRun, width_m: float) -> bool | None:
+    """Whether the edge was worked before the inside, by mean times; None if one of them is hardly worked."""
+    if run.outline is None:
+        return None
+    distance_m = shapely.distance(run.outline.boundary, shapely.points(run.xy))
+    edge, inner = (
+        run.is_working & (distance_m < EDGE_WIDTHS * width_m),
+        run.is_working & (distance_m > INNER_WIDTHS * width_m),
+    )
+    if min(int(edge.sum()), int(inner.sum())) < MIN_SHARE * max(int(run.is_working.sum()), 1):
+        return None
+    return bool(run.time_s[edge].mean() < run.time_s[inner].mean())

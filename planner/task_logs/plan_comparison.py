@@ -1,0 +1,318 @@
+"""A saved plan compared with its as-driven runs: time by kind, worked ground, and causes of the difference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from fields.documents.reader import read_field
+from fields.geometry.geodesy import project
+from fields.text_files import count_noun
+from planner.errors import HeadlandError, RequestError
+from planner.pipeline.outputs.saved_plans import SavedPlanRun, read_machines, simulate_saved_plan
+from planner.task_logs.example_logs import locate_antenna
+from planner.task_logs.runs.phases import find_true_segments, summarise_run
+from planner.task_logs.runs.run_files import load_imported_runs
+from planner.task_logs.runs.run_records import Array, ProjectedRun, compute_course_deg, compute_speeds
+from planner.task_logs.runs.worked_ground import measure_coverage, trace_tool_lines
+from reports.task_logs.run_results import (
+    STANDING,
+    TRANSIT,
+    TURNING,
+    UNLOGGED,
+    WORKING,
+    ComparisonSide,
+    GroundCoverage,
+    PlanComparison,
+    Points,
+    RunFigures,
+    TimeDifference,
+)
+from vehicle.missions.plan import LEAVE
+from vehicle.records import WORKING as AT_WORK
+
+NEAR_FIELD_M, MIN_INSIDE_SHARE = 20.0, 0.5
+"""A run belongs to the field if more than this share of its positions is in it or this near."""
+ROW_STEP = 10  # rows of the 10 Hz record: plans are compared at 1 Hz, as logs
+PLAN_FORMAT = "plan"
+
+
+def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> PlanComparison:
+    """A plan of `headland plan --save` and imported runs of its field.
+
+    Raises MissionError, RequestError, VehicleError or LogError if the plan is not usable or no run is in its field.
+    """
+    saved_run = simulate_saved_plan(plan)
+    runs = load_imported_runs(paths)
+    crs = saved_run.saved.crs
+    if crs is None:
+        raise RequestError(
+            "The plan is in local metres, but runs have a place on the earth; plan the field in longitude and latitude."
+        )
+    projected_runs = [_reproject_run(run, crs) for run in runs]
+    planned = [build_planned_run(saved_run, tractor) for tractor in range(saved_run.saved.plan.tractors)]
+    field, is_field_known = _find_compared_field(saved_run, projected_runs, planned)
+    field_runs = [run for run in projected_runs if _compute_inside_share(run, field) > MIN_INSIDE_SHARE]
+    if not field_runs:
+        raise RequestError(
+            f"None of {count_noun(len(runs), 'run')} is in the field {saved_run.request.field!r} of the plan; give "
+            "runs in this field."
+        )
+    tractor, implement = read_machines(saved_run.saved, saved_run.request)
+    tool_offset_m = tractor.antenna_forward_m + implement.hitch_m
+    sides = [
+        _build_comparison_side(side_runs, field, saved_run.request.width_m, tool_offset_m, is_field_known)
+        for side_runs in (planned, field_runs)
+    ]
+    return PlanComparison(
+        name=_choose_comparison_name(field_runs, saved_run),
+        field_m2=float(field.area) if is_field_known else None,
+        boundary=tuple(np.array(ring.coords)[:, :2] for ring in (field.exterior, *field.interiors))
+        if is_field_known
+        else (),
+        width_m=saved_run.request.width_m,
+        planned=sides[0],
+        as_driven=sides[1],
+        differences=tuple(_find_time_differences(sides[0].figures, sides[1].figures)),
+        notes=tuple(
+            _list_comparison_notes(
+                runs, field_runs, saved_run, None if sides[1].ground is None else tool_offset_m, is_field_known
+            )
+        ),
+    )
+
+
+def build_planned_run(saved_run: SavedPlanRun, tractor: int) -> ProjectedRun:
+    """The run of a tractor of a plan at 1 Hz, as its antenna would log it."""
+    run = saved_run.run
+    end_row = int(np.searchsorted(run.time_s, run.finish_s[tractor]))
+    rows = np.unique(
+        np.append(np.arange(0, min(end_row + 1, len(run.time_s)), ROW_STEP), min(end_row, len(run.time_s) - 1))
+    )
+    xy = locate_antenna(saved_run, tractor)[rows] + np.array(saved_run.saved.origin_m)
+    legs = run.plan.missions[tractor].legs
+    implement_down = np.array([leg.implement and leg.task.kind != LEAVE for leg in legs])
+    is_working = implement_down[np.minimum(run.get_leg_numbers(tractor)[rows], len(legs) - 1)] & (
+        run.get_statuses(tractor)[rows] == AT_WORK
+    )
+    time_s = run.time_s[rows]
+    return ProjectedRun(
+        f"tractor {tractor + 1}",
+        PLAN_FORMAT,
+        saved_run.saved.crs or "",
+        time_s,
+        xy,
+        compute_course_deg(xy),
+        compute_speeds(time_s, xy),
+        is_working,
+        width_m=saved_run.request.width_m,
+        field=saved_run.request.field,
+    )
+
+
+def _reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
+    """A run in another projected coordinate system."""
+    if run.crs == crs:
+        return run
+    xy = project(run.xy, run.crs, crs)
+    outline = run.outline
+    if outline is not None:
+        outline = shapely.transform(outline, lambda points: project(points, run.crs, crs))
+    return replace(run, crs=crs, xy=xy, heading_deg=compute_course_deg(xy), outline=outline)
+
+
+def _find_compared_field(
+    saved_run: SavedPlanRun, runs: Sequence[ProjectedRun], planned: Sequence[ProjectedRun]
+) -> tuple[shapely.Polygon, bool]:
+    """The field in metres of the plan and True, or the convex hull of the planned work and False."""
+    request = saved_run.request
+    try:
+        field = read_field(request.field, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+        if field.crs == saved_run.saved.crs:
+            return shapely.transform(field.boundary, lambda points: points + np.array(field.origin_m)), True
+    except HeadlandError:
+        pass
+    hull = shapely.MultiPoint(np.concatenate([run.xy[run.is_working] for run in planned])).convex_hull.buffer(
+        0.5 * request.width_m
+    )
+    outlines = [run.outline for run in runs if run.outline is not None and run.outline.intersection(hull).area > 0.0]
+    if outlines:
+        return max(outlines, key=lambda one: float(one.intersection(hull).area)), True
+    return hull, False
+
+
+def _compute_inside_share(run: ProjectedRun, field: shapely.Polygon) -> float:
+    near = field.buffer(NEAR_FIELD_M)
+    shapely.prepare(near)
+    return float(shapely.contains_xy(near, run.xy[:, 0], run.xy[:, 1]).mean())
+
+
+def _choose_comparison_name(runs: Sequence[ProjectedRun], saved_run: SavedPlanRun) -> str:
+    return next((run.field for run in runs if run.field), Path(saved_run.request.field).stem)
+
+
+def _build_comparison_side(
+    runs: Sequence[ProjectedRun], field: shapely.Polygon, width_m: float, tool_offset_m: float, is_field_known: bool
+) -> ComparisonSide:
+    """The combined runs of one side."""
+    has_work_state = all(run.has_work_state for run in runs)
+    width = next((run.width_m for run in runs if run.width_m), width_m)
+    covered: GroundCoverage | None = (
+        measure_coverage(runs, field, width, tool_offset_m) if is_field_known and has_work_state else None
+    )
+    return ComparisonSide(
+        len(runs),
+        _sum_figures([summarise_run(run) for run in runs]),
+        tuple(line for run in runs for line in trace_tool_lines(run, 0.0)) if has_work_state else (),
+        tuple(line for run in runs for line in _iterate_idle_lines(run)),
+        covered,
+    )
+
+
+def _iterate_idle_lines(run: ProjectedRun) -> Iterator[Points]:
+    for first, last in find_true_segments(~run.is_working):
+        line: Array = run.xy[max(first - 1, 0) : last + 1]
+        if len(line) > 1:
+            yield line
+
+
+def _sum_figures(figures: Sequence[RunFigures]) -> RunFigures:
+    """The combined figures of several runs: sums, and means over all of them."""
+    by_kind_s = {kind: sum(one.by_kind_s[kind] for one in figures) for kind in figures[0].by_kind_s}
+    active_m = _sum_if_complete([one.active_m for one in figures])
+    turning = [one for one in figures if one.turning_mps]
+    u_turns = [(one.u_turns or 0, one.u_turn_s) for one in figures if one.u_turn_s is not None]
+    return RunFigures(
+        seconds=sum(one.seconds for one in figures),
+        by_kind_s=by_kind_s,
+        active_m=active_m,
+        inactive_m=_sum_if_complete([one.inactive_m for one in figures]),
+        counted_m=_sum_if_complete([one.counted_m for one in figures]),
+        placed_m=sum(one.placed_m for one in figures),
+        area_m2=_sum_if_complete([one.area_m2 for one in figures]),
+        area_counted=all(one.area_counted for one in figures),
+        lifts=_sum_counts_if_complete([one.lifts for one in figures]),
+        turns=_sum_counts_if_complete([one.turns for one in figures]),
+        u_turns=_sum_counts_if_complete([one.u_turns for one in figures]),
+        u_turn_s=sum(n * s for n, s in u_turns) / sum(n for n, _ in u_turns) if u_turns else None,
+        stops=sum(one.stops for one in figures),
+        stops_s=sum(one.stops_s for one in figures),
+        working_mps=active_m / by_kind_s[WORKING] if active_m and by_kind_s[WORKING] else None,
+        turning_mps=_average_turning_mps(turning),
+        fuel_l=_sum_if_complete([one.fuel_l for one in figures]),
+        width_m=figures[0].width_m,
+        rows=sum(one.rows for one in figures),
+    )
+
+
+def _average_turning_mps(figures: Sequence[RunFigures]) -> float | None:
+    weights = [one.by_kind_s[TURNING] for one in figures]
+    if not sum(weights):
+        return None
+    return sum(w * (one.turning_mps or 0.0) for w, one in zip(weights, figures, strict=True)) / sum(weights)
+
+
+def _sum_if_complete(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
+
+
+def _sum_counts_if_complete(values: Sequence[int | None]) -> int | None:
+    known = [value for value in values if value is not None]
+    return sum(known) if len(known) == len(values) else None
+
+
+def _find_time_differences(planned: RunFigures, as_driven: RunFigures) -> Iterator[TimeDifference]:
+    """Parts that add up to the difference in machine time, the largest first.
+
+    At work and in turns, amount and pace are separated: (b - a) x s and b x (t - s) add up to b x t - a x s, with the
+    lengths or counts a and b, and the seconds s and t per unit.
+    """
+    has_turns = as_driven.turns is not None
+    travel_s, unlogged_s = (as_driven.by_kind_s[kind] - planned.by_kind_s[kind] for kind in (TRANSIT, UNLOGGED))
+    differences = [TimeDifference(UNLOGGED, unlogged_s, "moved without a log")]
+    standing_s = as_driven.by_kind_s[STANDING] - planned.by_kind_s[STANDING]
+    differences.append(TimeDifference(STANDING, standing_s, f"{as_driven.stops} stops, planned {planned.stops}"))
+    if has_turns:
+        differences += [
+            TimeDifference(TRANSIT, travel_s, "on paths longer than a turn"),
+            *_split_difference_by_activity(planned, as_driven),
+        ]
+    else:
+        differences.append(TimeDifference("moving", as_driven.moving_s - planned.moving_s, "moving, working or not"))
+    yield from sorted((one for one in differences if abs(one.seconds) >= 1.0), key=lambda one: -abs(one.seconds))
+
+
+def _split_difference_by_activity(planned: RunFigures, as_driven: RunFigures) -> Iterator[TimeDifference]:
+    """Differences by amount and by pace, at work and in turns."""
+    yield from _split_by_amount_and_pace(
+        WORKING,
+        planned,
+        as_driven,
+        (planned.active_m, as_driven.active_m),
+        "{driven:.0f} m at work, planned {planned:.0f} m",
+        "at work {driven:.1f} km/h, planned {planned:.1f} km/h",
+    )
+    yield from _split_by_amount_and_pace(
+        TURNING,
+        planned,
+        as_driven,
+        (planned.turns, as_driven.turns),
+        "{driven:.0f} turns, planned {planned:.0f}",
+        "{driven:.0f} s per turn, planned {planned:.0f} s",
+    )
+
+
+def _split_by_amount_and_pace(
+    kind: str,
+    planned: RunFigures,
+    as_driven: RunFigures,
+    counts: tuple[float | None, float | None],
+    amount_text: str,
+    pace_text: str,
+) -> Iterator[TimeDifference]:
+    """Differences by amount and by pace; a single difference if either side has no such work."""
+    (planned_count, driven_count), (planned_s, driven_s) = counts, (planned.by_kind_s[kind], as_driven.by_kind_s[kind])
+    if not planned_count or not driven_count or not planned_s or not driven_s:
+        yield TimeDifference(kind, driven_s - planned_s, f"time {kind}")
+        return
+    planned_pace, driven_pace = planned_s / planned_count, driven_s / driven_count
+    yield TimeDifference(
+        kind,
+        (driven_count - planned_count) * planned_pace,
+        amount_text.format(driven=driven_count, planned=planned_count),
+    )
+    shown_paces = (3.6 / driven_pace, 3.6 / planned_pace) if kind == WORKING else (driven_pace, planned_pace)
+    yield TimeDifference(
+        kind,
+        driven_count * (driven_pace - planned_pace),
+        pace_text.format(driven=shown_paces[0], planned=shown_paces[1]),
+    )
+
+
+def _list_comparison_notes(
+    runs: Sequence[ProjectedRun],
+    field_runs: Sequence[ProjectedRun],
+    saved_run: SavedPlanRun,
+    tool_offset_m: float | None,
+    is_field_known: bool,
+) -> Iterator[str]:
+    if len(field_runs) < len(runs):
+        yield f"{count_noun(len(runs) - len(field_runs), 'run')} in other places skipped."
+    if not all(run.has_work_state for run in field_runs):
+        yield "Some runs have no work state, so ground and work are not compared."
+    if not is_field_known:
+        yield "The field of the plan cannot be read, so ground is not compared; put its file back."
+    width = next((run.width_m for run in field_runs if run.width_m), None)
+    if width and abs(width - saved_run.request.width_m) > 0.05:
+        yield f"Working width: {width:g} m in the logs, {saved_run.request.width_m:g} m in the plan; both are used."
+    if tool_offset_m is None:
+        return
+    yield (
+        f"Worked ground is swept by a tool of this width {tool_offset_m:.1f} m behind the antenna, by the tractor and "
+        "implement of the plan; pieces narrower than 0.4 m are not drawn."
+    )

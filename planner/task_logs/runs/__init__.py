@@ -1,0 +1,1 @@
+"""Imported runs: records, phases, worked ground and their files."""

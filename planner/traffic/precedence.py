@@ -1,0 +1,187 @@
+"""Who goes first: the gates by which tractors of a plan give way, from what each would do alone on the field.
+
+Paths are given, and every tractor may stand at its hold points. Tractors are moved from hold point to hold point in the
+order of time. One enters a segment if no part of it is used by others meanwhile, nobody stands in its way, and all
+could still get home one after another if everybody then stopped; if that holds at the start, no two can wait for each
+other for ever. What makes a tractor wait, or nearly does, becomes a gate; other gates of the plan are respected.
+timetable_search computes the times.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from planner.traffic.conflict_zones import ConflictZones, assume_no_conflicts, find_conflict_zones
+from planner.traffic.deadlock_avoidance import DeadlockAvoidance
+from planner.traffic.timetable_search import GAP_AHEAD_S, GAP_BEHIND_S, MAX_CHAIN, fill_timetable
+from planner.traffic.trajectories import SoloSimulation, TrajectoryCache, get_trajectories
+from vehicle.missions.plan import LegGate, Mission, Plan
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.compile import build_model_record
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PrecedenceRule:
+    """How the next tractor is picked: by when it can go on or, the more `eager`, by when it has reached its hold point.
+
+    With `continues` one that must not stop at the next hold point may continue beyond it in one go.
+    """
+
+    eager: float
+    continues: bool
+
+
+SMALL_FLEET_TRACTORS = 4  # larger fleets are scheduled by the first rule only
+PRECEDENCE_RULES = (
+    PrecedenceRule(0.0, False),
+    PrecedenceRule(0.0, True),
+    PrecedenceRule(0.5, False),
+    PrecedenceRule(0.5, True),
+    PrecedenceRule(1.0, True),
+)
+
+
+@dataclass(frozen=True)
+class Timetable:
+    """When each tractor begins each of its segments, when it is done, and the gates before legs that enforce it."""
+
+    begins_s: list[list[float]]
+    free_s: list[float]
+    gates: list[tuple[int, int, LegGate]]
+
+    @property
+    def duration_s(self) -> float:
+        """When the last tractor is done (s)."""
+        return max(self.free_s)
+
+
+class PrecedenceSearch:
+    """Finds a timetable for the trajectories of a plan."""
+
+    def __init__(self, plan: Plan, zones: ConflictZones, slack: float = 1.0) -> None:
+        """For a plan whose tractors keep `slack` times the usual time between each other."""
+        self.plan, self.zones, self.trajectories = plan, zones, zones.trajectories
+        self.margins_s = GAP_BEHIND_S * slack, GAP_AHEAD_S * slack
+        self.deadlock_avoidance = DeadlockAvoidance(plan, zones)
+
+    def find_timetable(self) -> Timetable | None:
+        """The quickest timetable; None if tractors stand so that they could not even get home one after another.
+
+        Gates of the plan that would prevent that are dropped (DeadlockAvoidance.dropped_gates). If no timetable is
+        found, a deeper search for ways home follows.
+        """
+        for deep in (False, True):
+            if deep:
+                self.deadlock_avoidance = DeadlockAvoidance(self.plan, self.zones, deep=deep)
+            if not self.deadlock_avoidance.drop_deadlocked_gates():
+                continue
+            rules = PRECEDENCE_RULES if len(self.trajectories) <= SMALL_FLEET_TRACTORS else PRECEDENCE_RULES[:1]
+            tables = [self._fill_timetable(rule) for rule in rules]
+            complete_tables = [table for table in tables if not np.isnan(table[1]).any()]
+            if complete_tables:
+                return self._build_timetable(*min(complete_tables, key=lambda table: _rank_timetable(table[1])))
+        return None
+
+    def _fill_timetable(self, rule: PrecedenceRule) -> tuple[Floats, Floats, Floats]:
+        """A timetable in which the earliest possible entry comes next (timetable_search.fill_timetable)."""
+        net = self.deadlock_avoidance.net
+        max_spans = MAX_CHAIN * int(np.max(np.diff(net.apart_start) + np.diff(net.blockers_start)))
+        is_concerned = net.near | self.deadlock_avoidance.waits_on
+        search_rule = (rule.eager, rule.continues), self.deadlock_avoidance.deep
+        return fill_timetable(net, is_concerned, max_spans, self.margins_s, *search_rule)  # type: ignore[no-any-return]
+
+    def _build_timetable(self, begun_s: Floats, free_s: Floats, gates: Floats) -> Timetable:
+        """A timetable by tractors, legs and metres from one by numbered places."""
+        base = self.zones.base.tolist()
+        begins = [begun_s[first : end - 1].tolist() for first, end in pairwise(base)]
+        return Timetable(begins, free_s.tolist(), [self._build_gate(*gate) for gate in gates.tolist()])
+
+    def _build_gate(self, own_segment: float, other_segment: float, after_s: float) -> tuple[int, int, LegGate]:
+        """The gate before a segment that opens when another has been begun for `after_s`, with tractor and leg."""
+        owner, base = self.deadlock_avoidance.net.owner, self.zones.base
+        tractor, other_tractor = int(owner[int(own_segment)]), int(owner[int(other_segment)])
+        gate = self.trajectories[other_tractor].build_segment_gate(
+            other_tractor, int(other_segment - base[other_tractor]), after_s, self.plan.missions[other_tractor]
+        )
+        return tractor, self.trajectories[tractor].hold_legs[int(own_segment - base[tractor])], gate
+
+
+def _rank_timetable(free_s: Floats) -> tuple[int, int]:
+    """Sort key of timetables: when the last tractor is done, then the sum over all."""
+    return round(float(free_s.max())), round(sum(free_s.tolist()))
+
+
+@dataclass(frozen=True)
+class TrafficRules:
+    """What tractors must keep to: the machines, how near they may come, and how one is simulated alone.
+
+    `cache` holds results for the same rules.
+    """
+
+    tractor: Tractor
+    implement: Implement
+    clearance_m: float
+    side_clearance_m: float
+    simulate_alone: SoloSimulation
+    cache: TrajectoryCache = field(default_factory=TrajectoryCache)
+
+
+@dataclass(frozen=True)
+class ScheduledPlan:
+    """A plan with gates so that no tractors meet, its predicted duration, and the duration if each drove alone."""
+
+    plan: Plan
+    predicted_s: float
+    solo_s: float
+
+
+def schedule_plan(plan: Plan, rules: TrafficRules, slack: float = 1.0) -> ScheduledPlan | None:
+    """The plan with gates so that no tractors meet; None if no order was found.
+
+    `slack` times the usual time is kept between two that use the same place one after the other.
+    """
+    trajectories = get_trajectories(plan, rules.simulate_alone, rules.cache)
+    if trajectories is None:
+        return None
+    models = np.array([build_model_record(rules.tractor, rules.implement)])
+    gated_legs = [{n for n, leg in enumerate(mission.legs) if leg.gates} for mission in plan.missions]
+    zones = find_conflict_zones(
+        trajectories, models, rules.clearance_m, rules.side_clearance_m, gated_legs, rules.cache
+    )
+    precedence = PrecedenceSearch(plan, zones, slack)
+    table = precedence.find_timetable()
+    if table is None:
+        return None
+    solo_timetable = PrecedenceSearch(plan, assume_no_conflicts(zones.trajectories)).find_timetable()
+    solo_s = table.duration_s if solo_timetable is None else solo_timetable.duration_s
+    scheduled = _add_gates(_drop_gates(plan, precedence.deadlock_avoidance.dropped_gates), table.gates)
+    return ScheduledPlan(scheduled, table.duration_s, solo_s)
+
+
+def _drop_gates(plan: Plan, dropped: list[tuple[int, int, LegGate]]) -> Plan:
+    """The plan without the dropped gates; the note `loosened` counts the legs that are no longer waited for."""
+    missions, dropped_places = list(plan.missions), {(gate.tractor, gate.leg) for _, _, gate in dropped}
+    for tractor, leg, gate in dropped:
+        legs = list(missions[tractor].legs)
+        remaining_gates = tuple(leg_gate for leg_gate in legs[leg].gates if leg_gate is not gate)
+        legs[leg] = replace(legs[leg], gates=remaining_gates)
+        missions[tractor] = Mission(tuple(legs))
+    return Plan(tuple(missions), plan.notes | {"loosened": len(dropped_places)}) if dropped else plan
+
+
+def _add_gates(plan: Plan, gates: list[tuple[int, int, LegGate]]) -> Plan:
+    """The plan with gates at (tractor, leg); of several for one leg on the same tractor only the last one is used."""
+    latest_gates: dict[tuple[int, int, int], LegGate] = {}
+    for tractor, leg, gate in gates:
+        key = tractor, leg, gate.tractor
+        if key not in latest_gates or (latest_gates[key].leg, latest_gates[key].after_m) < (gate.leg, gate.after_m):
+            latest_gates[key] = gate
+    for (tractor, leg, _), gate in latest_gates.items():
+        plan = plan.copy_with_gate(tractor, leg, gate)
+    return plan

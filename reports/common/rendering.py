@@ -1,0 +1,56 @@
+"""Pages from templates, plain values for JSON, and the error of all reports."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from importlib.resources import files
+from typing import Any
+
+from fields.errors import HeadlandError
+from reports.common import palette
+
+
+class ReportError(HeadlandError):
+    """A result that cannot be drawn or written.
+
+    The message is one sentence: the value, the rule it breaks, and the fix.
+    """
+
+
+def make_json_safe(value: Any, decimals: int | None = None) -> Any:
+    """Plain Python values: numpy values unpacked, tuples as lists, keys as text, floats that are not finite as None.
+
+    With `decimals` floats are rounded, and -0.0 becomes 0.0.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): make_json_safe(item, decimals) for key, item in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, list | tuple):
+        return [make_json_safe(item, decimals) for item in value]
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            return None
+        return value if decimals is None else round(value, decimals) + 0.0
+    return value
+
+
+def render_template(name: str, content: Mapping[str, Any]) -> str:
+    """A page as HTML text: the template `name` of the package reports filled with `content`, values escaped."""
+    from jinja2 import Environment, FunctionLoader, StrictUndefined
+
+    package_files = files("reports")
+    environment = Environment(
+        loader=FunctionLoader(lambda part: package_files.joinpath(part).read_text(encoding="utf-8")),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    colours = {
+        "states": list(palette.STATE_COLOURS),
+        "state_colours": palette.STATE_COLOURS,
+        "tractor_colours": list(zip(palette.TRACTOR_COLOURS, palette.DARK_TRACTOR_COLOURS, strict=True)),
+    }
+    return environment.get_template(name).render({**colours, **content}).rstrip() + "\n"

@@ -1,0 +1,225 @@
+"""Tables and sentences that fit the console: columns without room are named, and no figure is cut."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from rich.cells import cell_len
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from fields.errors import escape_controls
+from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
+
+LINE_COLUMNS = 100  # columns; longer lines are hard to read
+_GAP_COLUMNS = 1
+_LEAST_TEXT_COLUMNS = 8
+BREAK_MARKS = " +-"
+
+
+@dataclass(frozen=True)
+class TableColumn:
+    """A column: its heading, a shorter heading for narrow consoles, and when it is dropped.
+
+    Text (`is_text`) is aligned left and may be broken over lines after one of `break_marks`, unless it is
+    `is_unbroken`; figures are aligned right and never broken. When the console is too narrow, the column with the
+    highest `drop_order` is dropped first; those with 0 always stay.
+    """
+
+    heading: str
+    short_heading: str = ""
+    is_text: bool = False
+    drop_order: int = 0
+    is_unbroken: bool = False
+    break_marks: str = BREAK_MARKS
+
+
+@dataclass(frozen=True)
+class FittedTable:
+    """Rows of text whose columns are chosen when the width of the console is known.
+
+    All columns under their headings, else under their short headings, else fewer columns and a line that names the
+    missing ones, else a list with a heading and its value per line. `styles` has one entry per row, or is empty;
+    `more_hint` says where missing columns can be seen. Control characters, such as a line break in a name, are shown
+    as `\\n`; only with `has_lines` can a cell have several lines.
+    """
+
+    columns: tuple[TableColumn, ...]
+    rows: tuple[tuple[str, ...], ...]
+    styles: tuple[str, ...] = ()
+    has_header: bool = True
+    more_hint: str = "a wider window or --json shows more"
+    has_lines: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.has_lines:
+            object.__setattr__(self, "rows", tuple(tuple(map(escape_controls, row)) for row in self.rows))
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
+        places, short = self._choose_columns(options.max_width)
+        widths = self._compute_column_widths(places, short, options.max_width)
+        if widths is None:
+            yield from self._print_as_list()
+            return
+        yield self._build_rich_table(places, widths, short)
+        if len(places) < len(self.columns):
+            missing = ", ".join(c.heading for n, c in enumerate(self.columns) if n not in places)
+            yield format_sentence(f"No room for: {missing}; {self.more_hint}.", style="dim")
+
+    def fits_full_headings(self, width: int) -> bool:
+        """Whether every column has room under its full heading."""
+        return self._compute_least_table_width(range(len(self.columns)), short=False) <= width
+
+    def _choose_columns(self, width: int) -> tuple[list[int], bool]:
+        """The columns that fit, and whether their headings are the short ones."""
+        places = list(range(len(self.columns)))
+        if self.fits_full_headings(width):
+            return places, False
+        for number in sorted(places, key=lambda n: self.columns[n].drop_order, reverse=True):
+            if self._compute_least_table_width(places, short=True) <= width or not self.columns[number].drop_order:
+                break
+            places.remove(number)
+        return places, True
+
+    def _compute_least_table_width(self, places: Sequence[int], short: bool) -> int:
+        return sum(self._compute_least_column_width(n, short) for n in places) + _GAP_COLUMNS * (len(places) - 1)
+
+    def _compute_least_column_width(self, number: int, short: bool) -> int:
+        """The narrowest column that cuts no figure and no word."""
+        column = self.columns[number]
+        cells = [row[number] for row in self.rows]
+        if column.is_text and not column.is_unbroken:
+            pieces = [piece for cell in cells for piece in _split_pieces(cell, column.break_marks)]
+            return max(
+                [
+                    *map(cell_len, pieces),
+                    _measure_heading(column, short, self.has_header),
+                    min(_LEAST_TEXT_COLUMNS, _measure_widest(cells)),
+                ]
+            )
+        return max(_measure_widest(cells), _measure_heading(column, short, self.has_header))
+
+    def _compute_column_widths(self, places: Sequence[int], short: bool, width: int) -> list[int] | None:
+        """A width per column: text gets the room that figures do not need. None when the columns do not fit."""
+        widths = [self._compute_least_column_width(n, short) for n in places]
+        spare = width - sum(widths) - _GAP_COLUMNS * (len(places) - 1)
+        if spare < 0:
+            return None
+        extra_widths = [
+            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].heading) * self.has_header)
+            - least
+            for n, least in zip(places, widths, strict=True)
+        ]
+        if sum(extra_widths) > spare:
+            extra_widths = [want * self.columns[n].is_text for n, want in zip(places, extra_widths, strict=True)]
+        total_extra = sum(extra_widths)
+        return [
+            w + (want if total_extra <= spare else want * spare // total_extra)
+            for w, want in zip(widths, extra_widths, strict=True)
+        ]
+
+    def _build_rich_table(self, places: Sequence[int], widths: Sequence[int], short: bool) -> Table:
+        table = create_plain_table(self.has_header)
+        for number, width in zip(places, widths, strict=True):
+            column = self.columns[number]
+            full = _measure_heading(column, False, self.has_header) <= width
+            heading = column.short_heading if short and column.short_heading and not full else column.heading
+            lines = [line for part in heading.split("\n") for line in break_text_at_marks(part, width)]
+            justify = "left" if column.is_text else "right"
+            table.add_column(Text("\n".join(lines)), justify=justify, width=width, overflow="fold")  # type: ignore[arg-type]
+        for index, row in enumerate(self.rows):
+            cells = [
+                "\n".join(
+                    line
+                    for part in row[n].split("\n")
+                    for line in break_text_at_marks(part, width, self.columns[n].break_marks)
+                )
+                for n, width in zip(places, widths, strict=True)
+            ]
+            table.add_row(*map(Text, cells), style=self.styles[index] if self.styles else "")
+        return table
+
+    def _print_as_list(self) -> Iterable[RenderableType]:
+        for row in self.rows:
+            for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
+                head = f"{column.heading}: " if column.heading and self.has_header else ""
+                text = (head + cell).replace("\n", " ").strip()
+                yield format_sentence(text, indent=0 if not number else 2)
+
+
+@dataclass(frozen=True)
+class WrappedSentence:
+    """Text in lines of at most `LINE_COLUMNS` columns; a value stays with the word before it."""
+
+    text: str
+    style: str = ""
+    indent: int = 0
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
+        room = max(min(options.max_width, LINE_COLUMNS) - self.indent, 1)
+        for line in wrap_text(escape_controls(self.text), room):
+            yield Text(" " * self.indent + line, style=self.style, overflow="fold")
+
+
+def format_title(text: str, style: str = "bold underline") -> Text:
+    """A heading of a table, in one line."""
+    return Text(escape_controls(text), style=style)
+
+
+def format_sentence(text: str, style: str = "", indent: int = 0) -> WrappedSentence:
+    """A sentence for the console."""
+    return WrappedSentence(text, style, indent)
+
+
+def wrap_text(text: str, width: int) -> list[str]:
+    """Lines of at most `width` columns; a value stays with the word before it if both fit in a line."""
+    lines = [""]
+    for word in insert_non_breaking_spaces(text).split(" "):
+        for piece in [word] if cell_len(word) <= width else word.split(NO_BREAK):
+            joined = f"{lines[-1]} {piece}" if lines[-1] else piece
+            if cell_len(joined) <= width or not lines[-1]:
+                lines[-1] = joined
+            else:
+                lines.append(piece)
+    return [line.replace(NO_BREAK, " ") for line in lines]
+
+
+def break_text_at_marks(text: str, width: int, marks: str = BREAK_MARKS) -> list[str]:
+    """Lines of at most `width` columns, broken after the first of `marks` that is enough; longer if none is."""
+    if cell_len(text) <= width or not marks:
+        return [text]
+    lines = [""]
+    for piece in re.findall(f"[^{re.escape(marks[0])}]*{re.escape(marks[0])}|.+$", text):
+        if cell_len((lines[-1] + piece).rstrip()) <= width:
+            lines[-1] += piece
+        else:
+            bare = piece.rstrip()
+            lines += break_text_at_marks(bare, width, marks[1:])
+            lines[-1] += piece[len(bare) :]
+    return [line.rstrip() for line in lines if line]
+
+
+def create_plain_table(header: bool = True) -> Table:
+    """A table without lines."""
+    return Table(box=None, show_header=header, header_style="bold", padding=(0, _GAP_COLUMNS, 0, 0), pad_edge=False)
+
+
+def _split_pieces(text: str, marks: str) -> list[str]:
+    """The pieces of a text that cannot be broken further; a mark other than a space stays with its piece."""
+    separators, trailing_marks = re.escape(marks + " "), re.escape(marks.replace(" ", ""))
+    return re.findall(rf"[^{separators}]+[{trailing_marks}]?" if trailing_marks else rf"[^{separators}]+", text)
+
+
+def _measure_widest(cells: Sequence[str]) -> int:
+    return max((cell_len(line) for cell in cells for line in cell.split("\n")), default=0)
+
+
+def _measure_heading(column: TableColumn, short: bool, is_shown: bool) -> int:
+    """Columns a heading needs: it may be broken at spaces, a short one at its line ends too."""
+    if not is_shown:
+        return 0
+    text = column.short_heading if short and column.short_heading else column.heading
+    return max((cell_len(word) for word in re.split(r"\s", text)), default=0)

@@ -1,0 +1,113 @@
+"""Figures in words: durations, counts, prices, areas, lists and clock times."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from datetime import datetime
+
+NO_VALUE = "-"
+SOFT_HYPHEN = "\N{SOFT HYPHEN}"
+DAY_S = 86_400
+NO_BREAK = "\N{NO-BREAK SPACE}"
+
+
+def format_duration(seconds: float | None) -> str:
+    """Seconds as ``h:mm:ss``, always with hours, as 48:53 could be hours; a dash when there is none."""
+    if seconds is None or not math.isfinite(seconds):
+        return NO_VALUE
+    hours, rest = divmod(round_seconds(abs(seconds)), 3600)
+    minutes, secs = divmod(rest, 60)
+    sign = "-" if seconds <= -0.5 else ""
+    return f"{sign}{hours}:{minutes:02d}:{secs:02d}"
+
+
+def format_minutes(seconds: float | None) -> str:
+    """Seconds as the thesis prints them, ``74:35``: minutes without hours; a dash when there is none."""
+    if seconds is None or not math.isfinite(seconds):
+        return NO_VALUE
+    whole_s = round_seconds(abs(seconds))
+    return ("-" if seconds <= -0.5 else "") + f"{whole_s // 60}:{whole_s % 60:02d}"
+
+
+def round_seconds(seconds: float) -> int:
+    """Whole seconds, halves up."""
+    return math.floor(seconds + 0.5)
+
+
+def format_number(value: float | None, decimals: int) -> str:
+    """A figure with fixed decimals and no negative zero; a dash when it is missing or not finite."""
+    if value is None or not math.isfinite(value):
+        return NO_VALUE
+    text = f"{value:.{decimals}f}"
+    return text.lstrip("-") if float(text) == 0 else text
+
+
+def format_price(value: float | None) -> str:
+    """A cost with two decimals, or none from 1000 on."""
+    return format_number(value, 2 if value is None or abs(value) < 999.995 else 0)
+
+
+def format_percent(share: float | None) -> str:
+    """A probability in percent, rounded neither to 0 nor to 100; a dash when there is none."""
+    if share is not None and 0.995 <= share < 1.0:
+        return ">99"
+    if share is not None and 0.0 < share < 0.005:
+        return "<1"
+    return format_number(None if share is None else 100.0 * share, 0)
+
+
+def format_area(m2: float) -> str:
+    """An area in hectares, or in square metres where it is under a tenth of one."""
+    return f"{m2 / 10_000.0:.2f} ha" if m2 >= 1000.0 else f"{m2:.0f} m2"
+
+
+def format_area_or_dash(m2: float | None) -> str:
+    """An area as `format_area` has it; a dash when it is not known."""
+    return NO_VALUE if m2 is None else format_area(m2)
+
+
+def insert_non_breaking_spaces(text: str) -> str:
+    """The text with non-breaking spaces before values and before ha, m2 and %."""
+    return re.sub(r"(?<=[a-z:]) (?=\(?\d)|(?<=\d) (?=ha\b|m2\b|%)", NO_BREAK, text)
+
+
+def format_yes_no(value: bool | None) -> str:
+    """``yes``, ``no`` or a dash."""
+    return NO_VALUE if value is None else "yes" if value else "no"
+
+
+def format_tractor_count(count: int) -> str:
+    """``1 tractor``, ``3 tractors``."""
+    return f"{count} tractor" if count == 1 else f"{count} tractors"
+
+
+def join_list(items: Iterable[object], conjunction: str = "and") -> str:
+    """``1, 3 and 5``."""
+    words = [str(item) for item in items]
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {conjunction} {words[-1]}" if words else "none"
+
+
+def parse_start_time(text: str | None) -> datetime | None:
+    """A clock time ``08:00`` or a date and time in ISO 8601; None when it is neither."""
+    if text is None:
+        return None
+    for full in (text.strip(), f"2000-01-01T{text.strip()}", f"2000-01-01T0{text.strip()}"):
+        try:
+            return datetime.fromisoformat(full)
+        except ValueError:
+            continue
+    return None
+
+
+def get_start_time_of_day_s(start: str | None) -> int | None:
+    """Seconds of the day at the start; None without one."""
+    begin = parse_start_time(start)
+    return None if begin is None else 3600 * begin.hour + 60 * begin.minute + begin.second
+
+
+def format_clock_at(start: str | None, seconds: float) -> str:
+    """The clock time ``9:14:05`` some seconds after the start; without a start the seconds as ``h:mm:ss``."""
+    begin = get_start_time_of_day_s(start)
+    return format_duration(seconds if begin is None else (begin + round_seconds(seconds)) % DAY_S)

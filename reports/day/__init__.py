@@ -1,0 +1,1 @@
+"""A day of several fields and fleets: tables, exports, pictures and page."""

@@ -1,0 +1,287 @@
+"""A day as pictures (work over time, fields and roads) and as one page that loads nothing from elsewhere."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+from reports.common import palette
+from reports.common.rendering import render_template
+from reports.common.wording import format_number, format_percent, format_price
+from reports.day.schedule_results import DayResult, MapPlace
+from reports.day.tables import (
+    FIELD_COLUMNS,
+    build_field_row,
+    describe_day_columns,
+    describe_optimality_gap,
+    format_time_of_day,
+    list_machine_rows,
+    list_money_rows,
+    sort_by_field,
+)
+from reports.plan.drive_geometry import choose_round_length_m
+from reports.plan.map_figure import INK_COLOUR, encode_svg_base64
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+GANTT_WIDTH_INCHES, ROW_INCHES, HEAD_INCHES = 10.0, 0.46, 0.95  # inches: of the picture, of a row, of titles and hours
+MAP_INCHES, LEAST_MAP_M = 8.0, 100.0  # of the map; what it shows at least
+HOUR_S = 3600.0
+STEPS_H = (0.25, 0.5, 1, 2, 3, 6, 12, 24)
+WINDOW_COLOUR, ROAD_COLOUR, BREAK_COLOUR, RAIN_COLOUR = "#E4E8DA", "#9A9A8E", "#F0EFEA", "#0072B2"
+LONGEST_NAME_CHARS = 22  # letters of a name beside a row
+FOOT_INCHES = 0.24  # inches below for the legend
+GANTT_LEGEND = (
+    "Grey: road, folding and unfolding. Thin line: end in 95 % of the samples. "
+    "Pale: breaks (above), hours of the field (below)."
+)
+NARROWEST_LABELLED_BAR = 0.045  # of the width: what a bar must have for its name
+
+
+def draw_gantt(result: DayResult) -> Figure:
+    """The work of every machine over the day, below it that of every field with the hours in which it may be worked.
+
+    Roads are thin and grey, breaks pale bands, rain dashed lines with its probability. A bar is the mean time; the line
+    behind a bar of a field reaches to its end in 95 % of the samples.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = len(result.fleets), len(result.fields)
+    height = ROW_INCHES * sum(rows) + 2 * HEAD_INCHES + FOOT_INCHES
+    figure = Figure(figsize=(GANTT_WIDTH_INCHES, height))
+    FigureCanvasAgg(figure)
+    machines, fields = figure.subplots(2, 1, sharex=True, height_ratios=[max(count, 1) for count in rows])
+    span_start_s, span_end_s = _compute_time_span(result)
+    for axes, names, title in (
+        (machines, [fleet.name for fleet in result.fleets], "By machine"), (fields, list(result.fields), "By field"),
+    ):  # fmt: skip
+        _draw_time_grid(axes, names, title, result, (span_start_s, span_end_s))
+    _draw_machines(machines, result, span_end_s - span_start_s)
+    _draw_fields(fields, result, span_end_s - span_start_s)
+    bottom = (0.5 + FOOT_INCHES) / height
+    figure.subplots_adjust(left=0.17, right=0.98, top=1.0 - 0.42 / height, bottom=bottom, hspace=1.1 / height * 2)
+    figure.text(0.17, 0.16 / height, GANTT_LEGEND, fontsize=8, color=INK_COLOUR, va="center")
+    return figure
+
+
+def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
+    """Fields, yard and the roads driven, north up, in metres; None where fewer than two places are known.
+
+    Roads are straight arrows in the colour of the machine, with their kilometres; `has_title` adds a title.
+    """
+    if len(result.places) < 2:
+        return None
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(MAP_INCHES, MAP_INCHES))
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.02, 0.02, 0.96, 0.92))
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    west, east, south, north = _compute_map_extent(result.places)
+    size = max(east - west, north - south, LEAST_MAP_M)
+    axes.set_xlim(west - 0.12 * size, east + 0.12 * size)
+    axes.set_ylim(south - 0.16 * size, north + 0.1 * size)
+    for place in result.places:
+        _draw_place(axes, place, result)
+    _draw_roads(axes, result)
+    _draw_map_scale_bar(axes, west, south - 0.12 * size, choose_round_length_m(size / 4))
+    if has_title:
+        figure.text(0.03, 0.96, "Fields and roads", fontsize=11, color=INK_COLOUR, va="center")
+    return figure
+
+
+def _compute_time_span(result: DayResult) -> tuple[float, float]:
+    """First and last second of the day in the picture."""
+    ends = [job.p95_end_s for job in result.jobs] + [fleet.home_s for fleet in result.fleets if fleet.home_s]
+    last = max(ends, default=result.start_s + 6 * HOUR_S)
+    return result.start_s, max(last + 0.03 * (last - result.start_s), result.start_s + HOUR_S)
+
+
+def _draw_time_grid(axes: Axes, names: list[str], title: str, result: DayResult, span: tuple[float, float]) -> None:
+    """Rows with their names, hours, breaks and rain."""
+    axes.set_xlim(*span)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_yticks(
+        range(len(names)), [_escape_formula(_shorten_name(name)) for name in names], fontsize=9, color=INK_COLOUR
+    )
+    step = next((step for step in STEPS_H if (span[1] - span[0]) / HOUR_S / step <= 12), 24)
+    first = math.ceil(span[0] / HOUR_S / step)
+    ticks = [number * step * HOUR_S for number in range(first, math.floor(span[1] / HOUR_S / step) + 1)]
+    axes.set_xticks(ticks, [format_time_of_day(tick) for tick in ticks], fontsize=8, color=INK_COLOUR)
+    axes.tick_params(length=0, labelbottom=True)
+    axes.grid(axis="x", color="#DCDCCF", linewidth=0.6)
+    axes.set_axisbelow(True)
+    for side in axes.spines.values():
+        side.set_visible(False)
+    axes.set_title(title, loc="left", fontsize=10, color=INK_COLOUR)
+    for start, end in result.breaks:
+        axes.axvspan(max(start, span[0]), min(end, span[1]), color=BREAK_COLOUR, zorder=0)
+    for onset, share in result.rain if len(result.rain) <= 12 else ():
+        if span[0] <= onset <= span[1]:
+            axes.axvline(onset, color=RAIN_COLOUR, linestyle="dashed", linewidth=0.9, zorder=2)
+            axes.text(onset, -0.55, f" rain {format_percent(share)} %", fontsize=7, color=RAIN_COLOUR, va="top")
+
+
+def _draw_machines(axes: Axes, result: DayResult, span: float) -> None:
+    for row, fleet in enumerate(result.fleets):
+        jobs = [job for job in result.jobs if job.machine == fleet.name]
+        for job in jobs:
+            colour = palette.get_tractor_colour(row)
+            axes.barh(row, job.start_s - job.leaves_s, left=job.leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
+            axes.barh(row, job.end_s - job.start_s, left=job.start_s, height=0.5, color=colour, zorder=4)
+            _write_bar_name(axes, row, (job.start_s, job.end_s), job.field, span)
+        if jobs and fleet.home_s is not None:
+            axes.barh(row, fleet.home_s - jobs[-1].end_s, left=jobs[-1].end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
+
+
+def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
+    names = [fleet.name for fleet in result.fleets]
+    for row, windows in enumerate(result.windows):
+        for opens, closes in windows:
+            axes.barh(row, closes - opens, left=opens, height=0.72, color=WINDOW_COLOUR, zorder=1)
+    for job in result.jobs:
+        row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
+        _draw_bar(axes, row, (job.start_s, job.end_s, job.p95_end_s), colour)
+        probability = f"{format_percent(job.finish_probability)} %"
+        _write_bar_name(axes, row, (job.start_s, job.end_s), probability, span)
+    for unworked in result.unworked_fields:
+        row = result.fields.index(unworked.field)
+        axes.text(result.start_s, row, " not done", fontsize=8, color=palette.UNWORKED_COLOUR, va="center")
+
+
+def _draw_bar(axes: Axes, row: int, times: tuple[float, float, float], colour: str) -> None:
+    start, end, late = times
+    axes.plot([end, max(late, end)], [row, row], color=colour, linewidth=1.2, zorder=2)
+    axes.barh(row, end - start, left=start, height=0.5, color=colour, zorder=4)
+
+
+def _write_bar_name(axes: Axes, row: int, times: tuple[float, float], text: str, span: float) -> None:
+    """A name on its bar, shortened or left out where the bar is too narrow."""
+    start, end = times
+    room = (end - start) / span / NARROWEST_LABELLED_BAR * 6
+    if room >= 4:
+        shown = text if len(text) <= room else text[: max(int(room) - 1, 1)] + "…"
+        axes.annotate(
+            _escape_formula(shown),
+            (0.5 * (start + end), row),
+            ha="center",
+            va="center",
+            fontsize=8,
+            color="white",
+            zorder=5,
+        )
+
+
+def _compute_map_extent(places: tuple[MapPlace, ...]) -> tuple[float, float, float, float]:
+    """West, east, south and north of everything drawn, metres."""
+    east = [place.x_m for place in places]
+    north = [place.y_m for place in places]
+    for place in places:
+        if place.outline is not None:
+            east += [float(place.outline[:, 0].min()), float(place.outline[:, 0].max())]
+            north += [float(place.outline[:, 1].min()), float(place.outline[:, 1].max())]
+    return min(east), max(east), min(north), max(north)
+
+
+def _draw_place(axes: Axes, place: MapPlace, result: DayResult) -> None:
+    """A field with its outline and name, or the yard."""
+    done = {job.field: job.machine for job in result.jobs}
+    names = [fleet.name for fleet in result.fleets]
+    if place.outline is None:
+        axes.plot(place.x_m, place.y_m, marker="s", markersize=8, color=INK_COLOUR, zorder=6)
+    else:
+        colour = (
+            palette.get_tractor_colour(names.index(done[place.name])) if place.name in done else palette.UNWORKED_COLOUR
+        )
+        axes.fill(*place.outline.T, facecolor=palette.FIELD_COLOUR, edgecolor=colour, linewidth=1.6, zorder=3)
+        axes.plot(place.x_m, place.y_m, marker="o", markersize=3, color=colour, zorder=6)
+    suffix = "" if place.name in done or place.outline is None else " (not done)"
+    top = place.y_m if place.outline is None else float(place.outline[:, 1].max())
+    axes.annotate(
+        _escape_formula(place.name + suffix), (place.x_m, top), (0, 6), textcoords="offset points", ha="center",
+        fontsize=9, color=INK_COLOUR, zorder=7,
+    )  # fmt: skip
+
+
+def _draw_roads(axes: Axes, result: DayResult) -> None:
+    """The roads of every machine in order, where both ends are known."""
+    spots = {place.name: (place.x_m, place.y_m) for place in result.places}
+    yard = next((place.name for place in result.places if place.outline is None), None)
+    for number, fleet in enumerate(result.fleets):
+        jobs = [job for job in result.jobs if job.machine == fleet.name]
+        stops = [yard, *(job.field for job in jobs), yard] if jobs else []
+        lengths = [*(job.km for job in jobs), fleet.km - sum(job.km for job in jobs)]
+        for a, b, km in zip(stops[:-1], stops[1:], lengths, strict=False):
+            if a in spots and b in spots:
+                axes.annotate(
+                    "", spots[b], spots[a],
+                    arrowprops={"arrowstyle": "-|>", "color": palette.get_tractor_colour(number), "linewidth": 1.4,
+                                "connectionstyle": "arc3,rad=0.08", "shrinkA": 5, "shrinkB": 5}, zorder=4,
+                )  # fmt: skip
+                x, y = (0.5 * (first + second) for first, second in zip(spots[a], spots[b], strict=True))
+                paper = {"facecolor": "white", "edgecolor": "none", "pad": 1.0}
+                colour = palette.get_tractor_colour(number)
+                axes.text(x, y, f"{km:.1f} km", fontsize=7.5, color=colour, ha="center", bbox=paper, zorder=5)
+
+
+def _draw_map_scale_bar(axes: Axes, x: float, y: float, length_m: float) -> None:
+    axes.plot([x, x + length_m], [y, y], color=INK_COLOUR, linewidth=2)
+    shown = f"{length_m / 1000.0:g} km" if length_m >= 1000.0 else f"{length_m:g} m"
+    axes.annotate(
+        shown, (x + 0.5 * length_m, y), (0, 4), textcoords="offset points", ha="center", fontsize=8, color=INK_COLOUR
+    )
+
+
+def _shorten_name(name: str) -> str:
+    return name if len(name) <= LONGEST_NAME_CHARS else name[: LONGEST_NAME_CHARS - 1] + "…"
+
+
+def _escape_formula(text: str) -> str:
+    """Text that matplotlib does not read as a formula."""
+    return text.replace("$", r"\$")
+
+
+def render_day_page(result: DayResult) -> str:
+    """The page as HTML text."""
+    descriptions = {fleet.name: fleet.words for fleet in result.fleets}
+    road_map = draw_road_map(result, has_title=False)
+    content: dict[str, Any] = {
+        "title": f"A day of {len(result.fields)} fields",
+        "advice": result.advice,
+        "gap": describe_optimality_gap(result),
+        "facts": _list_day_facts(result),
+        "gantt": encode_svg_base64(draw_gantt(result)),
+        "map": None if road_map is None else encode_svg_base64(road_map),
+        "machine_header": ("Machine", "Field", "From", "To", "Road km", "In time %"),
+        "machines": [
+            (f"{name} ({descriptions[name]})" if name else "", *others) for name, *others in list_machine_rows(result)
+        ],
+        "field_header": [column.heading for column in FIELD_COLUMNS],
+        "fields": [build_field_row(job) for job in sort_by_field(result)],
+        "left": [
+            (one.field, format_number(one.area_ha, 2), format_price(one.cost), one.reason)
+            for one in result.unworked_fields
+        ],
+        "legend": describe_day_columns(result),
+        "remarks": [*result.remarks, f"{result.samples} samples, seed {result.seed}."],
+    }
+    return render_template("day.html.j2", content)
+
+
+def _list_day_facts(result: DayResult) -> list[tuple[str, str]]:
+    """The figures of the day, label and value."""
+    ends = [job.end_s for job in result.jobs]
+    probability = result.finish_probability
+    return [
+        ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
+        ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
+        *([("Last field done", format_time_of_day(max(ends)))] if ends else []),
+        *([("All in time", f"{format_percent(probability)} %")] if probability is not None else []),
+        *((f"{label}, {result.currency}", money) for label, money in list_money_rows(result)),
+    ]

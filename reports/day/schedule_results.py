@@ -1,0 +1,105 @@
+"""Result types of a day of several fields and fleets: plain frozen data, no behaviour.
+
+Times are seconds of the day on which it begins: past midnight they are above 86,400.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from reports.common.plan_results import Points
+
+
+@dataclass(frozen=True)
+class DayJob:
+    """One field worked by one fleet (`machine`) with so many tractors, as planned from `start_s` to `end_s`.
+
+    The fleet leaves the place before at `leaves_s`, for `km` of road. `finish_probability` is that of being done before
+    the rain and the end of its window, with its 95 % interval; it is done by `p50_end_s` and `p95_end_s` in half and in
+    95 % of the samples. `time_s` is the time of the simulated plan without variation, `cost` that of the work,
+    `lost_cost` the mean loss on ground not done in time, `worked_pct` the share of the field that the plan works.
+    `refills` counts stops to fill or empty a tank, None where nothing is carried.
+    """
+
+    field: str
+    machine: str
+    strategy: str
+    tractors: int
+    area_ha: float
+    leaves_s: float
+    km: float
+    start_s: float
+    end_s: float
+    time_s: float
+    finish_probability: float
+    finish_probability_interval: tuple[float, float]
+    p50_end_s: float
+    p95_end_s: float
+    cost: float
+    lost_cost: float = 0.0
+    worked_pct: float | None = None
+    refills: int | None = None
+
+
+@dataclass(frozen=True)
+class UnworkedField:
+    """A field that is not done, what that costs, and why in a sentence."""
+
+    field: str
+    area_ha: float
+    cost: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class FleetDay:
+    """The day of a fleet: what it is (`words`), when it leaves and is home (None if it stays), km and cost of roads."""
+
+    name: str
+    words: str
+    leaves_s: float | None
+    home_s: float | None
+    km: float
+    road_cost: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class MapPlace:
+    """A place on the map, in metres: a field with its outline (n, 2), or the yard without one."""
+
+    name: str
+    x_m: float
+    y_m: float
+    outline: Points | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class DayResult:
+    """The answer to a day file.
+
+    `cost` is the expected cost of the whole day: `cost` and `lost_cost` of all jobs, `road_cost` of all fleets and
+    `cost` of the fields not done. `gap_pct` is by how much less another order could cost at most, by the times it is
+    planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
+    field may be worked, in the order of `fields`; `breaks` are those of the drivers.
+    """
+
+    start_s: float
+    end_s: float
+    jobs: tuple[DayJob, ...]
+    unworked_fields: tuple[UnworkedField, ...]
+    fleets: tuple[FleetDay, ...]
+    gap_pct: float
+    cost: float
+    finish_probability: float | None
+    currency: str
+    samples: int
+    seed: int
+    advice: str
+    remarks: tuple[str, ...] = ()
+    fields: tuple[str, ...] = ()
+    windows: tuple[tuple[tuple[float, float], ...], ...] = ()
+    breaks: tuple[tuple[float, float], ...] = ()
+    rain: tuple[tuple[float, float], ...] = ()
+    places: tuple[MapPlace, ...] = ()
+    closest_field: str = ""
+    certainty_pct: float | None = None

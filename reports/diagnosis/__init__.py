@@ -1,0 +1,1 @@
+"""Diagnoses and replays as tables, JSON, pictures and pages."""

@@ -1,0 +1,238 @@
+"""A diagnosis as one self-contained page."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from reports.common import palette
+from reports.common.effect_names import get_effect_label, replace_effect_ids
+from reports.common.rendering import render_template
+from reports.common.wording import format_number, join_list
+from reports.diagnosis.sentences import (
+    SHOWN_HORIZON_S,
+    SMALLEST_VISIBLE,
+    describe_confusable_effects,
+    describe_log_size,
+    describe_plan_change,
+    describe_remaining_error,
+    describe_status,
+    describe_trusted_range,
+    describe_two_level_effects,
+    explain_likely_verdict,
+    format_effect_estimate,
+    format_gain_pct,
+    format_smallest_visible,
+    is_calibration_effect,
+    list_discrepancy_terms,
+    name_held_out_data,
+    sort_findings,
+)
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding, ResidualPlot
+from vehicle.model.effects import get_effect
+
+CURVE_WIDTH, CURVE_HEIGHT, CURVE_LEFT, CURVE_BOTTOM, CURVE_TOP = 720.0, 300.0, 64.0, 44.0, 12.0
+ERROR_KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))
+
+
+def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> str:
+    """Render the page as HTML; `hidden` describes the hidden effect of a demonstration."""
+    return render_template("diagnosis.html.j2", _build_diagnosis_content(diagnosis, hidden))
+
+
+def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
+    discrepancy = diagnosis.tractor.discrepancy_model
+    return {
+        "headline": replace_effect_ids(diagnosis.headline),
+        "grounds": describe_two_level_effects(diagnosis),
+        "tractor": diagnosis.tractor.name,
+        "ground": diagnosis.ground,
+        "size": describe_log_size(diagnosis),
+        "hidden": hidden,
+        "facts": _list_diagnosis_facts(diagnosis),
+        "held_out": name_held_out_data(diagnosis),
+        "errors": _list_error_rows(diagnosis),
+        "bars": [
+            _build_bars_by_horizon(diagnosis, *kind) for kind in ERROR_KINDS if _is_error_known(diagnosis, kind[2])
+        ],
+        "guilty": diagnosis.guilty_block,
+        "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
+        "curve": None if diagnosis.curve is None else _build_curve_drawing(diagnosis.curve),
+        "shown_by": _describe_curve_cause(diagnosis),
+        "effects": [_describe_effect(one) for one in sort_findings(diagnosis.findings)],
+        "smallest_visible": SMALLEST_VISIBLE,
+        "likely": explain_likely_verdict() if any(is_calibration_effect(one) for one in diagnosis.findings) else None,
+        "discrepancy_model": None
+        if discrepancy is None
+        else {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
+        "drive": diagnosis.next_drive,
+        "alternatives": join_list(map(get_effect_label, diagnosis.next_drive.separates))
+        if diagnosis.next_drive
+        else "",
+        "exchanges": describe_confusable_effects(diagnosis),
+        "left": describe_remaining_error(diagnosis),
+        "plan": describe_plan_change(diagnosis),
+        "notes": [replace_effect_ids(note) for note in diagnosis.notes],
+        "before_colour": palette.TRACTOR_COLOURS[1],
+        "after_colour": palette.TRACTOR_COLOURS[0],
+    }
+
+
+def _get_errors_before_after_noise(diagnosis: Diagnosis, horizon: float, key: str) -> tuple[float, float, float]:
+    """Error before, after and of noise alone."""
+    before, after, noise = (
+        float(getattr(errors[horizon], key)) for errors in (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
+    )
+    return before, after, noise
+
+
+def _is_error_known(diagnosis: Diagnosis, key: str) -> bool:
+    return any(
+        math.isfinite(_get_errors_before_after_noise(diagnosis, horizon, key)[0]) for horizon in diagnosis.before
+    )
+
+
+def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
+    """The errors over one horizon, label and value."""
+    if SHOWN_HORIZON_S not in diagnosis.before:
+        return []
+    facts = []
+    for name, unit, key, _ in ERROR_KINDS:
+        if _is_error_known(diagnosis, key):
+            before, after, noise = (
+                format_number(value, 2) for value in _get_errors_before_after_noise(diagnosis, SHOWN_HORIZON_S, key)
+            )
+            facts.append((f"{name}, {unit}, pieces of {SHOWN_HORIZON_S:g} s", f"{before} → {after} (noise {noise})"))
+    return facts
+
+
+def _list_error_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    return [
+        {
+            "horizon": f"{horizon:g} s",
+            "cells": [
+                format_number(e, digits)
+                for _, _, key, digits in ERROR_KINDS
+                for e in _get_errors_before_after_noise(diagnosis, horizon, key)
+            ],
+        }
+        for horizon in diagnosis.before
+    ]
+
+
+def _build_bars_by_horizon(diagnosis: Diagnosis, name: str, unit: str, key: str, digits: int) -> dict[str, Any]:
+    """One kind of error by horizon as shares of the largest."""
+    rows = {
+        h: dict(zip(("before", "after", "noise"), _get_errors_before_after_noise(diagnosis, h, key), strict=True))
+        for h in diagnosis.before
+    }
+    values = [value for row in rows.values() for value in row.values() if math.isfinite(value)]
+    largest = max(values, default=0.0) or 1.0
+    return {
+        "name": f"{name}, {unit}",
+        "rows": [
+            {
+                "horizon": f"{h:g} s",
+                "bars": [
+                    {
+                        "name": who,
+                        "share": 100.0 * value / largest if math.isfinite(value) else 0.0,
+                        "text": format_number(value, digits),
+                    }
+                    for who, value in row.items()
+                ],
+            }
+            for h, row in rows.items()
+        ],
+    }
+
+
+def _describe_effect(finding: Finding) -> dict[str, Any]:
+    gain = format_gain_pct(finding)
+    if finding.gain_interval:
+        low, high = (format_number(value, 0) for value in finding.gain_interval)
+        gain += f" ({low} to {high})"
+    is_unseen = finding.status == NOT_VISIBLE
+    return {
+        "id": finding.id,
+        "label": get_effect_label(finding.id),
+        "kind": finding.status,
+        "status": describe_status(finding),
+        "block": finding.block,
+        "value": format_effect_estimate(finding),
+        "gain": gain,
+        "visible": format_smallest_visible(finding),
+        "same": ", ".join(map(get_effect_label, finding.equivalent_to)),
+        "regressor": get_effect(finding.id).regressor,
+        "drive": get_effect(finding.id).drive if is_unseen else None,
+    }
+
+
+def _describe_curve_cause(diagnosis: Diagnosis) -> str:
+    """Return whose curve is drawn, and what it depends on."""
+    equivalents = [one.id for one in diagnosis.findings if one.status == EQUIVALENT and one.interval]
+    names = list(diagnosis.named[:1]) or (equivalents if len(equivalents) == 1 else [])
+    if names:
+        return f"The error from {get_effect_label(names[0])} depends on: {get_effect(names[0]).regressor}."
+    return "" if equivalents or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
+
+
+def _build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
+    """Points, error bars and axes of the curve in drawing coordinates."""
+    lows = np.concatenate([curve.before - 2 * curve.before_error, curve.after - 2 * curve.after_error, [0.0]])
+    highs = np.concatenate([curve.before + 2 * curve.before_error, curve.after + 2 * curve.after_error, [0.0]])
+    low, high = float(lows.min()), float(highs.max())
+    pad = 0.06 * max(high - low, 1e-6)
+    low, high = low - pad, high + pad
+    lowest_at, highest_at = float(curve.regressor_values.min()), float(curve.regressor_values.max())
+    if highest_at - lowest_at < 1e-6 * max(abs(lowest_at), abs(highest_at), 1.0):
+        lowest_at, highest_at = lowest_at - 1.0, highest_at + 1.0
+
+    def scale_x(value: float) -> float:
+        return CURVE_LEFT + (value - lowest_at) / (highest_at - lowest_at) * (CURVE_WIDTH - CURVE_LEFT - 20.0)
+
+    def scale_y(value: float) -> float:
+        return CURVE_TOP + (high - value) / (high - low) * (CURVE_HEIGHT - CURVE_TOP - CURVE_BOTTOM)
+
+    series = []
+    for name, values, errors in (
+        ("before", curve.before, curve.before_error),
+        ("after", curve.after, curve.after_error),
+    ):
+        points = [
+            {
+                "x": scale_x(float(at)),
+                "y": scale_y(float(v)),
+                "top": scale_y(float(v + 2 * e)),
+                "low": scale_y(float(v - 2 * e)),
+            }
+            for at, v, e in zip(curve.regressor_values, values, errors, strict=True)
+        ]
+        series.append({"name": name, "points": points, "line": " ".join(f"{p['x']:.1f},{p['y']:.1f}" for p in points)})
+    return {
+        "width": CURVE_WIDTH,
+        "height": CURVE_HEIGHT,
+        "zero": scale_y(0.0),
+        "left": CURVE_LEFT,
+        "right": CURVE_WIDTH - 20.0,
+        "bottom": CURVE_HEIGHT - CURVE_BOTTOM,
+        "series": series,
+        "regressor": curve.regressor,
+        "quantity": curve.quantity,
+        "xticks": [(scale_x(value), text) for value, text in choose_ticks(lowest_at, highest_at)],
+        "yticks": [(scale_y(value), text) for value, text in choose_ticks(low, high)],
+    }
+
+
+def choose_ticks(low: float, high: float) -> list[tuple[float, str]]:
+    """Choose about five round values of a range (`low` below `high`), with texts that differ."""
+    span = high - low
+    step = 10.0 ** math.floor(math.log10(span / 4.0))
+    step *= min((1.0, 2.0, 2.5, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    if abs(step * 10**decimals - round(step * 10**decimals)) > 0.1:
+        decimals += 1  # a step of two and a half
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [(n * step, format_number(n * step, decimals)) for n in range(first, last + 1)]

@@ -1,0 +1,189 @@
+"""A replayed run as JSON, a table, a picture and a page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from reports.common import palette
+from reports.common.effect_names import format_effect_with_id
+from reports.common.rendering import make_json_safe, render_template
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.wording import NO_VALUE, format_number, join_list
+from reports.plan.map_figure import encode_svg_base64
+from vehicle.identification.verdict.diagnosis_types import ReplayedSegment, ReplayResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from rich.console import Group
+
+
+SHOWN_REPLAY_HORIZON_S = 5.0
+_INK_COLOUR, _MEASURED_COLOUR, _SIMULATED_COLOUR = "#2B2B2B", palette.TRACTOR_COLOURS[0], palette.TRACTOR_COLOURS[1]
+
+
+def format_replay_json(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
+    """Errors by horizon and remarks on the log as JSON."""
+    errors = {f"{horizon:g}": dict(error.__dict__) for horizon, error in replayed.errors.items()}
+    content = {
+        "run": replayed.name,
+        "tractor": replayed.tractor,
+        "effects": list(replayed.effects),
+        "error": errors,
+        "rows_gated": replayed.rows_gated,
+        "notes": [*remarks, *_list_replayed_measurements(replayed)],
+    }
+    return json.dumps(make_json_safe(content), indent=2, allow_nan=False) + "\n"
+
+
+def _list_replayed_measurements(replayed: ReplayResult) -> list[str]:
+    """List columns that the log lacks, for which the measured value was replayed instead of a simulated one."""
+    measured = [one.measured for one in replayed.segments]
+    lacks = []
+    if any(one.target is None for one in measured):
+        lacks.append("No commanded speed was logged, so the measured speed was replayed and none is simulated.")
+    if any(one.command is None for one in measured):
+        lacks.append("No steering command was logged, so the measured wheel angle was replayed as the command.")
+    return lacks
+
+
+def build_replay_table(replayed: ReplayResult, remarks: Sequence[str] = ()) -> Group:
+    """Errors by horizon and remarks on the log for the terminal."""
+    from rich.console import Group
+
+    columns = tuple(map(TableColumn, ("Over", "Across cm", "Along cm", "Heading deg")))
+    return Group(
+        format_sentence(
+            f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {_list_effect_names(replayed)}."
+        ),
+        FittedTable(columns, tuple(_list_error_rows_by_horizon(replayed))),
+        *(format_sentence(line) for line in (*remarks, *_list_replayed_measurements(replayed))),
+    )
+
+
+def _list_effect_names(replayed: ReplayResult) -> str:
+    return join_list(map(format_effect_with_id, replayed.effects))
+
+
+def _list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, str, str, str]]:
+    return [
+        (
+            f"{horizon:g} s",
+            format_number(error.cross_cm, 1),
+            format_number(error.along_cm, 1),
+            format_number(error.heading_deg, 2),
+        )
+        for horizon, error in replayed.errors.items()
+    ]
+
+
+def draw_replay(replayed: ReplayResult) -> Figure:
+    """Path, wheel angle, speed and the error across over 5 s, measured and simulated."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.1, 1.0))
+    path = figure.add_subplot(grid[:, 0])
+    wheel = figure.add_subplot(grid[0, 1])
+    speed, error = (figure.add_subplot(grid[row, 1], sharex=wheel) for row in (1, 2))
+    for segment in replayed.segments:
+        _draw_path(path, segment)
+        _draw_wheel(wheel, segment)
+        _draw_speed(speed, segment)
+        time = segment.measured.start_s + segment.measured.time
+        for piece, errors in segment.pieces:
+            error.plot(time[piece], 100.0 * errors[:, 0], color=_INK_COLOUR, linewidth=0.8)
+    path.set_aspect("equal", adjustable="datalim")
+    path.set(xlabel="east, m", ylabel="north, m")
+    wheel.set_ylabel("wheel angle, deg")
+    back = any(segment.measured.gear < 0.0 for segment in replayed.segments)
+    speed.set_ylabel("speed, m/s,\nbelow 0 in reverse" if back else "speed, m/s")
+    error.set(ylabel="error across, cm,\nanchored every 5 s", xlabel="time, s")
+    for axes in (path, wheel, speed, error):
+        axes.spines[["top", "right"]].set_visible(False)
+        axes.grid(color="#E4E4E4", linewidth=0.6)
+    for axes in (path, wheel, speed):
+        _draw_legend_above(axes)
+    figure.align_ylabels([wheel, speed, error])
+    title = f"{replayed.name} against {replayed.tractor}".replace("$", r"\$")
+    figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=_INK_COLOUR)
+    return figure
+
+
+def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
+    axes.plot(segment.measured.east, segment.measured.north, color=_MEASURED_COLOUR, linewidth=2.2, label="measured")
+    axes.plot(*segment.antenna.T, color=_SIMULATED_COLOUR, linewidth=1.1, label="simulated, aligned with the first 5 s")
+    start = segment.measured.east[0], segment.measured.north[0]
+    axes.plot(*start, color=_INK_COLOUR, marker="o", markersize=5, linestyle="none", label="start", zorder=4)
+
+
+def _draw_wheel(axes: Axes, segment: ReplayedSegment) -> None:
+    time = segment.measured.start_s + segment.measured.time
+    if segment.measured.command is not None:
+        command = np.degrees(segment.measured.command)
+        axes.plot(time, command, color=_MEASURED_COLOUR, linestyle="dotted", linewidth=1.4, label="commanded", zorder=3)
+    if segment.measured.wheel is not None:
+        axes.plot(time, np.degrees(segment.measured.wheel), color=_MEASURED_COLOUR, linewidth=1.2, label="measured")
+    axes.plot(time, np.degrees(segment.wheel), color=_SIMULATED_COLOUR, linewidth=0.9, label="simulated")
+
+
+def _draw_speed(axes: Axes, segment: ReplayedSegment) -> None:
+    """Draw the speed; without a commanded speed the measured one is replayed, so there is no simulated one to show."""
+    time = segment.measured.start_s + segment.measured.time
+    replayed = "" if segment.measured.target is not None else ", replayed: no command was logged"
+    source = "measured" if segment.measured.speed_measured else "from the positions"
+    axes.plot(time, segment.measured.speed, color=_MEASURED_COLOUR, linewidth=1.2, label=source + replayed)
+    if segment.measured.target is not None:
+        axes.plot(
+            time, segment.measured.target, color=_MEASURED_COLOUR, linestyle="dotted", linewidth=1.2, label="commanded"
+        )
+        axes.plot(time, segment.speed, color=_SIMULATED_COLOUR, linewidth=0.9, label="simulated")
+
+
+def _draw_legend_above(axes: Axes) -> None:
+    """Draw a legend with one entry per label above the axes, where no curve is."""
+    handles, labels = axes.get_legend_handles_labels()
+    entries = dict(zip(labels, handles, strict=True))
+    axes.legend(
+        entries.values(),
+        entries.keys(),
+        frameon=False,
+        fontsize=8,
+        ncols=3,
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        borderaxespad=0.0,
+        handlelength=1.6,
+        columnspacing=1.2,
+    )
+
+
+def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
+    """The picture, the errors and the remarks on the log as one self-contained page."""
+    rows = _list_error_rows_by_horizon(replayed)
+    content = {
+        "name": replayed.name,
+        "tractor": replayed.tractor,
+        "verdict": _describe_replay_error(replayed, rows),
+        "effects": _list_effect_names(replayed),
+        "notes": [*remarks, *_list_replayed_measurements(replayed)],
+        "picture": encode_svg_base64(draw_replay(replayed)),
+        "rows": rows,
+    }
+    return render_template("replay.html.j2", content)
+
+
+def _describe_replay_error(replayed: ReplayResult, rows: Sequence[tuple[str, str, str, str]]) -> str:
+    """Describe the errors over pieces of 5 s, or of the longest length there is."""
+    if not rows:
+        return "The run is too short to compare measured and simulated pieces."
+    horizons = list(replayed.errors)
+    piece, across, along, heading = rows[
+        horizons.index(SHOWN_REPLAY_HORIZON_S) if SHOWN_REPLAY_HORIZON_S in horizons else -1
+    ]
+    turned = "" if heading == NO_VALUE else f", and its heading by {heading} degrees"
+    return f"Over pieces of {piece} the simulation is off by {across} cm across and {along} cm along the way{turned}."

@@ -1,0 +1,272 @@
+"""The sentences of a diagnosis, for the terminal and the page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from reports.common.effect_names import capitalize_first, format_effect_with_id, get_effect_label, replace_effect_ids
+from reports.common.wording import format_number, join_list
+from vehicle.identification.verdict.diagnosis_types import (
+    EQUIVALENT,
+    LIKELY,
+    LIKELY_OF,
+    LIKELY_RIGHT,
+    NAMED,
+    NOT_VISIBLE,
+    REFUTED,
+    Diagnosis,
+    Finding,
+    PlanGain,
+)
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effects import get_effect
+from vehicle.model.tractor import DiscrepancyModel
+
+LIKELY_MEANS = (
+    "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
+)
+LEVEL_NAMES = ("first", "second")
+SHOWN_HORIZON_S = 5.0
+ALONG_KEY = "along_cm"
+REMAINING_KINDS = (("cross_cm", "cm across", 1), (ALONG_KEY, "cm along", 1), ("heading_deg", "degrees", 2))
+STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
+SMALLEST_VISIBLE = (
+    "Smallest visible: the smallest change of the value in the tractor file that these logs would have shown; for a "
+    "limit, the highest value. Refuted effects are refuted from that size on."
+)
+
+
+def explain_likely_verdict(right_count: int = LIKELY_RIGHT, named_count: int = LIKELY_OF) -> str:
+    """Explain what likely means, and how often it was right in tests."""
+    reliability = "How often this is right is not known."
+    if named_count:
+        reliability = f"In tests {right_count} of {named_count} likely effects were true causes."
+    return f"{LIKELY_MEANS} {reliability}"
+
+
+def is_calibration_effect(finding: Finding) -> bool:
+    """Whether an effect is in the model without being shown to be a cause."""
+    return finding.status == LIKELY
+
+
+def describe_status(finding: Finding) -> str:
+    """Return the status for a reader, with the size from which an effect is refuted (a limit: up to which)."""
+    if finding.status != REFUTED or finding.smallest_visible is None:
+        return finding.status
+    bound = "to" if get_effect(finding.id).kind.size_word else "from"
+    return f"{finding.status} {bound} {finding.smallest_visible:.2g} {finding.unit}".strip()
+
+
+def sort_findings(findings: Iterable[Finding]) -> list[Finding]:
+    """Sort findings by status, in the order of STATUS_ORDER."""
+    return sorted(findings, key=lambda one: STATUS_ORDER.index(one.status))
+
+
+def format_count(count: int, noun: str) -> str:
+    """Format a count with its noun: ``1 run``, ``2 runs``."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def format_effect_estimate(finding: Finding) -> str:
+    """Format the value with its interval; empty without a value."""
+    if finding.value is None:
+        return ""
+    name = next(iter(finding.value))
+    text = _format_figure(finding.value[name])
+    if finding.interval and name in finding.interval:
+        low, high = finding.interval[name]
+        text += f" ({_format_figure(low)} to {_format_figure(high)})"
+    return f"{text} {finding.unit}".strip()
+
+
+def _format_figure(value: float) -> str:
+    return "no limit" if math.isinf(value) else f"{value:.3g}"
+
+
+def format_smallest_visible(finding: Finding) -> str:
+    """Format the smallest visible size."""
+    if finding.smallest_visible is None:
+        return "none"
+    return f"{get_effect(finding.id).kind.size_word}{finding.smallest_visible:.2g} {finding.unit}".strip()
+
+
+def format_gain_pct(finding: Finding) -> str:
+    """Format the gain in percent; empty without one."""
+    return "" if finding.gain_pct is None else format_number(finding.gain_pct, 0)
+
+
+def describe_log_size(diagnosis: Diagnosis) -> str:
+    """Describe how much was driven and read."""
+    return (
+        f"{format_count(len(diagnosis.names), 'run')}, {diagnosis.minutes:.1f} minutes, "
+        f"{format_count(diagnosis.rows_used, 'row')} used, {diagnosis.rows_gated} left out"
+    )
+
+
+def name_held_out_data(diagnosis: Diagnosis) -> str:
+    """Name the data on which errors and gains are measured."""
+    return "windows of 20 s" if len(diagnosis.names) == 1 else "runs"
+
+
+def describe_two_level_effects(diagnosis: Diagnosis) -> list[str]:
+    """Describe effects that runs had at two levels: the runs at each, and the one in the tractor file."""
+    sentences = []
+    for name in dict.fromkeys(one.id for one in diagnosis.grounds):
+        levels = [one for one in diagnosis.grounds if one.id == name]
+        named_runs = {run for one in levels for run in one.runs}
+        parts = [f"These runs were made on two grounds ({get_effect_label(name)})."]
+        elsewhere = "Elsewhere" if named_runs else "On some runs"
+        parts += [f"{f'On {join_list(one.runs)}' if one.runs else elsewhere}: {one.description}" for one in levels]
+        if named_runs and named_runs < set(diagnosis.names):
+            parts.append("The other runs show neither clearly.")
+        setting = diagnosis.tractor.effects.get(name)
+        saved_levels = [
+            place for place, one in zip(LEVEL_NAMES, levels, strict=False) if setting and one.value == setting.value
+        ]
+        parts += [f"The tractor file gets the {saved_levels[0]}."] if saved_levels else []
+        sentences.append(" ".join(parts))
+    return sentences
+
+
+def list_discrepancy_terms(discrepancy: DiscrepancyModel) -> list[str]:
+    """List the terms of a discrepancy model with amounts and 95 % intervals, one clause each; both parts of a direction
+    in one."""
+    parts_by_term: dict[str, list[str]] = {}
+    for name, amount in discrepancy.amounts.items():
+        term, side = TERMS_BY_NAME[name], name.rpartition("_to_")[2] if "_to_" in name else ""
+        text = f"{amount:.3g}"
+        if name in discrepancy.interval:
+            low, high = discrepancy.interval[name]
+            text += f" ({low:.3g} to {high:.3g})"
+        clause = " ".join(part for part in (text, term.unit, f"towards {side}" if side else "") if part)
+        parts_by_term.setdefault(f"{term.effect} that depends on {term.regressor}", []).append(clause)
+    return [f"{what}: {join_list(parts)}" for what, parts in parts_by_term.items()]
+
+
+def describe_trusted_range(discrepancy: DiscrepancyModel) -> str:
+    """Describe where a discrepancy model is trusted, and how to switch it off."""
+    (slow, fast), (leftmost, rightmost) = discrepancy.speed_mps, discrepancy.angle_deg
+    where = (
+        f"where these logs were driven: {slow:.2g} to {fast:.2g} m/s and wheel angles of {leftmost:.1f} to "
+        f"{rightmost:.1f} degrees "
+        "(positive right)"
+    )
+    trusted = f"so it is used only {where}, and fades out within a tenth of these ranges beyond them."
+    return (
+        f'It is fitted to data and names no cause, {trusted} The line "on = false" under [discrepancy_model] in the '
+        f"tractor file switches it off.{'' if discrepancy.on else ' It is off.'}"
+    )
+
+
+def describe_confusable_effects(diagnosis: Diagnosis) -> list[str]:
+    """Describe what looks alike in these logs, one sentence per effect of the model."""
+    findings = [one for one in diagnosis.findings if one.exchange and one.interval]
+    return [f"{capitalize_first(get_effect_label(one.id))}: {replace_effect_ids(one.exchange)}." for one in findings]
+
+
+def describe_remaining_error(diagnosis: Diagnosis) -> list[str]:
+    """Describe the remaining error: its size against the noise, its effect on a plan, what it depends on."""
+    lines = [f"{_compare_with_noise(diagnosis)}{_describe_unexplained_share(diagnosis)}"]
+    if not diagnosis.along_judged:
+        lines.append("The error along the path is not judged, because not every log has a measured speed.")
+    if diagnosis.is_noise_only:
+        return lines
+    if diagnosis.unexplained_share == 0.0:
+        return [*lines, *_describe_remaining_in_plan(diagnosis)]
+    depends = "; ".join(diagnosis.depends_on) or "none of the quantities examined"
+    return [*lines, *_describe_remaining_in_plan(diagnosis), f"It depends on: {depends}."]
+
+
+def _compare_with_noise(diagnosis: Diagnosis) -> str:
+    """Compare the remaining error over pieces of 5 s (or of the shortest length there is) with noise alone."""
+    if not diagnosis.after:
+        return "The remaining error"
+    over = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
+    after, noise = diagnosis.after[over], diagnosis.noise_floor[over]
+    parts = [
+        f"{format_number(getattr(after, key), digits)} {unit} (noise {format_number(getattr(noise, key), digits)})"
+        for key, unit, digits in REMAINING_KINDS
+        if math.isfinite(getattr(after, key)) and (diagnosis.along_judged or key != ALONG_KEY)
+    ]
+    return f"The remaining error over pieces of {over:g} s, {', '.join(parts)},"
+
+
+def _describe_unexplained_share(diagnosis: Diagnosis) -> str:
+    if diagnosis.is_noise_only:
+        return " is no more than noise."
+    if diagnosis.unexplained_share == 0.0:
+        return f" is {_describe_noisy_horizons(diagnosis)}."
+    share = 100.0 * diagnosis.unexplained_share
+    amount = f"{share:.0f} %" if share >= 0.5 else "less than 1 %"
+    return f" is above the noise: no effect explains {amount} of the error beyond it."
+
+
+def _describe_noisy_horizons(diagnosis: Diagnosis) -> str:
+    """Describe the remaining error where nothing is unexplained over 5 s, but not every horizon is within the noise."""
+    above = diagnosis.above_noise_s
+    pieces = f"over pieces of {join_list([f'{one:g}' for one in above])} s"
+    return (
+        f"hardly above the noise {pieces}" if SHOWN_HORIZON_S in above else f"no more than noise, but above it {pieces}"
+    )
+
+
+def _describe_remaining_in_plan(diagnosis: Diagnosis) -> list[str]:
+    """Express the remaining error in seconds and centimetres: of the simulated plan, else of the longest pieces."""
+    plan, remaining = diagnosis.plan, diagnosis.residual_error
+    if plan is not None and plan.discrepancy_cm is not None:
+        time = "" if plan.discrepancy_s is None else f"{plan.discrepancy_s:+.0f} s and "
+        comes = f"{time}{plan.discrepancy_cm:+.1f} cm off the tracks"
+        return [f"In the plan below, the discrepancy model fitted to it changes the result by {comes}."]
+    if remaining is None:
+        return []
+    late = f"{format_number(remaining.late_s, 1)} s early or late and " if diagnosis.along_judged else ""
+    aside = f"{format_number(remaining.aside_cm, 1)} cm to the side without steering correction"
+    return [f"In a plan, within {remaining.over_s:g} s, that is {late}{aside}."]
+
+
+def describe_saved_effects(diagnosis: Diagnosis) -> str:
+    """List what the extended tractor file holds; empty when it has no effect and no discrepancy model."""
+    findings = {finding.id: finding for finding in diagnosis.findings}
+    parts = []
+    for name, setting in diagnosis.tractor.effects.items():
+        finding = findings.get(name)
+        if finding is None or finding.value is None:
+            parts.append(f"{format_effect_with_id(name)}, unchanged")
+        elif setting.equivalent_to:
+            parts.append(
+                f"{format_effect_with_id(name)}, or {join_list(map(get_effect_label, setting.equivalent_to), 'or')} "
+                "in its place"
+            )
+        else:
+            parts.append(format_effect_with_id(name) if setting.named else f"{format_effect_with_id(name)}, {LIKELY}")
+    parts += ["a discrepancy model"] if diagnosis.tractor.discrepancy_model else []
+    return f"The tractor file gets: {'; '.join(parts)}." if parts else ""
+
+
+def describe_plan_change(diagnosis: Diagnosis) -> list[str]:
+    """Describe what the tractor file gets and how a plan changes."""
+    saved = describe_saved_effects(diagnosis)
+    if not saved and diagnosis.plan is None:
+        return ["Nothing was added to the tractor, so plans do not change."]
+    first = [saved or "The effects in the tractor file are removed."]
+    if diagnosis.plan is None:
+        return first
+    unsure = [name for name, one in diagnosis.tractor.effects.items() if one.equivalent_to]
+    doubt = [f"That holds if it is {join_list(map(get_effect_label, unsure))}."] if unsure else []
+    return [*first, *_describe_driven_plan(diagnosis.plan), *doubt]
+
+
+def _describe_driven_plan(plan: PlanGain) -> list[str]:
+    by_file = _format_drive_result(plan.time_before_s, plan.lateral_before_cm)
+    by_logs = _format_drive_result(plan.time_after_s, plan.lateral_after_cm)
+    return [
+        f"A plan for one tractor on the field {plan.field}, made with the old file. Simulated with the old file: "
+        f"{by_file}. Simulated as these logs say the tractor drives: {by_logs}.",
+        "The second is what to expect on the field; planning with the new file takes it into account.",
+    ]
+
+
+def _format_drive_result(seconds: float | None, lateral_cm: float) -> str:
+    time = "not finished" if seconds is None else f"{seconds / 60.0:.1f} min"
+    return f"{time}, {format_number(lateral_cm, 1)} cm off the tracks (root mean square)"

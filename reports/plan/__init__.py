@@ -1,0 +1,1 @@
+"""A ranking of plans: table, page, exports, map, leg lists; also fields and guidance files."""

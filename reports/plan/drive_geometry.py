@@ -1,0 +1,219 @@
+"""Geometry of a drive for pictures: its extent, paths cut by status and simplified, stops, swaths, hatching."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from reports.common.plan_results import PlanDrive, Points
+from reports.common.rendering import ReportError
+
+FINISHED, WORKING, TURNING, WAITING, REVERSING = range(5)
+STATUS_BY_STATE = {"working": WORKING, "turning": TURNING, "waiting": WAITING, "reversing": REVERSING}
+SERVICE_STATE, SERVICE_STATUS = "refilling", 5
+"""Of drives in which a tank is filled or emptied, besides `STATUS_BY_STATE`."""
+SIMPLIFY_TOLERANCE_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class PathPiece:
+    """Part of a path with one status: a polyline (n, 2) in metres, first and last sample."""
+
+    status: int
+    points: Points
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class MapExtent:
+    """Bounding box in metres."""
+
+    west: float
+    south: float
+    east: float
+    north: float
+
+    @property
+    def width(self) -> float:
+        """Metres from west to east."""
+        return self.east - self.west
+
+    @property
+    def height(self) -> float:
+        """Metres from south to north."""
+        return self.north - self.south
+
+    @property
+    def size(self) -> float:
+        """The larger of the two, metres."""
+        return max(self.width, self.height)
+
+
+def check_drive(drive: PlanDrive, least_tractors: int = 1) -> None:
+    """Raise ReportError for the first entry of a drive that cannot be drawn; it needs `least_tractors`."""
+    count = len(drive.xy)
+    if count < least_tractors:
+        raise ReportError("The drive has no tractors; give at least one path.")
+    if not (math.isfinite(drive.step_s) and drive.step_s > 0):
+        raise ReportError(f"The drive has step_s {drive.step_s}; use seconds above 0.")
+    for name in ("status", "finish_s"):
+        if len(getattr(drive, name)) != count:
+            raise ReportError(f"The drive has {count} paths and {len(getattr(drive, name))} of {name}; give one each.")
+    if drive.steps and len(drive.steps) != count:
+        raise ReportError(f"The drive has {count} paths and {len(drive.steps)} lists of steps; give one each or none.")
+    for ground_name, rings in (("the field", (drive.boundary, *drive.holes)), ("missed ground", drive.unworked)):
+        for ring in rings:
+            if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
+                raise ReportError(
+                    f"A ring of {ground_name} has shape {ring.shape}; give three or more finite (x, y) points."
+                )
+    for number, (xy, status) in enumerate(zip(drive.xy, drive.status, strict=True), start=1):
+        if xy.ndim != 2 or xy.shape[1:] != (2,) or not len(xy) or status.shape != (len(xy),):
+            raise ReportError(
+                f"Tractor {number} has positions of shape {xy.shape} and statuses of shape {status.shape}; "
+                "give (t, 2) and (t,) with t of 1 or more."
+            )
+        if not np.isfinite(xy).all():
+            raise ReportError(f"Tractor {number} has a position that is not a finite number; give metres.")
+    _check_state_seconds(drive, count)
+
+
+def list_states(drives: Iterable[PlanDrive]) -> list[str]:
+    """The states of drives; refilling only if one of them has it."""
+    return (
+        [*STATUS_BY_STATE, SERVICE_STATE]
+        if any(any(drive.seconds.get(SERVICE_STATE, ())) for drive in drives)
+        else [*STATUS_BY_STATE]
+    )
+
+
+def _check_state_seconds(drive: PlanDrive, count: int) -> None:
+    for name in [*STATUS_BY_STATE, SERVICE_STATE] if SERVICE_STATE in drive.seconds else STATUS_BY_STATE:
+        if len(drive.seconds.get(name, ())) != count:
+            raise ReportError(f"The drive has no {name!r} seconds for each of its {count} tractors; add them.")
+        if not all(math.isfinite(value) and value >= 0 for value in drive.seconds[name]):
+            raise ReportError(f"The {name!r} seconds {drive.seconds[name]} are not all 0 or more; correct them.")
+
+
+def compute_extent(drive: PlanDrive) -> MapExtent:
+    """The box around the field, the entrance and every path."""
+    clouds = [drive.boundary, *drive.xy]
+    if drive.entrance is not None:
+        clouds.append(np.array([drive.entrance]))
+    low = np.min([cloud.min(axis=0) for cloud in clouds], axis=0)
+    high = np.max([cloud.max(axis=0) for cloud in clouds], axis=0)
+    return MapExtent(float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+
+
+def split_by_status(
+    xy: Points, status: npt.NDArray[np.int64], tolerance_m: float = SIMPLIFY_TOLERANCE_M
+) -> list[PathPiece]:
+    """The path (t, 2) cut where the status (t,) changes, in order of time.
+
+    The step between two samples has the status of the later one. Time standing still leaves no piece. Every
+    piece stays within `tolerance_m` of the path (Douglas and Peucker, 1973) and begins where the last ended.
+    """
+    if len(xy) < 2:
+        return []
+    step_status = status[1:]
+    cuts = np.flatnonzero(np.diff(step_status)) + 1
+    starts, ends = [0, *cuts.tolist()], [*cuts.tolist(), len(step_status)]
+    path_pieces = []
+    for start, end in zip(starts, ends, strict=True):
+        line = shapely.LineString(xy[start : end + 1])
+        if line.length > 0:
+            points = np.asarray(line.simplify(tolerance_m, preserve_topology=False).coords, dtype=np.float64)
+            path_pieces.append(PathPiece(int(step_status[start]), points, start, end))
+    return path_pieces
+
+
+def find_stops(
+    xy: Points, status: npt.NDArray[np.int64], step_s: float, stop_status: int = WAITING
+) -> list[tuple[float, float, float]]:
+    """Stops of a tractor with a status, waiting by default: x, y in metres and seconds of each."""
+    waiting = np.concatenate(([False], status == stop_status, [False]))
+    edges = np.flatnonzero(np.diff(waiting.astype(np.int8)))
+    return [
+        (float(xy[start, 0]), float(xy[start, 1]), float(end - start) * step_s)
+        for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+    ]
+
+
+def build_swath_outline(centre_line: Points, width_m: float) -> Points:
+    """Corners (4, 2) of the strip of `width_m` around a centre line (2, 2), metres."""
+    along = centre_line[1] - centre_line[0]
+    length = float(np.hypot(along[0], along[1]))
+    side = np.array([-along[1], along[0]]) / length * width_m / 2 if length else np.zeros(2)
+    return np.array([centre_line[0] + side, centre_line[1] + side, centre_line[1] - side, centre_line[0] - side])
+
+
+def build_hatching(rings: Sequence[Points], apart_m: float) -> Points:
+    """Lines (n, 2, 2) at 45 degrees across the area within closed rings (m, 2), holes left out.
+
+    Lines are `apart_m` apart, in one pattern for all rings. A place inside an even number of rings is outside the area.
+    """
+    turn = np.array([[1.0, -1.0], [1.0, 1.0]]) / math.sqrt(2.0)  # to metres along and across the lines
+    starts = np.concatenate([np.empty((0, 2)), *rings]) @ turn
+    ends = np.concatenate([np.empty((0, 2)), *(np.roll(ring, -1, axis=0) for ring in rings)]) @ turn
+    # A line crosses an edge that begins below it and ends on or above it: corners on a line count once.
+    low = np.ceil(np.minimum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64)
+    count = np.ceil(np.maximum(starts[:, 1], ends[:, 1]) / apart_m).astype(np.int64) - low
+    edge = np.repeat(np.arange(len(starts)), count)
+    line = low[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    along = ends[edge] - starts[edge]
+    places = starts[edge, 0] + along[:, 0] * (line * apart_m - starts[edge, 1]) / along[:, 1]
+    order = np.lexsort((places, line))
+    lines: Points = (np.column_stack([places, line * apart_m])[order] @ turn.T).reshape(-1, 2, 2)
+    return lines
+
+
+def choose_round_length_m(length_m: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, 50, ... metres (or 0.1, 0.2, ...) not above a length above 0."""
+    power = 10.0 ** math.floor(math.log10(length_m))
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= length_m * (1 + 1e-12))
+
+
+def place_swath_numbers(swaths: Points, beyond_m: float, apart_m: float) -> list[tuple[int, Points]]:
+    """Places for numbers of tracks (k, 2, 2): index and place (2,), `beyond_m` outside both ends.
+
+    At each end no two are nearer than `apart_m`.
+    """
+    numbers = []
+    for end in (0, 1):
+        if len(swaths):
+            along = swaths[:, end] - swaths[:, 1 - end]
+            length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
+            places = swaths[:, end] + along / length[:, None] * beyond_m
+            numbers += [(index, places[index]) for index in choose_places_apart(places, apart_m)]
+    return numbers
+
+
+def choose_places_apart(places: Points, apart_m: float) -> list[int]:
+    """Indices of places (n, 2), chosen in order so that no two are nearer than `apart_m`."""
+    chosen: list[int] = []
+    for index, place in enumerate(places):
+        near = places[chosen] - place
+        if not chosen or float((near[:, 0] ** 2 + near[:, 1] ** 2).min()) >= apart_m**2:
+            chosen.append(index)
+    return chosen
+
+
+def build_arrow_head(line: Points, length_m: float) -> Points | None:
+    """The head (3, 2) of an arrow, tip first, half way along a polyline; None if that has no length."""
+    steps = np.diff(line, axis=0)
+    lengths = np.hypot(steps[:, 0], steps[:, 1])
+    total = float(lengths.sum())
+    if total <= 0.0:
+        return None
+    segment = int(np.searchsorted(np.cumsum(lengths), total / 2))
+    ahead = steps[segment] / lengths[segment]
+    middle = line[segment] + ahead * (total / 2 - float(lengths[:segment].sum()))
+    side = np.array([-ahead[1], ahead[0]]) * 0.45 * length_m
+    back = middle - ahead * length_m / 2
+    return np.array([middle + ahead * length_m / 2, back + side, back - side])

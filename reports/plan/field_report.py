@@ -1,0 +1,155 @@
+"""A field in figures for a terminal, and the list of fields in a file."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from fields.documents.reader import FieldSummary
+from fields.errors import escape_controls
+from reports.common.effect_names import capitalize_first
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.wording import NO_VALUE, format_number, format_yes_no
+
+_UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
+_HEADINGS = {
+    "unworked": "Ground that tracks and headland passes do not cover",
+    "headland_passes": "Headland passes",
+    "lines": "Guidance lines of the file (for --guidance-line)",
+    "headlands": "Headlands of the file (for --headland)",
+}
+_DEGREE_KEYS, _METRE_KEYS = {"lon", "lat"}, {"x_m", "y_m"}
+_FITTING_TURNS_KEY, _TURN_SECONDS_KEY, _ESTIMATED_SECONDS_KEY = (
+    "fitting_pct_by_swaths", "turn_s_by_swaths", "estimated_turn_s_by_swaths"
+)  # fmt: skip
+
+
+def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
+    """All facts of a field: single values, then a table for each list of mappings that is not empty, then turns."""
+    turns = facts.get("turns", {})
+    tables = {key: value for key, value in facts.items() if _is_table(value)}
+    single = {key: value for key, value in facts.items() if key not in tables and key != "turns"}
+    parts: list[RenderableType] = [build_field_table(single)]
+    for key, rows in tables.items():
+        parts += [Text(""), Text(_HEADINGS.get(key, _format_fact_label(key)), style="bold"), _build_facts_table(rows)]
+    if turns:
+        parts += [Text(""), Text("Turns", style="bold"), _build_facts_table(list_turn_rows(turns))]
+        parts.append(format_sentence("Percent of track ends where such a turn fits.", style="dim"))
+        if turns[_ESTIMATED_SECONDS_KEY]:
+            parts.append(format_sentence("Estimated: two full circles, where no turn fits.", style="dim"))
+    return Group(*parts)
+
+
+def list_turn_rows(turns: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row per number of tracks that turns lead over: percent of track ends by kind of turn, and seconds."""
+    kinds = list(dict.fromkeys(kind for shares in turns[_FITTING_TURNS_KEY].values() for kind in shares))
+    counts = dict.fromkeys([*turns[_FITTING_TURNS_KEY], *turns[_TURN_SECONDS_KEY], *turns[_ESTIMATED_SECONDS_KEY]])
+    return [
+        {
+            "over_swaths": swaths_over,
+            **{f"{kind}_pct": turns[_FITTING_TURNS_KEY].get(swaths_over, {}).get(kind) for kind in kinds},
+            "takes_s": turns[_TURN_SECONDS_KEY].get(swaths_over),
+            "estimated_s": turns[_ESTIMATED_SECONDS_KEY].get(swaths_over),
+        }
+        for swaths_over in counts
+    ]
+
+
+def build_field_table(info: Mapping[str, Any]) -> RenderableType:
+    """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
+    columns = (TableColumn("Label", is_text=True), TableColumn("Value", is_text=True))
+    rows = tuple((_format_fact_label(label), _format_fact(value)) for label, value in info.items())
+    return FittedTable(columns, rows, has_header=False, has_lines=True)
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, list | tuple) and bool(value) and isinstance(value[0], Mapping)
+
+
+def _build_facts_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
+    """Rows of mappings under the labels of their keys; keys without any value are left out.
+
+    Places are in degrees where they are known, else in metres.
+    """
+    keys = [key for key in dict.fromkeys(key for row in rows for key in row)
+            if any(row.get(key) is not None for row in rows)]  # fmt: skip
+    keys = [key for key in keys if key not in _METRE_KEYS or not set(keys) >= _DEGREE_KEYS]
+    text_keys = [key for key in keys if any(isinstance(row.get(key), str) for row in rows) and key != "over_swaths"]
+    columns = tuple(
+        TableColumn(
+            _format_fact_label(key), is_text=key in text_keys, drop_order=0 if key in text_keys or place < 2 else place
+        )
+        for place, key in enumerate(keys)
+    )
+    return FittedTable(
+        columns,
+        tuple(tuple(_format_fact_cell(key, row.get(key)) for key in keys) for row in rows),
+        more_hint="--json shows all",
+        has_lines=True,
+    )
+
+
+def _format_fact_cell(key: str, value: Any) -> str:
+    return f"{value:.5f}" if key in _DEGREE_KEYS and value is not None else _format_fact(value)
+
+
+def _format_fact_label(key: object) -> str:
+    """A key as a heading, with its unit in brackets: ``Area (ha)``."""
+    parts = str(key).split("_")
+    unit = f" ({_UNITS[parts.pop()]})" if len(parts) > 1 and parts[-1] in _UNITS else ""
+    return capitalize_first(" ".join(parts)) + unit
+
+
+def _format_fact(value: Any, separator: str = "\n") -> str:
+    """A value as text: six significant digits, lists with commas, entries of a mapping parted by `separator`."""
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if value is None or isinstance(value, bool):
+        return format_yes_no(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, Mapping):
+        return (
+            separator.join(f"{_format_fact_label(label)}: {_format_fact(item, ', ')}" for label, item in value.items())
+            or NO_VALUE
+        )
+    if isinstance(value, list | tuple):
+        return ", ".join(_format_fact(item) for item in value) or NO_VALUE
+    return escape_controls(str(value))
+
+
+def build_parcels_table(parcels: Sequence[FieldSummary]) -> RenderableType:
+    """Position, id, area in hectares and number of holes of every field, or why it cannot be used."""
+    columns = [TableColumn("#"), TableColumn("ID", is_text=True), TableColumn("Area (ha)"), TableColumn("Holes")]
+    if any(parcel.fault for parcel in parcels):
+        columns.append(TableColumn("Not usable", is_text=True))
+    rows = tuple(
+        (
+            str(parcel.position),
+            parcel.key,
+            format_number(parcel.area_ha, 2),
+            NO_VALUE if parcel.holes is None else str(parcel.holes),
+            parcel.fault,
+        )[: len(columns)]
+        for parcel in parcels
+    )
+    return FittedTable(tuple(columns), rows)
+
+
+def format_parcels_json(parcels: Sequence[FieldSummary]) -> str:
+    """A list of objects: position, id, area_ha and holes (null where it cannot be used), fault (null or why)."""
+    rows = [
+        {
+            "position": parcel.position,
+            "id": parcel.key,
+            "area_ha": None if parcel.area_ha is None else round(parcel.area_ha, 4),
+            "holes": parcel.holes,
+            "fault": parcel.fault or None,
+        }
+        for parcel in parcels
+    ]
+    return json.dumps(rows, indent=2, allow_nan=False) + "\n"

@@ -1,0 +1,219 @@
+"""Guidance files of a plan: the formats by name, writing them, and what was written and left out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Group, RenderableType
+
+from fields.errors import mark_parameter
+from fields.formats import agopengps, geojson, gpx, isoxml, kml, shapefile
+from fields.formats.guidance import (
+    MAX_CURVE_ERROR_M,
+    MAX_DESIGNATOR_BYTES,
+    MAX_SEGMENTS,
+    FileContents,
+    GuidanceFormat,
+    PlanGuidance,
+    WorkLine,
+    cut_curves_into_segments,
+    simplify_to_ascii,
+)
+from reports.common.rendering import ReportError
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+
+GUIDANCE_FORMATS: tuple[GuidanceFormat, ...] = (
+    isoxml.GUIDANCE_FORMAT_4,
+    isoxml.GUIDANCE_FORMAT_3,
+    agopengps.GUIDANCE_FORMAT,
+    kml.GUIDANCE_FORMAT,
+    shapefile.GUIDANCE_FORMAT,
+    geojson.GUIDANCE_FORMAT,
+    gpx.GUIDANCE_FORMAT,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class GuidanceFiles:
+    """Guidance files: `lines` are in them, `unwritten_curves` are not, `cut_lines` are curves cut into segments."""
+
+    format: GuidanceFormat
+    files: FileContents
+    lines: tuple[WorkLine, ...]
+    unwritten_curves: tuple[WorkLine, ...]
+    cut_lines: tuple[WorkLine, ...] = ()
+
+    @property
+    def curve_count(self) -> int:
+        """Number of curves in the files."""
+        return sum(not line.is_straight for line in self.lines)
+
+    @property
+    def is_single_file(self) -> bool:
+        """Whether the format is one file, and there is only one."""
+        return bool(self.format.extension) and len(self.files) == 1
+
+
+def find_guidance_format(name: str) -> GuidanceFormat | None:
+    """The format of this name, in upper or lower case; None for none."""
+    return next((form for form in GUIDANCE_FORMATS if form.name == name.strip().lower()), None)
+
+
+def write_guidance(
+    guidance: PlanGuidance, guidance_format: GuidanceFormat, include_curves: bool | None = None
+) -> GuidanceFiles:
+    """The files of a guidance in a format, with curves if `include_curves`; None for the default of the format.
+
+    Raises:
+        ReportError: there is no line to write.
+    """
+    writable = (
+        guidance
+        if (guidance_format.takes_curves if include_curves is None else include_curves)
+        else cut_curves_into_segments(guidance)
+    )
+    if not writable.lines:
+        reason = f"all of them are curves; add {mark_parameter('curves')}" if guidance.lines else "the plan has none"
+        raise ReportError(f"There is no line to write as {guidance_format.title}: {reason}.")
+    written_positions, whole_curves = (
+        {line.driving_position for line in writable.lines},
+        {line.driving_position for line in writable.lines if not line.is_straight},
+    )
+    unwritten = tuple(line for line in guidance.lines if line.driving_position not in written_positions)
+    cut_lines = tuple(
+        line
+        for line in guidance.lines
+        if not line.is_straight and line.driving_position in written_positions - whole_curves
+    )
+    return GuidanceFiles(guidance_format, _write_files(writable, guidance_format), writable.lines, unwritten, cut_lines)
+
+
+def _write_files(guidance: PlanGuidance, guidance_format: GuidanceFormat) -> FileContents:
+    """The files; where a format has no tractors, those of each tractor are in a place of their own."""
+    if not guidance_format.per_tractor or len(guidance.tractors) == 1:
+        return guidance_format.write(guidance)
+    contents: dict[str, bytes] = {}
+    for tractor_guidance in (each for each in guidance.list_tractor_guidances() if each.lines):
+        tractor = f"T{tractor_guidance.tractors[0].number}"
+        for path, content in guidance_format.write(tractor_guidance).items():
+            own_path = f"{tractor}{guidance_format.extension}" if guidance_format.extension else f"{tractor}/{path}"
+            contents[path if guidance_format.names_tractors else own_path] = content
+    return contents
+
+
+NOT_GUIDANCE_REASON = "not for guidance; headland show lists them"
+CURVES_REASON = (
+    f"some terminals refuse curves, and these have more than {MAX_SEGMENTS} straight segments; --curves writes them"
+)
+CURVES_WARNING = "The files have curves, which some terminals refuse; keep a version without them at hand."
+
+
+def list_unwritten_content(guidance: PlanGuidance, written: GuidanceFiles) -> list[dict[str, Any]]:
+    """What is not in the files: kind, number and reason."""
+    guidance_format = written.format
+    entries: list[dict[str, Any]] = []
+    if written.unwritten_curves:
+        entries.append({
+            "what": "curves", "count": len(written.unwritten_curves), "why": CURVES_REASON,
+        })  # fmt: skip
+    parts = {
+        "headland": len(guidance.headland_interior),
+        "entrance": int(guidance.entrance is not None),
+        "obstacles": len(guidance.obstacles),
+        "holes of the boundary": 0 if guidance.boundary is None else len(guidance.boundary.rings) - 1,
+    }
+    for part, count in parts.items():
+        if part in guidance_format.unsupported_parts and count:
+            entries.append({"what": part, "count": count, "why": f"{guidance_format.title} cannot hold it"})
+    return entries + [{"what": part, "count": count, "why": NOT_GUIDANCE_REASON} for part, count in guidance.left_out]
+
+
+def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]:
+    """Remarks to read before the files are used."""
+    sentences = []
+    if guidance.boundary is None:
+        sentences.append(
+            "The plan was saved without the outline of its field, so there is no boundary; plan and save it again."
+        )
+    if written.cut_lines:
+        cut_positions = {line.driving_position for line in written.cut_lines}
+        segment_count = sum(line.driving_position in cut_positions for line in written.lines)
+        sentences.append(
+            f"Curves cut into straight lines: {len(cut_positions)}, into {segment_count} lines within "
+            f"{MAX_CURVE_ERROR_M * 100:.0f} cm (letters after their numbers); --curves writes them whole."
+        )
+    if written.curve_count and not written.format.takes_curves:
+        sentences.append(CURVES_WARNING)
+    is_name_cut = (
+        written.format.name.startswith("isoxml") and len(simplify_to_ascii(guidance.field)) > MAX_DESIGNATOR_BYTES
+    )
+    if is_name_cut:
+        sentences.append(
+            f"The name of the field is cut to {MAX_DESIGNATOR_BYTES} letters, the most that ISOXML allows."
+        )
+    return sentences
+
+
+def build_export_table(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> RenderableType:
+    """A table of lines by tractor, the files, and what was left out."""
+    columns = (
+        TableColumn("Tractor"),
+        TableColumn("Lines"),
+        TableColumn("Straight"),
+        TableColumn("Curves"),
+        TableColumn("Length (m)", "m", drop_order=1),
+        TableColumn("From", is_text=True, drop_order=2),
+        TableColumn("To", is_text=True, drop_order=2),
+    )
+    rows = []
+    for tractor in guidance.tractors:
+        lines = [line for line in written.lines if line.tractor == tractor.number]
+        straight_count = sum(line.is_straight for line in lines)
+        ends = (lines[0].name, lines[-1].name) if lines else ("", "")
+        length = f"{sum(line.length_m for line in lines):.0f}"
+        rows.append(
+            (str(tractor.number), str(len(lines)), str(straight_count), str(len(lines) - straight_count), length, *ends)
+        )
+    sentences = [f"Written as {written.format.title}: {_join_files(files)}."]
+    sentences += [
+        f"Left out: {one['what']} ({one['count']}): {one['why']}." for one in list_unwritten_content(guidance, written)
+    ]
+    return Group(FittedTable(columns, tuple(rows)), *(format_sentence(one) for one in sentences))
+
+
+def _join_files(files: Sequence[str]) -> str:
+    return ", ".join(files) if len(files) <= 4 else f"{', '.join(files[:3])} and {len(files) - 3} more"
+
+
+def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> str:
+    """``format``, ``field``, ``area_ha``, ``files``, ``lines`` and ``left_out`` (``what``, ``count``, ``why``) as JSON.
+
+    Lines are in driving order, tractor by tractor; those that are not in the files have ``written`` false.
+    """
+    written_positions = {line.driving_position for line in written.lines}
+    content = {
+        "format": written.format.name,
+        "field": guidance.field,
+        "area_ha": None if guidance.boundary is None else round(guidance.area_m2 / 1e4, 6),
+        "files": list(files),
+        "lines": [_build_line_entry(line, line.driving_position in written_positions) for line in guidance.lines],
+        "left_out": list_unwritten_content(guidance, written),
+    }
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _build_line_entry(line: WorkLine, is_written: bool) -> dict[str, Any]:
+    return {
+        "name": line.name,
+        "tractor": line.tractor,
+        "order": line.order,
+        "kind": line.kind,
+        "what": line.description,
+        "straight": line.is_straight,
+        "bearing_deg": round(line.bearing_deg, 6),
+        "length_m": round(line.length_m, 3),
+        "written": is_written,
+    }

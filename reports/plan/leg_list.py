@@ -1,0 +1,178 @@
+"""Leg lists for drivers: what each tractor does, in order, for the terminal and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from reports.common.plan_results import DriverLeg
+from reports.common.rendering import make_json_safe
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list
+
+_COMPASS_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+_MOST_NAMED_TRACTORS = 4  # if more tractors are waited for, only their number is shown
+_TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
+
+
+def describe_leg(leg: DriverLeg) -> str:
+    """A leg in a few words: ``track 14, northwards``, ``U over 2 tracks to track 16``."""
+    if leg.kind == "wait":
+        return f"wait{_describe_awaited_tractors(leg.for_tractors)}"
+    if leg.kind == "refill":
+        amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
+        return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
+    if leg.kind == "refill-way":
+        return "to the service point"
+    if leg.kind == "drive":
+        return "continue"
+    if leg.kind == "leave":
+        return "on to the entrance" if leg.continues else "back to the entrance"
+    if leg.kind == "enter" and leg.number is None:
+        return "in by the entrance"
+    goal = describe_leg_goal(leg)
+    if leg.kind in ("track", "round"):
+        return f"{goal}, {'the rest' if leg.continues else describe_heading(leg.bearing_deg)}"
+    if leg.continues:
+        return f"on to {goal}"
+    if leg.kind == "corner":
+        return f"corner to side {leg.part}{', backing up' if leg.shape == 'switch-back' else ''}"
+    if leg.kind == "enter":
+        return f"from the entrance to {goal}"
+    if leg.kind == "way":
+        return f"way to {goal}"
+    over = "" if leg.over_swaths is None else f" over {leg.over_swaths} track{'s' if leg.over_swaths > 1 else ''}"
+    return f"{_TURN_NAMES.get(leg.shape, 'turn')}{over} to {goal}"
+
+
+def describe_leg_goal(leg: DriverLeg) -> str:
+    """The goal or ground of a leg: ``track 14a``, ``round 2, side 3``."""
+    if not leg.is_headland_pass:
+        return f"track {leg.number}{leg.part}"
+    return f"round {leg.number}" + (f", side {leg.part}" if leg.part else "")
+
+
+def describe_heading(bearing_deg: float | None) -> str:
+    """A bearing as ``north-eastwards``; ``all round`` for a closed line."""
+    if bearing_deg is None:
+        return "all round"
+    return f"{_COMPASS_POINTS[round(bearing_deg / 45.0) % 8]}wards"
+
+
+def _describe_awaited_tractors(tractors: tuple[int, ...]) -> str:
+    if not tractors:
+        return ""
+    if len(tractors) > _MOST_NAMED_TRACTORS:
+        return f" for {len(tractors)} tractors"
+    return f" for tractor{'s' if len(tractors) > 1 else ''} {join_list(tractors)}"
+
+
+Steps = Sequence[Sequence[DriverLeg]]
+
+STEP_KEYS = (
+    "number",
+    "words",
+    "kind",
+    "from_s",
+    "seconds",
+    "length_m",
+    "swath",
+    "headland_pass",
+    "part",
+    "bearing_deg",
+    "over_swaths",
+    "shape",
+    "for_tractors",
+)
+LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
+LEG_DECIMALS = 2
+
+
+def build_leg_tables(
+    title: str, steps: Steps, start: str | None = None, only_tractor: int | None = None
+) -> RenderableType:
+    """A table per tractor, or only for `only_tractor` (from 1); with a `start` times are clock times."""
+    parts: list[RenderableType] = [format_title(title)]
+    when = "time of day" if start else "after the start"
+    parts.append(format_sentence(f"From: h:mm:ss, {when}. Min:s: duration.", style="dim"))
+    for tractor, rows in enumerate(steps, start=1):
+        if only_tractor in (None, tractor):
+            parts += [Text(""), Text(format_leg_heading(tractor, rows), style="bold"), _build_leg_table(rows, start)]
+    return Group(*parts)
+
+
+def format_leg_heading(tractor: int, steps: Sequence[DriverLeg]) -> str:
+    """``Tractor 2: 21 legs, 4.1 km, 0:52:10``."""
+    length_m, end_s = sum(step.length_m for step in steps), steps[-1].from_s + steps[-1].seconds if steps else 0.0
+    legs = f"{len(steps)} leg{'' if len(steps) == 1 else 's'}"
+    return f"Tractor {tractor}: {legs}, {format_number(length_m / 1000.0, 1)} km, {format_duration(end_s)}"
+
+
+def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tuple[str, ...]:
+    """The cells of a leg under `LEG_HEADINGS`."""
+    return (
+        str(place),
+        describe_leg(step),
+        format_clock_at(start, step.from_s),
+        format_leg_metres(step),
+        format_minutes(step.seconds),
+    )
+
+
+def format_leg_metres(step: DriverLeg) -> str:
+    """The length of a leg in metres; "" for a wait or a refill."""
+    return "" if step.kind in ("wait", "refill") else format_number(step.length_m, 0)
+
+
+def format_leg_rows(steps: Sequence[DriverLeg]) -> list[str]:
+    """The rows of a list as text of fixed pitch, headings first."""
+    rows = [LEG_HEADINGS, *(build_leg_cells(place, step) for place, step in enumerate(steps, start=1))]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        " ".join(cell.ljust(width) if place == 1 else cell.rjust(width)
+                 for place, (cell, width) in enumerate(zip(row, widths, strict=True)))
+        for row in rows
+    ]  # fmt: skip
+
+
+def _build_leg_table(steps: Sequence[DriverLeg], start: str | None) -> FittedTable:
+    columns = tuple(TableColumn(name, is_text=name == "Leg") for name in LEG_HEADINGS)
+    return FittedTable(columns, tuple(build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)))
+
+
+def format_leg_lists_json(steps: Steps, plan_facts: dict[str, Any], only_tractor: int | None = None) -> str:
+    """The lists as JSON text with a trailing newline: `plan_facts`, then ``tractors``.
+
+    Each of these has its number (``tractor``) and ``legs`` with `STEP_KEYS`; missing values are null.
+    """
+    lists = [
+        {"tractor": tractor, "legs": [_build_leg_entry(place, step) for place, step in enumerate(rows, start=1)]}
+        for tractor, rows in enumerate(steps, start=1)
+        if only_tractor in (None, tractor)
+    ]
+    return (
+        json.dumps(make_json_safe({**plan_facts, "tractors": lists}, LEG_DECIMALS), indent=2, ensure_ascii=False) + "\n"
+    )
+
+
+def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
+    values = (
+        place,
+        describe_leg(step),
+        step.kind,
+        step.from_s,
+        step.seconds,
+        step.length_m,
+        None if step.is_headland_pass else step.number,
+        step.number if step.is_headland_pass else None,
+        step.part or None,
+        step.bearing_deg,
+        step.over_swaths,
+        step.shape or None,
+        list(step.for_tractors),
+    )
+    return dict(zip(STEP_KEYS, values, strict=True))

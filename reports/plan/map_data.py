@@ -1,0 +1,407 @@
+"""The map of a page as numbers for its template and script (centimetres, y down), and the maps of a ranking as JSON.
+
+Paths are thinned in place and time together, so that a few knots both draw and animate them.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from heapq import heapify, heappop, heappush
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.common.palette import TRACTOR_COLOURS
+from reports.common.plan_results import PlanDrive, PlanRanking, Points
+from reports.common.wording import format_duration
+from reports.plan.drive_geometry import (
+    REVERSING,
+    SERVICE_STATUS,
+    STATUS_BY_STATE,
+    WORKING,
+    MapExtent,
+    build_hatching,
+    build_swath_outline,
+    check_drive,
+    choose_round_length_m,
+    compute_extent,
+    find_stops,
+    list_states,
+)
+from reports.plan.leg_list import build_leg_cells, describe_leg, format_leg_heading, format_leg_metres
+from reports.plan.map_labels import (
+    LegMark,
+    MapLabel,
+    list_leg_numbers,
+    place_cell_labels,
+    place_cut_off_labels,
+    place_headland_pass_labels,
+    place_leg_marks,
+    place_swath_labels,
+    place_unworked_label,
+)
+
+PATH_TOLERANCE_M = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class TimedPath:
+    """The thinned path of a tractor: samples of knots (k,), positions (k, 2) in metres, statuses between (k - 1,)."""
+
+    samples: npt.NDArray[np.int64]
+    xy: Points
+    status: npt.NDArray[np.int64]
+
+    def list_status_runs(self) -> list[tuple[int, int, int]]:
+        """Runs of one status: status, first knot, last knot."""
+        if not len(self.status):
+            return []
+        cuts = [0, *(np.flatnonzero(np.diff(self.status)) + 1).tolist(), len(self.status)]
+        return [(int(self.status[a]), a, b) for a, b in pairwise(cuts)]
+
+
+def thin_paths(drive: PlanDrive, most_knots: int) -> Sequence[TimedPath]:
+    """The paths of a drive with few knots, at every sample within `PATH_TOLERANCE_M` of the true place.
+
+    Distances are between places at the same time (synchronous Euclidean distance: Meratnia and de By 2004,
+    Spatiotemporal compression techniques for moving point objects), so changes of speed keep a knot as bends do. The
+    worst sample gets the next knot, so that paths become coarser evenly where `most_knots` for all tractors together
+    are not enough. The step between two samples has the status of the later one; every change of status is a knot,
+    even beyond `most_knots`.
+    """
+    knots = [set(_find_status_changes(status)) for status in drive.status]
+    heap = [
+        worst
+        for number, status in enumerate(drive.status)
+        for first, last in pairwise(_find_status_changes(status))
+        if (worst := _find_worst_sample(drive, number, first, last))
+    ]
+    heapify(heap)
+    room = most_knots - sum(map(len, knots))
+    while heap and room > 0:
+        _, number, first, middle, last = heappop(heap)
+        knots[number].add(middle)
+        room -= 1
+        for start, end in ((first, middle), (middle, last)):
+            if worst := _find_worst_sample(drive, number, start, end):
+                heappush(heap, worst)
+    samples = [np.array(sorted(one), dtype=np.int64) for one in knots]
+    return [
+        TimedPath(sample, xy[sample], status[sample[1:]])
+        for sample, xy, status in zip(samples, drive.xy, drive.status, strict=True)
+    ]
+
+
+def _find_status_changes(status: npt.NDArray[np.int64]) -> list[int]:
+    """First sample, changes of status and last sample."""
+    return sorted({0, *(np.flatnonzero(np.diff(status[1:])) + 1).tolist(), len(status) - 1})
+
+
+def _find_worst_sample(drive: PlanDrive, number: int, first: int, last: int) -> tuple[float, int, int, int, int] | None:
+    """The sample farthest off the line between two others, as an entry of a heap that gives the farthest first."""
+    if last - first < 2:
+        return None
+    xy = drive.xy[number]
+    share = (np.arange(first + 1, last) - first)[:, None] / (last - first)
+    off = xy[first] + (xy[last] - xy[first]) * share - xy[first + 1 : last]
+    square = off[:, 0] ** 2 + off[:, 1] ** 2
+    worst_index = int(np.argmax(square))
+    return (
+        None
+        if square[worst_index] <= PATH_TOLERANCE_M**2
+        else (-float(square[worst_index]), number, first, first + 1 + worst_index, last)
+    )
+
+
+# Knots of all paths of a page, at some 14 bytes each: with the best plan drawn twice, below two megabytes.
+MOST_FIRST_KNOTS = 30_000  # of the plan shown first
+MOST_OTHER_KNOTS = 60_000  # of all other plans together
+_MARGIN_SHARE = 0.04  # of the larger side of the map
+MOST_LISTED_LEGS = 15_000  # of all plans together, at some 45 bytes each; further plans have no leg lists
+_HATCH_SPACING_PCT = 1.1  # between lines over unworked ground, in hundredths of the larger side of the map
+
+
+@dataclass(frozen=True)
+class Viewport:
+    """Converts metres, y north, to whole centimetres from the upper left corner, y down."""
+
+    west: float
+    north: float
+
+    def convert_points(self, points: Points) -> list[tuple[int, int]]:
+        """Points (n, 2) in centimetres on the map."""
+        flat = np.rint((points - (self.west, self.north)) * (100.0, -100.0)).astype(int)
+        return [(int(x), int(y)) for x, y in flat]
+
+    def format_path(self, points: Points, is_closed: bool = False) -> str:
+        """SVG path data of a polyline (n, 2); moves after the first are relative, which halves the text."""
+        flat = self.convert_points(points)
+        steps = [f"{x - x0} {y - y0}" for (x0, y0), (x, y) in pairwise(flat) if (x, y) != (x0, y0)]
+        return f"M{flat[0][0]} {flat[0][1]}" + (f"l{' '.join(steps)}" if steps else "") + ("z" if is_closed else "")
+
+
+def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
+    """Field, labels and scale bar, and for each drive, by its name, the data of the script; the first drive is drawn.
+
+    All drives are of one field. Sizes are in centimetres on the ground.
+    """
+    first = next(iter(drives.values()))
+    box = _combine_extents([compute_extent(drive) for drive in drives.values()])
+    size = box.size or 1.0
+    margin = _MARGIN_SHARE * size
+    frame = Viewport(box.west - margin, box.north + margin)
+    bar = choose_round_length_m(max(box.width, 0.5 * size) / 4)
+    height = box.height + 2 * margin
+    share = MOST_OTHER_KNOTS // max(len(drives) - 1, 1)
+    thinned = [thin_paths(drive, share if place else MOST_FIRST_KNOTS) for place, drive in enumerate(drives.values())]
+    listed_count = _count_listed_plans(list(drives.values()))
+    states = list_states(drives.values())
+    plans = [
+        _build_plan_drawing(name, drive, paths, frame, box, number < listed_count, states)
+        for number, ((name, drive), paths) in enumerate(zip(drives.items(), thinned, strict=True))
+    ]
+    driven = {int(value) for drive in drives.values() for status in drive.status for value in np.unique(status)}
+    return {
+        "width": round((box.width + 2 * margin) * 100),
+        "height": round((height + 0.06 * size) * 100),
+        "unit": max(round(size), 1),
+        "field": "".join(frame.format_path(ring, is_closed=True) for ring in (first.boundary, *first.holes)),
+        "swaths": "".join(
+            frame.format_path(build_swath_outline(track, first.width_m), is_closed=True) for track in first.swaths
+        ),
+        "headland_passes": [
+            {"line": frame.format_path(one.points), "tint": one.number % 2, "width": round(first.width_m * 100)}
+            for one in first.headland_passes
+        ],
+        "cells": "".join(frame.format_path(ring, is_closed=True) for cell in first.cells for ring in cell.rings),
+        "obstacles": "".join(frame.format_path(ring, is_closed=True) for ring in first.obstacles),
+        "fences": "".join(frame.format_path(line) for line in first.fences),
+        "labels": _place_labels(place_swath_labels(first, size), frame),
+        "headland_pass_labels": _place_labels(place_headland_pass_labels(first, size), frame),
+        "cell_labels": _place_labels(place_cell_labels(first), frame),
+        "cut_off_labels": _place_labels(place_cut_off_labels(first), frame),
+        "lanes": [_draw_path_lines(path, frame, number) for number, path in enumerate(thinned[0])],
+        "entrance": None if first.entrance is None else frame.convert_points(np.array([first.entrance]))[0],
+        "bar": {"x": round(margin * 100), "y": round((height + 0.02 * size) * 100), "length": round(bar * 100)},
+        "bar_text": f"{bar:g} m",
+        "plans": plans,
+        "reversing": REVERSING in driven,
+        "waiting": STATUS_BY_STATE["waiting"] in driven,
+        "refilling": SERVICE_STATUS in driven,
+        "missed": any(drive.unworked for drive in drives.values()),
+    }
+
+
+def _combine_extents(boxes: Sequence[MapExtent]) -> MapExtent:
+    return MapExtent(
+        min(box.west for box in boxes), min(box.south for box in boxes),
+        max(box.east for box in boxes), max(box.north for box in boxes),
+    )  # fmt: skip
+
+
+def _count_listed_plans(drives: Sequence[PlanDrive]) -> int:
+    """How many plans, from the first, have room for their leg lists."""
+    steps = np.cumsum([sum(map(len, drive.steps)) for drive in drives])
+    return max(1, int(np.searchsorted(steps, MOST_LISTED_LEGS, side="right")))
+
+
+def _place_labels(labels: Sequence[MapLabel], viewport: Viewport) -> list[dict[str, Any]]:
+    """Labels with their places on the map."""
+    places = viewport.convert_points(np.array([label.place for label in labels]).reshape(-1, 2))
+    return [{"x": x, "y": y, "text": label.text} for (x, y), label in zip(places, labels, strict=True)]
+
+
+def _draw_path_lines(path: TimedPath, viewport: Viewport, number: int) -> dict[str, Any]:
+    """The whole path of a tractor: lines of working, turning and reversing."""
+    lines = {"work": "", "turn": "", "back": ""}
+    for status, first, last in path.list_status_runs():
+        line_kind = {WORKING: "work", REVERSING: "back"}.get(status, "turn")
+        lines[line_kind] += viewport.format_path(path.xy[first : last + 1])
+    return {
+        "number": number + 1,
+        "colour": number % len(TRACTOR_COLOURS),
+        "start": viewport.convert_points(path.xy[:1])[0],
+        **lines,
+    }
+
+
+def _build_plan_drawing(
+    name: str,
+    drive: PlanDrive,
+    paths: Sequence[TimedPath],
+    viewport: Viewport,
+    box: MapExtent,
+    lists_legs: bool,
+    states: Sequence[str],
+) -> dict[str, Any]:
+    """The data of one plan for the script: knots, arrows, stops and legs per tractor, and seconds by state."""
+    longest = max(len(xy) for xy in drive.xy) - 1
+    marks = place_leg_marks(drive, box.size or 1.0)
+    return {
+        "name": name,
+        "title": drive.title,
+        "step": drive.step_s,
+        "end": round(longest * drive.step_s, 3),
+        "lanes": [
+            {
+                "knots": _encode_knots(path, viewport),
+                "status": "".join(map(str, path.status.tolist())),
+                "arrows": _draw_arrows(marks[number], viewport),
+                "numbers": [
+                    [one["x"], one["y"], one["text"]]
+                    for one in _place_labels(list_leg_numbers(marks[number]), viewport)
+                ],
+                "legs": _list_leg_rows(drive, number) if lists_legs else [],
+                "heading": format_leg_heading(number + 1, drive.steps[number]) if drive.steps and lists_legs else "",
+                "waits": _list_stops(drive, number, viewport, STATUS_BY_STATE["waiting"]),
+                "refills": _list_stops(drive, number, viewport, SERVICE_STATUS),
+            }
+            for number, path in enumerate(paths)
+        ],
+        "seconds": [
+            [round(_get_state_seconds(drive, state, number), 1) for state in states] for number in range(len(paths))
+        ],
+        "missed": _draw_unworked(drive, viewport, box),
+    }
+
+
+def _list_stops(drive: PlanDrive, number: int, viewport: Viewport, status: int) -> list[list[Any]]:
+    """Places on the map where a tractor stood with a status, and how long."""
+    stops = find_stops(drive.xy[number], drive.status[number], drive.step_s, status)
+    return [[*viewport.convert_points(np.array([(x, y)]))[0], format_duration(seconds)] for x, y, seconds in stops]
+
+
+def _draw_unworked(drive: PlanDrive, viewport: Viewport, box: MapExtent) -> dict[str, Any]:
+    """Unworked ground, its hatching, and place and area of the largest piece."""
+    label = place_unworked_label(drive, box)
+    return {
+        "ground": "".join(viewport.format_path(ring, is_closed=True) for ring in drive.unworked),
+        "hatch": "".join(
+            viewport.format_path(line)
+            for line in build_hatching(drive.unworked, _HATCH_SPACING_PCT * (box.size or 1.0) / 100)
+        ),
+        "largest": label and [*viewport.convert_points(label.place[None, :])[0], label.text],
+    }
+
+
+def _encode_knots(path: TimedPath, viewport: Viewport) -> list[int]:
+    """Samples, x and y since the knot before, three numbers each; the first since 0."""
+    flat = np.column_stack([path.samples, np.asarray(viewport.convert_points(path.xy))])
+    return [int(value) for value in np.diff(flat, axis=0, prepend=np.zeros((1, 3), dtype=int)).ravel()]
+
+
+def _draw_arrows(marks: Sequence[LegMark], viewport: Viewport) -> str:
+    """Heads of arrows on worked legs."""
+    return "".join(viewport.format_path(mark.head, is_closed=True) for mark in marks)
+
+
+def _list_leg_rows(drive: PlanDrive, number: int) -> list[list[Any]]:
+    """Start and duration (s), length (m, "" of a wait) and description of every leg."""
+    steps = drive.steps[number] if drive.steps else ()
+    return [
+        [round(step.from_s, 1), round(step.seconds, 1), format_leg_metres(step), describe_leg(step)] for step in steps
+    ]
+
+
+def _get_state_seconds(drive: PlanDrive, state: str, number: int) -> float:
+    """Seconds of a tractor in a state; 0 where its drive does not have that state."""
+    return drive.seconds[state][number] if state in drive.seconds else 0.0
+
+
+def build_time_bars(drive: PlanDrive, states: Sequence[str] = tuple(STATUS_BY_STATE)) -> list[dict[str, Any]]:
+    """Per tractor its total time and, per state, the time and the share of the longest bar in percent."""
+    totals = [sum(_get_state_seconds(drive, name, number) for name in states) for number in range(len(drive.xy))]
+    longest = max(totals) or 1.0
+    return [
+        {
+            "number": number + 1,
+            "total": format_duration(total),
+            "parts": [
+                {
+                    "state": name,
+                    "text": format_duration(_get_state_seconds(drive, name, number)),
+                    "share": round(_get_state_seconds(drive, name, number) / longest * 100, 3),
+                }
+                for name in states
+            ],
+        }
+        for number, total in enumerate(totals)
+    ]
+
+
+MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
+_COORDINATE_DECIMALS = 2
+
+
+def format_maps_json(
+    ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[tuple[str, int], PlanDrive] | None = None
+) -> str:
+    """The maps of the plans of a ranking as JSON text with a trailing newline.
+
+    `drive` is that of the best plan; `drives` are others by strategy and number of tractors. Keys: ``field``
+    (name), ``begin`` (time of day of the field work, or null) and ``plans``, each with ``strategy``, ``tractors``,
+    ``title``, ``end_s``, ``width_m``, its ground in metres of the field (``boundary_m``,
+    ``holes_m``, ``obstacles_m``, ``fences_m``, ``entrance_m``, ``missed_m``), ``swaths`` and ``headland_passes`` (each
+    a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and ``points_m`` of its knots, the ``status``
+    between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling), and ``steps`` in words.
+
+    Raises:
+        ReportError: a drive cannot be drawn.
+    """
+    best = ranking.best
+    shown = {(best.strategy, best.tractors): drive} if best and drive else {}
+    shown = {**shown, **{key: plan_drive for key, plan_drive in (drives or {}).items() if key not in shown}}
+    for plan_drive in shown.values():
+        check_drive(plan_drive)
+    start = ranking.field_start or ranking.start
+    plans = [_build_map_plan(strategy, count, plan_drive, start) for (strategy, count), plan_drive in shown.items()]
+    return json.dumps({"field": ranking.field_name, "begin": start, "plans": plans}, allow_nan=False) + "\n"
+
+
+def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive, start: str | None) -> dict[str, Any]:
+    names = drive.swath_names or tuple(str(number + 1) for number in range(len(drive.swaths)))
+    return {
+        "strategy": strategy,
+        "tractors": tractors,
+        "title": drive.title,
+        "end_s": max(drive.finish_s, default=0.0),
+        "width_m": drive.width_m,
+        "boundary_m": _round_coordinates(drive.boundary),
+        "holes_m": [_round_coordinates(ring) for ring in drive.holes],
+        "obstacles_m": [_round_coordinates(ring) for ring in drive.obstacles],
+        "fences_m": [_round_coordinates(line) for line in drive.fences],
+        "entrance_m": None if drive.entrance is None else list(drive.entrance),
+        "missed_m": [_round_coordinates(ring) for ring in drive.unworked],
+        "swaths": [
+            {"name": name, "points_m": _round_coordinates(track)}
+            for name, track in zip(names, drive.swaths, strict=True)
+        ],
+        "headland_passes": [
+            {"name": f"R{each.number}", "points_m": _round_coordinates(each.points)} for each in drive.headland_passes
+        ],
+        "lanes": [
+            _build_tractor_entry(lane, drive, number, start)
+            for number, lane in enumerate(thin_paths(drive, MOST_MAP_KNOTS))
+        ],
+    }
+
+
+def _build_tractor_entry(timed_path: TimedPath, drive: PlanDrive, number: int, start: str | None) -> dict[str, Any]:
+    steps = drive.steps[number] if drive.steps else ()
+    return {
+        "time_s": _round_coordinates(timed_path.samples * drive.step_s),
+        "points_m": _round_coordinates(timed_path.xy),
+        "status": timed_path.status.tolist(),
+        "steps": [
+            {"from_s": step.from_s, "seconds": step.seconds, "words": build_leg_cells(place, step, start)[1]}
+            for place, step in enumerate(steps, start=1)
+        ],
+    }
+
+
+def _round_coordinates(values: npt.NDArray[Any]) -> Any:
+    return np.round(values, _COORDINATE_DECIMALS).tolist()

@@ -1,0 +1,473 @@
+"""The map of a drive with matplotlib: its layers from the ground up to the labels, title, legend and leg lists."""
+
+from __future__ import annotations
+
+import base64
+import io
+import math
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from reports.common import palette
+from reports.common.plan_results import PlanDrive, Points
+from reports.common.wording import format_area, format_duration, format_tractor_count
+from reports.plan.drive_geometry import (
+    REVERSING,
+    SERVICE_STATUS,
+    STATUS_BY_STATE,
+    WORKING,
+    MapExtent,
+    build_hatching,
+    build_swath_outline,
+    check_drive,
+    choose_round_length_m,
+    compute_extent,
+    find_stops,
+    split_by_status,
+)
+from reports.plan.leg_list import format_leg_heading, format_leg_rows
+from reports.plan.map_labels import (
+    LegMark,
+    MapLabel,
+    list_leg_numbers,
+    place_cell_labels,
+    place_cut_off_labels,
+    place_headland_pass_labels,
+    place_leg_marks,
+    place_swath_labels,
+    place_unworked_label,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import PathPatch
+
+
+INK_COLOUR = "#2B2B2B"
+_HATCH_SPACING_SHARE = 0.011  # of the larger side, between two lines over unworked ground
+_BUFFER_STYLE = {"cap_style": "flat", "join_style": "mitre", "mitre_limit": 2.0}
+
+
+def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
+    """The field, the bands of its headland passes, its swaths, obstacles, outline and fences."""
+    from matplotlib.collections import PolyCollection
+
+    field_patch = _build_patch(
+        [drive.boundary, *drive.holes], facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1
+    )
+    axes.add_patch(field_patch)
+    for headland_pass in drive.headland_passes:
+        band = shapely.LineString(headland_pass.points).buffer(0.5 * drive.width_m, **_BUFFER_STYLE)
+        parts = shapely.get_parts(band)
+        rings = [np.asarray(ring.coords) for part in parts for ring in (part.exterior, *part.interiors)]
+        look = _build_patch(
+            rings, facecolor=palette.HEADLAND_PASS_COLOURS[headland_pass.number % 2], edgecolor="none", zorder=1.5
+        )
+        axes.add_patch(look)
+        look.set_clip_path(field_patch)
+    strips = PolyCollection(
+        [build_swath_outline(track, drive.width_m) for track in drive.swaths],
+        facecolors="none",
+        edgecolors=palette.SWATH_COLOUR,
+        linewidths=0.5,
+        zorder=2,
+    )
+    axes.add_collection(strips, autolim=False)
+    for ring in drive.obstacles:
+        axes.add_patch(_build_patch([ring], facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", zorder=2.2))
+    axes.add_patch(
+        _build_patch(
+            [drive.boundary, *drive.holes], facecolor="none", edgecolor=palette.EDGE_COLOUR, linewidth=1.2, zorder=3
+        )
+    )
+    for line in drive.fences:
+        axes.plot(*line.T, color=INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), zorder=3.1)
+
+
+def _build_patch(rings: Sequence[Points], **look: object) -> PathPatch:
+    """Closed rings as one shape, holes left out."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+
+    return PathPatch(
+        Outline.make_compound_path(*(Outline(np.vstack([ring, ring[:1]]), closed=True) for ring in rings)), **look
+    )
+
+
+def draw_unworked(axes: Axes, drive: PlanDrive, box: MapExtent) -> None:
+    """Hatching over unworked ground, and the area of its largest piece."""
+    from matplotlib.collections import LineCollection
+
+    if drive.unworked:
+        lines = [*build_hatching(drive.unworked, _HATCH_SPACING_SHARE * (box.size or 1.0))]
+        lines += [np.vstack([ring, ring[:1]]) for ring in drive.unworked]
+        axes.add_collection(
+            LineCollection(lines, colors=palette.UNWORKED_COLOUR, linewidths=0.5, zorder=2.4), autolim=False
+        )
+    label = place_unworked_label(drive, box)
+    _write_labels(
+        axes, [*([label] if label else []), *place_cut_off_labels(drive)], palette.UNWORKED_COLOUR, 9, 9, bold=True
+    )
+
+
+def draw_tractors(axes: Axes, drive: PlanDrive, size: float) -> None:
+    """The path of every tractor with its start and stops, and its worked legs with direction and number."""
+    for number, marks in enumerate(place_leg_marks(drive, size)):
+        _draw_path(axes, drive, number)
+        _draw_marks(axes, marks, palette.get_tractor_colour(number))
+
+
+def _draw_path(axes: Axes, drive: PlanDrive, number: int) -> None:
+    from matplotlib.collections import LineCollection
+
+    xy, status = drive.xy[number], drive.status[number]
+    colour = palette.get_tractor_colour(number)
+    parts = split_by_status(xy, status)
+    looks: tuple[tuple[str, float, tuple[int, ...]], ...] = (
+        ("solid", 1.3, (WORKING,)),
+        ("solid", 0.7, tuple({*range(SERVICE_STATUS + 1)} - {WORKING, REVERSING})),
+        ("dotted", 1.5, (REVERSING,)),
+    )
+    for style, width, statuses in looks:
+        lines = [part.points for part in parts if part.status in statuses]
+        axes.add_collection(
+            LineCollection(lines, colors=colour, linewidths=width, linestyles=style, zorder=4), autolim=False
+        )
+    for x, y, _ in find_stops(xy, status, drive.step_s):
+        axes.plot(x, y, marker="s", markersize=4, markerfacecolor="white", markeredgecolor=colour, zorder=5)
+    for x, y, _ in find_stops(xy, status, drive.step_s, SERVICE_STATUS):
+        axes.plot(x, y, marker="D", markersize=5, markerfacecolor="white", markeredgecolor=colour, zorder=5)
+    axes.plot(*xy[0], marker="o", markersize=11, color=colour, markeredgecolor="white", linestyle="none", zorder=7)
+    axes.annotate(
+        str(number + 1), xy[0], color="white", fontsize=7, fontweight="bold", ha="center", va="center", zorder=8
+    )
+
+
+def _draw_marks(axes: Axes, marks: Sequence[LegMark], colour: str) -> None:
+    from matplotlib.collections import PolyCollection
+
+    heads = [mark.head for mark in marks]
+    axes.add_collection(PolyCollection(heads, facecolors=colour, edgecolors="none", zorder=5), autolim=False)
+    _write_labels(axes, list_leg_numbers(marks), colour, 5.5, 5.5, bold=True)
+
+
+def draw_cells_and_labels(axes: Axes, drive: PlanDrive, size: float) -> None:
+    """Numbers of tracks and headland passes, outlines of cells with their number and bearing."""
+    for cell in drive.cells:
+        look = {"facecolor": "none", "edgecolor": INK_COLOUR, "linewidth": 1.0, "linestyle": (0, (6, 3)), "zorder": 5.8}
+        axes.add_patch(_build_patch(cell.rings, **look))
+    _write_labels(axes, place_swath_labels(drive, size), INK_COLOUR, 6.5, 6)
+    _write_labels(axes, place_headland_pass_labels(drive, size), palette.EDGE_COLOUR, 6.5, 6.2, bold=True)
+    _write_labels(axes, place_cell_labels(drive), INK_COLOUR, 9, 6.4, bold=True)
+
+
+def _write_labels(
+    axes: Axes, labels: Sequence[MapLabel], colour: str, size: float, zorder: float, *, bold: bool = False
+) -> None:
+    """Labels with a pale edge, so that they can be read over paths."""
+    from matplotlib.patheffects import withStroke
+
+    for label in labels:
+        x, y = label.place
+        text = axes.annotate(
+            label.text, (x, y), color=colour, fontsize=size, fontweight="bold" if bold else "normal", ha="center",
+            va="center", zorder=zorder,
+        )  # fmt: skip
+        text.set_path_effects([withStroke(linewidth=0.3 * size, foreground="white")])
+
+
+def draw_scale_and_north(axes: Axes, box: MapExtent) -> None:
+    """A scale bar below the field on the left, a north arrow on the right."""
+    size = box.size or 1.0
+    bar = choose_round_length_m(max(box.width, 0.5 * size) / 4)
+    y = box.south - 0.06 * size
+    axes.plot([box.west, box.west + bar], [y, y], color=INK_COLOUR, linewidth=2.5, solid_capstyle="butt", zorder=6)
+    axes.annotate(f"{bar:g} m", (box.west + bar, y), xytext=(6, 0), textcoords="offset points", va="center", fontsize=9)
+    axes.annotate(
+        "N",
+        xy=(box.east, y + 0.05 * size),
+        xytext=(box.east, y),
+        ha="center",
+        va="center",
+        fontsize=10,
+        arrowprops={"arrowstyle": "-|>", "color": INK_COLOUR, "linewidth": 1.2},
+    )
+
+
+_HASH_SALT = "headland"
+_LETTERS_PER_INCH, _TITLE_INCHES, _EDGE_INCHES = (
+    11.0,
+    0.24,
+    0.2,
+)  # of a title of 11 points; height of its lines; margin around everything
+_WIDEST_INCHES, _TALLEST_INCHES, _NARROWEST_INCHES = 10.0, 9.0, 4.5  # of a map, inches
+_SIDE_SHARE, _FOOT_SHARE = 0.03, 0.1  # of the larger side of the field: margin beside it, and below it with the scale
+_MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row
+_LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
+_ROW_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0
+_MOST_LIST_ROWS, _WIDEST_WITH_LISTS_INCHES = (
+    70,
+    11.0,
+)  # rows of lists below the map; width of a map with lists beside it
+
+
+def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
+    """The field and each tractor's path, to scale, north up, with start, entrance, scale bar and legend.
+
+    Tracks and headland passes have their numbers, cells their outline, number and bearing, worked legs their direction
+    and number, as many as have room. Leg lists are beside or below the map where they fit. Unworked ground is hatched,
+    its largest piece has its area. A drive without tractors shows the field and its swaths.
+
+    Raises:
+        ReportError: the drive cannot be drawn.
+    """
+    check_drive(drive, least_tractors=0)
+    box = compute_extent(drive)
+    sheet = _plan_layout(drive, field_name, _compute_map_size_inches(box))
+    figure, axes = _create_canvas(sheet)
+    size = box.size or 1.0
+    axes.set_aspect("equal")
+    axes.set_xlim(box.west - _SIDE_SHARE * size, box.east + _SIDE_SHARE * size)
+    axes.set_ylim(box.south - _FOOT_SHARE * size, box.north + _SIDE_SHARE * size)
+    axes.set_axis_off()
+    draw_field_ground(axes, drive)
+    draw_unworked(axes, drive, box)
+    draw_tractors(axes, drive, box.size)
+    if drive.entrance is not None:
+        axes.plot(*drive.entrance, marker="v", color=INK_COLOUR, markersize=8, linestyle="none", zorder=6)
+    draw_cells_and_labels(axes, drive, box.size)
+    draw_scale_and_north(axes, box)
+    _write_title_and_lists(figure, drive, sheet)
+    return figure
+
+
+def render_png(figure: Figure, dpi: int = 150) -> bytes:
+    """A figure as a PNG file."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=dpi, format="png", facecolor="white", metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def render_svg(figure: Figure) -> str:
+    """A figure as SVG text; the same figure gives the same bytes."""
+    import matplotlib as mpl
+
+    buffer = io.StringIO()
+    with mpl.rc_context({"svg.hashsalt": _HASH_SALT, "svg.fonttype": "none"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
+
+
+def encode_svg_base64(figure: Figure) -> str:
+    """A figure as SVG for a data URL, in base64: its styles then do not apply to the page."""
+    return base64.b64encode(render_svg(figure).encode()).decode("ascii")
+
+
+def _compute_map_size_inches(box: MapExtent) -> tuple[float, float]:
+    """Width and height of the map, as large as there is room."""
+    size = box.size or 1.0
+    across, up = box.width + 2 * _SIDE_SHARE * size, box.height + (_SIDE_SHARE + _FOOT_SHARE) * size
+    scale = min((_WIDEST_INCHES - 2 * _EDGE_INCHES) / across, _TALLEST_INCHES / up)
+    return round(float(across * scale), 4), round(float(up * scale), 4)
+
+
+@dataclass(frozen=True)
+class _FigureLayout:
+    """Sizes in inches: the map, the title above it, the legend below it, and leg lists below or beside it."""
+
+    map_width: float
+    map_height: float
+    width: float
+    title: list[str]
+    legend_height: float
+    columns: int
+    list_columns: list[str]
+    has_lists_beside: bool
+
+    @property
+    def title_height(self) -> float:
+        """Height of the title."""
+        return _EDGE_INCHES + _TITLE_INCHES * len(self.title)
+
+    @property
+    def lists_height(self) -> float:
+        """Height of the lists below the legend."""
+        rows = max((text.count("\n") + 1 for text in self.list_columns), default=0)
+        return 0.0 if self.has_lists_beside or not rows else _ROW_INCHES * rows + _EDGE_INCHES
+
+    @property
+    def height(self) -> float:
+        """Height of the whole figure."""
+        return self.title_height + self.map_height + self.legend_height + self.lists_height
+
+
+def _plan_layout(drive: PlanDrive, field_name: str, inches: tuple[float, float]) -> _FigureLayout:
+    """The map with leg lists beside it, below it, or without them where they have no room."""
+    across, up = inches
+    width_without_lists = max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
+    lists_beside = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
+    width_with_lists = across + 3 * _EDGE_INCHES + _LIST_INCHES * len(lists_beside)
+    lists_below = _format_leg_columns(drive, _MOST_LIST_ROWS)
+    is_beside = bool(lists_beside) and width_with_lists <= _WIDEST_WITH_LISTS_INCHES
+    width = width_with_lists if is_beside else width_without_lists
+    lists = (
+        lists_beside if is_beside else lists_below if len(lists_below) * _LIST_INCHES + _EDGE_INCHES <= width else []
+    )
+    columns = max(2, int(width / _MARK_INCHES))
+    legend = _MARKS_INCHES * math.ceil(len(_build_legend_entries(drive)) / columns) + _EDGE_INCHES
+    return _FigureLayout(across, up, width, _wrap_title(drive, field_name, width), legend, columns, lists, is_beside)
+
+
+def _create_canvas(layout: _FigureLayout) -> tuple[Figure, Axes]:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(layout.width, layout.height))
+    FigureCanvasAgg(figure)
+    left_edge = _EDGE_INCHES if layout.has_lists_beside else 0.5 * (layout.width - layout.map_width)
+    bottom, across = (layout.legend_height + layout.lists_height) / layout.height, layout.map_width / layout.width
+    return figure, figure.add_axes((left_edge / layout.width, bottom, across, layout.map_height / layout.height))
+
+
+def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayout) -> None:
+    """Title, legend and leg lists."""
+    edge = _EDGE_INCHES / layout.width
+    figure.suptitle(
+        _escape_figure_formula("\n".join(layout.title)),
+        x=edge,
+        y=1.0 - 0.5 * _EDGE_INCHES / layout.height,
+        ha="left",
+        va="top",
+        fontsize=11,
+        color=INK_COLOUR,
+        linespacing=1.4,
+    )
+    figure.legend(
+        handles=_build_legend_entries(drive),
+        loc="upper center",
+        bbox_to_anchor=(0.5, (layout.legend_height + layout.lists_height) / layout.height),
+        ncols=layout.columns,
+        frameon=False,
+        fontsize=9,
+        borderaxespad=0.0,
+    )
+    left_edge = layout.map_width + 2 * _EDGE_INCHES if layout.has_lists_beside else _EDGE_INCHES
+    top = layout.height - layout.title_height if layout.has_lists_beside else layout.lists_height
+    for column, text in enumerate(layout.list_columns):
+        figure.text(
+            (left_edge + column * _LIST_INCHES) / layout.width,
+            top / layout.height,
+            _escape_figure_formula(text),
+            ha="left",
+            va="top",
+            fontsize=_LIST_POINTS,
+            family="monospace",
+            color=INK_COLOUR,
+            linespacing=_LIST_SPACING,
+        )
+
+
+def _wrap_title(drive: PlanDrive, field_name: str, width: float) -> list[str]:
+    """Field and plan, then the figures of the drive, in lines for a figure of `width` inches."""
+    count = len(drive.xy)
+    first = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
+    tracks = f"{len(drive.swaths)} tracks"
+    second = [f"width {drive.width_m:g} m", *([] if tracks in first else [tracks])]
+    if drive.headland_passes:
+        passes = max(headland_pass.number for headland_pass in drive.headland_passes)
+        second.append(f"{passes} headland pass{'es' if passes > 1 else ''}")
+    if count:
+        second += [
+            *([] if format_tractor_count(count) in first else [format_tractor_count(count)]),
+            f"done in {format_duration(max(drive.finish_s))}",
+        ]
+    if drive.worked_pct is not None:
+        second.append(f"{drive.worked_pct:.1f} % worked")
+    if drive.cut_off:
+        second.append(f"{format_area(math.fsum(one.m2 for one in drive.cut_off))} cut off by obstacles")
+    room = int(width * _LETTERS_PER_INCH)
+    return [line for text in (first, ", ".join(second)) for line in textwrap.wrap(text, room)]
+
+
+def _format_leg_columns(drive: PlanDrive, most_rows: int) -> list[str]:
+    """The leg lists as columns of text of at most `most_rows` rows; short lists share a column, long ones are split."""
+    columns: list[list[str]] = []
+    for number, steps in enumerate(drive.steps, start=1):
+        rows = format_leg_rows(steps)
+        share = math.ceil(len(rows) / max(math.ceil(len(rows) / max(most_rows - 1, 1)), 1))
+        for first in range(0, len(rows), max(share, 1)):
+            title = format_leg_heading(number, steps) if not first else f"Tractor {number}, continued"
+            block = [title, *rows[first : first + share]]
+            if columns and len(columns[-1]) + 1 + len(block) <= most_rows:
+                columns[-1] += ["", *block]
+            else:
+                columns.append(block)
+    return ["\n".join(column) for column in columns]
+
+
+def _build_legend_entries(drive: PlanDrive) -> list[Artist]:
+    """The entries of the legend."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    count = len(drive.xy)
+    handles: list[Artist] = [
+        Line2D([], [], color=palette.get_tractor_colour(number), linewidth=3, label=f"tractor {number + 1}")
+        for number in range(count)
+    ]
+    if count:
+        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.8, label="working"))
+        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=0.7, label="turning"))
+    else:
+        handles.append(
+            Line2D([], [], color=palette.SWATH_COLOUR, linewidth=1.0, label=f"swaths of {drive.width_m:g} m")
+        )
+    driven = {int(value) for status in drive.status for value in np.unique(status)}
+    if REVERSING in driven:
+        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.5, linestyle="dotted", label="reversing"))
+    if STATUS_BY_STATE["waiting"] in driven:
+        handles.append(_build_legend_marker("s", "waiting", "white"))
+    if SERVICE_STATUS in driven:
+        handles.append(_build_legend_marker("D", "refill", "white"))
+    if count:
+        handles.append(_build_legend_marker("o", "start", "grey"))
+    if drive.entrance is not None:
+        handles.append(_build_legend_marker("v", "entrance", INK_COLOUR))
+    if drive.headland_passes:
+        handles.append(
+            Patch(
+                facecolor=palette.HEADLAND_PASS_COLOURS[1],
+                edgecolor=palette.HEADLAND_PASS_COLOURS[0],
+                label="headland passes",
+            )
+        )
+    if drive.cells:
+        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.0, linestyle="dashed", label="cells"))
+    if drive.obstacles:
+        handles.append(Patch(facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", label="obstacles"))
+    if drive.fences:
+        handles.append(Line2D([], [], color=INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), label="fences"))
+    if drive.unworked:
+        handles.append(Patch(facecolor="none", edgecolor=palette.UNWORKED_COLOUR, hatch="/////", label="not worked"))
+    return handles
+
+
+def _build_legend_marker(marker: str, label: str, face: str) -> Line2D:
+    from matplotlib.lines import Line2D
+
+    return Line2D(
+        [], [], marker=marker, linestyle="none", markerfacecolor=face, markeredgecolor=INK_COLOUR, label=label
+    )
+
+
+def _escape_figure_formula(text: str) -> str:
+    """Text that matplotlib does not read as a formula."""
+    return text.replace("$", r"\$")

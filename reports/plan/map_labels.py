@@ -1,0 +1,236 @@
+"""Places of labels and arrows on a map: of tracks, headland passes and cells, and of worked legs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.common.plan_results import HeadlandPassLine, PlanDrive, Points
+from reports.common.wording import format_area
+from reports.plan.drive_geometry import (
+    WORKING,
+    MapExtent,
+    build_arrow_head,
+    compute_extent,
+    place_swath_numbers,
+    split_by_status,
+)
+
+WORKED_LEG_KINDS = ("track", "round")
+LEAST_ON_MAP_M2 = 10.0  # a smaller piece would be hidden by the words
+# In hundredths of the larger side of a map: distances between labels, and of a number from the end of its track.
+_LABEL_DISTANCE_PCT, _ARROW_DISTANCE_PCT, _SWATH_LABEL_OFFSET_PCT, _ARROW_HEAD_PCT = 2.3, 4.0, 1.2, 1.1
+_UNWORKED_LABEL_HALF_PCT = 5.0  # half the width of the label of unworked ground
+_NUMBER_DISTANCE_PCT = 2.4  # between the number of a leg and another, or its arrow
+# Between an arrow and the number of a track or pass, or the name of a cell.
+_LABEL_CLEARANCE_PCT, _CELL_CLEARANCE_PCT = 2.8, 6.5
+_ARROW_SHARES = (0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74, 0.18, 0.82)  # shares of a leg where its arrow may be
+# Shares of the longest edge of a headland pass where its number may be, and how many edges are tried.
+_PASS_LABEL_SHARE, _PASS_LABEL_STEP, _PASS_LABEL_PLACES, _PASS_LABEL_EDGES = 0.25, 0.07, 4, 8
+# A letter and a line of the smallest text and its margin, in hundredths of the larger side; names of cells are larger.
+_LETTER_WIDTH_PCT, _LINE_HEIGHT_PCT, _TEXT_MARGIN_PCT, _LARGE_TEXT_SCALE = 0.95, 1.5, 0.3, 1.35
+# How far a text is moved away from the mark of a start or entrance, and the radius of these marks.
+_TEXT_SHIFT_PCT, _MARK_REACH_PCT = 2.5, 1.3
+
+
+@dataclass(frozen=True, eq=False)
+class MapLabel:
+    """A text and the place (2,) it is centred on, metres."""
+
+    text: str
+    place: Points
+
+
+@dataclass(frozen=True, eq=False)
+class LegMark:
+    """The head (3, 2) of an arrow on a worked leg, tip first, and behind it the number of the leg."""
+
+    head: Points
+    label: MapLabel | None
+
+
+def place_swath_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
+    """Names of tracks beyond both ends, where they overlap neither each other nor names of cells."""
+    names = drive.swath_names or tuple(str(index + 1) for index in range(len(drive.swaths)))
+    places = place_swath_numbers(drive.swaths, _SWATH_LABEL_OFFSET_PCT * size / 100, _LABEL_DISTANCE_PCT * size / 100)
+    return _choose_free_places(
+        [[MapLabel(names[index], place)] for index, place in places], _list_large_label_boxes(drive, size), size
+    )
+
+
+def place_headland_pass_labels(drive: PlanDrive, size: float) -> list[MapLabel]:
+    """R1, R2, ... on the longest edges of every headland pass, where they overlap no other label."""
+    starts = [MapLabel(str(number), xy[0]) for number, xy in enumerate(drive.xy, start=1)]
+    boxes = [
+        *_list_large_label_boxes(drive, size),
+        *(_compute_label_box(start, size, _LARGE_TEXT_SCALE) for start in starts),
+    ]
+    boxes += [_compute_label_box(label, size) for label in place_swath_labels(drive, size)]
+    return _choose_free_places([_list_pass_label_places(one) for one in drive.headland_passes], boxes, size)
+
+
+def _list_large_label_boxes(drive: PlanDrive, size: float) -> list[Points]:
+    """Boxes of the names of cells and of unworked ground."""
+    return [
+        _compute_label_box(label, size, _LARGE_TEXT_SCALE)
+        for label in (*place_cell_labels(drive), *_place_ground_labels(drive))
+    ]
+
+
+def _list_pass_label_places(headland_pass: HeadlandPassLine) -> list[MapLabel]:
+    """Possible places of the number of a pass: its longest edges, at a share that differs between passes first."""
+    edges = np.diff(headland_pass.points, axis=0)
+    longest = np.argsort(-np.hypot(*edges.T), kind="stable")[:_PASS_LABEL_EDGES]
+    first = _PASS_LABEL_SHARE + _PASS_LABEL_STEP * ((headland_pass.number - 1) % _PASS_LABEL_PLACES)
+    shares = (first, *(share for share in _ARROW_SHARES if share != first))
+    return [
+        MapLabel(f"R{headland_pass.number}", headland_pass.points[edge] + share * edges[edge])
+        for edge in longest
+        for share in shares
+    ]
+
+
+def _choose_free_places(
+    candidates: Sequence[Sequence[MapLabel]], boxes: Sequence[Points], size: float
+) -> list[MapLabel]:
+    """For every label the first place that overlaps no box and no earlier label; labels without one are dropped."""
+    occupied = np.array(boxes).reshape(-1, 2, 2)
+    chosen = []
+    for places in candidates:
+        for label in places:
+            label_box = _compute_label_box(label, size)
+            if not ((label_box[0] < occupied[:, 1]) & (occupied[:, 0] < label_box[1])).all(axis=1).any():
+                occupied = np.concatenate([occupied, label_box[None]])
+                chosen.append(label)
+                break
+    return chosen
+
+
+def _compute_label_box(label: MapLabel, size: float, scale: float = 1.0) -> Points:
+    """Lower left and upper right corner (2, 2) of a text, metres."""
+    half = (
+        0.5
+        * scale
+        * size
+        / 100
+        * np.array([_LETTER_WIDTH_PCT * len(label.text) + _TEXT_MARGIN_PCT, _LINE_HEIGHT_PCT + _TEXT_MARGIN_PCT])
+    )
+    return np.array([label.place - half, label.place + half])
+
+
+def place_cell_labels(drive: PlanDrive) -> list[MapLabel]:
+    """Number and bearing of every cell."""
+    return [
+        MapLabel(f"cell {cell.number}: {cell.bearing_deg:.0f}\N{DEGREE SIGN}", np.array([cell.x_m, cell.y_m]))
+        for cell in drive.cells
+    ]
+
+
+def place_unworked_label(drive: PlanDrive, box: MapExtent) -> MapLabel | None:
+    """The area of the largest unworked piece, placed on it and within the map; None if it is too small."""
+    piece = drive.largest_missed
+    if piece is None or piece.m2 < LEAST_ON_MAP_M2:
+        return None
+    half = min(_UNWORKED_LABEL_HALF_PCT * box.size / 100, 0.5 * box.width)
+    x = min(max(piece.x_m, box.west + half), box.east - half)
+    places = (np.array([x, piece.y_m + lines * _TEXT_SHIFT_PCT * box.size / 100]) for lines in (0, 1, -1))
+    labels = [MapLabel(f"{format_area(piece.m2)} missed", place) for place in places]
+    return next((one for one in labels if _is_clear_of_marks(drive, one, box.size)), labels[0])
+
+
+def _is_clear_of_marks(drive: PlanDrive, label: MapLabel, size: float) -> bool:
+    """Whether a large text covers neither the mark of the entrance nor a start of a tractor."""
+    marks = np.array([*([drive.entrance] if drive.entrance else []), *(xy[0] for xy in drive.xy)]).reshape(-1, 2)
+    low, high = (
+        _compute_label_box(label, size, _LARGE_TEXT_SCALE) + np.array([[-1.0], [1.0]]) * _MARK_REACH_PCT * size / 100
+    )
+    return not ((low < marks) & (marks < high)).all(axis=1).any()
+
+
+def place_cut_off_labels(drive: PlanDrive) -> list[MapLabel]:
+    """The areas of the pieces of ground that obstacles cut off, without the smallest."""
+    return [
+        MapLabel(f"{format_area(one.m2)} cut off", np.array([one.x_m, one.y_m]))
+        for one in drive.cut_off
+        if one.m2 >= LEAST_ON_MAP_M2
+    ]
+
+
+def place_leg_marks(drive: PlanDrive, size: float) -> list[list[LegMark]]:
+    """Per tractor arrows on its worked legs with their numbers, as many as have room.
+
+    Where the middle of a leg has no room, other places along it are tried.
+    """
+    arrow_places, number_places = np.empty((0, 2)), np.empty((0, 2))
+    label_places = [
+        (np.array([label.place for label in labels]).reshape(-1, 2), apart)
+        for labels, apart in (
+            ([*place_swath_labels(drive, size), *place_headland_pass_labels(drive, size)], _LABEL_CLEARANCE_PCT),
+            ([*place_cell_labels(drive), *_place_ground_labels(drive)], _CELL_CLEARANCE_PCT),
+        )
+    ]  # fmt: skip
+    marks: list[list[LegMark]] = [[] for _ in drive.xy]
+    for tractor, tractor_marks in enumerate(marks):
+        for text, line in _iterate_worked_legs(drive, tractor):
+            for head in _iterate_arrow_heads(line, _ARROW_HEAD_PCT * size / 100):
+                back = 0.5 * (head[1] + head[2])
+                place = back + 1.1 * (back - head[0])
+                clear = (
+                    _is_apart(one, others, apart * size / 100)
+                    for others, apart in label_places
+                    for one in (head[0], place)
+                )
+                beside = (
+                    _is_apart(one, others, _NUMBER_DISTANCE_PCT * size / 100)
+                    for one, others in ((place, number_places), (place, arrow_places), (head[0], number_places))
+                )
+                if _is_apart(head[0], arrow_places, _ARROW_DISTANCE_PCT * size / 100) and all(clear) and all(beside):
+                    arrow_places, number_places = (
+                        np.concatenate([arrow_places, head[:1]]),
+                        np.concatenate([number_places, place[None]]),
+                    )
+                    tractor_marks.append(LegMark(head, MapLabel(text, place) if text else None))
+                    break
+    return marks
+
+
+def _place_ground_labels(drive: PlanDrive) -> list[MapLabel]:
+    missed = place_unworked_label(drive, compute_extent(drive))
+    return [*([missed] if missed else []), *place_cut_off_labels(drive)]
+
+
+def _is_apart(place: Points, other_places: Points, apart_m: float) -> bool:
+    return float(((other_places - place) ** 2).sum(axis=1).min(initial=np.inf)) >= apart_m**2
+
+
+def _iterate_worked_legs(drive: PlanDrive, tractor: int) -> Iterator[tuple[str, Points]]:
+    """Number in the list of legs ("" without a list) and path (n, 2) of every worked leg."""
+    xy, status = drive.xy[tractor], drive.status[tractor]
+    if not drive.steps:
+        yield from (("", part.points) for part in split_by_status(xy, status) if part.status == WORKING)
+        return
+    for number, step in enumerate(drive.steps[tractor], start=1):
+        if step.kind in WORKED_LEG_KINDS:
+            first, last = (round(at / drive.step_s) for at in (step.from_s, step.from_s + step.seconds))
+            yield str(number), xy[first : last + 1]
+
+
+def _iterate_arrow_heads(line: Points, length_m: float) -> Iterator[Points]:
+    """Heads of arrows at several places along a path, the middle first; none on a path shorter than two heads."""
+    along: npt.NDArray[np.float64] = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))))
+    if along[-1] < 2.0 * length_m:
+        return
+    for share in _ARROW_SHARES:
+        reach = min(share, 1.0 - share) * along[-1]
+        inside = (along >= share * along[-1] - reach) & (along <= share * along[-1] + reach)
+        head = build_arrow_head(line[inside], length_m) if inside.sum() > 1 else None
+        if head is not None:
+            yield head
+
+
+def list_leg_numbers(marks: Sequence[LegMark]) -> list[MapLabel]:
+    """The numbers of the marks that have one."""
+    return [mark.label for mark in marks if mark.label is not None]

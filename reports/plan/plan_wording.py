@@ -1,0 +1,393 @@
+"""A ranking of plans in sentences: the plan to take, what it leaves, how sure it is, and why plans were refused."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+
+from reports.common.effect_names import format_effect_values, format_effect_with_id
+from reports.common.plan_results import (
+    PlanRanking,
+    PlanResult,
+    UnworkedPiece,
+    get_field_work_end_s,
+    get_finished_field_cost,
+    get_finished_field_end_s,
+    get_finished_field_s,
+)
+from reports.common.wording import (
+    format_area,
+    format_duration,
+    format_number,
+    format_percent,
+    format_price,
+    format_tractor_count,
+    join_list,
+    parse_start_time,
+    round_seconds,
+)
+
+SAME_TIME_S = 0.5  # a smaller difference is not mentioned
+WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
+LEAST_COST = 0.005  # less reads as nothing
+LEAST_GAP_PCT = 0.05  # less reads as nothing
+LEAST_UNWORKED_M2 = 0.5  # less reads as nothing
+UNWORKED_HELP = (
+    "Unworked: ground that no implement worked; ranks include the time to finish it at each plan's own rate."
+)
+BY_COUNT_HELP = (
+    "Median time and 95 %: field work takes no longer in half and in 95 % of the samples, with late starts, stops and "
+    "breakdowns."
+)
+COLUMN_HELP = {
+    "Turning": "of all tractors together",
+    "Waiting": "of all tractors together",
+    "Worked %": "of the field",
+    "Overlap %": "of the field, worked more than once",
+    "Clearance m": "smallest distance between two tractors, implements included",
+    "In time %": "of the samples; a range (95 %) where they are few",
+    "Paid": "mean of the samples",
+    "Expected": "mean of the samples, with losses on late ground",
+}
+"""What columns of plans hold, where their headings do not say it."""
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+
+
+@dataclass(frozen=True)
+class RefusalGroup:
+    """Plans that were refused for the same reason, figures apart.
+
+    `reason` is that of the first plan; `has_similar_reasons` says whether figures differ among the plans.
+    """
+
+    reason: str
+    plans: tuple[PlanResult, ...]
+    has_similar_reasons: bool
+
+
+def is_interval_wide(interval: tuple[float, float] | None) -> bool:
+    """Whether there are too few samples for a probability in whole percent."""
+    return interval is not None and interval[1] - interval[0] > 2.0 * WIDE_HALF_INTERVAL
+
+
+def format_in_time_probability(plan: PlanResult) -> str:
+    """The probability of being in time in percent, a range where samples are few; a dash when it is not known."""
+    interval = plan.finish_probability_interval
+    if interval is None or not is_interval_wide(interval):
+        return format_percent(plan.finish_probability)
+    low, high = (f"{100.0 * end:.0f}" for end in interval)
+    return f"{low}-{high}"
+
+
+def has_late_ground_loss(ranking: PlanRanking) -> bool:
+    """Whether late ground adds an expected loss to what is paid."""
+    pairs = [(plan.expected_cost, plan.paid_cost) for plan in list_feasible(ranking)]
+    return any(expected is not None and paid is not None and expected - paid >= LEAST_COST for expected, paid in pairs)
+
+
+def format_unworked(plan: PlanResult) -> str | None:
+    """The unworked area of a plan: ``0.83 ha (17 %)``; None where there is none, or it is not known."""
+    if plan.missed_m2 is None or plan.missed_m2 < LEAST_UNWORKED_M2:
+        return None
+    share = None if plan.worked_pct is None else 100.0 - plan.worked_pct
+    if share is None:
+        return format_area(plan.missed_m2)
+    percent = "under 0.1" if share < 0.05 else format_number(share, 1 if share < 10 else 0)
+    return f"{format_area(plan.missed_m2)} ({percent} %)"
+
+
+def format_ground_place(piece: UnworkedPiece) -> str:
+    """Where a piece of ground is: latitude and longitude, or metres for a field in local metres."""
+    if piece.lat is None or piece.lon is None:
+        return f"x {piece.x_m:.0f} m, y {piece.y_m:.0f} m"
+    return f"latitude {piece.lat:.5f}, longitude {piece.lon:.5f}"
+
+
+def get_clearance_m(plan: PlanResult) -> float | None:
+    """Smallest distance between two tractors in metres; None for a single one."""
+    value = plan.min_clearance_m
+    return None if plan.tractors < 2 or value is None or not math.isfinite(value) else value
+
+
+def list_feasible(ranking: PlanRanking) -> list[PlanResult]:
+    """The feasible plans, in the order of the ranking."""
+    return [plan for plan in ranking.plans if plan.feasible]
+
+
+def list_refused(ranking: PlanRanking) -> list[PlanResult]:
+    """The infeasible plans, in the order of the ranking."""
+    return [plan for plan in ranking.plans if not plan.feasible]
+
+
+def group_refusals(plans: Sequence[PlanResult]) -> list[RefusalGroup]:
+    """Infeasible plans grouped by reason, most frequent first; reasons that differ only in figures are one."""
+    groups: dict[str, list[PlanResult]] = {}
+    for plan in plans:
+        groups.setdefault(_NUMBER.sub("#", _get_reason(plan)), []).append(plan)
+    return [
+        RefusalGroup(_get_reason(group[0]), tuple(group), len({_get_reason(plan) for plan in group}) > 1)
+        for group in sorted(groups.values(), key=len, reverse=True)
+    ]
+
+
+def _get_reason(plan: PlanResult) -> str:
+    return (plan.reason or "no reason was given").strip()
+
+
+def name_refused_plans(refusal: RefusalGroup) -> str:
+    """Which plans were refused: ``row-by-row (omega) with 5 and 7; split-field (u) with 1``."""
+    counts: dict[tuple[str, str], list[int]] = {}
+    for plan in refusal.plans:
+        counts.setdefault((plan.strategy, plan.turn), []).append(plan.tractors)
+    return "; ".join(f"{name} ({turn}) with {join_list(sorted(set(n)))}" for (name, turn), n in counts.items())
+
+
+def list_plan_remarks(plans: Sequence[PlanResult]) -> list[str]:
+    """Remarks on feasible plans, each once with its plans: ``row-by-row-optimised with 2 and 3: ... .``
+
+    Where plans of several strategies, or with other figures, have the same remark, it has the number of plans.
+    """
+    groups: dict[str, list[tuple[PlanResult, str]]] = {}
+    for plan in plans:
+        for part in (plan.remark or "").split("; "):
+            if part:
+                groups.setdefault(_NUMBER.sub("#", part), []).append((plan, part))
+    return [_format_grouped_remark(members) for members in groups.values()]
+
+
+def _format_grouped_remark(members: Sequence[tuple[PlanResult, str]]) -> str:
+    first, remark = members[0]
+    has_one_text = all(part == remark for _, part in members)
+    if has_one_text and all(plan.strategy == first.strategy for plan, _ in members):
+        return f"{first.strategy} with {join_list(sorted({plan.tractors for plan, _ in members}))}: {remark}."
+    example = "" if has_one_text else f", such as {first.strategy} with {first.tractors}"
+    return f"{len(members)} plans{example}: {remark}."
+
+
+def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
+    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
+    groups: dict[str, dict[str, list[int]]] = {}
+    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
+        if plan.order_gap_pct is not None:
+            gaps = groups.setdefault(plan.strategy, {})
+            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
+    parts = [
+        f"{name} {join_list(f'{gap} with {join_list(sorted(set(counts)))}' for gap, counts in gaps.items())}"
+        for name, gaps in groups.items()
+    ]
+    return f"Order of tracks, by the driving between them: {'; '.join(parts)}." if parts else None
+
+
+def format_order_optimality(pct: float) -> str:
+    """``optimal`` or ``within 1.2 % of optimal``."""
+    return "optimal" if pct < LEAST_GAP_PCT else f"within {format_number(pct, 1)} % of optimal"
+
+
+def describe_machines(ranking: PlanRanking) -> str | None:
+    """Tractor, implement (by its name in the farm file) and width; None if unknown."""
+    scenario = ranking.scenario
+    if "tractor" not in scenario or "width_m" not in scenario:
+        return None
+    return f"{scenario['tractor']}, {scenario.get('implement') or 'implement'} {scenario['width_m']:g} m"
+
+
+def describe_simulated_effects(ranking: PlanRanking) -> str | None:
+    """Which effects of the tractor file were simulated, a sentence; None when it has none."""
+    parts = [
+        f"{format_effect_with_id(name)}: {format_effect_values(name, values)}"
+        for name, values in ranking.tractor_effects.items()
+        if name != "discrepancy_model"
+    ]
+    if "discrepancy_model" in ranking.tractor_effects:
+        parts.append("a discrepancy model")
+    return f"Simulated with what measured logs showed of this tractor: {'; '.join(parts)}." if parts else None
+
+
+def format_clock_after_start(ranking: PlanRanking, seconds: float | None) -> str | None:
+    """The clock time ``09:14``, ``01:14 next day`` or ``01:14, 2 days later`` after the start; None without a start."""
+    start = parse_start_time(ranking.start)
+    if start is None or seconds is None or not math.isfinite(seconds):
+        return None
+    later = start + timedelta(seconds=round_seconds(seconds))
+    days = (later.date() - start.date()).days
+    return later.strftime("%H:%M") + {0: "", 1: " next day"}.get(days, f", {days} days later")
+
+
+def describe_ranking(ranking: PlanRanking) -> list[str]:
+    """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
+    best = ranking.best
+    if best is None:
+        return [_explain_no_plan(ranking)]
+    priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
+    cheapest = min(priced, key=_get_compared_cost, default=None)
+    best_is_cheapest = cheapest is not None and _get_compared_cost(cheapest) == _get_compared_cost(best)
+    result = _describe_plan_result(ranking, best)
+    details = [*ranking.day_sentences, *_describe_unworked(ranking, best), *_list_remark(best)]
+    if ranking.unmet_sentence is not None:
+        sentences = [ranking.unmet_sentence, *_list_advice(ranking), f"The closest plan: {result}.", *details]
+    elif best.meets_deadline is False:
+        lateness = "" if ranking.missed_by_s is None else f" misses it by {format_duration(ranking.missed_by_s)}"
+        sentences = [f"No plan meets {_name_deadline(ranking, 'the')}.", *_list_advice(ranking)]
+        sentences += [f"The {name_best_late_plan(ranking)}{lateness}: {result}.", *details]
+    else:
+        sentences = [*_list_advice(ranking), f"Best plan: {result}.", *details]
+        sentences += _describe_deadline(ranking, best, best_is_cheapest)
+    if ranking.cut_off_m2:
+        sentences.append(f"Obstacles cut off {format_area(ranking.cut_off_m2)} of the field, which no plan works.")
+    return sentences + _describe_other_plans(ranking, best, cheapest, best_is_cheapest)
+
+
+def _describe_other_plans(
+    ranking: PlanRanking, best: PlanResult, cheapest: PlanResult | None, best_is_cheapest: bool
+) -> list[str]:
+    """The fastest and the cheapest plan where they are not the best, or that the best is the cheapest too."""
+    plans, late = list_feasible(ranking), has_late_ground_loss(ranking)
+    fastest = min((plan for plan in plans if plan.time_s is not None), key=get_finished_field_s, default=best)
+    plans_by_name = {}
+    if fastest is not best and get_finished_field_s(fastest) != get_finished_field_s(best):
+        plans_by_name["Fastest"] = fastest
+    if cheapest is not None and not best_is_cheapest:
+        plans_by_name["Lowest expected cost" if late else "Cheapest"] = cheapest
+    if len(plans_by_name) == 2 and fastest is cheapest:
+        plans_by_name = {"Fastest, at the lowest expected cost" if late else "Fastest and cheapest": fastest}
+    sentences = [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in plans_by_name.items()]
+    if not best_is_cheapest or best.meets_deadline:
+        return sentences
+    which = "also has the lowest expected cost" if late else "is also the cheapest"
+    closest_only = best.meets_deadline is False or ranking.unmet_sentence is not None
+    return [*sentences, f"{'This' if closest_only else 'The best'} plan {which}."]
+
+
+def _get_compared_cost(plan: PlanResult) -> float:
+    """The cost that plans are compared by: the expected one, without samples that of the finished field."""
+    return get_finished_field_cost(plan) if plan.expected_cost is None else plan.expected_cost
+
+
+def _list_advice(ranking: PlanRanking) -> list[str]:
+    """The advice, and what its costs include."""
+    return [] if ranking.advice is None else [ranking.advice, *ranking.money_sentences]
+
+
+def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
+    unworked = format_unworked(plan)
+    leaves = "" if unworked is None else f", leaves {unworked} unworked"
+    done = "done in" if abs((plan.time_s or 0.0) - get_field_work_end_s(plan)) < SAME_TIME_S else "driven in"
+    when = _describe_time(ranking, plan.time_s, get_field_work_end_s(plan))
+    stops = _describe_service_stops(plan)
+    return f"{_name_plan_variant(plan)}, {done} {when}{stops}{_describe_cost(ranking, plan)}{leaves}"
+
+
+def _describe_service_stops(plan: PlanResult) -> str:
+    """`` with 3 refills``; nothing where nothing is carried."""
+    if plan.refills is None:
+        return ""
+    return f" with {plan.refills or 'no'} refill{'' if plan.refills == 1 else 's'}"
+
+
+def name_best_late_plan(ranking: PlanRanking) -> str:
+    """What to call the best plan where none meets the deadline: another may be sooner but leave more ground."""
+    best = ranking.best
+    times = [plan.time_s for plan in list_feasible(ranking) if plan.time_s is not None]
+    return "closest plan" if best is None or best.time_s is None or best.time_s <= min(times) else "best plan"
+
+
+def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
+    """What it takes to finish the ground that a plan leaves, and where the largest piece of it is."""
+    if plan.missed_m2 is None or format_unworked(plan) is None:
+        return []
+    sentences = []
+    if plan.finished_s is not None:
+        added = _format_added_time(plan.finished_s - (plan.time_s or 0.0))
+        clock = format_clock_after_start(ranking, get_finished_field_end_s(plan))
+        done = f" (field work done at {clock})" if clock else ""
+        cost = _describe_added_cost(ranking, plan)
+        is_late = (
+            plan.meets_deadline and ranking.allowed_s is not None and get_finished_field_end_s(plan) > ranking.allowed_s
+        )
+        late = ", too late for the deadline" if is_late else ""
+        sentences.append(f"Finishing the missed {format_area(plan.missed_m2)} adds {added}{done}{cost}{late}.")
+    if plan.largest_missed is not None:
+        piece = plan.largest_missed
+        sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
+    return sentences
+
+
+def _format_added_time(seconds: float) -> str:
+    """``8 s``, or ``0:05:13`` from a minute on."""
+    return format_duration(seconds) if round_seconds(seconds) >= 60 else f"{round_seconds(seconds)} s"
+
+
+def _describe_added_cost(ranking: PlanRanking, plan: PlanResult) -> str:
+    """What finishing the field costs more: `` and 0.08 EUR``; nothing where that is next to nothing."""
+    added = None if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
+    return "" if added is None or added < LEAST_COST else f" and {_format_in_currency(ranking, added)}"
+
+
+def _list_remark(plan: PlanResult) -> list[str]:
+    """The remark on the best plan, such as how little of the field it works."""
+    return [f"Remark on this plan: {plan.remark}."] if plan.remark else []
+
+
+def _explain_no_plan(ranking: PlanRanking) -> str:
+    if not ranking.plans:
+        return "No plan was tried: allow at least one strategy, turn and number of tractors."
+    first = group_refusals(ranking.plans)[0]
+    figures = " (figures of the first)" if first.has_similar_reasons else ""
+    return f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
+
+
+def _describe_refused_count(count: int, first: RefusalGroup) -> str:
+    """How many were refused and how many for the reason that follows: ``both were refused because``."""
+    same_count = len(first.plans)
+    everyone = {1: "the only one was", 2: "both were"}.get(count, f"all {count} were")
+    share = "" if same_count == count else f", {'one' if same_count == 1 else same_count} of them"
+    return f"{everyone} refused{share} because"
+
+
+def _name_plan_variant(plan: PlanResult) -> str:
+    return f"{format_tractor_count(plan.tractors)}, {plan.strategy}, turns {plan.turn}"
+
+
+def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
+    """The time driven, and the clock time; named where it is not that of the last tractor's end."""
+    clock_text = format_clock_after_start(ranking, by_clock_s)
+    clock_prefix = "" if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S else "field work done "
+    return format_duration(seconds) + (f" ({clock_prefix}at {clock_text})" if clock_text else "")
+
+
+def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
+    if plan.expected_cost is not None:
+        kind = "expected " if has_late_ground_loss(ranking) else ""
+        return f", {kind}cost {_format_in_currency(ranking, plan.expected_cost)}"
+    return "" if plan.cost is None else f", cost {_format_in_currency(ranking, plan.cost)}"
+
+
+def _format_in_currency(ranking: PlanRanking, value: float) -> str:
+    return format_price(value) if ranking.currency is None else f"{format_price(value)} {ranking.currency}"
+
+
+def _name_deadline(ranking: PlanRanking, article: str) -> str:
+    clock_text = format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline
+    return f"{article} deadline ({clock_text})" if clock_text else f"{article} deadline"
+
+
+def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
+    """Who meets the deadline, and that the best plan is the cheapest of those or of all plans."""
+    judged = [plan for plan in list_feasible(ranking) if plan.meets_deadline is not None]
+    if not judged:
+        return []
+    name = _name_deadline(ranking, "The")
+    meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
+    late = sorted({plan.tractors for plan in judged} - set(meeting))
+    missed = f", not with {join_list(late, 'or')}" if late else ""
+    noun = "tractor" if meeting == [1] else "tractors"
+    if ranking.chosen is not None:
+        return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}, as simulated."]
+    least_cost = min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline)
+    among = "of all" if best_is_cheapest else "of them"
+    if get_finished_field_cost(best) > least_cost:
+        among = "that could finish the field by then"
+    return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}; the best plan is the cheapest {among}."]

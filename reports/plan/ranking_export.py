@@ -1,0 +1,175 @@
+"""Rankings, facts of a field and the fleet study as JSON and CSV: fixed keys in a fixed order, six decimals."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from typing import Any
+
+from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisTableRow
+from reports.common.rendering import make_json_safe
+from reports.plan.plan_wording import get_clearance_m
+
+PLAN_KEYS = (
+    "rank",
+    "strategy",
+    "tractors",
+    "turn",
+    "time_s",
+    "tractor_time_s",
+    "cost",
+    "meets_deadline",
+    "feasible",
+    "worked_pct",
+    "overlap_pct",
+    "missed_m2",
+    "largest_missed",
+    "finished_s",
+    "finished_cost",
+    "wheel_traffic_m2",
+    "outside_m",
+    "excursion_m",
+    "outside_outline_m",
+    "turning_s",
+    "waiting_s",
+    "reversals",
+    "min_clearance_m",
+    "collisions",
+    "order_gap_pct",
+    "formation_pct",
+    "reason",
+    "on_pareto_front",
+    "remark",
+    "headland_passes",
+    "headland_s",
+    "transport_s",
+    "ready_s",
+    "done_s",
+    "home_s",
+    "finish_probability",
+    "finish_probability_interval",
+    "p50_s",
+    "p80_s",
+    "p95_s",
+    "expected_cost",
+    "paid_cost",
+    "bound_s",
+    "refills",
+    "refilling_s",
+)
+INTERVAL_KEYS = ("low", "high")
+UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
+CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
+EXPORT_DECIMALS = 6
+
+
+def format_ranking_json(ranking: PlanRanking) -> str:
+    """The ranking as JSON text with a trailing newline.
+
+    Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
+    the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
+    amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
+    (a sentence), ``currency``, ``samples`` and ``unmet`` (a sentence where no plan meets the rain or the budget).
+    Figures that are missing or not finite are null.
+    """
+    best = ranking.best
+    return _format_json(
+        {
+            "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},
+            "seed": ranking.seed,
+            "plans": [_build_entry_with_cells(plan, ranking) for plan in ranking.plans],
+            "best": None if best is None else _build_entry_with_cells(best, ranking),
+            "tractor_effects": ranking.tractor_effects,
+            "scenario": ranking.scenario,
+            "advice": ranking.advice,
+            "currency": ranking.currency,
+            "samples": ranking.samples,
+            "unmet": ranking.unmet_sentence,
+        }
+    )
+
+
+def _build_entry_with_cells(plan: PlanResult, ranking: PlanRanking) -> dict[str, Any]:
+    """The entry of a plan, with the ``cells`` of the field."""
+    return {**build_plan_entry(plan), "cells": ranking.scenario.get("cells")}
+
+
+def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
+    """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor.
+
+    ``largest_missed`` has `UNWORKED_PIECE_KEYS`: area, degrees (null for a field in local metres) and metres of the
+    field; it is null where nothing is missed.
+    """
+    values: dict[str, Any] = {key: getattr(plan, key) for key in PLAN_KEYS} | {"min_clearance_m": get_clearance_m(plan)}
+    if (piece := plan.largest_missed) is not None:
+        values["largest_missed"] = {key: getattr(piece, key) for key in UNWORKED_PIECE_KEYS}
+    return {key: make_json_safe(value, EXPORT_DECIMALS) for key, value in values.items()}
+
+
+def format_ranking_csv(ranking: PlanRanking) -> str:
+    """The plans as CSV text: a header of `PLAN_KEYS` and `CSV_KEYS`, then one row per plan in the order of the ranking.
+
+    `CSV_KEYS` are of the request, the same on every row, so that tables of several fields can be joined.
+    Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone. The largest
+    missed piece has a column for each of its keys (``largest_missed_m2``), an interval one for each end
+    (``finish_probability_interval_low``).
+    """
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow((*flatten_entry(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
+    request_values = {**ranking.scenario, "field": ranking.field_name}
+    request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
+    for plan in ranking.plans:
+        writer.writerow(
+            [*(format_csv_cell(value) for value in flatten_entry(build_plan_entry(plan)).values()), *request_cells]
+        )
+    return buffer.getvalue()
+
+
+def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:
+    """The entry of a plan with a key for each value of its largest missed piece and each end of its interval."""
+    flattened: dict[str, Any] = {}
+    for key, value in entry.items():
+        if key == "largest_missed":
+            flattened |= {f"{key}_{part}": (value or {}).get(part) for part in UNWORKED_PIECE_KEYS}
+        elif key == "finish_probability_interval":
+            flattened |= {f"{key}_{part}": end for part, end in zip(INTERVAL_KEYS, value or (None, None), strict=True)}
+        else:
+            flattened[key] = value
+    return flattened
+
+
+def format_facts_json(facts: dict[str, Any]) -> str:
+    """Facts of a field as JSON text with a trailing newline, in the order given."""
+    return _format_json(facts)
+
+
+def format_study_json(study: FleetStudy) -> str:
+    """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
+    return _format_json(
+        {
+            "tables": {name: [_build_study_row(row) for row in rows] for name, rows in study.tables.items()},
+            "claims": [{"claim": claim.claim, "holds": claim.holds, "why": claim.why} for claim in study.claims],
+            "assumptions": list(study.assumptions),
+        }
+    )
+
+
+def _build_study_row(row: ThesisTableRow) -> dict[str, Any]:
+    return {
+        "tractors": row.tractors,
+        "thesis_s": row.thesis_s,
+        "time_s": row.time_s,
+        "difference_pct": row.difference_pct,
+        "label": row.label,
+        "note": row.note,
+    }
+
+
+def _format_json(data: dict[str, Any]) -> str:
+    return json.dumps(make_json_safe(data, EXPORT_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def format_csv_cell(value: Any) -> Any:
+    return "" if value is None else str(value).lower() if isinstance(value, bool) else value

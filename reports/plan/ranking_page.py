@@ -1,0 +1,311 @@
+"""The page of a ranking: one file that loads nothing from elsewhere and works offline."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from reports.common import palette
+from reports.common.effect_names import capitalize_first
+from reports.common.palette import TRACTOR_COLOURS
+from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult
+from reports.common.rendering import render_template
+from reports.common.wording import (
+    SOFT_HYPHEN,
+    format_area_or_dash,
+    format_duration,
+    format_number,
+    format_price,
+    format_tractor_count,
+    format_yes_no,
+    get_start_time_of_day_s,
+    insert_non_breaking_spaces,
+)
+from reports.plan.count_charts import build_risk_chart, build_time_chart
+from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
+from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
+from reports.plan.map_data import build_page_map, build_time_bars
+from reports.plan.plan_wording import (
+    COLUMN_HELP,
+    UNWORKED_HELP,
+    describe_machines,
+    describe_order_optimality,
+    describe_ranking,
+    describe_simulated_effects,
+    format_in_time_probability,
+    format_order_optimality,
+    format_unworked,
+    get_clearance_m,
+    group_refusals,
+    has_late_ground_loss,
+    list_feasible,
+    list_plan_remarks,
+    list_refused,
+    name_refused_plans,
+)
+
+_SOFT_HYPHENATION = {
+    "Collisions": "Colli|sions",
+    "Reversals": "Rever|sals",
+    "Tractors": "Trac|tors",
+    "Clearance": "Clear|ance",
+    "Unworked": "Un|worked",
+    "Farthest": "Farth|est",
+}
+"""Where headings may be broken on narrow paper."""
+_PAGE_COLUMN_HELP = {
+    "Tractor time": "time of all tractors together, from the start to the end of each",
+    "Turning": "time in turns, all tractors together",
+    "Waiting": "time spent waiting for others, all tractors together",
+    "Worked %": "share of the field that is worked",
+    "Unworked": "ground that no implement worked",
+    "In time %": "share of the samples in which it is done in time",
+    "Cost": "simulated cost of the plan as driven",
+    "Reversals": "how often a tractor changes between forwards and backwards",
+    "To finish": "time with the unworked ground finished too, at the plan's own rate",
+    "Outside m": "length of the guided path outside the boundary",
+    "Farthest out m": "how far the guided path goes outside the boundary",
+    "Collisions": "how often tractors touch each other",
+    "Pareto front": "no plan with as few tractors is faster",
+    "Order gap %": "how much quicker another order of the tracks can be at most; - where the strategy gives the order",
+    "In time": "done by the deadline in the simulation",
+    "Median time": "it is done sooner in half of the samples",
+    "95 %": "it is done sooner in 95 % of the samples",
+}
+
+CellValue = float | int | str | bool | None
+PlanKey = tuple[str, int]  # strategy and number of tractors
+
+
+@dataclass(frozen=True)
+class _PageColumn:
+    """A column of the full table: heading, what it sorts by, and how it reads."""
+
+    heading: str
+    value: Callable[[PlanResult], CellValue]
+    text: Callable[[PlanResult], str]
+    is_text: bool = False
+    title: str = ""
+
+
+_COST_COLUMN = _PageColumn("Cost", lambda p: p.cost, lambda p: format_price(p.cost))
+_PAGE_COLUMNS = (
+    _PageColumn("Rank", lambda p: p.rank, lambda p: str(p.rank or "")),
+    _PageColumn("Tractors", lambda p: p.tractors, lambda p: str(p.tractors)),
+    _PageColumn("Strategy", lambda p: p.strategy, lambda p: p.strategy, is_text=True),
+    _PageColumn("Turn", lambda p: p.turn, lambda p: p.turn, is_text=True),
+    _PageColumn("Time", lambda p: p.time_s, lambda p: format_duration(p.time_s)),
+    _PageColumn("Tractor time", lambda p: p.tractor_time_s, lambda p: format_duration(p.tractor_time_s)),
+    _COST_COLUMN,
+    _PageColumn("Turning", lambda p: p.turning_s, lambda p: format_duration(p.turning_s)),
+    _PageColumn("Waiting", lambda p: p.waiting_s, lambda p: format_duration(p.waiting_s)),
+    _PageColumn("Reversals", lambda p: p.reversals, lambda p: format_number(p.reversals, 0)),
+    _PageColumn("Worked %", lambda p: p.worked_pct, lambda p: format_number(p.worked_pct, 1)),
+    _PageColumn("Overlap %", lambda p: p.overlap_pct, lambda p: format_number(p.overlap_pct, 1)),
+    _PageColumn("Unworked", lambda p: p.missed_m2, lambda p: format_area_or_dash(p.missed_m2)),
+    _PageColumn("To finish", lambda p: p.finished_s, lambda p: format_duration(p.finished_s)),
+    _PageColumn("Outside m", lambda p: p.outside_m, lambda p: format_number(p.outside_m, 1)),
+    _PageColumn("Farthest out m", lambda p: p.excursion_m, lambda p: format_number(p.excursion_m, 2)),
+    _PageColumn("Clearance m", get_clearance_m, lambda p: format_number(get_clearance_m(p), 2)),
+    _PageColumn("Collisions", lambda p: p.collisions, lambda p: format_number(p.collisions, 0)),
+    _PageColumn("Order gap %", lambda p: p.order_gap_pct, lambda p: format_number(p.order_gap_pct, 1)),
+    _PageColumn("Pareto front", lambda p: p.on_pareto_front, lambda p: format_yes_no(p.on_pareto_front)),
+)
+_DEADLINE_COLUMN = _PageColumn("In time", lambda p: p.meets_deadline, lambda p: format_yes_no(p.meets_deadline))
+_RISK_COLUMNS = (
+    _PageColumn("In time %", lambda p: p.finish_probability, format_in_time_probability),
+    _PageColumn("Median time", lambda p: p.p50_s, lambda p: format_duration(p.p50_s)),
+    _PageColumn("95 %", lambda p: p.p95_s, lambda p: format_duration(p.p95_s)),
+    _PageColumn("Paid", lambda p: p.paid_cost, lambda p: format_price(p.paid_cost)),
+)
+_EXPECTED_COST_COLUMN = _PageColumn("Expected cost", lambda p: p.expected_cost, lambda p: format_price(p.expected_cost))
+_SERVICE_STOP_COLUMNS = (
+    _PageColumn("Refills", lambda p: p.refills, lambda p: format_number(p.refills, 0)),
+    _PageColumn("Refilling", lambda p: p.refilling_s, lambda p: format_duration(p.refilling_s)),
+)
+
+
+def render_plan_page(
+    ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[PlanKey, PlanDrive] | None = None
+) -> str:
+    """The page as HTML text.
+
+    Headline in plain words, map with a slider through time (when a drive is given), time per tractor, time
+    against number of tractors, every plan in a table that sorts, what was refused and why, and the assumptions.
+    `drive` is that of the best plan; `drives` adds others by strategy and number of tractors, which a reader can
+    choose for the map. Paths are thinned so that the page stays below two megabytes for all but huge tables.
+
+    Raises:
+        ReportError: a drive cannot be drawn.
+    """
+    shown = _choose_drives(ranking, drive, drives or {})
+    for plan_drive in shown.values():
+        check_drive(plan_drive)
+    return render_template("plan.html.j2", _build_page_content(ranking, shown))
+
+
+def _choose_drives(
+    ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[PlanKey, PlanDrive]
+) -> dict[PlanKey | None, PlanDrive]:
+    """Drives to choose from: the best plan's first, the others as they are ranked."""
+    best = ranking.best
+    shown: dict[PlanKey | None, PlanDrive] = {}
+    if drive is not None:
+        shown[_get_plan_key(best) if best else None] = drive
+    for plan in list_feasible(ranking):
+        if _get_plan_key(plan) in drives:
+            shown.setdefault(_get_plan_key(plan), drives[_get_plan_key(plan)])
+    return shown
+
+
+def _get_plan_key(plan: PlanResult) -> PlanKey:
+    return plan.strategy, plan.tractors
+
+
+def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
+    plans, effects = list_feasible(ranking), describe_simulated_effects(ranking)
+    columns = (
+        [*_PAGE_COLUMNS, _DEADLINE_COLUMN]
+        if any(plan.meets_deadline is not None for plan in plans)
+        else list(_PAGE_COLUMNS)
+    )
+    if any(plan.expected_cost is not None for plan in plans):
+        columns = [column for column in columns if column is not _COST_COLUMN] + [*_RISK_COLUMNS]
+        columns += [_EXPECTED_COST_COLUMN] if has_late_ground_loss(ranking) else []
+    columns += _SERVICE_STOP_COLUMNS if any(plan.refills is not None for plan in plans) else ()
+    names, states = _build_drive_labels(plans, shown), list_states(shown.values())
+    order_remark = describe_order_optimality(plans)
+    first = next(iter(shown.values()), None)
+    places = {key: number for number, key in enumerate(shown)}
+    return {
+        "name": ranking.field_name,
+        "area": format_number(ranking.area_ha, 2),
+        "machines": describe_machines(ranking),
+        "seed": ranking.seed,
+        "headline": [insert_non_breaking_spaces(text) for text in describe_ranking(ranking)],
+        "facts": _list_plan_facts(ranking, ranking.best),
+        "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
+        "bars": [] if first is None else build_time_bars(first, states),
+        "states": states,
+        "state_colours": palette.STATE_COLOURS
+        | ({SERVICE_STATE: palette.SERVICE_COLOUR} if SERVICE_STATE in states else {}),
+        "cards": [] if first is None else _build_leg_cards(first, ranking.field_start or ranking.start),
+        "headings": LEG_HEADINGS,
+        "begin_s": get_start_time_of_day_s(ranking.field_start or ranking.start),
+        "front": build_time_chart(ranking),
+        "risk": build_risk_chart(ranking),
+        "columns": [
+            replace(column, heading=_insert_soft_hyphens(column.heading), title=_explain_column(column.heading))
+            for column in columns
+        ],
+        "rows": [
+            _build_page_row(plan, columns, plan is ranking.best, places.get(_get_plan_key(plan))) for plan in plans
+        ],
+        "remarks": [
+            *([UNWORKED_HELP] if any(plan.missed_m2 is not None for plan in plans) else []),
+            *([order_remark] if order_remark else []),
+            *list_plan_remarks(plans),
+            *(() if ranking.samples else ranking.money_sentences),
+            *ranking.check_sentences,
+        ],
+        "refused": len(list_refused(ranking)),
+        "refusals": [
+            {
+                "count": len(group.plans),
+                "reason": group.reason,
+                "alike": group.has_similar_reasons,
+                "members": name_refused_plans(group),
+            }
+            for group in group_refusals(list_refused(ranking))
+        ],
+        "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
+    }
+
+
+def _build_leg_cards(drive: PlanDrive, start: str | None) -> list[dict[str, Any]]:
+    """The list of legs of every tractor: heading, colour and rows of text."""
+    return [
+        {
+            "number": tractor,
+            "colour": (tractor - 1) % len(TRACTOR_COLOURS),
+            "heading": format_leg_heading(tractor, steps),
+            "rows": [build_leg_cells(place, step, start) for place, step in enumerate(steps, start=1)],
+        }
+        for tractor, steps in enumerate(drive.steps, start=1)
+    ]
+
+
+def _insert_soft_hyphens(heading: str) -> str:
+    """A heading that may be broken at soft hyphens."""
+    for word, parted in _SOFT_HYPHENATION.items():
+        heading = heading.replace(word, parted.replace("|", SOFT_HYPHEN))
+    return heading
+
+
+def _explain_column(heading: str) -> str:
+    """What a column holds; "" where its heading says it."""
+    help_text = _PAGE_COLUMN_HELP.get(heading) or COLUMN_HELP.get(heading) or ""
+    return capitalize_first(help_text or COLUMN_HELP.get(heading.removesuffix(" cost"), ""))
+
+
+def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | None, PlanDrive]) -> list[str]:
+    """A line per drive to choose it by: ``6. split-field, 3 tractors, u, 0:25:57``."""
+    by_key = {_get_plan_key(plan): plan for plan in reversed(plans)}
+    return [
+        f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
+        f"{format_duration(plan.time_s)}"
+        if (plan := by_key.get(key) if key else None)
+        else drive.title
+        for key, drive in shown.items()
+    ]
+
+
+def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tuple[str, str]]:
+    """The figures of the best plan, label and value; unknown ones are left out."""
+    if best is None:
+        return []
+    has_risk, unit = best.expected_cost is not None, f" {ranking.currency}" if ranking.currency else ""
+    facts = [
+        ("Time", format_duration(best.time_s)),
+        ("Fleet", format_tractor_count(best.tractors)),
+        (
+            "Paid" if has_risk else "Cost",
+            _append_word_unless_dash(format_price(best.paid_cost if has_risk else best.cost), unit),
+        ),
+        ("In time", _append_word_unless_dash(format_in_time_probability(best), " %")),
+        (
+            "Expected cost",
+            _append_word_unless_dash(format_price(best.expected_cost if has_late_ground_loss(ranking) else None), unit),
+        ),
+        ("Worked", _format_with_unit(best.worked_pct, 1, "%")),
+        ("Unworked", insert_non_breaking_spaces(format_unworked(best) or format_number(None, 0))),
+        ("Overlap", _format_with_unit(best.overlap_pct, 1, "%")),
+        ("Wheel traffic", _format_with_unit(best.wheel_traffic_m2, 0, "m2")),
+        ("Partly outside", _format_with_unit(best.outside_outline_m, 0, "m")),
+        ("Closest approach", _format_with_unit(get_clearance_m(best), 2, "m")),
+        (
+            "Order of tracks",
+            format_number(None, 0) if best.order_gap_pct is None else format_order_optimality(best.order_gap_pct),
+        ),
+    ]
+    return [(label, value) for label, value in facts if value != format_number(None, 0)]
+
+
+def _append_word_unless_dash(text: str, word: str) -> str:
+    return text if text == format_number(None, 0) else f"{text}{word}"
+
+
+def _format_with_unit(value: float | None, decimals: int, unit: str) -> str:
+    return _append_word_unless_dash(format_number(value, decimals), f" {unit}")
+
+
+def _build_page_row(
+    plan: PlanResult, columns: list[_PageColumn], is_best: bool, drive_number: int | None
+) -> dict[str, Any]:
+    cells = []
+    for column in columns:
+        value = column.value(plan)
+        sort = "" if value is None else str(int(value)) if isinstance(value, bool) else str(value)
+        cells.append({"sort": sort, "text": column.text(plan), "words": column.is_text})
+    return {"best": is_best, "cells": cells, "plan": drive_number}

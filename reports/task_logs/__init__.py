@@ -1,0 +1,1 @@
+"""Work that was driven: runs, comparison with a plan, values learned."""

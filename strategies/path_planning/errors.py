@@ -1,0 +1,26 @@
+"""Errors of strategies: StrategyError, and NoPathError if no path leads from one swath to another."""
+
+from __future__ import annotations
+
+from fields.errors import HeadlandError
+from fields.layout.swaths import Swath
+
+
+class StrategyError(HeadlandError):
+    """Why a strategy is not possible here: one sentence with the value, the rule and what would help."""
+
+
+def build_too_many_error(tractors: int, swaths: int) -> StrategyError:
+    """The error for a fleet with more tractors than there are swaths."""
+    advice = "1 track of the field; use 1 tractor"
+    if swaths > 1:
+        advice = f"{swaths} tracks of the field; use {swaths} or fewer"
+    return StrategyError(f"{tractors} tractors are more than the {advice}, or a bearing with more and shorter tracks.")
+
+
+class NoPathError(StrategyError):
+    """No path leads between two `swaths`."""
+
+    def __init__(self, sentence: str, swaths: tuple[Swath, Swath]) -> None:
+        super().__init__(sentence)
+        self.swaths = swaths

@@ -1,0 +1,220 @@
+"""Drivable paths made of straights and circular arcs, and the lane through an entrance.
+
+A path is a start pose and a list of segments of constant curvature, driven forwards or in reverse. Everything here is
+exact geometry: nothing is sampled until a caller asks for a polyline.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.ops import nearest_points
+
+from strategies.path_planning.errors import StrategyError
+
+Pose = tuple[float, float, float]
+"""x (m, east), y (m, north) and the heading of the vehicle as a mathematical angle (rad, ccw from x)."""
+
+Points = NDArray[np.float64]
+
+PATH_KINDS = ("route", "u", "omega", "switch-back")
+_TAU = 2.0 * math.pi
+_SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
+
+
+class TurnError(StrategyError):
+    """A turn or path was requested with values that cannot describe one."""
+
+
+@dataclass(frozen=True, slots=True)
+class PathSegment:
+    """One piece of constant curvature: length_m >= 0, curvature in 1/m, gear +1 forward or -1 reverse.
+
+    Positive curvature turns left (ccw) while driving forward; driven in reverse the same curvature turns the heading
+    clockwise.
+    """
+
+    length_m: float
+    curvature: float
+    gear: int
+
+
+@dataclass(frozen=True, slots=True)
+class DrivePath:
+    """A start pose followed by segments; `kind` is "u", "omega", "switch-back" or "route"."""
+
+    start: Pose
+    segments: tuple[PathSegment, ...]
+    kind: str
+
+    def to_rows(self) -> Points:
+        """Its segments as rows of length, curvature and gear (n, 3), as the compiled search uses them."""
+        pieces = [(segment.length_m, segment.curvature, float(segment.gear)) for segment in self.segments]
+        return np.array(pieces, float).reshape(-1, 3)
+
+    @property
+    def length_m(self) -> float:
+        """Driven length, forward and reverse together (m)."""
+        return math.fsum(s.length_m for s in self.segments)
+
+    @property
+    def reverse_m(self) -> float:
+        """Length driven in reverse (m)."""
+        return math.fsum(s.length_m for s in self.segments if s.gear < 0)
+
+    @property
+    def reversals(self) -> int:
+        """Number of gear changes inside the path."""
+        return sum(p.gear != q.gear for p, q in zip(self.segments, self.segments[1:], strict=False))
+
+    @property
+    def end(self) -> Pose:
+        """Pose at the end of the last segment."""
+        pose = self.start
+        for segment in self.segments:
+            pose = advance_along_segment(pose, segment)
+        return pose
+
+    def list_segment_starts(self) -> Iterator[Pose]:
+        """Pose at the start of every segment."""
+        pose = self.start
+        for segment in self.segments:
+            yield pose
+            pose = advance_along_segment(pose, segment)
+
+    def sample(self, step_m: float = 0.25) -> list[tuple[int, Points]]:
+        """One polyline per run of equal gear, as (gear, points of shape (n, 2)), at most step_m apart.
+
+        Ends of segments are met exactly, and each polyline begins where the one before ended. A path without segments
+        has no polylines. Raises TurnError if step_m is not positive.
+        """
+        if not step_m > 0.0:
+            raise TurnError(f"Sampling step {step_m} m must be above zero; use for instance 0.25.")
+        runs: list[tuple[int, list[Points]]] = []
+        for pose, segment in zip(self.list_segment_starts(), self.segments, strict=True):
+            points = sample_arc(pose, segment, max(1, math.ceil(segment.length_m / step_m - 1e-9)))
+            if runs and runs[-1][0] == segment.gear:
+                runs[-1][1].append(points[1:])
+            else:
+                runs.append((segment.gear, [points]))
+        return [(gear, np.concatenate(pieces)) for gear, pieces in runs]
+
+
+def advance_along_segment(pose: Pose, segment: PathSegment) -> Pose:
+    """Pose after driving the whole segment from `pose`; the heading comes back in [-pi, pi]."""
+    x, y, heading = pose
+    run = segment.gear * segment.length_m
+    half = 0.5 * segment.curvature * run
+    chord = run * (math.sin(half) / half if half else 1.0)
+    angle = heading + half
+    return (
+        x + chord * math.cos(angle),
+        y + chord * math.sin(angle),
+        math.remainder(heading + 2.0 * half, _TAU),
+    )
+
+
+def sample_arc(pose: Pose, segment: PathSegment, pieces: int) -> Points:
+    """Points that cut the segment driven from `pose` into equal pieces, shape (pieces + 1, 2)."""
+    run = np.linspace(0.0, segment.gear * segment.length_m, pieces + 1)
+    half = 0.5 * segment.curvature * run
+    chord = run * np.sinc(half / math.pi)
+    angle = pose[2] + half
+    return np.column_stack((pose[0] + chord * np.cos(angle), pose[1] + chord * np.sin(angle)))
+
+
+def merge_segments(start: Pose, segments: Iterable[PathSegment], kind: str) -> DrivePath:
+    """A path without empty segments, with neighbours of equal curvature and gear merged."""
+    merged: list[PathSegment] = []
+    for segment in segments:
+        if segment.length_m <= _SNAP:
+            continue
+        last = merged[-1] if merged else None
+        if last and last.curvature == segment.curvature and last.gear == segment.gear:
+            merged[-1] = PathSegment(last.length_m + segment.length_m, last.curvature, last.gear)
+        else:
+            merged.append(segment)
+    return DrivePath(start, tuple(merged), kind)
+
+
+def join_paths(paths: Iterable[DrivePath], kind: str) -> DrivePath:
+    """The paths one after another as one path of the given kind; each must begin where the last ended."""
+    parts = list(paths)
+    return merge_segments(parts[0].start, (s for part in parts for s in part.segments), kind)
+
+
+def make_pose(row: Points) -> Pose:
+    """The pose in a row (3,) of an array."""
+    x, y, heading = row.tolist()
+    return x, y, heading
+
+
+def shift_pose_ahead(pose: Pose, distance_m: float) -> Pose:
+    """The pose straight ahead of `pose` (behind it when the distance is negative)."""
+    x, y, heading = pose
+    return x + distance_m * math.cos(heading), y + distance_m * math.sin(heading), heading
+
+
+def make_straight_path(pose: Pose, distance_m: float) -> DrivePath:
+    """Straight on from `pose`, in reverse when the distance is negative."""
+    gear = 1 if distance_m >= 0.0 else -1
+    return merge_segments(pose, [PathSegment(abs(distance_m), 0.0, gear)], "route")
+
+
+def require_radius(radius_m: float) -> None:
+    """Raise TurnError unless the radius is a positive finite number."""
+    if not (math.isfinite(radius_m) and radius_m > 0.0):
+        raise TurnError(f"Turning radius {radius_m} m must be above zero and finite; give the tractor's own.")
+
+
+def build_path_from_rows(start: Pose, rows: Points, kind: int) -> DrivePath:
+    """A primitive of the compiled search (n, 3) from a pose as a path; `kind` as in the module primitives."""
+    segments = (PathSegment(length, curvature, 1 if gear > 0.0 else -1) for length, curvature, gear in rows.tolist())
+    return merge_segments(start, segments, PATH_KINDS[kind])
+
+
+EDGE_INSET_M = 0.2  # paths begin and end this far inside the outline, so that nobody stops beyond it
+
+
+@dataclass(frozen=True)
+class EntranceLane:
+    """The lane through the entrance: straight from the outline for `lead_m` to where the guided point may turn."""
+
+    edge_pose: Pose
+    lead_m: float
+
+    @property
+    def inner_pose(self) -> Pose:
+        """Where a tractor that enters may turn for the first time."""
+        return shift_pose_ahead(self.edge_pose, self.lead_m)
+
+    def build_path_in(self, extra_m: float = 0.0) -> DrivePath:
+        """Straight in, and on for `extra_m` metres."""
+        return make_straight_path(self.edge_pose, self.lead_m + extra_m)
+
+    def build_path_out(self, extra_m: float = 0.0) -> DrivePath:
+        """The same path driven outwards."""
+        x, y, heading = shift_pose_ahead(self.edge_pose, self.lead_m + extra_m)
+        return make_straight_path((x, y, math.remainder(heading + math.pi, 2.0 * math.pi)), self.lead_m + extra_m)
+
+
+def build_entrance_lane(
+    outline: shapely.Polygon, free: shapely.Geometry, entrance: tuple[float, float]
+) -> EntranceLane:
+    """The lane at an entrance on the outline, or where the outline is nearest to it.
+
+    It leads to the nearest place in the largest part of `free`, where the guided point may be.
+    """
+    edge = nearest_points(outline.exterior, shapely.Point(entrance))[0]
+    largest_part = max(shapely.get_parts(free).tolist(), key=lambda part: round(part.area, 3))
+    goal = nearest_points(largest_part, edge)[0]
+    off = np.array([goal.x - edge.x, goal.y - edge.y])
+    pose = (float(edge.x), float(edge.y), math.atan2(off[1], off[0]))
+    lead_m = float(np.hypot(*off))
+    edge_m = min(EDGE_INSET_M, 0.5 * lead_m)
+    return EntranceLane(shift_pose_ahead(pose, edge_m), lead_m - edge_m)

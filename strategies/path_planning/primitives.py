@@ -1,0 +1,346 @@
+"""Primitives, the closed-form paths between two poses, compiled: which there are, their cost, whether they stay inside.
+
+A primitive is a row of MAX_PIECES segments (length m, curvature 1/m, gear), with zero lengths where it has fewer.
+Primitives come in families, the shortest first in each: Dubins' six (with both places of the middle circle of the
+three-arc ones), Reeds and Shepp's C|C|C, and arc, straight in reverse, arc. Their kinds: three forward arcs are OMEGA;
+arc, straight, arc is OMEGA if more than a quarter turn is turned in vain, U if the heading changes by a quarter turn or
+more, otherwise ROUTE.
+
+Sources: L. E. Dubins, "On curves of minimal length with a constraint on average curvature", American Journal of
+Mathematics 79 (1957); J. A. Reeds and L. A. Shepp, "Optimal paths for a car that goes both forwards and backwards",
+Pacific Journal of Mathematics 145 (1990). The primitives are built from tangent circles, not from the papers' tables,
+so that each has its exact mirror image.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from vehicle.jit import compile_function
+
+ROUTE, U, OMEGA, SWITCH_BACK = 0, 1, 2, 3
+MAX_PRIMITIVES, MAX_PIECES = 16, 5
+TAU = 2.0 * math.pi
+SNAP = 1e-12  # arcs (rad) and straights (m) shorter than this are rounding, not driving
+FULL_TURN_RAD = TAU + 1e-9
+SAME_LENGTH_M = 1e-9
+
+
+@compile_function
+def wrap_angle(angle: float) -> float:
+    """The angle in [-pi, pi]; halves go to the even multiple, as in math.remainder."""
+    return angle - TAU * np.round(angle / TAU)  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_turned_angle(hand: float, start: float, end: float) -> float:
+    """Angle in [0, 2 pi) turned to the given hand (1 left, -1 right) from one heading to another."""
+    angle = (hand * (end - start)) % TAU
+    return 0.0 if angle > TAU - SNAP else angle
+
+
+@compile_function
+def advance_pose(x, y, heading, length, curvature, gear):  # type: ignore[no-untyped-def]
+    """Pose after a segment."""
+    run = gear * length
+    half = 0.5 * curvature * run
+    chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
+    angle = heading + half
+    return x + chord * math.cos(angle), y + chord * math.sin(angle), wrap_angle(heading + 2.0 * half)
+
+
+@compile_function
+def _write_primitive(out, count, p0, k0, g0, p1, k1, g1, p2, k2, g2) -> None:  # type: ignore[no-untyped-def]
+    out[count] = 0.0
+    out[count, 0, 0], out[count, 0, 1], out[count, 0, 2] = p0, k0, g0
+    out[count, 1, 0], out[count, 1, 1], out[count, 1, 2] = p1, k1, g1
+    out[count, 2, 0], out[count, 2, 1], out[count, 2, 2] = p2, k2, g2
+    out[count, 3, 2] = out[count, 4, 2] = 1.0
+
+
+@compile_function
+def _add_arc_straight_arc(ax, ay, ah, bx, by, bh, radius, first_hand, second_hand, gear, out, count, kinds):  # type: ignore[no-untyped-def]
+    """Add the primitive with these hands and the straight in the given gear; returns the number of primitives then."""
+    cx, cy = ax - first_hand * radius * math.sin(ah), ay + first_hand * radius * math.cos(ah)
+    dx = gear * (bx - second_hand * radius * math.sin(bh) - cx)
+    dy = gear * (by + second_hand * radius * math.cos(bh) - cy)
+    run = math.hypot(dx, dy)
+    heading = math.atan2(dy, dx) if run > SNAP else ah
+    if first_hand != second_hand:
+        square = run * run - 4.0 * radius * radius
+        if square < -SNAP * radius * radius:
+            return count
+        run = math.sqrt(max(square, 0.0))
+        heading += math.atan2(2.0 * gear * first_hand * radius, run)
+    first, second = compute_turned_angle(first_hand, ah, heading), compute_turned_angle(second_hand, heading, bh)
+    if gear < 0.0 and first + second > FULL_TURN_RAD:
+        return count
+    _write_primitive(
+        out, count, first * radius, first_hand / radius, 1.0, run, 0.0, gear, second * radius, second_hand / radius, 1.0
+    )
+    change = abs(wrap_angle(bh - ah))
+    if gear < 0.0:
+        kinds[count] = SWITCH_BACK
+    elif first + second - change > 0.5 * math.pi + 1e-9:
+        kinds[count] = OMEGA
+    else:
+        kinds[count] = U if change >= 0.5 * math.pi - 1e-9 else ROUTE
+    return count + 1
+
+
+@compile_function
+def _add_three_arcs(ax, ay, ah, bx, by, bh, radius, hand, gear, out, count, kinds):  # type: ignore[no-untyped-def]
+    """Add both primitives arc, opposite arc in the given gear, arc; returns the number of primitives then."""
+    cx, cy = ax - hand * radius * math.sin(ah), ay + hand * radius * math.cos(ah)
+    ex, ey = bx - hand * radius * math.sin(bh), by + hand * radius * math.cos(bh)
+    dx, dy = ex - cx, ey - cy
+    apart = math.hypot(dx, dy)
+    square = 4.0 * radius * radius - 0.25 * apart * apart
+    if square < -SNAP * radius * radius:
+        return count
+    rise = math.sqrt(max(square, 0.0))
+    ux, uy = (dx / apart, dy / apart) if apart > SNAP else (math.cos(ah), math.sin(ah))
+    for side in (hand, -hand):
+        mx, my = 0.5 * (cx + ex) - side * rise * uy, 0.5 * (cy + ey) + side * rise * ux
+        near = math.atan2(-hand * (cx - mx), hand * (cy - my))
+        far = math.atan2(-hand * (ex - mx), hand * (ey - my))
+        first_rad, middle_rad, last_rad = (
+            compute_turned_angle(hand, ah, near),
+            compute_turned_angle(-hand, near, far),
+            compute_turned_angle(hand, far, bh),
+        )
+        if gear < 0.0:
+            # In reverse the middle arc bends the same way while the heading keeps turning.
+            middle_rad = compute_turned_angle(hand, near, far)
+            if first_rad + middle_rad + last_rad > FULL_TURN_RAD:
+                continue
+        _write_primitive(
+            out,
+            count,
+            first_rad * radius,
+            hand / radius,
+            1.0,
+            middle_rad * radius,
+            -hand / radius,
+            gear,
+            last_rad * radius,
+            hand / radius,
+            1.0,
+        )
+        kinds[count] = OMEGA if gear > 0.0 else SWITCH_BACK
+        count += 1
+    return count
+
+
+@compile_function
+def _measure_length(primitive) -> float:  # type: ignore[no-untyped-def]
+    total = 0.0
+    for piece in range(len(primitive)):
+        total += primitive[piece, 0]
+    return total
+
+
+@compile_function
+def _sort_primitives(out, kinds, begin, end) -> None:  # type: ignore[no-untyped-def]
+    """Sort primitives begin..end - 1 by length, keeping equal ones in order (insertion sort of a few)."""
+    for i in range(begin + 1, end):
+        primitive, kind, length = out[i].copy(), kinds[i], _measure_length(out[i])
+        j = i
+        while j > begin and _measure_length(out[j - 1]) > length + SAME_LENGTH_M:
+            out[j], kinds[j] = out[j - 1], kinds[j - 1]
+            j -= 1
+        out[j], kinds[j] = primitive, kind
+
+
+@compile_function
+def add_forward_primitives(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """Add Dubins' primitives from pose a to pose b behind the first `count`, shortest first; returns the new count."""
+    begin = count
+    for first_hand, second_hand in ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
+        count = _add_arc_straight_arc(
+            a[0], a[1], a[2], b[0], b[1], b[2], radius, first_hand, second_hand, 1.0, out, count, kinds
+        )
+    for hand in (1.0, -1.0):
+        count = _add_three_arcs(a[0], a[1], a[2], b[0], b[1], b[2], radius, hand, 1.0, out, count, kinds)
+    _sort_primitives(out, kinds, begin, count)
+    return count  # type: ignore[no-any-return]
+
+
+@compile_function
+def add_reverse_arc_primitives(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """As `add_forward_primitives`: three arcs, the middle one in reverse."""
+    begin = count
+    for hand in (1.0, -1.0):
+        count = _add_three_arcs(a[0], a[1], a[2], b[0], b[1], b[2], radius, hand, -1.0, out, count, kinds)
+    _sort_primitives(out, kinds, begin, count)
+    return count  # type: ignore[no-any-return]
+
+
+@compile_function
+def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """As `add_forward_primitives`: two arcs and between them a straight in reverse."""
+    begin = count
+    for first_hand, second_hand in ((1.0, 1.0), (-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0)):
+        count = _add_arc_straight_arc(
+            a[0], a[1], a[2], b[0], b[1], b[2], radius, first_hand, second_hand, -1.0, out, count, kinds
+        )
+    _sort_primitives(out, kinds, begin, count)
+    return count  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_drive_time_s(primitive, speeds) -> float:  # type: ignore[no-untyped-def]
+    """Seconds to drive a primitive (n, 3) or a path of any number of segments; direction changes at its ends count.
+
+    `speeds` (4,): forward and reverse (m/s; a path with any reversing is driven at the latter throughout), seconds per
+    direction change, and seconds per 1/m of curvature by which the wheels must be turned over meanwhile.
+    """
+    length, reverse = 0.0, False
+    gear, curvature, lost = 1.0, 0.0, 0.0
+    for piece in range(len(primitive)):
+        if primitive[piece, 0] <= SNAP:
+            continue
+        length += primitive[piece, 0]
+        reverse = reverse or primitive[piece, 2] < 0.0
+        if primitive[piece, 2] != gear:
+            lost += speeds[2] + speeds[3] * abs(primitive[piece, 1] - curvature)
+        gear, curvature = primitive[piece, 2], primitive[piece, 1]
+    if gear < 0.0:
+        lost += speeds[2] + speeds[3] * abs(curvature)
+    return length / (speeds[1] if reverse else speeds[0]) + lost  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_awkwardness_s(primitive, radius, full_arc, short_s, curved_s) -> float:  # type: ignore[no-untyped-def]
+    """Charge for reversing on an arc, and for arcs beside a direction change that are too short to settle on (s)."""
+    reverse = curved = False
+    first = last = -1.0
+    for piece in range(len(primitive)):
+        if primitive[piece, 0] <= SNAP:
+            continue
+        reverse = reverse or primitive[piece, 2] < 0.0
+        if primitive[piece, 1] != 0.0:
+            if first < 0.0:
+                first = primitive[piece, 0]
+            last = primitive[piece, 0]
+            curved = curved or primitive[piece, 2] < 0.0
+    if not reverse:
+        return 0.0
+    short = first >= 0.0 and min(first, last) < full_arc * radius
+    return short_s * short + curved_s * curved  # type: ignore[no-any-return]
+
+
+@compile_function
+def _find_straight_contact(x, y, u, v, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that the straight from (x, y) to (u, v) meets, -1 for none; `edges` (n, 4) are x, y of both ends."""
+    west, east, south, north = min(x, u), max(x, u), min(y, v), max(y, v)
+    for k in range(len(edges)):
+        p, q, r, s = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if max(p, r) < west or min(p, r) > east or max(q, s) < south or min(q, s) > north:
+            continue
+        edge_start_side = (u - x) * (q - y) - (v - y) * (p - x)
+        edge_end_side = (u - x) * (s - y) - (v - y) * (r - x)
+        start_side = (r - p) * (y - q) - (s - q) * (x - p)
+        end_side = (r - p) * (v - q) - (s - q) * (u - p)
+        if edge_start_side * edge_end_side <= 0.0 and start_side * end_side <= 0.0:
+            return k
+    return -1
+
+
+@compile_function
+def _compute_angle_to(p, q, r, s, radius, begin, sense) -> float:  # type: ignore[no-untyped-def]
+    """Angle (rad) through which a point moves round a centre before it meets an edge; infinite for never.
+
+    The edge leads from (p, q) to (r, s), relative to the centre. The point starts at the angle `begin` and moves in the
+    direction `sense`, 1 anticlockwise. The caller leaves out edges clear of the circle's box, which costs less.
+    """
+    dx, dy = r - p, s - q
+    a = dx * dx + dy * dy
+    b = p * dx + q * dy
+    root = b * b - a * (p * p + q * q - radius * radius)
+    if a == 0.0 or root < 0.0:
+        return np.inf
+    root, least = math.sqrt(root), np.inf
+    for t in ((-b - root) / a, (-b + root) / a):
+        if 0.0 <= t <= 1.0:
+            angle = sense * (math.atan2(q + t * dy, p + t * dx) - begin) % TAU
+            least = min(least, 0.0 if angle >= TAU - 1e-12 else angle)
+    return least
+
+
+@compile_function
+def _compute_circle(x, y, heading, curvature, gear):  # type: ignore[no-untyped-def]
+    """An arc for `_compute_angle_to`: centre, radius, the angle it begins at and the direction it turns in."""
+    radius, hand = abs(1.0 / curvature), (1.0 if curvature > 0.0 else -1.0)
+    cx, cy = x - hand * radius * math.sin(heading), y + hand * radius * math.cos(heading)
+    return cx, cy, radius, math.atan2(y - cy, x - cx), hand * gear
+
+
+@compile_function
+def _find_arc_contact(x, y, heading, length, curvature, gear, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that an arc meets, -1 for none."""
+    cx, cy, radius, begin, sense = _compute_circle(x, y, heading, curvature, gear)
+    for k in range(len(edges)):
+        p, q, r, s = edges[k, 0] - cx, edges[k, 1] - cy, edges[k, 2] - cx, edges[k, 3] - cy
+        if min(p, r) > radius or max(p, r) < -radius or min(q, s) > radius or max(q, s) < -radius:
+            continue
+        if _compute_angle_to(p, q, r, s, radius, begin, sense) <= length / radius:
+            return k
+    return -1
+
+
+@compile_function
+def measure_arc_room_m(x, y, heading, curvature, gear, edges) -> float:  # type: ignore[no-untyped-def]
+    """How far an arc leads before it meets an edge (m); infinite where a full circle meets none."""
+    cx, cy, radius, begin, sense = _compute_circle(x, y, heading, curvature, gear)
+    least = np.inf
+    for k in range(len(edges)):
+        p, q, r, s = edges[k, 0] - cx, edges[k, 1] - cy, edges[k, 2] - cx, edges[k, 3] - cy
+        if min(p, r) > radius or max(p, r) < -radius or min(q, s) > radius or max(q, s) < -radius:
+            continue
+        least = min(least, _compute_angle_to(p, q, r, s, radius, begin, sense))
+    return least * radius  # type: ignore[no-any-return]
+
+
+@compile_function
+def is_point_inside(x, y, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a point lies in the region whose boundary the edges are (even and odd crossings)."""
+    odd = False
+    for k in range(len(edges)):
+        p, q, r, s = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if (q > y) != (s > y) and x < p + (y - q) / (s - q) * (r - p):
+            odd = not odd
+    return odd
+
+
+@compile_function
+def find_primitive_contact(a, primitive, edges) -> int:  # type: ignore[no-untyped-def]
+    """An edge that a primitive driven from pose a meets, -1 for none."""
+    x, y, heading = a[0], a[1], a[2]
+    for piece in range(len(primitive)):
+        length, curvature, gear = primitive[piece, 0], primitive[piece, 1], primitive[piece, 2]
+        if length <= SNAP:
+            continue
+        u, v, after = advance_pose(x, y, heading, length, curvature, gear)
+        if curvature == 0.0:
+            met_edge = _find_straight_contact(x, y, u, v, edges)
+        else:
+            met_edge = _find_arc_contact(x, y, heading, length, curvature, gear, edges)
+        if met_edge >= 0:
+            return met_edge
+        x, y, heading = u, v, after
+    return -1
+
+
+@compile_function
+def is_primitive_inside(a, primitive, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a primitive driven from pose a inside the region never meets its boundary."""
+    return find_primitive_contact(a, primitive, edges) < 0
+
+
+@compile_function
+def is_path_inside(a, primitive, edges) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a path of any number of segments from pose a stays in the region whose boundary the edges are."""
+    return is_point_inside(a[0], a[1], edges) and is_primitive_inside(a, primitive, edges)

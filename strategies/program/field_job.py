@@ -1,0 +1,275 @@
+"""What a strategy is given: the swaths, how the tractors drive, and a finder of paths between swaths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.layout.headland_passes import HeadlandPass
+from fields.layout.swaths import Layout, Swath
+from strategies.path_planning.collision_check import FenceChecker, pick_quickest_inside
+from strategies.path_planning.connector import Connector
+from strategies.path_planning.obstacle_avoidance import ObstacleBends
+from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose
+from strategies.path_planning.primitive_search import compute_shortest_m
+from strategies.program.supply import Supply
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one across swaths
+DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
+
+
+@dataclass(frozen=True)
+class DrivingRules:
+    """How every tractor of the fleet drives.
+
+    `tool_m` is how far the implement works behind the guided point. `turn_s[k]` are the simulated seconds of the best
+    turn over k lines (index 0 unused); beyond its end the last entry grows by driving straight across. A tractor that
+    must give way waits `hold_back_m` before the end of its swath, clear of the headland. Two that would turn side by
+    side go `ahead_m` one after the other. `boxes` are the outline of tractor and implement: rear and front end ahead of
+    the guided point, and half the width (m).
+    """
+
+    work_speed_mps: float
+    turn_speed_mps: float
+    reverse_speed_mps: float
+    radius_m: float
+    tool_m: float
+    gap_m: float = 10.0
+    stagger_m: float = 12.0
+    hold_back_m: float = 8.0
+    ahead_m: float = 0.0
+    turn_s: tuple[float, ...] = (0.0, 20.0)
+    boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
+
+
+@dataclass(frozen=True)
+class SwathPass:
+    """One swath driven in one direction (+1 along the bearing of its cell, -1 against it)."""
+
+    swath: Swath
+    direction: int
+
+
+@dataclass
+class FieldJob:
+    """A field to be worked by `tractors` tractors.
+
+    Paths: `connector` finds them anywhere in the field, `headland_connector` only beside the swaths, `rim_connector` in
+    the corners of headland passes, where the guided point may be anywhere on the field. With `avoids_swaths` no path
+    crosses swaths if it can keep to the headland, however much longer it is; with `avoids_unworked` ground not yet
+    worked is not driven through on the way in if the headland leads round it. `obstacle_bends` are the passes bent
+    round small obstacles. No path crosses `fence` (fences and obstacles) as long as one of the `careful_connectors`
+    finds another.
+
+    Order: `corner` is where to begin (from the last line?, first direction); None where any corner will do, as it is
+    where the paths from an entrance count. `jump` fixes the pattern of swaths, None leaves it to the strategy. The
+    `reversed_tractors` drive their orders backwards, in strategies with swaths of their own. `headland_passes` are the
+    passes of the headland; with `square_corners` their corners are worked whole. Tractors enter and leave by the
+    `entrance_lane`; without one they stand where work begins and stay where it ends. `supply` is what every tractor
+    carries, None for nothing.
+
+    Caches, shared by all jobs of one field: `path_cache` by pair of poses, `turn_table_cache` by swaths, `share_cache`
+    and `headland_leg_cache` of headland passes by how they are shared out, `formation_cache` of swaths worked side by
+    side, `block_cache` of blocks in their quickest orders by number of tractors, `leg_cache` of swaths and paths.
+    `turn_counts` counts the turns driven by kind.
+    """
+
+    layout: Layout
+    driving_rules: DrivingRules
+    connector: Connector
+    tractors: int
+    headland_connector: Connector | None = None
+    corner: tuple[bool, int] | None = None
+    jump: int | None = None
+    reversed_tractors: tuple[int, ...] = ()
+    headland_passes: tuple[HeadlandPass, ...] = ()
+    rim_connector: Connector | None = None
+    square_corners: bool = True
+    avoids_swaths: bool = False
+    avoids_unworked: bool = False
+    obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
+    fence: FenceChecker | None = None
+    careful_connectors: tuple[Connector, ...] = ()
+    entrance_lane: EntranceLane | None = None
+    path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
+    turn_table_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
+    share_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    supply: Supply | None = None
+    headland_leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    formation_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    block_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
+    leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
+    turn_counts: dict[str, int] = field(default_factory=dict)
+
+    def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
+        """The quickest drivable path from a to b, or None.
+
+        It keeps to the headland, where no crop is driven on, unless a path across swaths is much quicker and swaths
+        need not be avoided.
+        """
+        if (a, b) not in self.path_cache:
+            path = self.find_turn(a, b) or self._choose_route(a, b)
+            if self.crosses_fence(path):
+                path = (
+                    pick_quickest_inside(
+                        self.fence,
+                        [connector.connect(a, b) for connector in self.careful_connectors],
+                        self.connector.compute_cost_s,
+                    )
+                    or path
+                )
+            self.path_cache[a, b] = path or (self._choose_turn(a, b) if self.fence else None)
+        return self.path_cache[a, b]
+
+    def crosses_fence(self, path: DrivePath | None, *, fences_only: bool = False) -> bool:
+        """Whether any part of the machine touches a fence, or an obstacle, on a path."""
+        return (
+            path is not None and self.fence is not None and self.fence.has_path_contact(path, fences_only=fences_only)
+        )
+
+    def find_turn(self, a: Pose, b: Pose) -> DrivePath | None:
+        """A turn beside the swaths, or one across them that is much quicker; None if all cross the fence."""
+        turn = self._choose_turn(a, b)
+        if not self.crosses_fence(turn):
+            return turn
+        return pick_quickest_inside(
+            self.fence,
+            [connector.connect_directly(a, b) for connector in self.careful_connectors],
+            self.connector.compute_cost_s,
+        )
+
+    def compute_turn_costs_s(self, starts: Floats, ends: Floats, pairs: Ints) -> Floats:
+        """The connector's cost (k,) of what `find_turn` finds for many pairs; infinite where it finds nothing.
+
+        `pairs` (k, 2) are numbers of `starts` (n, 3) and `ends` (m, 3); pairs with the same start follow one another.
+        """
+        headland_costs = np.full((len(pairs), 2), np.inf)
+        if self.headland_connector:
+            headland_costs = self.headland_connector.compute_direct_costs(starts, ends, pairs)
+        best_costs, expensive = headland_costs.copy(), np.flatnonzero(headland_costs[:, 0] > PLAIN_TURN_S)
+        if len(expensive) and not self.avoids_swaths:
+            field_costs = self.connector.compute_direct_costs(starts, ends, pairs[expensive])
+            better = np.isfinite(field_costs[:, 0]) & (
+                headland_costs[expensive, 0] > DETOUR_FACTOR * field_costs[:, 0] + DETOUR_S
+            )
+            best_costs[expensive[better]] = field_costs[better]
+        reachable = np.flatnonzero(np.isfinite(best_costs[:, 0]))
+        if self.fence is not None and len(reachable):
+            is_near_fence = self.fence.may_have_contact(
+                starts[pairs[reachable, 0]], ends[pairs[reachable, 1]], best_costs[reachable, 1]
+            )
+            for k in reachable[is_near_fence].tolist():
+                p, q = pairs[k]
+                path = self.find_turn(make_pose(starts[p]), make_pose(ends[q]))
+                best_costs[k, 0] = math.inf if path is None else self.connector.compute_cost_s(path)
+        seconds: Floats = best_costs[:, 0]
+        return seconds
+
+    def _choose_turn(self, a: Pose, b: Pose) -> DrivePath | None:
+        cost = self.connector.compute_cost_s
+        headland_turn = self.headland_connector.connect_directly(a, b) if self.headland_connector else None
+        if self.avoids_swaths or (headland_turn and cost(headland_turn) <= PLAIN_TURN_S):
+            return headland_turn
+        field_turn = self.connector.connect_directly(a, b)
+        if field_turn and (headland_turn is None or cost(headland_turn) > DETOUR_FACTOR * cost(field_turn) + DETOUR_S):
+            return field_turn
+        return headland_turn
+
+    def _choose_route(self, a: Pose, b: Pose) -> DrivePath | None:
+        """A route along the headland if it is hardly longer than the straight line, else the quickest one."""
+        headland_route = self.headland_connector.connect(a, b) if self.headland_connector else None
+        flight_s = math.dist(a[:2], b[:2]) / self.driving_rules.turn_speed_mps
+        cost = self.connector.compute_cost_s
+        if headland_route and (self.avoids_swaths or cost(headland_route) <= DETOUR_FACTOR * flight_s + PLAIN_TURN_S):
+            return headland_route
+        field_route = self.connector.connect(a, b)
+        if field_route and (
+            headland_route is None or cost(headland_route) > DETOUR_FACTOR * cost(field_route) + DETOUR_S
+        ):
+            return field_route
+        return headland_route
+
+    def get_entry_pose(self, swath_pass: SwathPass) -> Pose:
+        """Pose of the guided point where a pass begins: on the headland line, facing along the swath."""
+        x, y = swath_pass.swath.start_m if swath_pass.direction > 0 else swath_pass.swath.end_m
+        return x, y, self.compute_heading(swath_pass)
+
+    def get_exit_pose(self, swath_pass: SwathPass) -> Pose:
+        """Pose of the guided point where the implement has reached the end of the swath."""
+        x, y = swath_pass.swath.end_m if swath_pass.direction > 0 else swath_pass.swath.start_m
+        heading = self.compute_heading(swath_pass)
+        tool = self.driving_rules.tool_m
+        return x + tool * math.cos(heading), y + tool * math.sin(heading), heading
+
+    def compute_heading(self, swath_pass: SwathPass) -> float:
+        """Mathematical angle of travel on a pass (rad)."""
+        bearing = self.layout.get_bearing_rad(swath_pass.swath)
+        return math.remainder(bearing if swath_pass.direction > 0 else bearing + math.pi, 2.0 * math.pi)
+
+    def estimate_entrance_time_s(self, first: SwathPass, last: SwathPass) -> float:
+        """Estimated seconds from the entrance to a first pass and from a last pass back; 0 without an entrance."""
+        if self.entrance_lane is None:
+            return 0.0
+        end_poses = (
+            (self.entrance_lane.inner_pose, self.get_entry_pose(first)),
+            (self.get_exit_pose(last), self.entrance_lane.build_path_out().start),
+        )
+        metres = sum(compute_shortest_m(np.array(a), np.array(b), self.driving_rules.radius_m) for a, b in end_poses)
+        return metres / self.driving_rules.turn_speed_mps
+
+    def estimate_turn_time_s(self, a: SwathPass, b: SwathPass) -> float:
+        """Estimated seconds between two passes, from simulated turns: cheap, for comparing orders only."""
+        return self.build_turn_estimator(a)(b)
+
+    def build_turn_estimator(self, a: SwathPass) -> Callable[[SwathPass], float]:
+        """`estimate_turn_time_s` from one pass, as a function of the next."""
+        cell, heading = a.swath.cell_number, self.compute_heading(a)
+        driving_rules, width_m = self.driving_rules, self.layout.width_m
+        cosine, sine, speed = math.cos(heading), math.sin(heading), driving_rules.turn_speed_mps
+        x, y = a.swath.end_m if a.direction > 0 else a.swath.start_m
+        x, y = x + driving_rules.tool_m * cosine, y + driving_rules.tool_m * sine
+        table, full_circle_m = driving_rules.turn_s, 2.0 * math.pi * driving_rules.radius_m
+
+        def estimate_seconds(b: SwathPass) -> float:
+            if cell != b.swath.cell_number:
+                return (
+                    compute_shortest_m(
+                        np.array((x, y, heading)), np.array(self.get_entry_pose(b)), driving_rules.radius_m
+                    )
+                    / speed
+                )
+            to_x, to_y = b.swath.start_m if b.direction > 0 else b.swath.end_m
+            off_x, off_y = to_x - x, to_y - y
+            along, across = off_x * cosine + off_y * sine, abs(off_y * cosine - off_x * sine)
+            if a.direction == b.direction:
+                return (abs(along) + across + full_circle_m) / speed
+            lines = max(1, round(across / width_m))
+            extra = max(0, lines - len(table) + 1) * width_m
+            return table[min(lines, len(table) - 1)] + (extra + abs(along)) / speed
+
+        return estimate_seconds
+
+
+def find_starting_corner(layout: Layout) -> tuple[bool, int] | None:
+    """Which side and direction to begin with on a field with an entrance: (from the last line?, direction), else None.
+
+    The side is one of the cell nearest to the entrance.
+    """
+    entrance = layout.field.entrance
+    if entrance is None:
+        return None
+    _, line, direction, cell = min(
+        (math.dist(entrance, end), swath.line, direction, swath.cell_number)
+        for swath in layout.swaths
+        for end, direction in ((swath.start_m, 1), (swath.end_m, -1))
+    )
+    lines = [swath.line for swath in layout.swaths if swath.cell_number == cell]
+    return line > (lines[0] + lines[-1]) / 2, direction

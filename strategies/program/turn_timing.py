@@ -1,0 +1,119 @@
+"""Turns timed by simulating one tractor that drives them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from strategies.path_planning.connector import TurnCosts
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import DrivePath, Pose
+from strategies.path_planning.turns import (
+    build_fishtail,
+    build_omega_turn,
+    build_switch_back,
+    build_u_turn,
+    compute_turn_depth_m,
+)
+from strategies.program.field_job import DrivingRules
+from strategies.program.legs import PATH_STEP_M
+from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.run import DONE
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.world import simulate
+
+LEAD_M = 15.0  # straight before and after a turn, long enough to reach speed and settle
+MAX_TURN_S = 600.0  # a tractor that has not finished by then never will
+TURN_BUILDERS = {"u": (build_u_turn,), "omega": (build_omega_turn,), "switch-back": (build_switch_back, build_fishtail)}
+
+
+@dataclass(frozen=True)
+class TurnTimer:
+    """Times turns by simulating one tractor that drives them."""
+
+    tractor: Tractor
+    implement: Implement
+    driving_rules: DrivingRules
+    ground: str
+
+    def build_mission(self, path: DrivePath) -> Mission:
+        """A straight swath, the turn, another straight swath."""
+        speed = self.driving_rules.reverse_speed_mps if path.reverse_m else self.driving_rules.turn_speed_mps
+        turn = [
+            Leg(points, speed, gear, ground=self.ground, task=LegTask(TURN))
+            for gear, points in path.sample(PATH_STEP_M)
+        ]
+        return Mission(
+            (self._build_straight(path.start, -LEAD_M, 0.0), *turn, self._build_straight(path.end, 0.0, LEAD_M))
+        )
+
+    def measure_seconds(self, path: DrivePath) -> float | None:
+        """Simulated seconds from the end of one swath to the start of the next; None if the turn is never completed."""
+        straight = Mission((self._build_straight(path.start, -LEAD_M, LEAD_M),))
+        with_turn, without = (
+            simulate(Plan((mission,)), self.tractor, self.implement, max_time_s=MAX_TURN_S)
+            for mission in (self.build_mission(path), straight)
+        )
+        if with_turn.outcome != DONE or without.outcome != DONE:
+            return None
+        return with_turn.duration_s - without.duration_s
+
+    def _build_straight(self, pose: Pose, start: float, end: float) -> Leg:
+        ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
+        points = np.array([pose[:2] + start * ahead, pose[:2] + end * ahead])
+        return Leg(points, self.driving_rules.work_speed_mps, ground=self.ground, task=LegTask(SWATH), implement=True)
+
+    def measure_best_times(self, width_m: float, depth_m: float, kinds: tuple[str, ...]) -> tuple[float | None, ...]:
+        """Seconds of the quickest fitting turn over 0, 1, 2 ... lines, up to the first plain U-turn and one more.
+
+        None where no turn of these kinds fits a headland that leaves `depth_m` for it.
+        """
+        times: list[float | None] = [0.0]
+        max_lines = math.ceil(2.0 * self.driving_rules.radius_m / width_m) + 1
+        for lines in range(1, max_lines + 1):
+            turn_times_s = [self.measure_seconds(path) for path in self._list_turns(lines * width_m, depth_m, kinds)]
+            times.append(min((time for time in turn_times_s if time is not None), default=None))
+        return tuple(times)
+
+    def _list_turns(self, spacing: float, depth_m: float, kinds: tuple[str, ...]) -> list[DrivePath]:
+        a, b = (0.0, 0.0, 0.5 * math.pi), (spacing, 0.0, -0.5 * math.pi)
+        radius = self.driving_rules.radius_m
+        turns = []
+        for kind in kinds:
+            if (kind == "u" and spacing < 2.0 * radius) or compute_turn_depth_m(kind, spacing, radius) > depth_m + 1e-6:
+                continue
+            turns += [path for build_turn in TURN_BUILDERS[kind] if (path := build_turn(a, b, radius))]
+        return turns
+
+    def estimate_detour_s(self) -> float:
+        """Estimated seconds of a detour where no turn fits, for comparing orders: two full circles."""
+        return 4.0 * math.pi * self.driving_rules.radius_m / self.driving_rules.turn_speed_mps
+
+    def measure_reversal_costs(self) -> TurnCosts:
+        """What a direction change costs, from two simulated turns: arc to arc, and arc to straight.
+
+        Raises StrategyError if the tractor does not complete them.
+        """
+        radius, driving_rules = self.driving_rules.radius_m, self.driving_rules
+        a, b = (0.0, 0.0, 0.5 * math.pi), (0.75 * radius, 0.0, -0.5 * math.pi)
+        free_costs = TurnCosts(driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps, 0.0)
+        three_arc_path, fishtail_path = build_switch_back(a, b, radius), build_fishtail(a, b, radius)
+        assert three_arc_path is not None and fishtail_path is not None
+        lost_three_s, lost_tail_s = (
+            (self._measure_required_seconds(path) - free_costs.compute_time_s(path)) / 2.0
+            for path in (three_arc_path, fishtail_path)
+        )
+        swing_sm = max(lost_three_s - lost_tail_s, 0.0) * radius
+        cusp_s = max(lost_tail_s - swing_sm / radius, 0.0)
+        return TurnCosts(driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps, cusp_s, swing_sm)
+
+    def _measure_required_seconds(self, path: DrivePath) -> float:
+        seconds = self.measure_seconds(path)
+        if seconds is None:
+            raise StrategyError(
+                f"{self.tractor.name} does not complete a plain turn of {self.driving_rules.radius_m:.2f} m radius in "
+                f"{MAX_TURN_S:g} s of simulation; check guidance, steering and speed in its tractor file."
+            )
+        return seconds

@@ -1,0 +1,1 @@
+"""The order in which tractors work their swaths: turn times, search and lower bounds."""

@@ -1,0 +1,385 @@
+"""Orders of swaths by local search: good in milliseconds, and the same for the same input.
+
+Passes are numbered: pass 2 i is swath i driven along the layout's bearing, pass 2 i + 1 against it. `turns[p, q]` (2 n,
+2 n) are the seconds from the end of pass p to the beginning of pass q, UNREACHABLE_S where no path leads; `first` and
+`last` (2 n,) the seconds before a pass that comes first and after one that comes last. An order visits every swath
+once; dynamic programming over the two directions settles how each is driven, so that moves only change the order.
+
+The moves are those of Or (1976) and Lin (1965): a run of swaths is reversed, or taken out and put in elsewhere in
+either direction, with what lies between reversed or not. Tables of least seconds between any two places of the order
+make every move cheap to evaluate. When no move helps, two runs are swapped at random and the search continues (iterated
+local search, Lourenco, Martin and Stutzle 2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.sequencing.tour_bounds import (
+    bound_by_end_prices,
+    bound_by_swath_prices,
+    compute_least_between_s,
+    find_best_order,
+)
+from vehicle.jit import compile_function
+from vehicle.model.gnss import draw_uniform
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+
+UNREACHABLE_S = 1e7
+MAX_RUN_SWATHS = 10  # swaths in the shorter of two runs that are swapped; any number may be reversed
+MAX_MOVE_SWATHS = 40  # swaths in both together
+MIN_GAIN_S = 1e-7
+MAX_STARTS = 3
+MAX_PROVEN_SWATHS = 16  # swaths: 0.04 s, and twice as long for every further swath
+BOUND_TOLERANCE = 2e-4  # an order this close to its bound, relatively, counts as the best
+# NumPy's numbers: for every Python constant passed on, the called function would be compiled once more.
+PLACE_0: Any = np.int64(0)
+NOWHERE: Any = np.int64(-1)
+NOT_REVERSED: Any = np.int64(0)  # how two runs are swapped: `_swap_runs`
+SECOND_REVERSED: Any = np.int64(2)
+KICK_BUDGET, MIN_KICKS = 500, 3  # kicks times swaths: a kick takes 1 ms for 20 swaths, 50 ms for 300
+
+
+@compile_function
+def _time_step_to_swath(v0, v1, p, q, turns):  # type: ignore[no-untyped-def]
+    """Seconds at both directions of swath q, from seconds (v0, v1) at those of swath p."""
+    return (
+        min(v0 + turns[2 * p, 2 * q], v1 + turns[2 * p + 1, 2 * q]),
+        min(v0 + turns[2 * p, 2 * q + 1], v1 + turns[2 * p + 1, 2 * q + 1]),
+    )
+
+
+@compile_function
+def _traverse_run(v0, v1, run):  # type: ignore[no-untyped-def]
+    """Seconds at the far end of a run from those at its beginning; `run` (2, 2) is from `update_run_tables`."""
+    return min(v0 + run[0, 0], v1 + run[1, 0]), min(v0 + run[0, 1], v1 + run[1, 1])
+
+
+@compile_function
+def update_run_tables(  # type: ignore[no-untyped-def]
+    order, low, high, turns, first, last, onward, backward, shortest, head, tail
+):
+    """Bring the tables up to date with an order whose places low..high have changed.
+
+    Least seconds from place i to place i + w (`onward[i, w]`) and from there back to i (`backward[i, w]`), each (2, 2)
+    by direction, for w below MAX_MOVE_SWATHS; the least of either over directions (`shortest[i, w]`, (2,)); from the
+    start to a place (`head`) and from a place to the end (`tail`).
+    """
+    n, most = len(order), onward.shape[1]
+    for i in range(max(low - most + 1, 0), high + 1):
+        for w in range(max(low - i, 0), min(most, n - i)):
+            for d in range(2):
+                if w == 0:
+                    for e in range(2):
+                        onward[i, 0, d, e] = backward[i, 0, d, e] = 0.0 if d == e else 2.0 * UNREACHABLE_S
+                    shortest[i, 0, 1] = 0.0
+                    continue
+                a, b = onward[i, w - 1, d, 0], onward[i, w - 1, d, 1]
+                onward[i, w, d, 0], onward[i, w, d, 1] = _time_step_to_swath(
+                    a, b, order[i + w - 1], order[i + w], turns
+                )
+            shortest[i, w, 0] = onward[i, w].min()
+    for j in range(low, min(high + most, n)):
+        for i in range(min(j - 1, high), max(j - most, -1), -1):
+            for d in range(2):
+                a, b = backward[i + 1, j - i - 1, d, 0], backward[i + 1, j - i - 1, d, 1]
+                backward[i, j - i, d, 0], backward[i, j - i, d, 1] = _time_step_to_swath(
+                    a, b, order[i + 1], order[i], turns
+                )
+            shortest[i, j - i, 1] = backward[i, j - i].min()
+    for k in range(low, n):
+        if k == 0:
+            head[0, 0], head[0, 1] = first[2 * order[0]], first[2 * order[0] + 1]
+        else:
+            head[k, 0], head[k, 1] = _time_step_to_swath(head[k - 1, 0], head[k - 1, 1], order[k - 1], order[k], turns)
+    for k in range(high, -1, -1):
+        for d in range(2):
+            p = 2 * order[k] + d
+            if k == n - 1:
+                tail[k, d] = last[p]
+            else:
+                q = 2 * order[k + 1]
+                tail[k, d] = min(turns[p, q] + tail[k + 1, 0], turns[p, q + 1] + tail[k + 1, 1])
+
+
+@compile_function
+def _time_swath_entry(order, k, q, turns, first, head):  # type: ignore[no-untyped-def]
+    """Seconds at swath q when it follows place k of the order, or comes first (k = -1)."""
+    if k < 0:
+        return first[2 * q], first[2 * q + 1]
+    return _time_step_to_swath(head[k, 0], head[k, 1], order[k], q, turns)
+
+
+@compile_function
+def _time_order_finish(v0, v1, order, p, k, turns, last, tail):  # type: ignore[no-untyped-def]
+    """Seconds of the whole order when swath p, reached at (v0, v1), is followed by place k, or is the last (k = n)."""
+    if k >= len(order):
+        return min(v0 + last[2 * p], v1 + last[2 * p + 1])
+    w0, w1 = _time_step_to_swath(v0, v1, p, order[k], turns)
+    return min(w0 + tail[k, 0], w1 + tail[k, 1])
+
+
+@compile_function
+def _time_swap(order, i, j, m, reversal, turns, first, last, onward, backward, head, tail):  # type: ignore[no-untyped-def]
+    """Seconds when the neighbouring runs i..j and j+1..m swap places; `reversal` as in `_swap_runs`."""
+    second_run, back = onward[j + 1, m - j - 1], j + 1
+    end = m
+    if reversal >= 2:
+        second_run, back, end = backward[j + 1, m - j - 1], m, j + 1
+    v0, v1 = _time_swath_entry(order, i - 1, order[back], turns, first, head)
+    v0, v1 = _traverse_run(v0, v1, second_run)
+    begin, stop, first_run = i, j, onward[i, j - i]
+    if reversal % 2 == 1:
+        begin, stop, first_run = j, i, backward[i, j - i]
+    v0, v1 = _time_step_to_swath(v0, v1, order[end], order[begin], turns)
+    v0, v1 = _traverse_run(v0, v1, first_run)
+    return _time_order_finish(v0, v1, order, order[stop], m + 1, turns, last, tail)
+
+
+@compile_function
+def _swap_runs(order, i, j, m, reversal):  # type: ignore[no-untyped-def]
+    """Swap the runs i..j and j+1..m; `reversal` 1 and 3 reverse the first run, 2 and 3 the second."""
+    a, b = order[i : j + 1].copy(), order[j + 1 : m + 1].copy()
+    order[i : i + len(b)] = b[::-1] if reversal >= 2 else b
+    order[i + len(b) : m + 1] = a[::-1] if reversal % 2 == 1 else a
+
+
+@compile_function
+def _get_least_step(order, p, q, least) -> float:  # type: ignore[no-untyped-def]
+    """Least seconds of a step from place p to place q; p may be -1 and q n."""
+    n = len(order)
+    return least[order[p] if p >= 0 else n, order[q] if q < n else n]  # type: ignore[no-any-return]
+
+
+@compile_function
+def _apply_best_move(i, order, turns, first, last, onward, backward, shortest, head, tail, least):  # type: ignore[no-untyped-def]
+    """Carry out the best move of runs that begin at place i; returns the last place it changed, -1 if none helps.
+
+    The tables must be those of `order`. A move is timed exactly only if the least seconds of its runs and its new
+    steps, each over all directions, do not rule it out.
+    """
+    n = len(order)
+    z = order[n - 1]
+    best = min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
+    best_j, best_m, best_reversal = NOWHERE, NOWHERE, NOT_REVERSED
+    begun_s = min(head[i - 1, 0], head[i - 1, 1]) if i > 0 else 0.0
+    back = np.array([[0.0, 2.0 * UNREACHABLE_S], [2.0 * UNREACHABLE_S, 0.0]])  # from place m back to i
+    for m in range(i + 1, n):
+        for e in range(2):
+            p, q = 2 * order[m], 2 * order[m - 1]
+            from_forward, from_backward = back[0, e], back[1, e]
+            back[0, e] = min(turns[p, q] + from_forward, turns[p, q + 1] + from_backward)
+            back[1, e] = min(turns[p + 1, q] + from_forward, turns[p + 1, q + 1] + from_backward)
+        outer_s = begun_s + (min(tail[m + 1, 0], tail[m + 1, 1]) if m + 1 < n else 0.0)
+        outer_s += _get_least_step(order, i - 1, m, least) + _get_least_step(order, i, m + 1, least)
+        if outer_s + min(min(back[0, 0], back[0, 1]), min(back[1, 0], back[1, 1])) >= best - MIN_GAIN_S:
+            continue
+        v0, v1 = _time_swath_entry(order, i - 1, order[m], turns, first, head)
+        v0, v1 = _traverse_run(v0, v1, back)
+        reversed_s = _time_order_finish(v0, v1, order, order[i], m + 1, turns, last, tail)
+        if reversed_s < best - MIN_GAIN_S:
+            best, best_j, best_m, best_reversal = reversed_s, i - 1, m, SECOND_REVERSED
+    for m in range(i + 1, min(i + MAX_MOVE_SWATHS, n)):
+        outer_s = begun_s + (min(tail[m + 1, 0], tail[m + 1, 1]) if m + 1 < n else 0.0)
+        for j in range(i, m):
+            if j - i >= MAX_RUN_SWATHS and m - j > MAX_RUN_SWATHS:
+                continue
+            for reversal in range(4):
+                begin, end = (m, j + 1) if reversal >= 2 else (j + 1, m)
+                start, stop = (j, i) if reversal % 2 == 1 else (i, j)
+                new_steps_s = _get_least_step(order, i - 1, begin, least) + _get_least_step(order, end, start, least)
+                new_steps_s += _get_least_step(order, stop, m + 1, least)
+                if (
+                    outer_s + new_steps_s + shortest[i, j - i, reversal % 2] + shortest[j + 1, m - j - 1, reversal // 2]
+                    >= best - MIN_GAIN_S
+                ):
+                    continue
+                cost = _time_swap(order, i, j, m, reversal, turns, first, last, onward, backward, head, tail)
+                if cost < best - MIN_GAIN_S:
+                    best, best_j, best_m, best_reversal = cost, j, m, reversal
+    if best_m >= 0:
+        _swap_runs(order, i, best_j, best_m, best_reversal)
+    return best_m
+
+
+@compile_function
+def _improve_order(order, turns, first, last, onward, backward, shortest, head, tail, due, least):  # type: ignore[no-untyped-def]
+    """Apply moves until none helps; returns the seconds of the order then.
+
+    `due` (n,) marks the places whose moves are to be evaluated: after a move those that reach into what it changed.
+    """
+    n = len(order)
+    quiet_count = i = PLACE_0
+    update_run_tables(order, PLACE_0, n - 1, turns, first, last, onward, backward, shortest, head, tail)
+    while quiet_count < n:
+        changed = -1
+        if due[i]:
+            changed = _apply_best_move(i, order, turns, first, last, onward, backward, shortest, head, tail, least)
+        if changed >= 0:
+            update_run_tables(order, i, changed, turns, first, last, onward, backward, shortest, head, tail)
+            due[max(i - MAX_MOVE_SWATHS, 0) : min(changed + 2, n)] = True
+            quiet_count = 0
+        else:
+            due[i] = False
+            quiet_count += 1
+            i = (i + 1) % n
+    z = order[n - 1]
+    return min(head[n - 1, 0] + last[2 * z], head[n - 1, 1] + last[2 * z + 1])
+
+
+@compile_function
+def search_tour(start, turns, first, last, kicks, enough, seed, between):  # type: ignore[no-untyped-def]
+    """The best order (n,) of swaths found from `start` with at most `kicks` kicks, and its seconds.
+
+    Stops when an order takes no more than `enough` seconds. `between` (n + 1, n + 1) is from
+    tour_bounds.compute_least_between_s.
+    """
+    n = len(start)
+    onward, backward = np.empty((n, min(n, MAX_MOVE_SWATHS), 2, 2)), np.empty((n, min(n, MAX_MOVE_SWATHS), 2, 2))
+    shortest, head, tail = np.empty((n, min(n, MAX_MOVE_SWATHS), 2)), np.empty((n, 2)), np.empty((n, 2))
+    order, best_order = start.copy(), start.copy()
+    due = np.ones(n, dtype=np.bool_)
+    best_s = np.inf
+    for kick in range(kicks + 1):
+        cost = _improve_order(order, turns, first, last, onward, backward, shortest, head, tail, due, between)
+        if cost < best_s - MIN_GAIN_S:
+            best_s = cost
+            best_order[:] = order
+        else:
+            order[:] = best_order
+        if n < 4 or best_s <= enough:
+            break
+        # Swap two neighbouring runs at a random place.
+        i = int(draw_uniform(seed, 3 * kick) * (n - 2))
+        j = i + int(draw_uniform(seed, 3 * kick + 1) * min(MAX_RUN_SWATHS, n - 2 - i))
+        m = j + 1 + int(draw_uniform(seed, 3 * kick + 2) * min(MAX_RUN_SWATHS, n - 1 - j))
+        _swap_runs(order, i, j, m, NOT_REVERSED)
+        due[max(i - MAX_MOVE_SWATHS, 0) : min(m + 2, n)] = True
+    return best_order, best_s
+
+
+@compile_function
+def _choose_directions(order, turns, first, last):  # type: ignore[no-untyped-def]
+    """The passes (n,) that drive an order of swaths in the least seconds, by dynamic programming."""
+    n = len(order)
+    before = np.zeros((n, 2), dtype=np.int64)
+    seconds_now = np.array([first[2 * order[0]], first[2 * order[0] + 1]])
+    for k in range(1, n):
+        seconds_next = np.empty(2)
+        for d in range(2):
+            q = 2 * order[k] + d
+            from_forward, from_backward = (
+                seconds_now[0] + turns[2 * order[k - 1], q],
+                seconds_now[1] + turns[2 * order[k - 1] + 1, q],
+            )
+            before[k, d] = 0 if from_forward <= from_backward else 1
+            seconds_next[d] = min(from_forward, from_backward)
+        seconds_now = seconds_next
+    z = 2 * order[n - 1]
+    direction = 0 if seconds_now[0] + last[z] <= seconds_now[1] + last[z + 1] else 1
+    passes = np.empty(n, dtype=np.int64)
+    for k in range(n - 1, -1, -1):
+        passes[k] = 2 * order[k] + direction
+        direction = before[k, direction]
+    return passes
+
+
+def compute_order_seconds(order: Ints, turns: Floats, first: Floats, last: Floats) -> float:
+    """Least seconds of an order of swaths over all directions."""
+    passes = _choose_directions(order, turns, first, last)
+    return float(first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]])
+
+
+@dataclass(frozen=True, eq=False)
+class BoundAscent:
+    """The input of a search and the prices of its bound, from which a better bound can be computed."""
+
+    turns: Floats
+    first: Floats
+    last: Floats
+    prices: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Tour:
+    """Passes (n,) in order, the seconds of the paths between them, and a lower bound for every order.
+
+    `ascent` is set as long as `sharpen_bound` may find a better bound.
+    """
+
+    passes: Ints
+    seconds: float
+    bound_s: float
+    ascent: BoundAscent | None = None
+
+    @property
+    def gap_pct(self) -> float:
+        """By how much another order could be quicker at most, in percent of this one's seconds."""
+        return 100.0 * max(0.0, 1.0 - self.bound_s / self.seconds) if self.seconds > MIN_GAIN_S else 0.0
+
+
+def find_best_tour(
+    turns: Floats,
+    first: Floats,
+    last: Floats,
+    starts: list[list[int]],
+    seed: int = 1,
+    *,
+    kicked: bool = True,
+    proven: bool = True,
+    bounded: bool = True,
+) -> Tour:
+    """The best order of swaths found from several starts; the same for the same input and seed.
+
+    Each start is improved until no move helps; the best is then kicked, more often for few swaths, until it is as good
+    as its bound or the kicks are used up. Without `kicked` the search stops there and nothing is proven. Without
+    `proven` the best order of few swaths is not computed, without `bounded` the bound is that of the search alone
+    (`sharpen_bound`).
+    """
+    # Contiguous arrays only: the search is compiled for every memory layout it is given.
+    turns, first, last = (np.ascontiguousarray(given) for given in (turns, first, last))
+    between = compute_least_between_s(turns, first, last)
+    promising = sorted(
+        (np.array(start) for start in starts), key=lambda start: compute_order_seconds(start, turns, first, last)
+    )
+    orders = [search_tour(start, turns, first, last, 0, -np.inf, seed, between) for start in promising[:MAX_STARTS]]
+    order, seconds = min(orders, key=lambda result: result[1])
+    if not kicked:
+        return Tour(_choose_directions(order, turns, first, last), float(seconds), 0.0)
+    bound, ascent = seconds, None
+    if len(order) > 1:
+        bound, prices = bound_by_swath_prices(between, seconds - MIN_GAIN_S)
+        ascent = BoundAscent(turns, first, last, prices)
+    enough = bound * (1.0 + BOUND_TOLERANCE)
+    if seconds > enough and len(order) > 3:
+        kicks = max(MIN_KICKS, KICK_BUDGET // len(order))
+        order, seconds = search_tour(order, turns, first, last, kicks, enough, seed, between)
+    passes = _choose_directions(order, turns, first, last)
+    if proven and seconds > enough and 3 < len(order) <= MAX_PROVEN_SWATHS:
+        return _prove_best(turns, first, last, Tour(passes, float(seconds), float(bound)))
+    best = Tour(passes, float(seconds), float(min(bound, seconds)), ascent)
+    return sharpen_bound(best) if bounded else best
+
+
+def sharpen_bound(tour: Tour) -> Tour:
+    """The tour with a better bound if its own leaves a large gap; for many swaths this takes longer than the search."""
+    if tour.ascent is None or tour.seconds <= tour.bound_s * (1.0 + BOUND_TOLERANCE):
+        return tour
+    ascent = tour.ascent
+    bound = bound_by_end_prices(ascent.turns, ascent.first, ascent.last, tour.seconds - MIN_GAIN_S, ascent.prices)
+    return Tour(tour.passes, tour.seconds, min(max(tour.bound_s, bound), tour.seconds))
+
+
+def _prove_best(turns: Floats, first: Floats, last: Floats, best: Tour) -> Tour:
+    """The best order of few swaths; the one found if nothing is quicker."""
+    passes = find_best_order(turns, first, last, best.seconds - MIN_GAIN_S)
+    if not len(passes):
+        return Tour(best.passes, best.seconds, best.seconds)
+    seconds = float(first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]])
+    return Tour(passes, seconds, seconds)

@@ -1,0 +1,284 @@
+"""A plan with service stops: each tractor's own stops, and who is served first if only one is served at a time.
+
+Also stops for a plan that changes while it is driven: existing stops stay, and work taken over from others gets its
+own. A plan does not say what a tractor carries; the most work that any of its tractors does with one load is taken as a
+load.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import Pose
+from strategies.program.field_job import FieldJob
+from strategies.program.legs import make_mission
+from strategies.program.supply import HEADLAND, PLACE, Supply
+from strategies.service_stops.stops import (
+    SERVICE_CLEAR_M,
+    LoadGaps,
+    LoadPiece,
+    MissionWithStops,
+    ServiceStop,
+    add_stops,
+    add_stops_in_gaps,
+    find_waiting_leg,
+    split_into_pieces,
+)
+from vehicle.missions.plan import DRIVE_IN, REFILL, Leg, LegGate, Mission, Plan
+
+MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has driven this far
+
+
+def add_service_stops(job: FieldJob, plan: Plan, *, side_by_side: bool = False, staggered: bool = True) -> Plan:
+    """The plan with all stops of its tractors, listed in the note `refills`, none if one load is enough for each.
+
+    The note `collects` says whether tanks are emptied instead of filled. With `staggered` a tractor takes into account
+    when those before it are served, if only one is served at a time. Tractors that work `side_by_side` are served on
+    the headland, where the others wait at their gates until all are in place. Raises StrategyError if a tractor cannot
+    be served in time, or a formation would have to part for it.
+    """
+    supply = job.supply
+    if supply is None:
+        return plan
+    stopped_missions: list[MissionWithStops] = []
+    for mission in plan.missions:
+        busy_spans = (
+            [span for stopped_mission in stopped_missions for span in stopped_mission.service_spans_s]
+            if supply.one_at_a_time and staggered
+            else []
+        )
+        stopped_missions.append(add_stops(job, supply, mission, busy_spans))
+    if not any(stopped_mission.stops for stopped_mission in stopped_missions):
+        return replace(plan, notes={**plan.notes, "refills": []})
+    if side_by_side and job.tractors > 1 and supply.one_at_a_time:
+        raise StrategyError(explain_no_service(job, supply))
+    legs = [_renumber_gates(stopped_mission.legs, stopped_missions) for stopped_mission in stopped_missions]
+    if supply.one_at_a_time and job.tractors > 1:
+        add_queue_gates(legs, [stopped_mission.stops for stopped_mission in stopped_missions], supply)
+    notes = {key: value for key, value in plan.notes.items() if key != "order_gap_pct"}
+    notes["refills"] = [
+        entry
+        for number, stopped_mission in enumerate(stopped_missions)
+        for entry in _build_stop_entries(number, stopped_mission)
+    ]
+    notes["collects"] = supply.collects
+    return Plan(tuple(make_mission(stopped_mission) for stopped_mission in legs), notes)
+
+
+def explain_no_service(job: FieldJob, supply: Supply) -> str:
+    """Why a formation works without service stops, and what helps."""
+    hectares = supply.capacity / supply.rate_per_m2 / 1e4
+    return (
+        f"Tractors in formation wait for each other, so none can be served alone, and a load of {supply.capacity:g} "
+        f"lasts for {hectares:.3g} ha of its share; refill on the headland, use split-field or interleaved, or a "
+        "larger tank."
+    )
+
+
+def _build_stop_entries(number: int, stopped_mission: MissionWithStops) -> list[dict[str, float | int]]:
+    """The stops of a tractor for the notes of a plan: tractor from 1, leg from 0, amount, place in metres."""
+    entries: list[dict[str, float | int]] = []
+    for stop in stopped_mission.stops:
+        x, y = stopped_mission.legs[stop.leg].points[0].tolist()
+        entries.append({"tractor": number + 1, "leg": stop.leg, "amount": round(stop.amount, 3), "x_m": x, "y_m": y})
+    return entries
+
+
+def _renumber_gates(legs: Sequence[Leg], stopped_missions: Sequence[MissionWithStops]) -> list[Leg]:
+    """Legs whose gates and follow orders use the new leg numbers of the other tractors."""
+
+    def renumber_gate(old_gate: LegGate) -> LegGate:
+        new_numbers = stopped_missions[old_gate.tractor].new_numbers
+        is_dropped = old_gate.leg + 1 < len(new_numbers) and new_numbers[old_gate.leg + 1] == new_numbers[old_gate.leg]
+        return replace(old_gate, leg=new_numbers[old_gate.leg], after_m=0.0 if is_dropped else old_gate.after_m)
+
+    return [
+        replace(
+            leg,
+            gates=tuple(renumber_gate(old_gate) for old_gate in leg.gates),
+            follow=leg.follow
+            and replace(leg.follow, leg=stopped_missions[leg.follow.tractor].new_numbers[leg.follow.leg]),
+        )
+        if leg.gates or leg.follow
+        else leg
+        for leg in legs
+    ]
+
+
+@dataclass
+class _ServiceClock:
+    """When each tractor begins its legs at the earliest (s), and when it has finished the last of them."""
+
+    legs: list[list[Leg]]
+    begun_s: list[list[float]]
+    free_s: list[float]
+
+    def compute_ready_s(self, tractor: int) -> float:
+        """When a tractor can begin its next leg (s); infinite if that is not known, or it has none."""
+        number = len(self.begun_s[tractor])
+        if number == len(self.legs[tractor]):
+            return math.inf
+        return max(
+            [self.free_s[tractor], *(self._compute_opening_s(gate) for gate in self.legs[tractor][number].gates)]
+        )
+
+    def _compute_opening_s(self, gate: LegGate) -> float:
+        begun_s = self.begun_s[gate.tractor]
+        if gate.leg >= len(begun_s):
+            return math.inf
+        leg = self.legs[gate.tractor][gate.leg]
+        return begun_s[gate.leg] + leg.stand_s + min(gate.after_m, leg.length_m) / leg.speed_mps
+
+    def begin_leg(self, tractor: int, begin_s: float) -> None:
+        """Let a tractor begin its next leg."""
+        leg = self.legs[tractor][len(self.begun_s[tractor])]
+        self.begun_s[tractor].append(begin_s)
+        self.free_s[tractor] = begin_s + leg.stand_s + leg.length_m / leg.speed_mps
+
+
+def add_queue_gates(legs: list[list[Leg]], stops: Sequence[Sequence[ServiceStop]], supply: Supply) -> None:
+    """Add the gates by which tractors are served one at a time, in the order in which they would arrive.
+
+    Tractors are moved leg by leg in the order of time at the speeds of their legs, so whoever waits does so for one
+    that moves on: no two wait for each other.
+    """
+    clock = _ServiceClock(legs, [[] for _ in legs], [0.0] * len(legs))
+    stops_by_leg = [{_get_waiting_leg(stop, supply): stop for stop in tractor_stops} for tractor_stops in stops]
+    queued_legs: set[tuple[int, int]] = set()
+    last_served: tuple[int, LegGate] | None = None
+    while True:
+        ready_s = [round(clock.compute_ready_s(tractor), 3) for tractor in range(len(legs))]
+        tractor = ready_s.index(min(ready_s))
+        number = len(clock.begun_s[tractor])
+        if math.isinf(ready_s[tractor]):
+            return
+        if number not in stops_by_leg[tractor] or (tractor, number) in queued_legs:
+            clock.begin_leg(tractor, ready_s[tractor])
+            continue
+        queued_legs.add((tractor, number))
+        if last_served is not None and last_served[0] != tractor:
+            legs[tractor][number] = legs[tractor][number].copy_with_gates([last_served[1]])
+        last_served = tractor, _build_leaving_gate(legs[tractor], tractor, stops_by_leg[tractor][number], supply)
+
+
+def _get_waiting_leg(stop: ServiceStop, supply: Supply) -> int:
+    """The leg before which a tractor waits for its turn."""
+    return stop.hold_leg if supply.served_at == PLACE else stop.leg
+
+
+def _build_leaving_gate(legs: Sequence[Leg], tractor: int, stop: ServiceStop, supply: Supply) -> LegGate:
+    """Gate that opens when a tractor has left where it is served."""
+    leg, distance_m = stop.leg, SERVICE_CLEAR_M if supply.served_at == PLACE else MOVED_OFF_M
+    while distance_m > legs[leg].length_m and leg + 1 < len(legs) and legs[leg].task.kind != DRIVE_IN:
+        distance_m -= legs[leg].length_m
+        leg += 1
+    return LegGate(tractor, leg, max(0.0, min(distance_m, legs[leg].length_m)))
+
+
+SUM_TOLERANCE = 1e-9  # relative, of sums of the same legs in another order
+
+
+def infer_supply(missions: Sequence[Sequence[Leg]], width_m: float, served_at: str) -> Supply | None:
+    """What tractors with these legs carry, in square metres worked; None if none of them stops.
+
+    A load is the most that one works between two stops. `served_at` is used if no leg leads to a place.
+    """
+    stops_s = [leg.stand_s for legs in missions for leg in legs if leg.stand_s > 0.0]
+    if not stops_s:
+        return None
+    max_load_m = max(metres for legs in missions for metres in _list_worked_between_stops_m(legs))
+    return Supply(
+        max_load_m * (1.0 + SUM_TOLERANCE) * width_m,
+        1.0,
+        max(stops_s),
+        served_at=PLACE if list_service_points(missions) else served_at,
+    )
+
+
+def _list_worked_between_stops_m(legs: Sequence[Leg]) -> Iterator[float]:
+    """Metres worked between stops."""
+    worked_m = 0.0
+    for leg in legs:
+        if leg.stand_s > 0.0:
+            yield worked_m
+            worked_m = 0.0
+        worked_m += leg.length_m * leg.implement
+    yield worked_m
+
+
+@dataclass
+class ResumedLoadGaps(LoadGaps):
+    """Gaps of a tractor that is served where tractors of its plan have been served before."""
+
+    known_points: tuple[Pose, ...] = ()
+
+    @cached_property
+    def service_points(self) -> tuple[Pose, ...]:
+        """Where tractors stand at a fixed place."""
+        return self.known_points
+
+
+def add_stops_for_taken_work(
+    job: FieldJob, supply: Supply, legs: Sequence[Leg], own_legs: int, service_points: tuple[Pose, ...] = ()
+) -> list[Leg]:
+    """Legs of which the first `own_legs` stay as they are, with stops in the others where the load requires it.
+
+    At a place a tractor stands in one of the `service_points`. Raises StrategyError if a load is not enough for a piece
+    of work, or no path leads to the place and back.
+    """
+    last_stop_leg = max((number for number in range(own_legs) if legs[number].stand_s > 0.0), default=0)
+    tail, fixed_legs = Mission(tuple(legs[last_stop_leg:])), own_legs - last_stop_leg
+    pieces = split_into_pieces(job, supply, tail)
+    begun_pieces = [piece for piece in pieces if piece.first_leg < fixed_legs]
+    later_pieces = pieces[len(begun_pieces) :]
+    if not later_pieces:
+        return list(legs)
+    # A swath that is worked without a break is not interrupted half-way.
+    fixed_legs = max([fixed_legs, *(piece.end_leg for piece in begun_pieces)])
+    used_load = math.fsum(piece.need for piece in begun_pieces)
+    gaps = ResumedLoadGaps(
+        job,
+        supply,
+        tail,
+        [LoadPiece(0, fixed_legs, min(used_load, supply.capacity)), *later_pieces],
+        known_points=service_points,
+    )
+    return [*legs[:last_stop_leg], *add_stops_in_gaps(gaps).legs]
+
+
+def list_service_points(missions: Sequence[Sequence[Leg]]) -> tuple[Pose, ...]:
+    """The distinct poses in which tractors with these legs stand at a place."""
+    points: dict[Pose, None] = {}
+    for legs in missions:
+        for before, leg in pairwise(legs):
+            if leg.stand_s > 0.0 and before.task.kind == REFILL:
+                (x, y), (x1, y1) = leg.points[:2].tolist()
+                points.setdefault((x, y, math.atan2(leg.gear * (y1 - y), leg.gear * (x1 - x))))
+    return tuple(points)
+
+
+def add_service_gates(plan: Plan, supply: Supply) -> Plan:
+    """The plan with gates by which its tractors are served one at a time, if only one can be."""
+    if supply.served_at == HEADLAND or plan.tractors == 1:
+        return plan
+    legs = [list(mission.legs) for mission in plan.missions]
+    add_queue_gates(legs, [_list_stops(tractor_legs) for tractor_legs in legs], supply)
+    return Plan(tuple(Mission(tuple(tractor_legs)) for tractor_legs in legs), plan.notes)
+
+
+def _list_stops(legs: Sequence[Leg]) -> list[ServiceStop]:
+    """The stops of some legs, and where a tractor may wait for its turn before each."""
+    stops: list[ServiceStop] = []
+    for number, leg in enumerate(legs):
+        if leg.stand_s <= 0.0:
+            continue
+        approach_leg = number
+        while approach_leg > 0 and legs[approach_leg - 1].task.kind == REFILL:
+            approach_leg -= 1
+        stops.append(ServiceStop(number, find_waiting_leg(legs[:approach_leg], stops[-1].leg + 1 if stops else 0), 0.0))
+    return stops

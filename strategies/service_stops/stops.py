@@ -1,0 +1,406 @@
+"""The missions of a plan with stops at which tanks are refilled or emptied, whatever strategy wrote it.
+
+Between two pieces of work (swaths, sides of headland passes or parts of a long one) a tractor may fetch its next load:
+at a place near the edge of the field, along which it stands in one direction or the other, or it is served where it
+stands.
+
+Which stops are cheapest is settled exactly for the order of the plan. The cost of a stop in a gap between pieces need
+not be known for every gap: it is bounded from below first, and computed when the cheapest stops would use it. If others
+are served before, the tractor waits as well; who comes sooner is never served later, so the least time to every gap is
+enough to know.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import accumulate, pairwise
+
+import shapely
+
+from strategies.headland.pass_legs import find_raised_path
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import DrivePath, Pose, make_straight_path, shift_pose_ahead
+from strategies.program.field_job import FieldJob
+from strategies.program.legs import add_wait_points, build_path_legs
+from strategies.program.supply import PLACE, Supply
+from vehicle.missions.plan import DRIVE_IN, HEADLAND_PASS, REFILL, ROUTE, TURN, Leg, LegTask, Mission
+
+EDGE_INSETS_M = (0.5, 0.05)  # from the edge of the free region, so that a path along a bent edge fits
+STEP_COUNT, STEP_RADII = 8, 0.5  # places tried on either side, and radii between them
+ROOM_RADII = 1.0  # radii straight before and behind
+
+
+def find_service_points(job: FieldJob) -> tuple[Pose, ...]:
+    """The poses to stand in, one for each direction along the edge; none if the field has no room."""
+    place = None if job.supply is None else job.supply.place
+    edge = None if place is None else _find_nearest_edge(job, shapely.Point(place))
+    if edge is None:
+        return ()
+    place_m, step_m = float(edge.project(shapely.Point(place))), STEP_RADII * job.driving_rules.radius_m
+    candidate_poses = (_find_service_point(job, edge, place_m, hand, step_m) for hand in (1, -1))
+    return tuple(pose for pose in candidate_poses if pose is not None)
+
+
+def _find_nearest_edge(job: FieldJob, place: shapely.Point) -> shapely.LinearRing | None:
+    """The ring nearest to a place on which the guided point has a little room to spare."""
+    for inside_m in EDGE_INSETS_M:
+        parts = shapely.get_parts(job.connector.free.buffer(-inside_m))
+        rings = [ring for part in parts if not part.is_empty for ring in (part.exterior, *part.interiors)]
+        if rings:
+            return min(rings, key=lambda ring: round(float(ring.distance(place)), 3))
+    return None
+
+
+def _find_service_point(
+    job: FieldJob, edge: shapely.LinearRing, place_m: float, hand: int, step_m: float
+) -> Pose | None:
+    """The pose along the edge nearest to a place, in one direction, with room before and behind; None for none."""
+    room_m = ROOM_RADII * job.driving_rules.radius_m
+    for number in sorted(range(-STEP_COUNT, STEP_COUNT + 1), key=abs):
+        pose = _get_edge_pose(edge, (place_m + number * step_m) % edge.length, hand)
+        if job.connector.fits(make_straight_path(shift_pose_ahead(pose, -room_m), 2.0 * room_m)):
+            return pose
+    return None
+
+
+def _get_edge_pose(edge: shapely.LinearRing, distance_m: float, hand: int) -> Pose:
+    point = edge.interpolate(distance_m)
+    a, b = (edge.interpolate((distance_m + off) % edge.length) for off in (-0.5, 0.5))
+    return point.x, point.y, math.atan2(hand * (b.y - a.y), hand * (b.x - a.x))
+
+
+LOAD_TOLERANCE = 1e-9  # of a load: rounding of sums
+COST_TOLERANCE_S = 1e-6
+WaitEstimate = Callable[[int, float], float]
+"""Seconds that a tractor waits to be served in a gap, given the seconds taken by stops before it."""
+
+
+def _assume_no_wait(gap: int, later_s: float) -> float:
+    return 0.0
+
+
+def find_cheapest_stops(
+    needs: Sequence[float], costs: Sequence[float], capacity: float, estimate_wait_s: WaitEstimate = _assume_no_wait
+) -> tuple[float, tuple[int, ...]] | None:
+    """The least sum of costs and waits, and the pieces before which the tank is refilled; None if no stops are enough.
+
+    `costs[k]` is for a stop before piece k; the first load is whole. Of equal sums the one with later stops is taken.
+    """
+    max_load, count = capacity * (1.0 + LOAD_TOLERANCE), len(needs)
+    stop_s = list[float]()  # with a stop before each piece, when that piece is begun
+    best: list[tuple[float, int]] = [(0.0, 0)] + [(math.inf, 0)] * count
+    for end in range(1, count + 1):
+        begun_s = best[end - 1][0]
+        stop_s.append(
+            begun_s + costs[end - 1] + estimate_wait_s(end - 1, begun_s)
+            if end > 1 and math.isfinite(begun_s)
+            else begun_s
+        )
+        load = 0.0
+        for start in range(end - 1, -1, -1):
+            load += needs[start]
+            if load > max_load:
+                break
+            if stop_s[start] < best[end][0] - COST_TOLERANCE_S:
+                best[end] = stop_s[start], start
+    if math.isinf(best[count][0]):
+        return None
+    cuts, piece = [], count
+    while best[piece][1]:
+        piece = best[piece][1]
+        cuts.append(piece)
+    return best[count][0], tuple(reversed(cuts))
+
+
+def find_cheapest_exact_stops(
+    needs: Sequence[float],
+    least_costs_s: Sequence[float],
+    compute_cost_s: Callable[[int], float],
+    capacity: float,
+    estimate_wait_s: WaitEstimate = _assume_no_wait,
+) -> tuple[int, ...] | None:
+    """As `find_cheapest_stops`, with costs computed only where their lower bounds do not rule a stop out."""
+    costs_s, is_exact = list(least_costs_s), [False] * len(needs)
+    while True:
+        cheapest_stops = find_cheapest_stops(needs, costs_s, capacity, estimate_wait_s)
+        if cheapest_stops is None:
+            return None
+        estimated_cuts = [cut for cut in cheapest_stops[1] if not is_exact[cut]]
+        if not estimated_cuts:
+            return cheapest_stops[1]
+        for cut in estimated_cuts:
+            costs_s[cut], is_exact[cut] = compute_cost_s(cut), True
+
+
+Span = tuple[float, float]
+SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
+WAIT_POINT_STEP_M = 20.0  # between places to wait on the path to a place and back, with several tractors
+NO_PATH_COST_S = 1e6  # cost of a stop that no path leads to
+
+
+@dataclass(frozen=True)
+class LoadPiece:
+    """Legs `first_leg` to `end_leg` - 1 of a mission, worked without a break, and the part of a load they need."""
+
+    first_leg: int
+    end_leg: int
+    need: float
+
+
+@dataclass(frozen=True)
+class ServiceStop:
+    """Before leg `leg` the tank is refilled by `amount`; the tractor may wait for its turn before leg `hold_leg`."""
+
+    leg: int
+    hold_leg: int
+    amount: float
+
+
+@dataclass(frozen=True)
+class MissionWithStops:
+    """A mission with its stops; `new_numbers[k]` is the new number of leg k, or of the next one that still exists.
+
+    `service_spans_s` are the times (from, to) at which it is expected to be served.
+    """
+
+    legs: tuple[Leg, ...]
+    stops: tuple[ServiceStop, ...]
+    new_numbers: tuple[int, ...]
+    service_spans_s: tuple[Span, ...] = ()
+
+
+def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[LoadPiece]:
+    """The work of a mission in pieces between which a tractor may stop: swaths, and legs of headland passes."""
+    leg_ranges: list[list[int]] = []
+    for number, leg in enumerate(mission.legs):
+        if not (leg.task.is_work or leg.task.kind == DRIVE_IN):
+            continue
+        is_continued = bool(leg_ranges) and leg_ranges[-1][1] == number
+        if is_continued and not mission.legs[number - 1].task.kind == leg.task.kind == HEADLAND_PASS:
+            leg_ranges[-1][1] = number + 1
+        else:
+            leg_ranges.append([number, number + 1])
+    return [
+        LoadPiece(first, last, _compute_load_share(job, supply, mission.legs[first:last])) for first, last in leg_ranges
+    ]
+
+
+def _compute_load_share(job: FieldJob, supply: Supply, legs: Sequence[Leg]) -> float:
+    return supply.compute_need(math.fsum(leg.length_m for leg in legs if leg.implement), job.layout.width_m)
+
+
+@dataclass
+class LoadGaps:
+    """What a stop costs in the gaps between the pieces of a mission."""
+
+    job: FieldJob
+    supply: Supply
+    mission: Mission
+    pieces: list[LoadPiece]
+    busy_spans: Sequence[Span] = ()
+
+    @cached_property
+    def leg_finishes_s(self) -> list[float]:
+        """When each leg is finished at its own speed, without any stop (s)."""
+        return list(accumulate(leg.stand_s + leg.length_m / leg.speed_mps for leg in self.mission.legs))
+
+    def find_service_span(self, gap: int, later_s: float) -> Span:
+        """When a tractor is served in a gap (from, to; s), given the delay by stops before."""
+        service_s, begin = (
+            self._estimate_service_s(gap),
+            self.leg_finishes_s[self.pieces[gap - 1].end_leg - 1] + later_s,
+        )
+        for first, last in sorted(self.busy_spans):
+            if first < begin + service_s and begin < last:
+                begin = last
+        return begin, begin + service_s
+
+    def compute_wait_s(self, gap: int, later_s: float) -> float:
+        """How long a tractor waits for its turn in a gap (s)."""
+        if not self.busy_spans:
+            return 0.0
+        return self.find_service_span(gap, later_s)[0] - self.leg_finishes_s[self.pieces[gap - 1].end_leg - 1] - later_s
+
+    def _estimate_service_s(self, gap: int) -> float:
+        """How long a tractor blocks the service (s): at a place from where it waits until it is clear of it."""
+        if self.supply.served_at != PLACE:
+            return self.supply.stop_s
+        x, y, _ = self.get_end_poses(gap)[0]
+        flight_m = min(math.dist((x, y), spot[:2]) for spot in self.service_points)
+        return self.supply.stop_s + (flight_m + SERVICE_CLEAR_M) / self.job.driving_rules.turn_speed_mps
+
+    @cached_property
+    def service_points(self) -> tuple[Pose, ...]:
+        """Where a tractor stands at a fixed place."""
+        if self.supply.served_at != PLACE:
+            return ()
+        points = find_service_points(self.job)
+        if not points:
+            raise StrategyError(
+                f"{_describe_place(self.supply)} has no room beside it for a tractor to stand; use another."
+            )
+        return points
+
+    def get_end_poses(self, gap: int) -> tuple[Pose, Pose]:
+        """Poses at the end of the piece before a gap and at the beginning of the piece after it."""
+        before, after = self.pieces[gap - 1], self.pieces[gap]
+        return _get_leg_pose(self.mission.legs[before.end_leg - 1], -1), _get_leg_pose(
+            self.mission.legs[after.first_leg], 0
+        )
+
+    def get_legs_between(self, gap: int) -> tuple[Leg, ...]:
+        """The legs from piece to piece if no stop is made."""
+        return self.mission.legs[self.pieces[gap - 1].end_leg : self.pieces[gap].first_leg]
+
+    def _estimate_direct_s(self, gap: int) -> float:
+        """Seconds from piece to piece without a stop."""
+        legs = self.get_legs_between(gap)
+        gear_changes = sum(a.gear != b.gear for a, b in pairwise(legs))
+        return sum(leg.length_m / leg.speed_mps for leg in legs) + gear_changes * self.job.connector.costs.cusp_s
+
+    def bound_stop_cost_s(self, gap: int) -> float:
+        """Lower bound on the extra seconds of a stop in a gap: a straight line to the place and back."""
+        if gap == 0 or self.supply.served_at != PLACE:
+            return self.supply.stop_s
+        (ax, ay, _), (bx, by, _) = self.get_end_poses(gap)
+        flight_m = min(math.dist((ax, ay), spot[:2]) + math.dist(spot[:2], (bx, by)) for spot in self.service_points)
+        return flight_m / self.job.driving_rules.turn_speed_mps + self.supply.stop_s - self._estimate_direct_s(gap)
+
+    def compute_stop_cost_s(self, gap: int) -> float:
+        """Extra seconds of a stop in a gap."""
+        if self.supply.served_at != PLACE:
+            return self.supply.stop_s
+        paths = self.find_paths(gap)
+        if paths is None:
+            return NO_PATH_COST_S
+        driven_s = sum(self.job.connector.costs.compute_time_s(path) for path in paths)
+        return driven_s + self.supply.stop_s - self._estimate_direct_s(gap)
+
+    def find_paths(self, gap: int) -> tuple[DrivePath, DrivePath] | None:
+        """The quickest path to the place and on from there; None if there is none."""
+        a, b = self.get_end_poses(gap)
+        path_pairs = [
+            (find_service_path(self.job, a, spot), find_service_path(self.job, spot, b)) for spot in self.service_points
+        ]
+        options = [(path_to, path_on) for path_to, path_on in path_pairs if path_to is not None and path_on is not None]
+        cost = self.job.connector.compute_cost_s
+        return min(options, key=lambda pair: round(cost(pair[0]) + cost(pair[1]), 3), default=None)
+
+
+def find_service_path(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
+    """A path to or from a service point."""
+    return job.find_path(a, b) or find_raised_path(job, a, b, allow_rim=True)
+
+
+def add_stops(job: FieldJob, supply: Supply, mission: Mission, busy_spans: Sequence[Span] = ()) -> MissionWithStops:
+    """The mission with its cheapest stops; others are served during `busy_spans`, and it waits until they are done.
+
+    Raises StrategyError if no stops are enough or no path leads there.
+    """
+    return add_stops_in_gaps(LoadGaps(job, supply, mission, split_into_pieces(job, supply, mission), busy_spans))
+
+
+def add_stops_in_gaps(gaps: LoadGaps) -> MissionWithStops:
+    """The mission of these gaps with its cheapest stops; raises StrategyError as `add_stops` does."""
+    job, supply, mission, pieces = gaps.job, gaps.supply, gaps.mission, gaps.pieces
+    needs = [piece.need for piece in pieces]
+    if sum(needs) <= supply.capacity:
+        return MissionWithStops(mission.legs, (), tuple(range(len(mission.legs))))
+    if max(needs) > supply.capacity:
+        raise StrategyError(
+            f"One side of a headland pass needs {max(needs):.0f} l or kg without a stop, but a load is "
+            f"{supply.capacity:g}; use a larger tank, a lower rate, or square corners."
+        )
+    least_costs_s = [gaps.bound_stop_cost_s(gap) for gap in range(len(pieces))]
+    stop_gaps = find_cheapest_exact_stops(
+        needs, least_costs_s, gaps.compute_stop_cost_s, supply.capacity, gaps.compute_wait_s
+    )
+    if stop_gaps is None or any(gaps.compute_stop_cost_s(gap) >= NO_PATH_COST_S for gap in stop_gaps):
+        raise StrategyError(
+            f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads to "
+            f"{_describe_place(supply)[0].lower()}{_describe_place(supply)[1:]} and back before a load is used up; "
+            "use another place, or refill on the headland."
+        )
+    return _insert_stop_legs(gaps, stop_gaps)
+
+
+def _describe_place(supply: Supply) -> str:
+    if supply.place is None:
+        return "The place to refill"
+    x, y = supply.place
+    return f"The place to refill at ({x:.0f}, {y:.0f} m)"
+
+
+def _insert_stop_legs(gaps: LoadGaps, cuts: Sequence[int]) -> MissionWithStops:
+    """The legs with a stop before every piece of `cuts`."""
+    old_legs, pieces = gaps.mission.legs, gaps.pieces
+    legs: list[Leg] = []
+    stops: list[ServiceStop] = []
+    new_numbers: list[int] = []
+    legs_done = 0  # old legs that are written
+    for number, cut in enumerate(cuts):
+        before, after = pieces[cut - 1], pieces[cut]
+        new_numbers += range(len(legs), len(legs) + before.end_leg - legs_done)
+        legs += old_legs[legs_done : before.end_leg]
+        legs_to, legs_on = _build_detour(gaps, cut)
+        load_begin = cuts[number - 1] if number else 0
+        amount = math.fsum(piece.need for piece in pieces[load_begin:cut])
+        stop_at = len(legs) + len(legs_to)
+        least = stops[-1].leg + 1 if stops else 0
+        stops.append(ServiceStop(stop_at, find_waiting_leg(legs, least), amount))
+        legs += [*legs_to, *legs_on]
+        legs_done = after.first_leg
+        new_numbers += _renumber_legs_between(gaps.supply, len(legs), after.first_leg - before.end_leg)
+        if not legs_on:
+            legs.append(replace(old_legs[legs_done], stand_s=gaps.supply.stop_s))
+            new_numbers.append(len(legs) - 1)
+            legs_done += 1
+    new_numbers += range(len(legs), len(legs) + len(old_legs) - legs_done)
+    legs += old_legs[legs_done:]
+    return MissionWithStops(tuple(legs), tuple(stops), tuple(new_numbers), tuple(_list_service_spans(gaps, cuts)))
+
+
+def _list_service_spans(gaps: LoadGaps, cuts: Sequence[int]) -> Iterator[Span]:
+    """When the stops of a tractor are expected (from, to; s)."""
+    later_s = 0.0
+    for cut in cuts:
+        yield gaps.find_service_span(cut, later_s)
+        later_s += gaps.compute_wait_s(cut, later_s) + gaps.compute_stop_cost_s(cut)
+
+
+def _renumber_legs_between(supply: Supply, count: int, between: int) -> list[int]:
+    """Numbers of the legs between two pieces: none of them is driven on the path to a place and back."""
+    return [count] * between if supply.served_at == PLACE else list(range(count - between, count))
+
+
+def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:
+    """The last leg before a stop, from `least` on, before which a tractor may wait; else the path to the stop."""
+    work_legs = (number for number in range(len(legs) - 1, least - 1, -1) if legs[number].may_wait)
+    return next(work_legs, len(legs))
+
+
+def _build_detour(gaps: LoadGaps, cut: int) -> tuple[list[Leg], list[Leg]]:
+    """The legs to the stop before a piece, and on from there; the first of these stands until the tank is refilled."""
+    job, supply, goal_task = gaps.job, gaps.supply, gaps.mission.legs[gaps.pieces[cut].first_leg].task
+    if supply.served_at == PLACE:
+        paths = gaps.find_paths(cut)
+        assert paths is not None  # its cost was below NO_PATH_COST_S
+        task = replace(goal_task, kind=ROUTE if paths[1].kind == "route" else TURN)
+        legs_to, legs_on = build_path_legs(job, paths[0], LegTask(REFILL)), build_path_legs(job, paths[1], task)
+    else:
+        legs_to, legs_on = [], list(gaps.get_legs_between(cut))
+    if job.tractors > 1 and supply.served_at == PLACE:
+        legs_to, legs_on = add_wait_points(legs_to, WAIT_POINT_STEP_M), add_wait_points(legs_on, WAIT_POINT_STEP_M)
+    if legs_on:
+        legs_on[0] = replace(legs_on[0], stand_s=supply.stop_s)
+    return legs_to, legs_on
+
+
+def _get_leg_pose(leg: Leg, end: int) -> Pose:
+    """Pose of a tractor that drives forwards at the first (0) or the last (-1) point of a leg."""
+    a, b = (leg.points[0], leg.points[1]) if end == 0 else (leg.points[-2], leg.points[-1])
+    x, y = leg.points[end]
+    return float(x), float(y), math.atan2(leg.gear * (b[1] - a[1]), leg.gear * (b[0] - a[0]))

@@ -1,0 +1,58 @@
+"""Steering against bends: curvatures of circles whose radius is known."""
+
+import numpy as np
+import pytest
+
+from tests.identification.analytic_drives import circle, joined, log
+from tests.identification.log_tables import refusal
+from vehicle.identification.logs.chords import (
+    compute_bends,
+    find_largest_steering,
+    is_steering_mirrored,
+    select_chord_steering,
+    select_clear_bends,
+)
+
+
+@pytest.mark.parametrize("curvature", [0.1, -0.1, 0.02])
+def test_chords_of_a_circle_have_its_curvature_and_its_steering(curvature: float) -> None:
+    result = compute_bends(log(circle(curvature)))
+    assert result is not None
+    angle, bent, gear = result
+    assert angle == pytest.approx(np.full(len(angle), 100.0 * curvature))
+    assert bent == pytest.approx(np.full(len(bent), curvature), rel=0.01)
+    assert (gear == 1.0).all()
+
+
+def test_in_reverse_the_curvature_is_that_of_a_forward_gear() -> None:
+    """A circle to the right of the travel, driven backwards, is one to the left for a forward gear."""
+    result = compute_bends(log(circle(0.1), shuttle=-1.0))
+    assert result is not None and result[1] == pytest.approx(np.full(len(result[1]), -0.1), rel=0.01)
+
+
+def test_only_clear_steering_is_judged() -> None:
+    logs = [log(circle(0.1)), log(circle(0.02))]
+    angle, curvature = select_clear_bends(logs)
+    assert angle == pytest.approx(np.full(len(angle), 10.0)) and len(angle) == len(curvature) > 0
+    assert len(select_clear_bends(logs, gear=-1.0)[0]) == 0
+
+
+@pytest.mark.parametrize(("sign", "mirrored"), [(1.0, False), (-1.0, True)])
+def test_a_path_that_turns_away_from_the_steering_is_mirrored(sign: float, mirrored: bool) -> None:
+    angle = np.array([5.0, -5.0, 10.0, -10.0, 8.0, 4.0])
+    assert is_steering_mirrored(angle, sign * 0.01 * angle) is mirrored
+    assert is_steering_mirrored(angle[:4], sign * 0.01 * angle[:4]) is None, "four bends are too few"
+
+
+def test_the_sensor_goes_before_the_command() -> None:
+    both = log(circle(0.1), steering_command_deg=12.0)
+    assert (select_chord_steering(both) == 10.0).all() and find_largest_steering(both) == pytest.approx(10.0)
+
+
+def test_columns_that_contradict_each_other_are_refused() -> None:
+    wave = 10.0 * np.sin(np.arange(200) / 10.0)
+    opposite = log(circle(0.1), steering_deg=wave, steering_command_deg=-wave)
+    assert "opposite signs" in refusal(lambda: select_chord_steering(opposite))
+    radians = log(circle(0.1), steering_deg=wave, steering_command_deg=np.radians(wave))
+    assert "one is in radians" in refusal(lambda: select_chord_steering(radians))
+    assert find_largest_steering(log(joined(circle(0.0), circle(0.1)))) == pytest.approx(10.0)

@@ -1,0 +1,99 @@
+"""Errors over horizons: pieces, sums and totals by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.identification.analytic_drives import circle, course, rig
+from vehicle.identification.replay import horizon_errors
+from vehicle.identification.replay.horizon_errors import (
+    HORIZONS_S,
+    compute_anchored_errors,
+    compute_horizon_errors,
+    compute_relative_run_errors,
+    make_zero_squared_errors,
+    simulate_instruments,
+    split_pieces,
+    sum_squared_errors_by_horizon,
+    sum_squared_errors_by_run,
+)
+from vehicle.identification.replay.rig import replay_segment, simulate_logged_values
+
+TIME = np.arange(100) / 10.0
+
+
+def test_pieces_follow_each_other_and_are_whole() -> None:
+    assert split_pieces(TIME, 5.0) == [slice(0, 50)], "9.9 s hold one whole piece of five"
+    assert split_pieces(np.arange(101) / 10.0, 5.0) == [slice(0, 50), slice(50, 100)]
+    assert split_pieces(TIME, 20.0) == [] and len(split_pieces(TIME, 1.0)) == 9
+    assert split_pieces(np.arange(20.0), 1.0) == [], "a row a second is too few for a rigid fit"
+
+
+def test_a_drive_that_is_simulated_as_it_was_has_no_error() -> None:
+    runs = course(circle(0.05, 30.0), circle(0.0, 30.0))
+    for segment in runs.segments:
+        antenna, heading, _, _ = simulate_instruments(rig(), segment, {})
+        sums = sum_squared_errors_by_horizon(segment, np.stack([segment.east, segment.north], axis=1), segment.heading)
+        assert all(np.abs(one[:3]).max() < 1e-15 for one in sums.values())
+        assert antenna.shape == (segment.rows, 2) and heading.shape == (segment.rows,)
+
+
+def test_a_speed_that_is_a_tenth_too_high_is_an_error_along() -> None:
+    """Over a piece of T s the way is off by 10 %: evenly spread over 0.15 T m, so by 0.15 T / sqrt(12) rms."""
+    (one,) = course(circle(0.0, 20.1)).segments
+    there = np.stack([one.east, one.north], axis=1)
+    errors = compute_horizon_errors([sum_squared_errors_by_horizon(one, 1.1 * there, one.heading)])
+    for horizon in (1.0, 5.0, 10.0):
+        rows = 10.0 * horizon
+        spread = 15.0 * horizon * math.sqrt((1.0 - 1.0 / rows**2) / 12.0)
+        assert errors[horizon].along_cm == pytest.approx(spread, rel=1e-6)
+        assert errors[horizon].cross_cm < 1e-9 and errors[horizon].heading_deg < 1e-9
+
+
+def test_halves_share_the_pieces_between_them() -> None:
+    (one,) = course(circle(0.02, 60.1)).segments
+    antenna = 1.1 * np.stack([one.east, one.north], axis=1)
+    whole, even, odd = (sum_squared_errors_by_horizon(one, antenna, one.heading, half) for half in (None, 0, 1))
+    for horizon in HORIZONS_S:
+        assert whole[horizon] == pytest.approx(even[horizon] + odd[horizon])
+    assert [even[20.0][3], odd[20.0][3]] == [400.0, 200.0]
+
+
+def test_a_heading_that_was_not_measured_has_no_error() -> None:
+    (one,) = course(circle(0.02, 20.1).drop(columns="heading_deg")).segments
+    antenna, heading = simulate_logged_values(rig(), one, replay_segment(rig(), one, {}, True, True), {})[:2]
+    assert np.isnan(compute_anchored_errors(one, antenna, heading, slice(0, 50))[:, 2]).all()
+    assert math.isnan(compute_horizon_errors([sum_squared_errors_by_horizon(one, antenna, heading)])[5.0].heading_deg)
+
+
+def test_settings_may_differ_from_run_to_run_and_between_halves() -> None:
+    runs = course(circle(0.0, 40.1), circle(0.0, 40.1))
+    slow = {"heading_bias": {"angle_deg": 3.0}, "steering_offset": {"angle_deg": 4.0}}
+    plain, both = (
+        sum_squared_errors_by_run(runs, rig(), {0: {}, 1: slow}),
+        sum_squared_errors_by_run(runs, rig(), {0: ({}, slow), 1: slow}),
+    )
+    assert plain[0][5.0][0] < 1e-6 < plain[1][5.0][0]
+    halves = both[0][5.0], both[1][5.0]
+    assert halves[0][3] == halves[1][3] and halves[0][0] == pytest.approx(0.5 * halves[1][0], rel=0.05)
+
+
+def test_sums_are_the_same_however_much_is_driven_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = course(circle(0.0, 40.1), circle(0.02, 40.1), circle(-0.03, 30.1))
+    settings = {0: {}, 1: ({}, {"steering_offset": {"angle_deg": 4.0}}), 2: {}}
+    whole = sum_squared_errors_by_run(runs, rig(), settings)
+    monkeypatch.setattr(horizon_errors, "MOST_STEPS_AT_ONCE", 1)
+    for one, two in zip(whole, sum_squared_errors_by_run(runs, rig(), settings), strict=True):
+        assert all(np.array_equal(one[horizon], two[horizon]) for horizon in HORIZONS_S)
+
+
+def test_totals_count_in_units_of_the_floor() -> None:
+    """Twice the floor's squares across, thrice along, once in heading: 2 on average, 1.5 without along."""
+    floor, one = make_zero_squared_errors(1), make_zero_squared_errors(1)
+    floor[0][5.0] = np.array([10.0, 20.0, 40.0, 100.0])
+    one[0][5.0] = np.array([4.0, 12.0, 8.0, 20.0])
+    assert compute_relative_run_errors(one, floor) == pytest.approx([2.0])
+    assert compute_relative_run_errors(one, floor, along=False) == pytest.approx([1.5])
+    assert compute_horizon_errors(floor)[5.0].cross_cm == pytest.approx(100.0 * math.sqrt(0.1))
+    assert 1.0 not in compute_horizon_errors(floor), "no piece of one second was driven"

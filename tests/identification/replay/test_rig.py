@@ -1,0 +1,158 @@
+"""Replayed states and what instruments show of them, for motions that can be written down."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, course, rig
+from vehicle.errors import VehicleError
+from vehicle.identification.replay.drive_programmes import build_command_segment
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.rig import (
+    build_rig,
+    build_rig_and_corrections,
+    compute_antenna_lever,
+    replay_segment,
+    simulate_logged_values,
+)
+from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.model.effects import compute_effect_fields
+from vehicle.model.tractor import EffectSetting, load_tractor
+from vehicle.records import DT_S
+
+EG105 = load_tractor("eg105")
+LEVER = EG105.antenna_forward_m - EG105.rear_axle_m
+
+
+def straight(seconds: float = 10.0) -> DriveSegment:
+    """Due east with the wheels straight."""
+    return course(circle(0.0, seconds, bearing_deg=90.0)).segments[0]
+
+
+def test_measured_speed_and_straight_wheels_give_a_straight_line() -> None:
+    one = straight()
+    states = replay_segment(rig(), one, {}, from_sensor=True, from_speed=True)
+    grid = DT_S * np.arange(len(states))
+    assert states[:, X_COLUMN] - states[0, X_COLUMN] == pytest.approx(SPEED_MPS * grid, abs=1e-9)
+    assert np.abs(states[:, [ANGLE_COLUMN, STEERING_COLUMN]]).max() < 1e-9 and np.ptp(states[:, Y_COLUMN]) < 1e-9
+    assert (states[:, FORWARD_COLUMN] == SPEED_MPS).all()
+
+
+def test_a_measured_wheel_angle_gives_the_measured_radius() -> None:
+    radius = EG105.get_power_law("soil").compute_radius_m(12.0)
+    frame = circle(1.0 / radius, 30.0).assign(steering_deg=12.0)
+    one = course(frame).segments[0]
+    states = replay_segment(rig(), one, {}, from_sensor=True, from_speed=True)
+    antenna = simulate_logged_values(rig(), one, states, {})[0][100:]
+    way = float(np.hypot(*np.diff(antenna, axis=0).T).sum())
+    turned = abs(
+        float(np.interp(one.time[-1], DT_S * np.arange(len(states)), states[:, ANGLE_COLUMN]))
+        - float(np.interp(one.time[100], DT_S * np.arange(len(states)), states[:, ANGLE_COLUMN]))
+    )
+    assert way / turned == pytest.approx(radius, rel=0.01)
+
+
+@pytest.mark.parametrize("angle_deg", [12.0, -12.0])
+def test_in_reverse_a_wheel_angle_gives_its_radius_and_turns_the_other_way(angle_deg: float) -> None:
+    side = math.copysign(1.0, angle_deg)
+    radius = EG105.get_power_law("soil").compute_radius_m(angle_deg)
+    frame = circle(side / radius, 30.0).assign(steering_deg=angle_deg)
+    turned = []
+    for drive in (frame, backwards(frame)):
+        one = course(drive).segments[0]
+        states = replay_segment(rig(), one, {}, from_sensor=True, from_speed=True)
+        turned.append(states[-1, ANGLE_COLUMN] - states[600, ANGLE_COLUMN])
+        assert (states[:, FORWARD_COLUMN] == one.speed[0]).all()
+    assert side * turned[0] < 0.0 < side * turned[1]
+    assert turned[1] == pytest.approx(-turned[0], rel=0.01)
+
+
+@pytest.mark.parametrize("pace", [0.8, 2.2])
+@pytest.mark.parametrize("gear", [1.0, -1.0])
+def test_a_measured_speed_bends_the_path_as_the_same_speed_commanded(pace: float, gear: float) -> None:
+    """The engine holds a measured speed against the ground: it is not rolled out, and no tyre is braked by it."""
+    drive = build_command_segment(0, 0.0, ((20.0, 12.0, gear, 0.0),), pace)
+    turned = []
+    for from_speed in (True, False):
+        states = replay_segment(rig(), drive, {}, from_sensor=False, from_speed=from_speed)
+        way = float(np.sum(states[600:-1, FORWARD_COLUMN])) * DT_S
+        turned.append((states[-1, ANGLE_COLUMN] - states[600, ANGLE_COLUMN]) / way)
+    assert turned[0] == pytest.approx(turned[1], rel=1e-3)
+
+
+def test_in_reverse_commands_reach_their_speed_and_a_slope_still_pulls_downhill() -> None:
+    drive = build_command_segment(0, 0.0, ((12.0, 0.0, -1.0, 0.0),), SPEED_MPS)
+    slope = {"cross_slope_drift": {"ratio": 0.1, "bearing_deg": 180.0}}
+    states = replay_segment(rig(), drive, slope, from_sensor=False, from_speed=False)
+    assert states[-1, FORWARD_COLUMN] == pytest.approx(-SPEED_MPS, abs=0.02)
+    way = states[-1, X_COLUMN] - states[0, X_COLUMN]
+    assert way < -10.0 and states[-1, Y_COLUMN] - states[0, Y_COLUMN] == pytest.approx(-0.1 * abs(way), rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("settings", "ahead", "aside", "bias_deg"),
+    [
+        ({}, 0.0, 0.0, 0.0),
+        ({"antenna_forward": {"distance_m": 0.4}}, 0.4, 0.0, 0.0),
+        ({"antenna_right": {"distance_m": 0.2}}, 0.0, -0.2, 0.0),
+        ({"gnss_latency": {"time_s": 0.3}}, -0.3 * SPEED_MPS, 0.0, 0.0),
+        ({"heading_bias": {"angle_deg": 5.0}}, 0.0, 0.0, -5.0),
+    ],
+)
+def test_instruments_on_a_straight_line_by_hand(settings: Any, ahead: float, aside: float, bias_deg: float) -> None:
+    """Heading east: ahead is east, to the right is south; a clockwise bias is a negative mathematical angle."""
+    one = straight()
+    states = replay_segment(rig(), one, {}, from_sensor=True, from_speed=True)
+    antenna, heading, wheel, speed = simulate_logged_values(rig(), one, states, settings)
+    rows = one.time > 0.5
+    assert antenna[rows, 0] - states[0, X_COLUMN] == pytest.approx(SPEED_MPS * one.time[rows] + LEVER + ahead, abs=1e-9)
+    assert antenna[rows, 1] - states[0, Y_COLUMN] == pytest.approx(np.full(rows.sum(), aside), abs=1e-9)
+    assert np.degrees(heading) == pytest.approx(np.full(one.rows, bias_deg), abs=1e-9)
+    assert np.abs(wheel).max() < 1e-9 and speed == pytest.approx(np.full(one.rows, SPEED_MPS))
+
+
+def test_the_lever_counts_from_the_centre_of_mass() -> None:
+    fields = compute_effect_fields({"antenna_forward": {"distance_m": 0.3}, "antenna_right": {"distance_m": -0.1}})
+    assert compute_antenna_lever(rig(), fields) == pytest.approx((LEVER + 0.3, EG105.antenna_right_m - 0.1))
+
+
+def test_a_rig_is_bare_and_its_own_settings_are_those_of_the_file() -> None:
+    taught = EG105.model_copy(update={"effects": {"wheel_slip": EffectSetting(value={"ratio": 0.1})}})
+    own, settings = build_rig_and_corrections(taught, "soil", (3.0, 4.0))
+    assert settings == {"wheel_slip": {"ratio": 0.1}} and own.tractor == EG105 and own.origin == (3.0, 4.0)
+    assert own.model == build_rig(EG105, "soil", (3.0, 4.0)).model
+    assert own.build_effective_model(settings)[0]["slip"] == pytest.approx(0.1)
+    with pytest.raises(VehicleError, match="moon"):
+        build_rig(EG105, "moon", (0.0, 0.0))
+
+
+def test_places_in_the_field_are_moved_to_the_origin_of_the_course() -> None:
+    patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
+    model = build_rig(EG105, "soil", (4.0, 15.0)).build_effective_model(patch)
+    assert (model[0]["patch_east"], model[0]["patch_north"]) == (6.0, 5.0)
+
+
+def test_a_model_is_made_once_for_its_settings_and_origin() -> None:
+    rig = build_rig(EG105, "soil", (4.0, 15.0))
+    patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
+    assert (
+        rig.get_effective_model(patch) is rig.get_effective_model({**patch})
+        and rig.get_effective_model(patch)["patch_east"] == 6.0
+    )
+    moved = replace(rig, origin=(0.0, 0.0))
+    assert moved.get_effective_model(patch)["patch_east"] == 10.0 and rig.get_effective_model({})["patch"] == 1.0
+    many = [rig.get_effective_model({"wheel_slip": {"ratio": 0.001 * number}})["slip"] for number in range(40)]
+    assert many == pytest.approx(0.001 * np.arange(40)) and rig.get_effective_model(patch)["patch_east"] == 6.0
+
+
+def test_commands_drive_where_sensors_are_left_out() -> None:
+    """A commanded speed is reached with the acceleration of the file, a wheel angle at the rate of Eq. 2.8."""
+    drive = build_command_segment(0, 0.0, ((2.0, 0.0, 1.0, 0.0), (10.0, 20.0, 1.0, 0.0)), SPEED_MPS)
+    states = replay_segment(rig(), drive, {}, from_sensor=False, from_speed=False)
+    assert states[-1, FORWARD_COLUMN] == pytest.approx(SPEED_MPS, abs=0.02)
+    moving = math.degrees(states[150, STEERING_COLUMN])
+    assert moving == pytest.approx(EG105.steering.rate_deg_per_s * (150 - 120) * DT_S, abs=0.3)
+    assert math.degrees(states[-1, STEERING_COLUMN]) == pytest.approx(20.0, abs=0.11)

@@ -1,0 +1,116 @@
+"""Noise told from logs, against noise that was put there."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.identification.analytic_drives import QUIET, circle, course, course_of, measured, rig
+from vehicle.identification.residuals.noise_floor import add_instrument_noise, add_soil_noise, draw_coloured_noise
+from vehicle.identification.residuals.noise_weights import (
+    DROWNED_SHARE,
+    SpanEstimate,
+    _select_least,
+    estimate_first_noise,
+    estimate_soil_and_speed_noise,
+    estimate_white_noise,
+)
+
+LONG = ((150.0, 0.0, 1.0, 0.0),)
+
+
+@pytest.mark.parametrize("uneven", [False, True])
+def test_white_noise_on_a_parabola(uneven: bool) -> None:
+    rng = np.random.default_rng(3)
+    time = np.cumsum(rng.uniform(0.05, 0.15, 5000) if uneven else np.full(5000, 0.1))
+    smooth = 3.0 + 2.0 * time - 0.01 * time**2
+    assert estimate_white_noise(time, smooth + 0.02 * rng.standard_normal(5000)) == pytest.approx(0.02, rel=0.05)
+    assert estimate_white_noise(time, smooth) < 1e-6
+
+
+def test_the_first_noise_is_that_of_positions_and_headings() -> None:
+    rng = np.random.default_rng(4)
+    frame = circle(0.02, 120.0)
+    for name, size in (("easting_m", 0.015), ("northing_m", 0.015), ("heading_deg", 0.2)):
+        frame[name] += size * rng.standard_normal(len(frame))
+    noise = estimate_first_noise(course(frame))
+    assert noise.position == pytest.approx(0.015, rel=0.1)
+    assert noise.heading == pytest.approx(math.radians(0.2), rel=0.1)
+    unseen = estimate_first_noise(course(frame.drop(columns="heading_deg")))
+    assert unseen.heading > 100.0, "a heading that was not measured says nothing"
+
+
+def test_coloured_noise_has_unit_size_and_the_memory_it_is_given() -> None:
+    drawn = draw_coloured_noise(np.random.default_rng(5), np.full(40000, 0.8))
+    assert drawn.std() == pytest.approx(1.0, rel=0.05)
+    assert float(drawn[:-1] @ drawn[1:]) / float(drawn @ drawn) == pytest.approx(0.8, abs=0.02)
+
+
+def test_soil_turns_and_keeps_the_way() -> None:
+    """Rough ground changes the direction of every step, not its length; no soil changes nothing."""
+    states = np.zeros((600, 5))
+    states[:, 0], states[:, 4] = 0.025 * np.arange(600), 1.5
+    assert np.array_equal(add_soil_noise(QUIET, states, np.random.default_rng(1)), states)
+    rough = add_soil_noise(replace(QUIET, soil=0.01), states, np.random.default_rng(1))
+    steps = np.diff(rough[:, :2], axis=0)
+    assert np.hypot(*steps.T) == pytest.approx(np.full(599, 0.025))
+    assert np.arctan2(steps[:, 1], steps[:, 0]) == pytest.approx(rough[:-1, 2])
+    assert np.abs(rough[:, 2]).max() > 0.001
+
+
+def test_instruments_have_the_noise_they_are_given() -> None:
+    quiet = measured(LONG)
+    states = np.column_stack([np.zeros((9000, 4)), np.full(9000, 1.5)])
+    noise = replace(QUIET, position=0.02, heading=0.003)
+    shown = add_instrument_noise(rig(), noise, quiet, states, {}, np.random.default_rng(2))[0]
+    assert shown.east.std() == pytest.approx(0.02, rel=0.1) and shown.heading.std() == pytest.approx(0.003, rel=0.1)
+    assert abs(float(shown.north.mean())) < 0.005
+
+
+@pytest.mark.parametrize("soil", [0.0015, 0.004])
+def test_soil_is_told_from_quick_turns(soil: float) -> None:
+    """What is drawn with a soil is told to have it: the closed form of the variance of second differences."""
+    noise = replace(QUIET, soil=soil, heading=1e-4, position=1e-3)
+    runs = course_of(*(measured(LONG, noise, seed=run, run=run) for run in range(4)))
+    told = estimate_soil_and_speed_noise(runs, rig(), estimate_first_noise(runs), {})
+    assert told.soil == pytest.approx(soil, rel=0.2)
+    assert told.position == estimate_first_noise(runs).position
+
+
+def test_a_span_that_instruments_drown_tells_nothing_of_the_soil() -> None:
+    """The least of those that tell; where none does, the longest, in which instruments have the smallest part."""
+    drowned, clear = DROWNED_SHARE + 0.01, DROWNED_SHARE - 0.01
+    assert _select_least([SpanEstimate(1.0, drowned), SpanEstimate(3.0, clear), SpanEstimate(2.0, clear)]) == 2.0
+    assert _select_least([SpanEstimate(1.0, drowned), SpanEstimate(2.0, drowned), SpanEstimate(3.0, drowned)]) == 3.0
+
+
+def test_noisy_headings_do_not_pass_for_smooth_soil() -> None:
+    """At 10 Hz and 0.12 degrees the instruments make up three quarters of what is seen over a second."""
+    noise = replace(QUIET, soil=0.0025, heading=0.0021, position=0.01)
+    for seed in range(3):
+        runs = course_of(*(measured(LONG, noise, seed=10 * seed + run, run=run) for run in range(4)))
+        assert estimate_soil_and_speed_noise(runs, rig(), estimate_first_noise(runs), {}).soil == pytest.approx(
+            0.0025, rel=0.25
+        )
+
+
+def test_headings_made_of_positions_tell_no_soil() -> None:
+    noise = replace(QUIET, soil=0.004, heading=1e-4, position=1e-3)
+    seen = [measured(LONG, noise, seed=run, run=run) for run in range(4)]
+    some = course_of(*seen[:2], *(replace(one, heading_measured=False) for one in seen[2:]))
+    none = course_of(*(replace(one, heading_measured=False) for one in seen))
+    assert (
+        estimate_soil_and_speed_noise(none, rig(), estimate_first_noise(none), {}).soil
+        == estimate_first_noise(none).soil
+        == 0.0025
+    )
+    assert estimate_soil_and_speed_noise(some, rig(), estimate_first_noise(some), {}).soil == pytest.approx(
+        0.004, rel=0.2
+    )
+
+
+def test_a_drive_too_short_leaves_the_noise_as_it_was() -> None:
+    runs = course_of(measured(((6.0, 0.0, 1.0, 0.0),)))
+    noise = replace(QUIET, soil=0.123)
+    assert estimate_soil_and_speed_noise(runs, rig(), noise, {}) == noise

@@ -1,0 +1,109 @@
+"""What makes measuring quick changes no figure: slivers are left out, strips looked up otherwise, poses in parts."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fields import Field
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.ground.contact_checks import (
+    FenceIntrusionCheck,
+    ObstacleIntrusionCheck,
+    find_poses_within_reach,
+)
+from planner.evaluation.ground.coverage import _find_wide_pieces
+from planner.evaluation.ground.overlays import clip_area, drop_slivers, extract_polygons
+from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
+from planner.request.plan_request import PlanRequest
+
+QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+boxes = st.lists(
+    st.tuples(st.floats(0, 60), st.floats(0, 60), st.floats(0.01, 9.0), st.floats(0.01, 1.5), st.floats(0, 6.3)),
+    min_size=1, max_size=8,
+)  # fmt: skip
+
+
+def turned(x: float, y: float, long: float, wide: float, angle: float) -> shapely.Polygon:
+    """A box of so many metres, turned by an angle about its corner."""
+    return shapely.affinity.rotate(shapely.box(x, y, x + long, y + wide), angle, (x, y), use_radians=True)
+
+
+@QUICK
+@given(boxes, st.sampled_from([0.2, 0.75, 1.5]))
+def test_wide_pieces_are_found_as_if_every_sliver_were_looked_at(drawn: list[Any], least_m: float) -> None:
+    missed = extract_polygons(shapely.union_all([turned(*one) for one in drawn]))
+    style = {"join_style": "mitre", "mitre_limit": 2.0}
+    core = missed.buffer(-0.5 * least_m, **style)
+    expected = clip_area(missed, core.buffer(0.5 * least_m, **style))
+    found = _find_wide_pieces(missed, least_m)
+    assert math.fsum(shapely.area(found)) == pytest.approx(expected.area, abs=1e-6)
+    assert len(found) == len(shapely.get_parts(expected))
+
+
+def test_slivers_are_told_by_their_width_however_they_lie() -> None:
+    thin = [turned(0, 0, 80.0, 0.09, angle) for angle in (0.0, 0.3, 1.0, 2.5)]
+    wide = [turned(0, 0, 80.0, 0.21, angle) for angle in (0.0, 0.3, 1.0, 2.5)]
+    bent = shapely.LineString([(0, 0), (20, 0.0), (40, 3.0)]).buffer(0.02)  # thin, but it reaches aside
+    with_hole = shapely.Polygon([(0, 0), (9, 0), (9, 9), (0, 9)], [[(1, 1), (8, 1), (8, 8), (1, 8)]])
+    parts = np.array([*thin, *wide, bent, with_hole])
+    assert drop_slivers(parts, 0.2).tolist() == [*wide, bent, with_hole]
+    assert not len(drop_slivers(parts[:0], 0.2))
+
+
+@QUICK
+@given(boxes, boxes)
+def test_strips_meet_what_lies_across_them(strips: list[Any], short: list[Any]) -> None:
+    areas, others = (np.array([turned(*one) for one in each]) for each in (strips, short))
+    number, strip = _match_marks_to_strips(areas, others)
+    expected = [(n, s) for n, other in enumerate(others) for s, area in enumerate(areas) if area.intersects(other)]
+    assert list(zip(number.tolist(), strip.tolist(), strict=True)) == expected
+
+
+@pytest.fixture(scope="module")
+def ponds() -> PlanningContext:
+    """A fenced field with two ponds."""
+    holes = [shapely.box(30, 30, 50, 50).exterior, shapely.box(90, 40, 100, 60).exterior]
+    field = Field("ponds", shapely.Polygon(shapely.box(0, 0, 140, 100).exterior, holes))
+    fence = shapely.LineString(field.boundary.exterior)
+    return prepare_context(PlanRequest(no_headland=True), replace(field, fences=(fence,), entrance=(70.0, 0.0)))
+
+
+@given(st.lists(st.tuples(st.floats(-5, 145), st.floats(-5, 105), st.floats(-3.2, 3.2)), min_size=1, max_size=40))
+@QUICK
+def test_nothing_is_touched_at_poses_that_are_out_of_reach(ponds: PlanningContext, drawn: list[Any]) -> None:
+    poses = np.array(drawn)
+    for check in (FenceIntrusionCheck(ponds), ObstacleIntrusionCheck(ponds)):
+        near = check.find_poses_to_check(poses)
+        assert check.measure_intrusion_m(poses) == check.measure_intrusion_m(poses[near])
+        assert check.measure_intrusion_m(poses[~near]) == 0.0
+
+
+@QUICK
+@given(boxes, st.integers(0, 2**32 - 1), st.floats(0.0, 5.0))
+def test_poses_near_boxes_are_those_in_the_boxes_grown(drawn: list[Any], seed: int, reach_m: float) -> None:
+    bounds = np.array([*shapely.bounds([turned(*one) for one in drawn]), *shapely.bounds([shapely.Polygon()])])
+    poses = np.random.default_rng(seed).uniform((-20.0, -20.0, -3.0), (80.0, 80.0, 3.0), (200, 3))
+    grown = [shapely.box(w - reach_m, s - reach_m, e + reach_m, n + reach_m) for w, s, e, n in bounds[:-1]]
+    expected = [any(one.contains(shapely.Point(pose[:2])) for one in grown) for pose in poses]
+    assert find_poses_within_reach(poses, bounds, reach_m).tolist() == expected
+    assert find_poses_within_reach(poses[::2], bounds, reach_m).tolist() == expected[::2]
+
+
+def test_poses_are_looked_at_in_parts_with_the_same_answer(
+    ponds: PlanningContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(7)
+    poses = rng.uniform((0.0, 0.0, -3.0), (140.0, 100.0, 3.0), (500, 3))
+    check = ObstacleIntrusionCheck(ponds)
+    whole = check.find_poses_to_check(poses)
+    assert 20 < whole.sum() < 400
+    monkeypatch.setattr("planner.evaluation.ground.contact_checks.BATCH_SIZE", 30)
+    assert (check.find_poses_to_check(poses) == whole).all()
+    monkeypatch.setattr("planner.evaluation.ground.contact_checks.MAX_PARTS", 1)
+    assert (check.find_poses_to_check(poses) == whole).all()

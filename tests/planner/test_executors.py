@@ -1,0 +1,239 @@
+"""Processes that take tasks: clean ones, that end with whoever started them; and executors of other makes."""
+
+import multiprocessing
+import multiprocessing.context
+import os
+import re
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import planner.pipeline.worker_tasks
+from planner.errors import HeadlandError
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.pipeline.executors import TASKS_PER_PROCESS, LocalPool, SerialExecutor, create_executor, iter_completed
+
+ROOT = Path(__file__).parents[2]
+needs_signals = pytest.mark.skipif(os.name != "posix", reason="needs signals and groups of processes")
+
+
+@pytest.fixture(scope="module")
+def pool() -> Iterator[LocalPool]:
+    """Two processes."""
+    with LocalPool(2) as executor:
+        yield executor
+
+
+class TestCompleted:
+    @pytest.mark.parametrize("make", [SerialExecutor, lambda: ThreadPoolExecutor(3)])
+    def test_each_once_with_its_index(self, make: Any) -> None:
+        with make() as executor:
+            assert sorted(iter_completed(executor, pow, [(2, k) for k in range(5)])) == [(k, 2**k) for k in range(5)]
+
+    def test_as_they_are_done_and_not_as_they_are_listed(self) -> None:
+        first = threading.Event()
+        with ThreadPoolExecutor(2) as executor:
+            order = []
+            for index, _ in iter_completed(
+                executor, lambda wait: first.wait(10) if wait else True, [(True,), (False,)]
+            ):
+                order.append(index)
+                first.set()
+        assert order == [1, 0]
+
+    def test_serial_results_come_one_by_one(self) -> None:
+        done: list[int] = []
+        results = iter_completed(SerialExecutor(), done.append, [(k,) for k in range(3)])
+        next(results)
+        assert done == [0]
+
+    def test_an_error_is_raised_and_the_rest_is_not_begun(self) -> None:
+        done: list[int] = []
+
+        def task(number: int) -> None:
+            done.append(1 // number)
+
+        with pytest.raises(ZeroDivisionError):
+            list(iter_completed(SerialExecutor(), task, [(1,), (0,), (1,)]))
+        assert done == [1]
+
+
+class TestLocalPool:
+    def test_results_and_errors_come_back(self, pool: LocalPool) -> None:
+        assert [future.result(60) for future in [pool.submit(divmod, n, 7) for n in range(20)]] == [
+            divmod(n, 7) for n in range(20)
+        ]
+        with pytest.raises(ZeroDivisionError):
+            pool.submit(divmod, 1, 0).result(60)
+
+    def test_processes_are_others_and_not_forked(self, pool: LocalPool, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(sys, "here_only", True, raising=False)
+        with LocalPool(1) as fresh:
+            number = fresh.submit(os.getpid).result(60)
+            known = fresh.submit(eval, "hasattr(__import__('sys'), 'here_only')").result(60)
+        assert number != os.getpid() and known is False
+
+    def test_a_lost_process_is_told(self) -> None:
+        with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
+            executor.submit(os._exit, 3).result(60)
+
+    def test_a_process_that_cannot_be_started_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def broken(*_: Any) -> None:
+            raise BrokenPipeError
+
+        monkeypatch.setattr(multiprocessing.context.SpawnProcess, "_Popen", broken)
+        with pytest.raises(BrokenExecutor, match="could not be started"), LocalPool(1):
+            pass
+
+    def test_the_caller_helps(self, pool: LocalPool) -> None:
+        hands = {process for _, process in iter_completed(pool, busy, [(0.05,)] * 40)}
+        assert os.getpid() in hands and len(hands) > 1
+
+    def test_leaving_by_an_error_ends_what_is_under_way(self) -> None:
+        began = time.monotonic()
+        with pytest.raises(KeyError), LocalPool(1) as executor:
+            executor.submit(os.getpid).result(60)
+            executor.submit(time.sleep, 600)
+            raise KeyError
+        assert time.monotonic() - began < 60
+
+    @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
+    def test_processes_are_deaf_to_interrupts_from_their_first_moment(self) -> None:
+        with LocalPool(1) as executor:
+            (process,) = executor._processes
+            heard = int(re.search(r"SigBlk:\s*(\w+)", Path(f"/proc/{process}/status").read_text())[1], 16)
+        assert heard >> (signal.SIGINT - 1) & 1
+
+    def test_an_interrupt_ends_the_caller_with_large_tasks_not_yet_handed_over(self, tmp_path: Path) -> None:
+        script = tmp_path / "script.py"
+        script.write_text(
+            "import multiprocessing, time\nfrom planner.pipeline.executors import LocalPool, iter_completed\n"
+            "def wait(load):\n"
+            "    time.sleep(0.05)\n"
+            "    if multiprocessing.parent_process() is None:\n"
+            "        raise KeyboardInterrupt\n"
+            "if __name__ == '__main__':\n"
+            "    with LocalPool(2) as pool:\n"
+            "        list(iter_completed(pool, wait, [(bytes(10**7),)] * 40))\n"
+        )
+        run = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
+                             capture_output=True, text=True, timeout=60)  # fmt: skip
+        assert run.stderr.splitlines()[-1] == "KeyboardInterrupt" and "Exception in thread" not in run.stderr
+
+
+def busy(seconds: float) -> int:
+    """The process that took this time."""
+    time.sleep(seconds)
+    return os.getpid()
+
+
+@pytest.mark.parametrize(("tasks", "processes", "workers"), [(1, None, None), (5, 1, None), (5, 3, 2), (2, 8, 1)])
+def test_the_caller_counts_as_a_process(tasks: int, processes: int | None, workers: int | None) -> None:
+    with create_executor(tasks, processes) as executor:
+        if workers is None:
+            assert isinstance(executor, SerialExecutor)
+        else:
+            assert isinstance(executor, LocalPool) and executor.task_window == TASKS_PER_PROCESS * workers
+
+
+def alive(process: int) -> bool:
+    """Whether a process exists and is not merely waiting to be collected."""
+    try:
+        os.kill(process, 0)
+        state = Path(f"/proc/{process}/stat")
+        return not state.exists() or state.read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False
+
+
+@needs_signals
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> None:
+    code = """
+        import os, sys, time
+        from planner.pipeline.executors import LocalPool
+        pool = LocalPool(2)
+        numbers = set()
+        while len(numbers) < 2:
+            numbers |= {name.result() for name in [pool.submit(os.getpid) for _ in range(8)]}
+        print(*numbers, flush=True)
+        for _ in range(2):
+            pool.submit(time.sleep, 600)
+        time.sleep(600)
+    """
+    with subprocess.Popen(
+        [sys.executable, "-c", textwrap.dedent(code)], stdout=subprocess.PIPE, text=True, cwd=ROOT
+    ) as parent:
+        assert parent.stdout is not None
+        workers = [int(word) for word in parent.stdout.readline().split()]
+        assert len(workers) == 2 and all(alive(worker) for worker in workers)
+        parent.send_signal(how)
+        parent.wait(30)
+        deadline = time.monotonic() + 30
+        while any(alive(worker) for worker in workers) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert not any(alive(worker) for worker in workers)
+
+
+SCRIPT = """
+import json, sys, threading
+from planner import PlanRequest, plan
+
+
+def main():
+    answers = []
+    threads = [threading.Thread(target=lambda: answers.append(plan(question).ranking.best)) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(answers) == 2 and answers[0] == answers[1] is not None
+    print("once")
+
+
+field = {"type": "Polygon", "coordinates": [[[0, 0], [40, 0], [40, 70], [0, 70], [0, 0]]]}
+with open("field.geojson", "w") as file:
+    json.dump(field, file)
+question = PlanRequest("field.geojson", local=True, tractors=(1,), strategies=("split-field", "interleaved"))
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.mark.slow
+def test_a_script_may_plan_from_threads(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", str(script)], cwd=tmp_path, capture_output=True, text=True, timeout=300,
+        env=environment, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "once\n"
+
+
+def test_a_lost_process_refuses_the_plan_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planner.pipeline.worker_tasks, "evaluate_task", lose_the_process)
+    words = r"ended or could not be started.* fewer .processes."
+    with pytest.raises(HeadlandError, match=words) as refusal, LocalPool(1) as executor:
+        list(
+            planner.pipeline.worker_tasks.iter_outcomes(executor, [(b"", Candidate("split-field", 1), False)] * 9, None)
+        )
+    assert refusal.value.parameter == "processes" and refusal.value.status == 1
+
+
+def lose_the_process(*_: Any) -> None:
+    """End the process without a word, but not the one that runs the tests."""
+    if multiprocessing.parent_process() is not None:
+        os._exit(3)
+    time.sleep(0.05)

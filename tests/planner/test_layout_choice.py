@@ -1,0 +1,101 @@
+"""Which layout a field is planned with: what is asked for stays, and what is open is what one tractor does soonest."""
+
+import math
+from typing import Any
+
+import pytest
+import shapely
+
+from fields import Field, lay_swaths
+from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.layout_choice import MIN_GAIN, estimate_single_tractor_s, list_layouts
+from planner.request.plan_request import PlanRequest
+from strategies.registry import STRATEGIES
+
+L = Field("L", shapely.Polygon([(0, 0), (120, 0), (120, 55), (50, 55), (50, 140), (0, 140)]))
+RECTANGLE = Field("r", shapely.box(0, 0, 200, 60))
+
+
+def site_on(field: Field, **asked: Any) -> PlanningContext:
+    return prepare_context(PlanRequest(field="f", **{"no_headland": False, **asked}), field)
+
+
+@pytest.fixture(scope="module")
+def in_cells() -> PlanningContext:
+    return site_on(L)
+
+
+@pytest.fixture(scope="module")
+def one_bearing(in_cells: PlanningContext) -> PlanningContext:
+    """The plain layout beside it: the best single bearing in as many rounds as turns need."""
+    return site_on(L, bearing_deg=list_layouts(in_cells.request, L, 9.0)[0].bearing_deg, headland_m=9.0)
+
+
+def test_an_l_is_worked_in_cells(in_cells: PlanningContext, one_bearing: PlanningContext) -> None:
+    assert len(in_cells.layout.cells) > 1 == len(one_bearing.layout.cells)
+    assert estimate_single_tractor_s(in_cells.build_job(1)) < (1.0 - MIN_GAIN) * estimate_single_tractor_s(
+        one_bearing.build_job(1)
+    )
+
+
+def test_the_choice_holds_when_it_is_driven(in_cells: PlanningContext, one_bearing: PlanningContext) -> None:
+    with_cells, without = (
+        compute_candidate_figures(site, Candidate("split-field", 1)) for site in (in_cells, one_bearing)
+    )
+    assert with_cells.feasible and without.feasible
+    assert with_cells.finished_s is not None and without.finished_s is not None
+    assert with_cells.finished_s < without.finished_s
+    assert with_cells.worked_pct is not None and with_cells.worked_pct > 99.0
+
+
+def test_headings_are_those_of_the_cells(in_cells: PlanningContext) -> None:
+    for track, heading in headings(in_cells):
+        bearing = in_cells.layout.get_bearing_rad(track)
+        assert abs((heading - bearing + 1.0) % math.pi - 1.0) < 1e-9
+
+
+def headings(site: PlanningContext) -> list[tuple[Any, float]]:
+    """Every track with the angle of the leg that works it."""
+    by_place = {(track.line, track.piece): track for track in site.layout.swaths}
+    plan = STRATEGIES["split-field"].build(site.build_job(1))
+    told = []
+    for leg in plan.missions[0].legs:
+        if leg.implement:
+            (x0, y0), (x, y) = leg.points[0], leg.points[-1]
+            told.append((by_place[leg.task.number, leg.task.piece], math.atan2(y - y0, x - x0)))
+    assert {track for track, _ in told} == set(site.layout.swaths)
+    return told
+
+
+class TestAskedFor:
+    def test_a_bearing_is_that_of_the_only_cell(self) -> None:
+        site = site_on(L, bearing_deg=30.0)
+        assert len(site.layout.cells) == 1 and site.layout.bearing_deg == pytest.approx(30.0)
+
+    def test_a_headland_is_as_many_rounds(self) -> None:
+        assert {
+            layout.headland_passes for layout in list_layouts(PlanRequest(no_headland=False, headland_m=6.0), L, 6.0)
+        } == {2}
+
+    def test_one_round_more_is_compared_where_nothing_is_asked_for(self) -> None:
+        assert {layout.headland_passes for layout in list_layouts(PlanRequest(no_headland=False), RECTANGLE, 8.5)} == {
+            3,
+            4,
+        }
+
+    def test_tracks_alone_are_as_they_are_laid(self) -> None:
+        (only,) = list_layouts(PlanRequest(no_headland=True), L, 9.0)
+        assert only.swaths == lay_swaths(L, 3.0, 9.0).swaths
+
+    def test_what_is_sown_is_not_turned_on(self) -> None:
+        assert all(len(one.cells) == 1 for one in list_layouts(PlanRequest(no_headland=False, operation="sow"), L, 9.0))
+
+    def test_both_asked_for_leave_one_layout(self) -> None:
+        assert len(list_layouts(PlanRequest(no_headland=False, headland_m=9.0, bearing_deg=0.0), L, 9.0)) == 1
+
+
+def test_many_tracks_are_laid_by_estimate() -> None:
+    """Nothing is searched, and no other number of rounds is tried."""
+    (only,) = list_layouts(PlanRequest(no_headland=False), Field("big", shapely.box(0, 0, 500, 900)), 9.0)
+    assert only.headland_passes == 3 and len(only.swaths) > 125

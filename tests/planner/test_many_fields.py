@@ -1,0 +1,174 @@
+"""Many fields in one table: names with stars, answers that are kept, a cluster whose worker is killed."""
+
+import json
+import os
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from planner.errors import HeadlandError
+from planner.farm.inventory import load_example_farm
+from planner.pipeline.executors import SerialExecutor, connect_cluster
+from planner.pipeline.farm_inputs import build_inputs_without_farm
+from planner.pipeline.many_fields import (
+    AnswerFile,
+    FieldAnswer,
+    FieldQuestion,
+    expand_field_names,
+    hash_question,
+    iter_answers,
+    read_answer_file,
+)
+from planner.request.option_texts import parse_widths
+from planner.request.plan_request import PlanRequest
+from reports.plan.ranking_export import format_ranking_json
+
+
+def feature(name: str, x: float, wide: float, high: float) -> dict[str, object]:
+    """A rectangle in local metres."""
+    ring = [[x, 0], [x + wide, 0], [x + wide, high], [x, high], [x, 0]]
+    return {
+        "type": "Feature",
+        "id": name,
+        "properties": {"name": name},
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }
+
+
+@pytest.fixture
+def farm(tmp_path: Path) -> Path:
+    """Three fields in one file: one of them much too small."""
+    path = tmp_path / "farm.geojson"
+    features = [feature("north", 0, 70, 40), feature("tiny", 200, 2, 2), feature("south", 400, 60, 50)]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return path
+
+
+def questions(farm: Path, *widths: float) -> list[FieldQuestion]:
+    return [
+        FieldQuestion(
+            build_inputs_without_farm(
+                PlanRequest(field, local=True, width_m=width, tractors=(1,), strategies=("split-field",))
+            )
+        )
+        for field in expand_field_names([f"{farm}#*"], local=True)
+        for width in widths
+    ]
+
+
+def told(answer: FieldAnswer) -> str:
+    return str(answer.refusal) if answer.ranking is None else format_ranking_json(answer.ranking)
+
+
+def test_a_star_stands_for_every_field_of_a_file(farm: Path) -> None:
+    assert expand_field_names([f"{farm}#*"], local=True) == (f"{farm}#north", f"{farm}#tiny", f"{farm}#south")
+
+
+def test_fields_of_one_name_are_told_apart_by_position(tmp_path: Path) -> None:
+    path = tmp_path / "twins.geojson"
+    features = [feature("twin", 0, 70, 40), feature("twin", 200, 70, 40), feature("other", 400, 60, 50)]
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    assert expand_field_names([f"{path}#*"], local=True) == (f"{path}#0", f"{path}#1", f"{path}#other")
+
+
+def test_files_with_a_star_come_sorted_and_each_field_once(farm: Path) -> None:
+    for name in ("b", "a"):
+        (farm.parent / f"{name}.json").write_text("{}", encoding="utf-8")
+    pattern = str(farm.parent / "*.json")
+    expected = tuple(str(farm.parent / f"{name}.json") for name in "ab")
+    assert expand_field_names([pattern, expected[0]]) == expected
+    assert expand_field_names(["denmark", "denmark", "sweden"]) == ("denmark", "sweden")
+    with pytest.raises(HeadlandError, match="No file matches"):
+        expand_field_names([str(farm.parent / "*.kml")])
+
+
+def test_widths() -> None:
+    assert parse_widths("3,6, 4.5,3") == (3.0, 6.0, 4.5)
+    for nonsense in ("", "3,", "wide", "3;6", "nan", "1e9999"):
+        with pytest.raises(HeadlandError, match="is not a width"):
+            parse_widths(nonsense)
+
+
+def test_one_field_that_fails_does_not_end_the_rest(farm: Path) -> None:
+    found = dict(iter_answers(SerialExecutor(), questions(farm, 3.0)))
+    assert sorted(found) == [0, 1, 2]
+    assert "100 m2" in str(found[1].refusal)
+    for index in (0, 2):
+        assert (ranking := found[index].ranking) is not None and ranking.best is not None
+
+
+def test_the_digest_changes_with_the_question_and_with_the_file(farm: Path) -> None:
+    one, two = (questions(farm, width)[0] for width in (3.0, 4.0))
+    before = hash_question(one.inputs)
+    assert before == hash_question(questions(farm, 3.0)[0].inputs)
+    assert before != hash_question(two.inputs)
+    farm.write_text(farm.read_text(encoding="utf-8") + " ", encoding="utf-8")
+    assert before != hash_question(one.inputs)
+
+
+def test_answers_are_kept_and_read_back_whole(tmp_path: Path) -> None:
+    path = tmp_path / "kept.jsonl"
+    assert read_answer_file(path) == {}
+    keeper = AnswerFile(path)
+    keeper.replace_records([])
+    for key in ("b", "a"):
+        keeper.append_record({"key": key, "refusal": "Øde mark"})
+    assert list(read_answer_file(path)) == ["b", "a"]
+    with path.open("a", encoding="utf-8") as file:
+        file.write('{"key": "c", "ref')
+    assert list(read_answer_file(path)) == ["b", "a"]
+    keeper.write_all_records([{"key": "a"}, {"key": "b"}])
+    assert path.read_text(encoding="utf-8") == '{"key": "a"}\n{"key": "b"}\n'
+
+
+def test_a_file_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "kept.jsonl"
+    for text in ("a,b\n1,2\n", "[1]\n", '{"key": 3}\n'):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(HeadlandError, match="not an answer of Headland"):
+            read_answer_file(path)
+        assert path.read_text(encoding="utf-8") == text
+
+
+def test_no_scheduler_is_told_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.pipeline.executors.PATIENCE_S", 0.5)
+    with pytest.raises(HeadlandError, match="no Dask scheduler"), connect_cluster("tcp://127.0.0.1:1"):
+        pass
+
+
+@pytest.fixture
+def workers() -> Iterator[object]:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, protocol="tcp", silence_logs=50
+    ) as local:
+        yield local
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_gives_the_same_answers_though_a_worker_is_killed(farm: Path, workers: object) -> None:
+    asked = questions(farm, 3.0, 4.0)
+    alone = {index: told(answer) for index, answer in iter_answers(SerialExecutor(), asked)}
+    with connect_cluster(workers.scheduler_address) as executor:  # type: ignore[attr-defined]
+        found, pids = {}, [nanny.pid for nanny in workers.workers.values()]  # type: ignore[attr-defined]
+        for index, answer in iter_answers(executor, asked):
+            found[index] = told(answer)
+            if pids:
+                os.kill(pids.pop(), signal.SIGKILL)
+                pids.clear()
+    assert found == alone
+
+
+def test_what_a_farm_carries_and_when_it_works_is_in_the_answer_and_in_its_digest(farm: Path) -> None:
+    (question,) = questions(farm, 3.0)[:1]
+    times = load_example_farm().times
+    late = FieldQuestion(replace(question.inputs, times=times))
+    assert hash_question(question.inputs) != hash_question(late.inputs)
+    assert hash_question(question.inputs) != hash_question(question.inputs, True)
+    ((_, answer),) = iter_answers(SerialExecutor(), [late])
+    assert answer.ranking is not None and answer.ranking.best is not None
+    assert answer.ranking.best.transport_s is not None

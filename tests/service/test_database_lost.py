@@ -1,0 +1,146 @@
+"""A database that hangs, is locked or is started anew: everything ends within seconds, and goes on afterwards."""
+
+import sqlite3
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+from starlette.testclient import TestClient
+
+from planner.service.api.apps import create_app
+from planner.service.errors import DatabaseError
+from planner.service.settings import DATABASE_FILE, ServiceSettings
+from planner.service.store import database as databases
+from planner.service.store.service_store import Store
+from tests.service.conftest import BOTH, HERE, bearer
+from tests.service.databases import database
+from tests.service.proxies import Way, way_to
+
+ENDS_S = 7.0  # five, and what a busy machine adds
+
+
+@pytest.fixture
+def way(tmp_path: Path) -> Iterator[tuple[Way, ServiceSettings]]:
+    """Settings of a service whose PostgreSQL is reached by a way that can be blocked."""
+    with database("postgresql") as url:
+        parsed = sa.make_url(url)
+        with way_to(parsed.host or "127.0.0.1", parsed.port or 5432) as way:
+            through = parsed.set(host="127.0.0.1", port=way.port).render_as_string(hide_password=False)
+            yield way, ServiceSettings(data=tmp_path, database=through, workers=0)
+
+
+@pytest.mark.slow
+def test_no_question_to_a_database_that_hangs_waits_for_ever(way: tuple[Way, ServiceSettings]) -> None:
+    blocked, settings = way
+    store = Store(settings)
+    store.add_event(None, "office", "before")
+    store.check_database()
+    blocked.open.clear()
+    for ask in (store.list_events, lambda: store.add_event(None, "office", "meanwhile")):
+        begin = time.monotonic()
+        with pytest.raises(sa.exc.OperationalError):
+            ask()
+        assert time.monotonic() - begin < ENDS_S
+    begin = time.monotonic()
+    with pytest.raises(DatabaseError, match="does not answer"):
+        store.check_database()
+    assert time.monotonic() - begin < ENDS_S
+    blocked.open.set()
+    assert next(each.what for each in store.list_events()) == "before"
+    store.close()
+
+
+@pytest.mark.slow
+def test_a_database_that_hangs_in_the_midst_of_a_transaction_keeps_nothing_of_it(
+    way: tuple[Way, ServiceSettings],
+) -> None:
+    blocked, settings = way
+    store = Store(settings)
+    begin = time.monotonic()
+    with (
+        pytest.raises(sa.exc.OperationalError, match="has not answered"),
+        store.database.open_write_session() as session,
+    ):
+        session.execute(sa.text("DELETE FROM tokens"))
+        blocked.open.clear()
+        session.execute(sa.text("SELECT 1"))
+    assert time.monotonic() - begin < ENDS_S
+    blocked.open.set()
+    store.check_database()
+    store.close()
+
+
+def test_a_database_that_was_started_anew_is_found_again(way: tuple[Way, ServiceSettings]) -> None:
+    blocked, settings = way
+    store = Store(settings)
+    store.add_event(None, "office", "before")
+    blocked.cut()
+    assert len(store.list_events()) == 1, "a connection that is gone is replaced before it is used"
+    store.close()
+
+
+@pytest.mark.slow
+def test_statements_of_their_own_time_are_not_hurried(way: tuple[Way, ServiceSettings]) -> None:
+    store = Store(way[1])
+    with pytest.raises(sa.exc.OperationalError), store.database.open_read_session() as session:
+        session.execute(sa.text("SELECT pg_sleep(6)"))
+    with store.database.engine.connect() as connection, databases.lift_timeouts(connection):
+        connection.execute(sa.text("SELECT pg_sleep(6)"))
+    store.close()
+
+
+@pytest.mark.slow
+def test_a_request_to_a_database_that_hangs_is_answered_and_the_token_is_known(
+    way: tuple[Way, ServiceSettings],
+) -> None:
+    blocked, settings = way
+    app = create_app(settings, reads_inline=True)
+    with TestClient(app, base_url=HERE, client=("192.0.2.7", 50000)) as client:
+        token = bearer(app, BOTH)
+        assert client.get("/api/v1/events", headers=token).status_code == 200
+        blocked.open.clear()
+        try:
+            begin = time.monotonic()
+            answer = client.post("/api/v1/fleets/none/stop", headers=token)
+            assert answer.status_code == 404 and time.monotonic() - begin < 1.0, "known without the database"
+            answer = client.get("/api/v1/events", headers=token)
+            assert answer.status_code == 503 and time.monotonic() - begin < ENDS_S
+        finally:
+            blocked.open.set()
+
+
+def test_a_file_that_somebody_else_writes_to_is_waited_for_so_long(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(databases, "SQLITE_BUSY_TIMEOUT_MS", 500)
+    store = Store(ServiceSettings(data=tmp_path))
+    other = sqlite3.connect(tmp_path / DATABASE_FILE, isolation_level=None, check_same_thread=False)
+    other.execute("BEGIN IMMEDIATE")
+    begin = time.monotonic()
+    with pytest.raises(sa.exc.OperationalError, match="locked"):
+        store.add_event(None, "office", "meanwhile")
+    assert 0.4 < time.monotonic() - begin < ENDS_S
+    store.check_database()
+    assert store.list_events() == [], "who only reads waits for nobody"
+    ended = threading.Timer(0.1, lambda: other.execute("COMMIT"))
+    ended.start()
+    assert store.add_event(None, "office", "afterwards") == 1
+    ended.join()
+    other.close()
+    store.close()
+
+
+def test_a_database_that_is_not_there_is_not_ready(tmp_path: Path) -> None:
+    store = Store(ServiceSettings(data=tmp_path))
+    store.check_database()
+    store.close()
+    gone = Store.__new__(Store)
+    gone.database = databases.Database(
+        replace(ServiceSettings(), database=f"sqlite:///{tmp_path / 'none' / DATABASE_FILE}").url
+    )
+    with pytest.raises(DatabaseError, match="does not answer"):
+        gone.check_database()

@@ -1,0 +1,143 @@
+"""Tokens in memory: who is known stays known without the database, and who is not no longer than a second."""
+
+import asyncio
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import sqlalchemy as sa
+
+from planner.service.access.token_cache import REFRESH_TIMEOUT_S, TokenCache
+from planner.service.errors import TokenError
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import Store
+from planner.service.store.tables import TokenRow
+
+SOON_S = 3.0  # on a machine where other tests run too
+
+
+@pytest.fixture
+def book(store: Store) -> Iterator[TokenCache]:
+    """The tokens of a store on each database in turn, read every second."""
+    book = TokenCache(store)
+    book.start()
+    yield book
+    book.close()
+
+
+class Lost:
+    """A store whose database does not answer while `lost`, or answers only after so long."""
+
+    def __init__(self, store: Store) -> None:
+        self.store, self.lost, self.wait_s, self.asked = store, False, 0.0, 0
+
+    def list_tokens(self) -> list[TokenRow]:
+        self.asked += 1
+        time.sleep(self.wait_s)
+        if self.lost:
+            raise sa.exc.OperationalError("SELECT", {}, ConnectionError("the server is gone"))
+        return self.store.list_tokens()
+
+
+@pytest.fixture
+def lost(tmp_path: Path) -> Iterator[Lost]:
+    store = Store(ServiceSettings(data=tmp_path))
+    yield Lost(store)
+    store.close()
+
+
+def known_after(book: TokenCache, text: str, known: bool) -> float:
+    """Seconds until a token is known, or is not."""
+    begin = time.monotonic()
+    while (book.find_token(text) is not None) != known:
+        assert time.monotonic() - begin < SOON_S
+        time.sleep(0.01)
+    return time.monotonic() - begin
+
+
+def test_tokens_of_another_process_are_found_and_revoked_ones_are_not(book: TokenCache, store: Store) -> None:
+    text = store.create_token_text("office", "read")
+    assert book.find_token(text) is None, "nothing was read since"
+    assert book.identify_token(text).name == "office" and book.find_token(text) is not None
+    other = store.create_token_text("phone", "read")
+    assert asyncio.run(book.identify_token_async(other)).name == "phone"
+    store.revoke_token("office")
+    known_after(book, text, False)
+    with pytest.raises(TokenError, match="token is unknown"):
+        book.identify_token(text)
+    for odd in ("", "hl_", "office", "\0", "\ud800", "hl_" + "x" * 100_000):
+        with pytest.raises(TokenError):
+            book.identify_token(odd)
+
+
+def test_an_expired_token_is_worth_nothing_at_once_even_without_the_database(lost: Lost) -> None:
+    text = lost.store.create_token_text("guest", "read", expires="1d")
+    book = TokenCache(lost)  # type: ignore[arg-type]
+    assert book.refresh() and book.find_token(text) is not None
+    lost.lost = True
+    row = book.find_token(text)
+    assert row is not None
+    row.expires = "2026-01-01T00:00:00.000Z"
+    assert book.find_token(text) is None
+    assert list(book.find_invalid_tokens([row.sha256]).values()) == [
+        "The token of this link has expired; link again with another one."
+    ]
+    with pytest.raises(TokenError, match="expired at 2026-01-01"):
+        book.identify_token(text)
+
+
+def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> None:
+    text = lost.store.create_token_text("office", "operator")
+    book = TokenCache(lost)  # type: ignore[arg-type]
+    book.start()
+    lost.lost = True
+    begin = time.monotonic()
+    while book.last_error is None:
+        assert time.monotonic() - begin < SOON_S
+        time.sleep(0.01)
+    assert "the server is gone" in book.last_error and book.identify_token(text).scopes == "operator"
+    assert "was revoked" in book.find_invalid_tokens(["0" * 64])["0" * 64]
+    lost.store.revoke_token("office")
+    assert book.find_token(text) is not None
+    lost.lost = False
+    known_after(book, text, False)
+    assert book.last_error is None and book.age_s < SOON_S
+    book.close()
+
+
+@pytest.mark.slow
+def test_a_database_that_hangs_holds_up_nobody_who_is_known(lost: Lost) -> None:
+    text = lost.store.create_token_text("office", "operator")
+    book = TokenCache(lost)  # type: ignore[arg-type]
+    book.start()
+    lost.wait_s = 3 * REFRESH_TIMEOUT_S
+    with pytest.raises(TokenError):  # waits for a reading that does not end
+        book.identify_token("hl_unknown")
+    begin = time.monotonic()
+    assert book.identify_token(text).name == "office" and time.monotonic() - begin < 0.5
+    begin = time.monotonic()
+    with pytest.raises(TokenError):
+        asyncio.run(book.identify_token_async("hl_unknown"))
+    assert time.monotonic() - begin < 2 * REFRESH_TIMEOUT_S
+    book.close()
+
+
+def test_unknown_tokens_ask_the_database_a_few_times_a_second_at_most(lost: Lost) -> None:
+    book = TokenCache(lost)  # type: ignore[arg-type]
+    book.start()
+    lost.asked, begin = 0, time.monotonic()
+
+    async def ask() -> None:
+        answers = await asyncio.gather(*(book.identify_token_async(f"hl_{number}") for number in range(500)),
+                                       return_exceptions=True)  # fmt: skip
+        assert all(isinstance(each, TokenError) for each in answers)
+
+    threads = [threading.Thread(target=asyncio.run, args=(ask(),)) for _ in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert lost.asked <= 2 + (time.monotonic() - begin) / 0.2
+    book.close()

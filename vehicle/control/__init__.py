@@ -1,0 +1,1 @@
+"""What the controller of a tractor decides ten times a second: guidance, steering and speed."""

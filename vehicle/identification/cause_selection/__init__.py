@@ -1,0 +1,1 @@
+"""Which effects the residuals support: candidates, covariates, evidence and challenges."""

@@ -1,0 +1,1 @@
+"""Least-squares fits of effects to residuals and to the open-loop error."""

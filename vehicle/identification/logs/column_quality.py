@@ -1,0 +1,333 @@
+"""Columns that an instrument holds between measurements, that stay constant, or that are too coarse.
+
+A receiver of 2 Hz shows each position in five rows of a log of 10 Hz. Only the first of them is a measurement; the
+others are late by a varying time, which looks like a late receiver or a shifted antenna. They are interpolated to the
+next measurement, and `fresh` marks the measured rows: steering and speed are still used from all rows. A constant
+column is ignored where the tractor shows that it should have changed; if it is the only steering, the log is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.chords import PathChords, compute_path_chords
+from vehicle.identification.logs.gating import find_decreasing_entries
+from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.table import Columns
+
+_LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
+_LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
+_LEAST_STEERING_MOVE_DEG = 2.0  # of the other steering column: beyond the noise of a sensor
+_PACE_CHANGE_SHARE = 0.3  # of the median pace, between the slower and the faster tenth of the drive
+_FEWEST_MOTION_CHORDS = 8  # chords
+
+
+def drop_constant_columns(log: Log) -> Log:
+    """Drop columns that are constant although the tractor shows that they should change; `corrections` say which.
+
+    Raises LogError where the only steering is constant while the path bends.
+    """
+    chords = compute_path_chords(log)
+    if chords is None or len(chords.row) < _FEWEST_MOTION_CHORDS:
+        return log
+    log = _drop_constant_column(
+        log, "heading_deg", _measure_course_range_deg(chords) > _LEAST_TURN_DEG, "the path turns"
+    )
+    course_deg = _compute_mean_course_deg(chords)
+    log = _drop_constant_column(
+        log, "heading_deg", _is_heading_off_course(log, course_deg), f"the path runs towards {course_deg:.0f} degrees"
+    )
+    log = _drop_constant_column(log, "speed_mps", _has_pace_change(log, chords), "the tractor's pace changes")
+    return _drop_constant_steering(log, chords)
+
+
+def _drop_constant_column(log: Log, name: str, contradicted: bool, why: str) -> Log:
+    values = getattr(log, name)
+    if values is None or not contradicted or not _is_constant(values, log):
+        return log
+    message = f"{name} is {values[log.used][0]:g} in every row while {why}; the column is ignored"
+    changed: dict[str, Any] = {name: None}
+    return replace(log, corrections=(*log.corrections, message), **changed)
+
+
+def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
+    has_bends = _measure_bend_course_range_rad(chords) > _LEAST_BEND_RAD
+    for name, other_name in (("steering_command_deg", "steering_deg"), ("steering_deg", "steering_command_deg")):
+        values, other_values = getattr(log, name), getattr(log, other_name)
+        if values is None or not _is_constant(values, log):
+            continue
+        moves = other_values is not None and float(np.ptp(other_values[log.used])) > _LEAST_STEERING_MOVE_DEG
+        if moves and (has_bends or name == "steering_command_deg"):
+            return _drop_constant_column(log, name, True, f"{other_name} moves")
+        if has_bends and not moves:
+            raise LogError(
+                f"{log.name}: {name} is {values[log.used][0]:g} in every row while the path bends to both sides, so "
+                "it shows nothing about the steering; log the wheel angle or the command."
+            )
+    return log
+
+
+def _is_constant(values: Array, log: Log) -> bool:
+    return float(np.ptp(values[log.used])) == 0.0
+
+
+def _measure_course_range_deg(chords: PathChords) -> float:
+    """Return the range of the course (deg)."""
+    return float(np.degrees(np.ptp(np.unwrap(chords.course))))
+
+
+def _compute_mean_course_deg(chords: PathChords) -> float:
+    """Return the mean direction of travel (deg clockwise from north)."""
+    east, north = float(np.sin(chords.course).sum()), float(np.cos(chords.course).sum())
+    return math.degrees(math.atan2(east, north)) % 360.0
+
+
+def _is_heading_off_course(log: Log, course_deg: float) -> bool:
+    """Whether a constant heading is no direction of this drive, in any convention in degrees."""
+    if log.heading_deg is None:
+        return False
+    heading = float(log.heading_deg[log.used][0])
+    readings = (heading, -heading, 90.0 - heading, heading + 180.0)
+    return all(abs((reading - course_deg + 180.0) % 360.0 - 180.0) > _LEAST_TURN_DEG for reading in readings)
+
+
+def _measure_bend_course_range_rad(chords: PathChords) -> float:
+    """Return the range (rad) of the course about one steady bend."""
+    distance = np.cumsum(chords.speed) * chords.span_s * 0.5
+    course = np.unwrap(chords.course)
+    return float(np.ptp(course - np.polyval(np.polyfit(distance, course, 1), distance)))
+
+
+def _has_pace_change(log: Log, chords: PathChords) -> bool:
+    """Whether the pace of the positions changes, or they move although the sensor says 0."""
+    if log.speed_mps is not None and float(np.max(log.speed_mps[log.used])) == 0.0:
+        return True
+    slow, middle, fast = np.quantile(chords.speed, (0.1, 0.5, 0.9))
+    return bool(fast - slow > _PACE_CHANGE_SHARE * middle)
+
+
+LONGEST_STEP_S = 2.0  # twice the slowest rate of the contract, 1 Hz
+_HELD_SHARE = 0.1  # chosen, of the changes: an occasional late row is no slower instrument
+# Chosen: where few changes are clear, noise in coarse steps repeats the value before 0.2 of them.
+_HELD_SHARE_OF_FEW = 0.5
+_FEWEST_CHANGES = 10  # clear changes needed
+# Chosen, times the least change: smaller changes may be those of the last digit.
+_CLEAR_CHANGE_FACTOR = 3.0
+_LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
+DIGITS = 9  # decimals used: below them is rounding of the computation
+# Chosen, times the usual row count and the usual change: a value that stays longer is that of a standing tractor.
+_STANDING_FACTOR = 2.0
+
+
+class FreshColumns(NamedTuple):
+    """Columns without held values, the measured rows (None: all), and sentences on what was corrected."""
+
+    columns: Columns
+    fresh: Mask | None = None
+    corrections: tuple[str, ...] = ()
+
+
+def interpolate_held_values(columns: Columns, name: str, logged: Columns | None = None) -> FreshColumns:
+    """Interpolate positions and headings that a slower instrument held, between its measurements.
+
+    `logged` are the columns before conversion (default: these); only they have the original last digits of degrees.
+    Raises LogError for positions that are measured too rarely; such a heading is dropped.
+    """
+    time, east, north = columns["time_s"], columns["easting_m"], columns["northing_m"]
+    rows = np.flatnonzero(np.isfinite(time) & np.isfinite(east) & np.isfinite(north))
+    rows = rows[~find_decreasing_entries(time[rows])]
+    if len(rows) < _FEWEST_CHANGES:
+        return FreshColumns(columns)
+    fresh_sets, converted, doubts = list[Rows](), dict(columns), list[str]()
+    position_rows = _find_fresh_rows(np.stack([(logged or columns)[axis][rows] for axis in _POSITION_COLUMNS]))
+    if position_rows is not None:
+        every_s = _measure_interval_s(time[rows], position_rows)
+        if every_s > LONGEST_STEP_S:
+            raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
+        fresh_sets.append(rows[position_rows])
+        doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
+    heading_rows, fresh_headings = _find_fresh_headings(columns, rows)
+    if fresh_headings is not None:
+        every_s = _measure_interval_s(time[heading_rows], fresh_headings)
+        if every_s > LONGEST_STEP_S:
+            del converted["heading_deg"]
+            doubts.append(f"heading_deg changes only every {every_s:.2g} s; the column is ignored")
+        else:
+            fresh_sets.append(heading_rows[fresh_headings])
+            doubts.append(_describe_held_values("heading_deg changes", "the compass", every_s, time[heading_rows]))
+            unwrapped_deg = np.unwrap(columns["heading_deg"][heading_rows], period=360.0)
+            converted["heading_deg"] = np.mod(
+                _interpolate_between(columns["heading_deg"], time, heading_rows, fresh_headings, unwrapped_deg), 360.0
+            )
+    if not fresh_sets:
+        return FreshColumns(converted, None, tuple(doubts))
+    if position_rows is not None:
+        converted |= {
+            axis: _interpolate_between(columns[axis], time, rows, position_rows, columns[axis][rows])
+            for axis in _POSITION_COLUMNS
+        }
+    fresh = np.zeros(len(time), dtype=np.bool_)
+    fresh[min(fresh_sets, key=len)] = True
+    return FreshColumns(converted, fresh, tuple(doubts))
+
+
+_POSITION_COLUMNS = ("easting_m", "northing_m")
+
+
+def _find_fresh_headings(columns: Columns, rows: Rows) -> tuple[Rows, Rows | None]:
+    """Return the rows with a heading, and the indices among them at which it was measured (None: all, or none)."""
+    if "heading_deg" not in columns:
+        return rows, None
+    heading_rows = rows[np.isfinite(columns["heading_deg"][rows])]
+    return heading_rows, _find_fresh_rows(np.unwrap(columns["heading_deg"][heading_rows], period=360.0)[None])
+
+
+def _find_fresh_rows(values: Array) -> Rows | None:
+    """Return the indices at which values (c, k) were measured; None where they are not held between measurements."""
+    if values.shape[1] < _FEWEST_CHANGES:
+        return None
+    steps = np.diff(values, axis=1)
+    new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
+    changes, count = steps[:, new_rows[1:] - 1], np.diff(new_rows)
+    jumps = np.sqrt((changes**2).sum(axis=0))
+    # Each column has its own last digit: that of longitude is shorter in metres than that of latitude.
+    is_clear = (
+        np.abs(changes) > _CLEAR_CHANGE_FACTOR * np.array([[_find_least_step(column_steps)] for column_steps in steps])
+    ).any(axis=0)
+    # A value that stays much longer than usual is a straight drive's heading or a standing tractor's position.
+    usual = float(np.median(count[is_clear])) if is_clear.any() else 0.0
+    is_held = is_clear & (count >= 2) & (count <= _STANDING_FACTOR * usual)
+    share = _HELD_SHARE if np.count_nonzero(is_clear) >= _HELD_SHARE_OF_FEW * len(count) else _HELD_SHARE_OF_FEW
+    if np.count_nonzero(is_held) < max(_FEWEST_CHANGES, share * np.count_nonzero(is_clear)):
+        return None
+    is_standing = jumps <= _STANDING_FACTOR * float(np.median(jumps[is_clear]))
+    standing_rows = max(math.ceil(_STANDING_FACTOR * float(np.median(count[is_held]))), 1)
+    return _add_standing_rows(new_rows, values.shape[1], np.append(is_standing, False), standing_rows)
+
+
+def _find_least_step(steps: Array) -> float:
+    """Return nearly the least change of values (k - 1,), or difference of two changes: their last digit."""
+    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
+    candidates = np.concatenate([sizes, np.diff(sizes)])
+    return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
+
+
+def _add_standing_rows(new_rows: Rows, rows: int, is_standing: Mask, row_step: int) -> Rows:
+    """Add rows, every `row_step`, between measured rows where the tractor stands (`is_standing`, a value per measured
+    row)."""
+    ends = np.append(new_rows[1:], rows)
+    # The last one before a change may be only partly held.
+    between = [
+        np.arange(start + row_step, end, row_step)[:-1]
+        for start, end, is_still in zip(new_rows, ends, is_standing, strict=True)
+        if is_still
+    ]
+    return np.unique(np.concatenate([new_rows, *between]))
+
+
+def _measure_interval_s(time: Array, fresh_rows: Rows) -> float:
+    """Return the median time between measurements (s)."""
+    return float(np.median(np.diff(time[fresh_rows])))
+
+
+def _describe_held_values(what_held: str, instrument: str, every_s: float, time: Array) -> str:
+    row_step_s = float(np.median(np.diff(time)))
+    return (
+        f"{what_held} only every {every_s:.2g} s while rows are {row_step_s:.2g} s apart: {instrument} is slower "
+        "than the log; repeated values are not used"
+    )
+
+
+def _interpolate_between(column: Array, time: Array, rows: Rows, fresh_rows: Rows, values: Array) -> Array:
+    """Return a column interpolated between its measured rows."""
+    out = column.copy()
+    out[rows] = np.interp(time[rows], time[rows][fresh_rows], values[fresh_rows])
+    return out
+
+
+COARSEST_POSITION_M = 0.25  # chosen: beyond it no bend shows within 5 s, over which errors are compared
+# Chosen: good positions give the course over 5 s more precisely; larger steps are directions of field rows.
+COARSE_HEADING_DEG = (1.5, 45.0)
+COARSE_SPEED_SHARE = 0.1  # chosen, of the median speed: positions give the speed over some seconds more precisely
+# Chosen, changes of the number of steps from row to row: a tractor starts and stops less often.
+_FEWEST_UNEVEN_STEPS = 20
+_STEP_TOLERANCE = 0.02  # of a step, by which values may miss it
+_UNITS = {"heading_deg": "degrees", "speed_mps": "m/s"}
+
+
+def drop_coarse_columns(log: Log) -> Log:
+    """Drop a heading or a speed whose steps are too coarse; `corrections` and `coarse_columns` say which.
+
+    Raises LogError for coarse positions.
+    """
+    for name in ("easting_m", "northing_m"):
+        step = find_rounding_step(_select_measured_values(log, name))
+        if step > COARSEST_POSITION_M:
+            raise LogError(
+                f"{log.name}: {name} comes in steps of {step:.2g} m, too coarse to show how a tractor steers; log "
+                "positions with more digits, to 0.01 m or better."
+            )
+    if log.heading_deg is not None:
+        step = find_rounding_step(_select_measured_values(log, "heading_deg"))
+        if COARSE_HEADING_DEG[0] < step <= COARSE_HEADING_DEG[1]:
+            log = _drop_coarse_column(log, "heading_deg", step)
+    if log.speed_mps is not None:
+        moving = log.speed_mps[log.used & (log.speed_mps > 0.0)]
+        # Moving rows only: a tractor that starts and stops abruptly has steps in its speed.
+        step = find_rounding_step(moving)
+        if len(moving) and step > COARSE_SPEED_SHARE * float(np.median(moving)):
+            log = _drop_coarse_column(log, "speed_mps", step)
+    return log
+
+
+def drop_columns_coarse_elsewhere(logs: Sequence[Log]) -> list[Log]:
+    """Drop columns that come in the same coarse steps as in another log of the set."""
+    coarse = {name: (step, log.name) for log in logs for name, step in log.coarse_columns.items()}
+    out = list(logs)
+    for name, (step, coarse_log) in coarse.items():
+        for place, log in enumerate(out):
+            if getattr(log, name) is not None and _is_multiple_of_step(_select_measured_values(log, name), step):
+                out[place] = _drop_coarse_column(log, name, step, f", as in {coarse_log}")
+    return out
+
+
+def _select_measured_values(log: Log, name: str) -> Array:
+    """Return the measured values of a column."""
+    rows = log.used if log.fresh is None or name == "speed_mps" else log.used & log.fresh
+    values: Array = getattr(log, name)[rows]
+    return values
+
+
+def _drop_coarse_column(log: Log, name: str, step: float, source: str = "") -> Log:
+    message = f"{name} comes in steps of {step:.2g} {_UNITS[name]}{source}, too coarse to be of use"
+    changed: dict[str, Any] = {name: None}
+    doubts = (*log.corrections, f"{message}; the column is ignored")
+    return replace(log, corrections=doubts, coarse_columns={**log.coarse_columns, name: step}, **changed)
+
+
+def find_rounding_step(values: Array) -> float:
+    """Return the step to which values (k,), row by row, are rounded; 0 where there is none.
+
+    All values are multiples of it, up to one offset, and the number of steps from row to row varies: a constant number
+    is an even motion, not rounding.
+    """
+    apart = np.diff(np.unique(np.round(values, DIGITS)))
+    if not len(apart):
+        return 0.0
+    step = float(apart.min())
+    if not _is_multiple_of_step(values, step):
+        return 0.0
+    uneven = np.count_nonzero(np.diff(np.round(np.diff(values) / step)))
+    return step if uneven >= _FEWEST_UNEVEN_STEPS else 0.0
+
+
+def _is_multiple_of_step(values: Array, step: float) -> bool:
+    """Whether values (k,) are whole numbers of steps apart; a single value is."""
+    steps = np.diff(np.unique(np.round(values, DIGITS))) / step
+    return bool((np.abs(steps - np.round(steps)) < _STEP_TOLERANCE).all())

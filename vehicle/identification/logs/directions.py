@@ -1,0 +1,322 @@
+"""Mirrored, turned and reversed columns: heading, steering and shuttle compared with the course of the path.
+
+A mirrored path (easting and northing swapped) is the only thing that mirrors heading and steering at once.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.logs.chords import PathChords, compute_path_chords, is_steering_mirrored, select_clear_bends
+from vehicle.identification.logs.gating import FIRST_ROW_LINE
+from vehicle.identification.logs.schema import Array, Log, LogConvention, Mask, Rows, Suspicion, format_fix_option
+from vehicle.model.effects import get_effect
+
+_FEWEST_GEAR_CHORDS = 5  # chords: fewer may be one change of gear
+_AGREEING_COSINE = 0.7  # cosine between heading and course from which they agree
+# Shares that count as all chords, and as too many for moments of gear change.
+_MOST_CHORDS_SHARE, _SOME_CHORDS_SHARE = 0.8, 0.1
+_ONE_LINE_RESULTANT = 0.95  # mean resultant of heading plus course: driven along one line only
+
+
+def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
+    """Return a gear that the path contradicts, and the corrected log (None when only some rows are wrong)."""
+    chords = compute_path_chords(log)
+    if chords is None:
+        return None
+    if log.heading_deg is None:
+        return _check_shuttle_by_steering(log)
+    gear = np.sign(log.shuttle[chords.row])
+    heading = np.radians(log.heading_deg[chords.row])
+    agrees = np.cos(heading - chords.course) * gear
+    if np.mean(np.abs(agrees) > _AGREEING_COSINE) < _MOST_CHORDS_SHARE:
+        return None
+    wrong = agrees < -_AGREEING_COSINE
+    reverse_share, forward_share = _compute_wrong_share(wrong[gear < 0.0]), _compute_wrong_share(wrong[gear > 0.0])
+    if max(reverse_share or 0.0, forward_share or 0.0) < _SOME_CHORDS_SHARE:
+        return None
+    if all(share is None or share >= _MOST_CHORDS_SHARE for share in (reverse_share, forward_share)):
+        # Along one line a mirrored path looks the same; the check of the heading decides.
+        one_line = abs(np.mean(np.exp(1j * (heading + chords.course)))) >= _ONE_LINE_RESULTANT
+        return None if reverse_share is None and one_line else _check_shuttle_by_heading(log, reverse_share)
+    rows = chords.row[wrong & (gear != 0.0)]
+    if reverse_share is not None and reverse_share >= _MOST_CHORDS_SHARE:
+        return _build_reverse_rows_suspicion(
+            rows, f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows"
+        ), _set_forward(log)
+    return _build_forward_rows_suspicion(rows), None
+
+
+def _compute_wrong_share(wrong: Mask) -> float | None:
+    """Return the share of wrong chords; None when there are too few chords, 0 when too few are wrong."""
+    if len(wrong) < _FEWEST_GEAR_CHORDS:
+        return None
+    return float(np.mean(wrong)) if np.count_nonzero(wrong) >= _FEWEST_GEAR_CHORDS else 0.0
+
+
+def _check_shuttle_by_heading(log: Log, reverse_share: float | None) -> tuple[Suspicion, Log] | None:
+    """Check a heading against the course in every row: the gear is wrong if the steering is mirrored too, else the
+    heading."""
+    mirrored = is_steering_mirrored(*select_clear_bends([log]))
+    rows = np.flatnonzero(log.used)
+    if (log.shuttle[rows] < 0.0).all() and mirrored is not False:
+        return _build_reverse_rows_suspicion(rows, "heading and course agree in every row"), _set_forward(log)
+    if not mirrored:
+        return None
+    corrected = replace(log, shuttle=-log.shuttle)
+    if reverse_share is None:
+        return _build_forward_rows_suspicion(rows), corrected
+    why = "heading and course agree in its reverse rows and are opposite in its forward rows"
+    return Suspicion(None, why, "shuttle has the wrong sign", "write 1 for forward and -1 for reverse"), corrected
+
+
+def _check_shuttle_by_steering(log: Log) -> tuple[Suspicion, Log] | None:
+    """Check the gear without a heading: the path turns away from the steering in reverse only."""
+    reverse_mirrored, forward_mirrored = (
+        is_steering_mirrored(*select_clear_bends([log], -1.0)),
+        is_steering_mirrored(*select_clear_bends([log], 1.0)),
+    )
+    if not reverse_mirrored or forward_mirrored:
+        return None
+    rows = np.flatnonzero(log.used & (log.shuttle < 0.0))
+    return _build_reverse_rows_suspicion(rows, "in those rows the path turns as it does forward"), _set_forward(log)
+
+
+def _set_forward(log: Log) -> Log:
+    return replace(log, shuttle=np.abs(log.shuttle))
+
+
+def _build_reverse_rows_suspicion(rows: Rows, why: str) -> Suspicion:
+    suspected = "shuttle is -1 where the tractor drives forward"
+    return Suspicion(None, f"{why}, first in line {_get_first_file_line(rows)}", suspected, "write 1 in those rows")
+
+
+def _build_forward_rows_suspicion(rows: Rows) -> Suspicion:
+    suspected = "shuttle is 1 (the default without that column) where the tractor drives in reverse"
+    return Suspicion(
+        None,
+        f"heading and course are opposite, first near line {_get_first_file_line(rows)}",
+        suspected,
+        "write -1 in those rows",
+    )
+
+
+def _get_first_file_line(rows: Rows) -> int:
+    return int(rows[0]) + FIRST_ROW_LINE
+
+
+# Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a
+# convention is wrong when another one fits better than any effect could explain.
+HEADING_FITS, HEADING_MATCHES = math.cos(math.radians(30.0)), math.cos(math.radians(18.0))
+# Largest curvature of a straight; largest distance of an antenna from the rear axle.
+STRAIGHT_PER_M, MOST_LEVER_M = 0.06, 3.0
+_NEAR_DEG = 20.0  # from the angle of a convention: the largest heading_bias of the catalogue
+_FEWEST_STRAIGHT_CHORDS = 5
+# Ranges of UTM: eastings have a false origin of 500 km; northings of fields, 900 km and more from the equator.
+_UTM_EAST_M, _UTM_NORTH_M = (1.0e5, 9.0e5), (9.0e5, 1.0e7)
+
+
+def find_direction_errors(log: Log, other_logs: Sequence[Log] = ()) -> list[Suspicion]:
+    """Return what seems mirrored, turned or reversed in shuttle, heading and steering."""
+    gear = find_wrong_gear(log)
+    if gear is not None and gear[1] is None:
+        return [gear[0]]
+    log = log if gear is None or gear[1] is None else gear[1]
+    suspicions = _combine_suspicions(log, other_logs, _check_heading(log, other_logs), _check_steering_sense(log))
+    return suspicions if gear is None else [gear[0], *suspicions]
+
+
+def _combine_suspicions(
+    log: Log, other_logs: Sequence[Log], heading: Suspicion | None, steering: Suspicion | None
+) -> list[Suspicion]:
+    """Combine a mirrored heading and a mirrored steering into one mirrored path."""
+    suspicions = [suspicion for suspicion in (heading, steering) if suspicion is not None]
+    frame = _identify_utm_axes(log)
+    if frame == "plain":
+        return suspicions
+    if heading is not None and heading.fix is LogConvention.HEADING_CCW_EAST:
+        mirrored = steering is not None or is_steering_mirrored(*select_clear_bends([log, *other_logs]))
+        if mirrored is None:
+            swap_advice = (
+                f"easting and northing may be swapped instead: {format_fix_option(LogConvention.EAST_NORTH_SWAPPED)}"
+            )
+            return [replace(heading, advice="; ".join(filter(None, (heading.advice, swap_advice))))]
+        return [_build_swapped_axes_suspicion(frame, heading.why)] if mirrored else suspicions
+    if log.heading_deg is None and steering is not None:
+        if frame == "swapped":
+            return [_build_swapped_axes_suspicion(frame, steering.why)]
+        return [replace(steering, advice="without heading_deg a swap of easting and northing looks the same")]
+    return suspicions
+
+
+def _build_swapped_axes_suspicion(frame: str, why: str) -> Suspicion:
+    if frame == "swapped":
+        return Suspicion(LogConvention.EAST_NORTH_SWAPPED, f"the path is mirrored, and easting_m is too large: {why}")
+    return Suspicion(
+        LogConvention.EAST_NORTH_SWAPPED,
+        f"heading and steering are both mirrored against the path: {why}",
+        advice="or, if the axes are right, heading runs counter-clockwise from east and steering is positive to the "
+        f"left: {format_fix_option(LogConvention.HEADING_CCW_EAST)} {format_fix_option(LogConvention.STEERING_LEFT)}",
+    )
+
+
+def _identify_utm_axes(log: Log) -> str:
+    """Whether only UTM has such positions, "plain" or "swapped"; empty when they do not show it."""
+    east, north = (float(abs(np.median(axis[log.used]))) for axis in (log.easting_m, log.northing_m))
+    for name, frame_east, frame_north in (("plain", east, north), ("swapped", north, east)):
+        if _UTM_EAST_M[0] <= frame_east <= _UTM_EAST_M[1] < frame_north <= _UTM_NORTH_M[1]:
+            return name
+    return ""
+
+
+# --- heading -----------------------------------------------------------------------------------------------------
+
+
+def _compute_travel_direction(log: Log, chords: PathChords) -> Array:
+    """Return where the front should point (rad, clockwise from north), by course and gear."""
+    travel: Array = np.where(log.shuttle[chords.row] < 0.0, math.pi, 0.0) + chords.course
+    return travel
+
+
+def compute_heading_agreements(log: Log, chords: PathChords, heading_deg: Array) -> dict[LogConvention | None, float]:
+    """Return the mean cosine between the course and each reading of the heading; key None is the contract's reading."""
+    sums = _build_heading_sums(_compute_travel_direction(log, chords), np.radians(heading_deg[chords.row]))
+    return {
+        None: (sums.turned / sums.count).real,
+        LogConvention.HEADING_CCW_EAST: (sums.mirrored / sums.count).imag,
+        LogConvention.HEADING_CCW_NORTH: (sums.mirrored / sums.count).real,
+    }
+
+
+@dataclass(frozen=True)
+class _HeadingSums:
+    """Sums over chords of unit complex numbers with the angle heading minus, or plus, direction of travel."""
+
+    count: int
+    turned: complex
+    mirrored: complex
+
+    def __add__(self, other: _HeadingSums) -> _HeadingSums:
+        return _HeadingSums(self.count + other.count, self.turned + other.turned, self.mirrored + other.mirrored)
+
+    def is_constantly_offset(self) -> bool:
+        """Whether the heading keeps one angle to the travel."""
+        return abs(self.turned) >= HEADING_MATCHES * self.count
+
+    def is_mirrored(self) -> bool:
+        """Whether the heading turns against the travel, degree by degree."""
+        return abs(self.mirrored) >= HEADING_MATCHES * self.count
+
+
+def _build_heading_sums(travel: Array, heading: Array) -> _HeadingSums:
+    turned, mirrored = np.exp(1j * (heading - travel)).sum(), np.exp(1j * (heading + travel)).sum()
+    return _HeadingSums(len(travel), complex(turned), complex(mirrored))
+
+
+@dataclass(frozen=True)
+class _HeadingMisfit:
+    """A heading that does not fit: its sums, and its angle (deg, clockwise) to the travel on straights."""
+
+    sums: _HeadingSums
+    offset_deg: float
+
+
+def _find_heading_misfit(log: Log) -> _HeadingMisfit | None:
+    """Return the misfit of the heading; None where it follows the contract, up to the largest heading_bias."""
+    chords = compute_path_chords(log)
+    if log.heading_deg is None or chords is None:
+        return None
+    travel, heading = _compute_travel_direction(log, chords), np.radians(log.heading_deg[chords.row])
+    sums = _build_heading_sums(travel, heading)
+    offset, slack = _measure_heading_offset(heading - travel, chords.curvature)
+    fits = sums.turned.real >= HEADING_FITS * sums.count or sums.is_constantly_offset()
+    return None if fits and abs(offset) <= _get_largest_heading_bias() + slack else _HeadingMisfit(sums, offset)
+
+
+def _get_largest_heading_bias() -> float:
+    return next(param.high for param in get_effect("heading_bias").params if param.name == "angle_deg")
+
+
+def _measure_heading_offset(turned: Array, curvature: Array) -> tuple[float, float]:
+    """Return the angle (deg) on the least bent chords, and what the lever of an antenna may add to it there."""
+    abs_curvature = np.abs(curvature)
+    straight = np.flatnonzero(abs_curvature < STRAIGHT_PER_M)
+    if len(straight) < _FEWEST_STRAIGHT_CHORDS:
+        straight = np.argsort(abs_curvature, kind="stable")[: max(_FEWEST_STRAIGHT_CHORDS, len(abs_curvature) // 4)]
+    offset = math.degrees(cmath.phase(complex(np.exp(1j * turned[straight]).sum())))
+    # Bends to both sides cancel each other.
+    return offset, math.degrees(math.atan(MOST_LEVER_M * abs(float(np.mean(curvature[straight])))))
+
+
+def _check_heading(log: Log, other_logs: Sequence[Log]) -> Suspicion | None:
+    """Return the convention that the heading seems to follow instead. Other logs that are wrong too help to decide."""
+    own_misfit = _find_heading_misfit(log)
+    if own_misfit is None:
+        return None
+    wrong = [misfit.sums for misfit in map(_find_heading_misfit, other_logs) if misfit is not None]
+    total = sum(wrong, own_misfit.sums)
+    sums = total if total.is_constantly_offset() or total.is_mirrored() else own_misfit.sums
+    if not sums.is_constantly_offset() and not sums.is_mirrored():
+        return None
+    turned = _build_turned_heading_suspicion(own_misfit) if sums.is_constantly_offset() else None
+    mirrored = _build_mirrored_heading_suspicion(own_misfit, sums) if sums.is_mirrored() else None
+    if turned is None or mirrored is None:
+        return turned or mirrored
+    if mirrored.fix is None:
+        return turned
+    other_reading = f"{format_fix_option(turned.fix)}, or reverse without -1 in shuttle" if turned.fix else turned.what
+    return replace(mirrored, advice=f"the log is driven along one line only, so it may also be: {other_reading}")
+
+
+def _build_turned_heading_suspicion(misfit: _HeadingMisfit) -> Suspicion:
+    offset = misfit.offset_deg
+    if abs(offset) >= 180.0 - _NEAR_DEG:
+        return Suspicion(LogConvention.HEADING_REVERSED, f"it differs from the course by {abs(offset):.0f} degrees")
+    side, sign = ("clockwise", "subtract") if offset > 0.0 else ("counter-clockwise", "add")
+    agreement = abs(misfit.sums.turned) / misfit.sums.count
+    return Suspicion(
+        None,
+        f"turned back its agreement with the course is {agreement:.2f}",
+        f"heading_deg points {abs(offset):.0f} degrees {side} of the course",
+        f"correct the column: {sign} {abs(offset):.0f}",
+    )
+
+
+def _build_mirrored_heading_suspicion(misfit: _HeadingMisfit, sums: _HeadingSums) -> Suspicion:
+    """Return counter-clockwise from east or north; `own` judges this log, `sums` shows where the angle counts from."""
+    measured_zero_deg = math.degrees(cmath.phase(sums.mirrored))
+    agreement = misfit.sums.turned.real / misfit.sums.count
+    for fix, zero_deg in ((LogConvention.HEADING_CCW_EAST, 90.0), (LogConvention.HEADING_CCW_NORTH, 0.0)):
+        if abs(measured_zero_deg - zero_deg) <= _NEAR_DEG:
+            corrected_agreement = (
+                misfit.sums.mirrored * cmath.exp(-1j * math.radians(zero_deg))
+            ).real / misfit.sums.count
+            return Suspicion(
+                fix,
+                f"agreement with the course over ground is {agreement:.2f} as it is and {corrected_agreement:.2f} "
+                "when converted",
+            )
+    return Suspicion(
+        None,
+        f"agreement with the course over ground is {agreement:.2f} as it is",
+        f"heading_deg runs counter-clockwise from {measured_zero_deg % 360.0:.0f} degrees",
+        "write it clockwise from north",
+    )
+
+
+# --- steering ----------------------------------------------------------------------------------------------------
+
+
+def _check_steering_sense(log: Log) -> Suspicion | None:
+    angle, curvature = select_clear_bends([log])
+    if not is_steering_mirrored(angle, curvature):
+        return None
+    opposite = 100.0 * float(np.mean(angle * curvature < 0.0))
+    return Suspicion(
+        LogConvention.STEERING_LEFT, f"in {opposite:.0f} % of the clear bends the path turns away from the steering"
+    )

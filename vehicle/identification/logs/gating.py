@@ -1,0 +1,161 @@
+"""Which rows of a log can be used: rules applied in turn, each with its row count and first line."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.identification.logs.schema import Array, GatedRows, Mask
+
+FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
+JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
+STANDSTILL_MPS = 0.1  # noise of a speed sensor at rest; larger negative speeds encode a direction
+MOST_STEERING_DEG = 90.0  # no wheel turns further
+MOST_HEADING_DEG = 720.0  # two turns, for sensors that count on beyond 360
+SPIKE_DEG = 60.0  # no tractor yaws this far and back between two rows
+GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
+FIRST_ROW_LINE = 2  # after the header
+_MOST_OPEN_CHAINS = 8  # positions a receiver may jump between before the shortest chain is dropped
+
+
+class RowRules:
+    """Rows still in use, and the rules that excluded the others."""
+
+    def __init__(self, rows: int) -> None:
+        """Start with every row in use."""
+        self.used: Mask = np.ones(rows, dtype=np.bool_)
+        self.gated: list[GatedRows] = []
+
+    def exclude_rows(self, rule: str, bad: Mask) -> None:
+        """Exclude the `bad` rows and count those that were still in use."""
+        rows = np.flatnonzero(bad & self.used)
+        if len(rows):
+            self.gated.append(GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
+            self.used[rows] = False
+
+
+def gate_rows(columns: dict[str, Array]) -> RowRules:
+    """Apply every rule to the columns (units of the contract).
+
+    Roll and pitch exclude no row: neighbouring values replace bad ones.
+    """
+    rules = RowRules(len(columns["time_s"]))
+    rules.exclude_rows("time missing or not a number", ~np.isfinite(columns["time_s"]))
+    east, north = columns["easting_m"], columns["northing_m"]
+    rules.exclude_rows("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
+    _gate_used_rows(rules, "time not increasing", find_decreasing_entries(columns["time_s"][rules.used]))
+    rows = rules.used
+    jumping = find_jumps(columns["time_s"][rows], east[rows], north[rows])
+    _gate_used_rows(rules, f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
+    for name in ("heading_deg", "steering_command_deg", "steering_deg"):
+        if name in columns:
+            rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+    _gate_headings(rules, columns)
+    for name in ("speed_mps", "speed_command_mps"):
+        if name in columns:
+            rules.exclude_rows(f"{name} missing or not a number", ~np.isfinite(columns[name]))
+            rules.exclude_rows(f"{name} below 0 (the direction belongs in shuttle)", columns[name] < -STANDSTILL_MPS)
+            rules.exclude_rows(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
+    _gate_ranges(rules, columns)
+    return rules
+
+
+def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
+    """Exclude headings out of range, and single headings far from their neighbours."""
+    if "heading_deg" not in columns:
+        return
+    heading = columns["heading_deg"]
+    rules.exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
+    rows = np.flatnonzero(rules.used)
+    if len(rows) >= 3:
+        step = (np.diff(heading[rows]) + 180.0) % 360.0 - 180.0
+        alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
+        _gate_used_rows(
+            rules,
+            f"heading_deg differs by more than {SPIKE_DEG:g} deg from the rows before and after",
+            np.pad(alone, 1),
+        )
+
+
+def _gate_ranges(rules: RowRules, columns: dict[str, Array]) -> None:
+    for name in ("steering_command_deg", "steering_deg"):
+        if name in columns:
+            rules.exclude_rows(f"{name} beyond {MOST_STEERING_DEG:g} deg", np.abs(columns[name]) > MOST_STEERING_DEG)
+    if "implement" in columns:
+        rules.exclude_rows("implement neither 0 nor 1", ~np.isin(columns["implement"], (0.0, 1.0)))
+    if "shuttle" in columns:
+        rules.exclude_rows("shuttle not -1, 0 or 1", ~np.isin(columns["shuttle"], (-1.0, 0.0, 1.0)))
+        rules.exclude_rows("shuttle in neutral", columns["shuttle"] == 0.0)
+
+
+def _gate_used_rows(rules: RowRules, rule: str, bad_of_used: Mask) -> None:
+    """Exclude rows by a mask over the rows in use."""
+    bad = np.zeros(len(rules.used), dtype=np.bool_)
+    bad[np.flatnonzero(rules.used)[bad_of_used]] = True
+    rules.exclude_rows(rule, bad)
+
+
+def find_decreasing_entries(values: Array) -> Mask:
+    """Mark the entries outside one longest strictly increasing subsequence (patience sorting)."""
+    bad = np.ones(len(values), dtype=np.bool_)
+    if len(values) == 0 or bool((np.diff(values) > 0.0).all()):
+        return ~bad
+    tails: list[float] = []
+    tail_rows: list[int] = []
+    before = np.full(len(values), -1)
+    for row, value in enumerate(values.tolist()):
+        place = bisect_left(tails, value)
+        before[row] = tail_rows[place - 1] if place else -1
+        if place == len(tails):
+            tails.append(value)
+            tail_rows.append(row)
+        else:
+            tails[place], tail_rows[place] = value, row
+    row = tail_rows[-1]
+    while row >= 0:
+        bad[row] = False
+        row = int(before[row])
+    return bad
+
+
+def find_jumps(time: Array, east: Array, north: Array) -> Mask:
+    """Mark the positions that cannot be reached from most of the others.
+
+    Rows are strung into chains of reachable positions; the longest chain is good.
+    """
+    if len(time) < 2 or bool(_is_reachable(np.diff(time), np.diff(east), np.diff(north)).all()):
+        return np.zeros(len(time), dtype=np.bool_)
+    chains: list[list[int]] = []
+    for row in range(len(time)):
+        for chain in chains:
+            last = chain[-1]
+            if _is_reachable(time[row] - time[last], east[row] - east[last], north[row] - north[last]):
+                chain.append(row)
+                break
+        else:
+            chains.append([row])
+            if len(chains) > _MOST_OPEN_CHAINS:
+                chains.remove(min(chains[:-1], key=len))
+        chains.sort(key=len, reverse=True)
+    bad = np.ones(len(time), dtype=np.bool_)
+    bad[chains[0]] = False
+    return bad
+
+
+def _is_reachable(seconds: Array, east: Array, north: Array) -> Mask:
+    reach: Mask = np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_SLACK_M
+    return reach
+
+
+def number_segments(time: Array, used: Mask) -> npt.NDArray[np.int64]:
+    """Return the segment number of each used row, -1 for the others. A gap of more than GAP_SAMPLES steps starts a
+    segment."""
+    out = np.full(len(time), -1, dtype=np.int64)
+    steps = np.diff(time[used])
+    if len(steps):
+        out[used] = np.concatenate([[0], np.cumsum(steps > (GAP_SAMPLES + 0.5) * np.median(steps))])
+    elif used.any():
+        out[used] = 0
+    return out

@@ -1,0 +1,345 @@
+"""Reading measured logs: files to checked logs, and remarks on unused rows and columns."""
+
+from __future__ import annotations
+
+import difflib
+import glob
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.column_quality import (
+    LONGEST_STEP_S,
+    drop_coarse_columns,
+    drop_constant_columns,
+    interpolate_held_values,
+)
+from vehicle.identification.logs.conventions import convert_columns, find_convention_errors, find_first_place
+from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
+from vehicle.identification.logs.schema import (
+    COLUMNS,
+    SHORTEST_SEGMENT_S,
+    Log,
+    LogConvention,
+    Rows,
+    Suspicion,
+    split_drive_segments,
+)
+from vehicle.identification.logs.sensor_checks import correct_sensors
+from vehicle.identification.logs.table import Columns, extract_columns, read_table
+from vehicle.identification.logs.terrain import STEEPEST_DEG
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+_SHOWN_NAMES = 3  # names of logs with the same remark
+_NEAR_LIKENESS = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
+
+
+def list_remarks(log: Log) -> list[str]:
+    """Return every remark on a log, one sentence each, starting with its name.
+
+    Rows counted as "left out" or "not used" are all rows of the file that no replay uses, apart from repeated values of
+    a slower instrument.
+    """
+    messages = [
+        *_describe_repeated_files(log),
+        *_describe_ignored_columns(log),
+        *log.corrections,
+        *_describe_bad_tilt(log),
+    ]
+    messages += [
+        f"{_format_row_count(message.rows)} left out: {message.rule} (first in line {message.first_line})"
+        for message in log.gated
+    ]
+    return [f"{log.name}: {message}." for message in [*messages, *_describe_short_segments(log)]]
+
+
+def list_shared_remarks(logs: Sequence[Log]) -> list[str]:
+    """Return the remarks on many logs; a remark that several logs share appears once with their names."""
+    names: dict[str, list[str]] = {}
+    for log in logs:
+        for message in list_remarks(log):
+            names.setdefault(message.removeprefix(f"{log.name}: "), []).append(log.name)
+    return [f"{_join_names(log_names)}: {message}" for message, log_names in names.items()]
+
+
+def _join_names(names: Sequence[str]) -> str:
+    """Join names, only the first of many."""
+    if len(names) <= _SHOWN_NAMES + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:_SHOWN_NAMES])} and {len(names) - _SHOWN_NAMES} more"
+
+
+def _format_row_count(count: int) -> str:
+    return "1 row" if count == 1 else f"{count} rows"
+
+
+def _describe_repeated_files(log: Log) -> list[str]:
+    if not log.other_names:
+        return []
+    names = ", ".join(log.other_names)
+    return [f"the file was given {len(log.other_names) + 1} times (also as {names}) and counts once"]
+
+
+def _describe_ignored_columns(log: Log) -> list[str]:
+    absent = [name for name in COLUMNS if getattr(log, name) is None]
+    unset = (("shuttle", log.shuttle == 1.0), ("implement", log.implement == 0.0))
+    absent += [name for name, default in unset if default.all()]
+    messages = []
+    for name in log.ignored_columns:
+        near_names = [absent_name for absent_name in absent if absent_name.startswith(f"{name.lower()}_")]
+        near_names = near_names or difflib.get_close_matches(name.lower(), absent, 1, _NEAR_LIKENESS)
+        hint = f"; rename it {near_names[0]} if that is what it holds" if near_names else ""
+        messages.append(f"column {name!r} is unknown and was ignored{hint}")
+    return messages
+
+
+def _describe_bad_tilt(log: Log) -> list[str]:
+    """Describe impossible roll and pitch. They exclude no row, as the ground hardly changes from row to row."""
+    messages = []
+    for name, values in (("roll_deg", log.roll_deg), ("pitch_deg", log.pitch_deg)):
+        if values is not None:
+            bad = np.flatnonzero(~(np.abs(values) <= STEEPEST_DEG))
+            if len(bad):
+                messages.append(
+                    f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_format_row_count(len(bad))} (first in line "
+                    f"{_get_first_file_line(bad)}); values are interpolated there"
+                )
+    return messages
+
+
+def _describe_short_segments(log: Log) -> list[str]:
+    long_segments, short_segments = split_drive_segments(log)
+    if not short_segments:
+        return []
+    rows = np.concatenate(short_segments)
+    reason = (
+        f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
+        if long_segments
+        else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
+    )
+    return [f"{_format_row_count(len(rows))} not used: {reason} (first in line {_get_first_file_line(rows)})"]
+
+
+def _get_first_file_line(rows: Rows) -> int:
+    return int(rows[0]) + FIRST_ROW_LINE
+
+
+_FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
+_REFUSED_SHARE = 0.5  # of the rows: if one rule excludes more, the column is wrong and not a row
+_SHOWN_RULES = 4
+_STANDING_M = 0.3  # spread of antenna noise
+_POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
+_SPEED_FIXES = (LogConvention.SPEED_KMH, LogConvention.SPEED_MEASURED_KMH, LogConvention.SPEED_COMMAND_KMH)
+
+
+def read_log(
+    path: str | Path,
+    fixes: Iterable[LogConvention | str] = (),
+    wheelbase_m: float | None = None,
+    reference: tuple[float, float] | None = None,
+) -> Log:
+    """Read one run from a CSV or Parquet file.
+
+    `fixes` are conventions to convert from (values of LogFix); `wheelbase_m` sharpens the check for radians;
+    `reference` is the longitude and latitude (deg) of the origin for positions in degrees. Raises LogError, in one
+    sentence, for a file that is no log, a log without a usable segment, and a convention that looks wrong and is not
+    among the fixes.
+    """
+    path = Path(path)
+    return build_log(read_table(path), path.stem, fixes, wheelbase_m, reference)
+
+
+def read_logs(
+    paths: str | Path | Iterable[str | Path],
+    fixes: Iterable[LogConvention | str] = (),
+    wheelbase_m: float | None = None,
+) -> list[Log]:
+    """Read runs from files and glob patterns, in the given order and sorted within a pattern, each file once.
+
+    Positions in degrees share one origin: the first position of the first file. Raises LogError as read_log does, and
+    when a pattern matches no file.
+    """
+    fix_set = parse_conventions(fixes)
+    logs: list[Log] = []
+    reference = None
+    files = find_log_files([paths] if isinstance(paths, str | Path) else paths)
+    for (path, other_paths), name in zip(files.items(), _name_logs(list(files)), strict=True):
+        frame = read_table(path)
+        if reference is None and LogConvention.POSITION_DEGREES in fix_set:
+            columns = extract_columns(frame, name)[0]
+            reference = find_first_place(convert_columns(columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
+        log = build_log(frame, name, fix_set, wheelbase_m, reference, check=False)
+        logs.append(replace(log, other_names=other_paths))
+    for log in logs:
+        _check_log(log, fix_set, wheelbase_m, [other_log for other_log in logs if other_log is not log])
+    return [correct_sensors(log) for log in logs]
+
+
+def build_log(
+    frame: pd.DataFrame,
+    name: str,
+    fixes: Iterable[LogConvention | str] = (),
+    wheelbase_m: float | None = None,
+    reference: tuple[float, float] | None = None,
+    check: bool = True,
+) -> Log:
+    """Build one run from a table, as read_log. Without `check`, only constant columns and rows are judged."""
+    fix_set = parse_conventions(fixes)
+    raw_columns, ignored = extract_columns(frame, name)
+    columns, fresh, doubts = interpolate_held_values(
+        convert_columns(raw_columns, fix_set, reference), name, raw_columns
+    )
+    rules = gate_rows(columns)
+    columns = _clip_negative_speeds(columns)
+    _refuse_unusable_rows(columns, rules, name)
+    log = replace(_assemble_log(columns, rules, name, ignored), fresh=fresh, corrections=doubts)
+    log = drop_constant_columns(drop_coarse_columns(log))
+    if not check:
+        return log
+    _check_log(log, fix_set, wheelbase_m)
+    return correct_sensors(log)
+
+
+def _clip_negative_speeds(columns: Columns) -> Columns:
+    """Clip the noise of speed sensors at rest to zero; larger negative speeds are excluded later."""
+    speeds = {name: np.maximum(columns[name], 0.0) for name in columns if name.startswith("speed")}
+    return columns | speeds
+
+
+def parse_conventions(fixes: Iterable[LogConvention | str]) -> frozenset[LogConvention]:
+    """Parse names of conversions; raises LogError for an unknown one and for two that contradict each other."""
+    try:
+        given = frozenset(LogConvention(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
+    except ValueError as error:
+        raise LogError(f"{error}; the fixes are: {', '.join(LogConvention)}.", parameter="fixes") from error
+    speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]
+    if len(speeds) > 1:
+        raise LogError(
+            f"The fixes {' and '.join(speeds)} convert the same speed; give only one of them.",
+            parameter="fixes",
+        )
+    return given
+
+
+def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
+    """Resolve names and glob patterns to files, each once, with the further names under which it was given.
+
+    Raises LogError when a pattern matches no file and when no name is given.
+    """
+    files: dict[Path, list[Path]] = {}
+    for pattern in paths:
+        text = str(pattern)
+        matches = [Path(text)]
+        if any(mark in text for mark in "*?[") and not Path(text).exists():
+            matches = sorted(Path(match) for match in glob.glob(text, recursive=True))
+            if not matches:
+                raise LogError(f"{text} matches no file; check the pattern.")
+        for path in matches:
+            files.setdefault(Path(os.path.realpath(path)), []).append(path)
+    if not files:
+        raise LogError("No log was given; name at least one file or pattern, for example runs/*.csv.")
+    return {first: tuple(map(str, other_paths)) for first, *other_paths in files.values()}
+
+
+def _name_logs(files: list[Path]) -> list[str]:
+    """Return stems, or whole paths where two files share a stem."""
+    stems = [path.stem for path in files]
+    return [stem if stems.count(stem) == 1 else str(path) for stem, path in zip(stems, files, strict=True)]
+
+
+def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
+    backwards = next((gated_rows for gated_rows in rules.gated if gated_rows.rule == "time not increasing"), None)
+    if backwards is not None and backwards.rows > _REFUSED_SHARE * len(rules.used):
+        stands = np.count_nonzero(np.diff(columns["time_s"]) == 0.0) > 0.5 * backwards.rows
+        raise LogError(
+            f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
+            f"{backwards.first_line}); {'log times with enough decimals' if stands else 'sort the rows by time'}."
+        )
+    lost_rows = next(
+        (
+            gated_rows
+            for gated_rows in rules.gated
+            if gated_rows.rows > _REFUSED_SHARE * len(rules.used) and "missing" in gated_rows.rule
+        ),
+        None,
+    )
+    if lost_rows is not None and np.count_nonzero(rules.used) >= 2:
+        raise LogError(
+            f"{name}: {lost_rows.rows} of {len(rules.used)} rows are unusable: {lost_rows.rule} (first in line "
+            f"{lost_rows.first_line}); fill the column, or remove it if it is optional."
+        )
+    if np.count_nonzero(rules.used) < 2:
+        largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:_SHOWN_RULES]
+        why = "; ".join(
+            f"{gated_rows.rule}: {gated_rows.rows} rows from line {gated_rows.first_line}" for gated_rows in largest
+        )
+        raise LogError(f"{name} has fewer than two usable rows of {len(rules.used)} ({why}); correct the log.")
+
+
+def _assemble_log(columns: Columns, rules: RowRules, name: str, ignored_columns: tuple[str, ...]) -> Log:
+    rows = len(rules.used)
+    return Log(
+        name=name,
+        time_s=columns["time_s"],
+        easting_m=columns["easting_m"],
+        northing_m=columns["northing_m"],
+        heading_deg=columns.get("heading_deg"),
+        speed_mps=columns.get("speed_mps"),
+        speed_command_mps=columns.get("speed_command_mps"),
+        steering_command_deg=columns.get("steering_command_deg"),
+        steering_deg=columns.get("steering_deg"),
+        shuttle=columns.get("shuttle", np.ones(rows)),
+        implement=columns.get("implement", np.zeros(rows)),
+        roll_deg=columns.get("roll_deg"),
+        pitch_deg=columns.get("pitch_deg"),
+        used=rules.used,
+        segment=number_segments(columns["time_s"], rules.used),
+        gated=tuple(rules.gated),
+        ignored_columns=ignored_columns,
+    )
+
+
+def _check_log(
+    log: Log, fix_set: frozenset[LogConvention], wheelbase_m: float | None, other_logs: Sequence[Log] = ()
+) -> None:
+    """Refuse wrong conventions, a tractor that never moves, and an impossible rate."""
+    suspicions = find_convention_errors(log, wheelbase_m, other_logs)
+    _refuse_standing_tractor(log, suspicions)
+    contradicted = [suspicion for suspicion in suspicions if suspicion.fix in fix_set]
+    if contradicted:
+        raise LogError(f"{log.name}: after the fix {contradicted[0].fix} {contradicted[0].why}; remove that fix.")
+    if suspicions:
+        raise LogError(
+            f"{log.name}: it seems that {'; and that '.join(suspicion.format_sentence() for suspicion in suspicions)}."
+        )
+    _refuse_impossible_rate(log)
+
+
+def _refuse_standing_tractor(log: Log, suspicions: Sequence[Suspicion]) -> None:
+    """Refuse a tractor that never moves, unless the unit of the positions is wrong."""
+    if any(suspicion.fix in _POSITION_FIXES for suspicion in suspicions):
+        return
+    moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
+    seconds = float(np.ptp(log.time_s[log.used]))
+    if moved == 0.0 or (moved < _STANDING_M and seconds >= SHORTEST_SEGMENT_S):
+        raise LogError(
+            f"{log.name}: its positions stay within {moved:.2g} m for {seconds:.0f} s, so the tractor never moves; "
+            "leave "
+            "this log out, or correct the columns easting_m and northing_m."
+        )
+
+
+def _refuse_impossible_rate(log: Log) -> None:
+    if not 1.0 / _FASTEST_HZ <= log.step_s <= LONGEST_STEP_S:
+        raise LogError(
+            f"{log.name}: its rows are {log.step_s:g} s apart; logs must have 1 to 100 Hz; check the unit of "
+            "time_s or log at another rate."
+        )

@@ -1,0 +1,192 @@
+"""A measured log: its columns, its rows, what may be wrong with it, and its segments driven in one gear."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.errors import mark_parameter
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Rows = npt.NDArray[np.int64]
+
+NEEDED_COLUMNS = ("time_s", "easting_m", "northing_m")
+STEERING_COLUMNS = ("steering_command_deg", "steering_deg")
+OPTIONAL_COLUMNS = ("heading_deg", "speed_mps", "speed_command_mps", "shuttle", "implement", "roll_deg", "pitch_deg")
+COLUMNS = NEEDED_COLUMNS + STEERING_COLUMNS + OPTIONAL_COLUMNS
+
+
+class LogConvention(StrEnum):
+    """Conventions that a log may follow instead of the contract's; the value is the name of the option."""
+
+    TIME_MS = "time-ms"
+    EAST_NORTH_SWAPPED = "east-north-swapped"
+    POSITION_DEGREES = "position-degrees"
+    POSITION_KM = "position-km"
+    SPEED_KMH = "speed-kmh"
+    SPEED_MEASURED_KMH = "speed-measured-kmh"
+    SPEED_COMMAND_KMH = "speed-command-kmh"
+    HEADING_RADIANS = "heading-radians"
+    HEADING_CCW_EAST = "heading-ccw-east"
+    HEADING_CCW_NORTH = "heading-ccw-north"
+    HEADING_REVERSED = "heading-reversed"
+    STEERING_RADIANS = "steering-radians"
+    STEERING_LEFT = "steering-left-positive"
+    IMPLEMENT_REVERSED = "implement-reversed"
+    ROLL_LEFT = "roll-left-down"
+
+
+FIX_MEANINGS = {
+    LogConvention.TIME_MS: "time_s counts milliseconds",
+    LogConvention.EAST_NORTH_SWAPPED: "easting and northing are swapped",
+    LogConvention.POSITION_DEGREES: "easting_m and northing_m are longitude and latitude in degrees",
+    LogConvention.POSITION_KM: "easting_m and northing_m are in kilometres",
+    LogConvention.SPEED_KMH: "speeds are in km/h",
+    LogConvention.SPEED_MEASURED_KMH: "speed_mps is in km/h",
+    LogConvention.SPEED_COMMAND_KMH: "speed_command_mps is in km/h",
+    LogConvention.HEADING_RADIANS: "heading_deg is in radians",
+    LogConvention.HEADING_CCW_EAST: "heading_deg runs counter-clockwise from east",
+    LogConvention.HEADING_CCW_NORTH: "heading_deg runs counter-clockwise from north",
+    LogConvention.HEADING_REVERSED: "heading_deg points backwards",
+    LogConvention.STEERING_RADIANS: "steering angles are in radians",
+    LogConvention.STEERING_LEFT: "steering is positive to the left",
+    LogConvention.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
+    LogConvention.ROLL_LEFT: "roll_deg is positive where the left side is lower",
+}
+
+
+def format_fix_option(fix: LogConvention) -> str:
+    """Return the option that applies a fix, for use in a refusal."""
+    return f"{mark_parameter('fixes')} {fix}"
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """A convention that the log seems to break, and the evidence.
+
+    `fix` is None when only the log itself can be corrected; `what` and `advice` then say what is suspected and what to
+    do. With a fix, `advice` adds the other possible explanations.
+    """
+
+    fix: LogConvention | None
+    why: str
+    what: str = ""
+    advice: str = ""
+
+    def format_sentence(self) -> str:
+        """Return what is suspected, why, and the fix, for a refusal."""
+        if self.fix is None:
+            return f"{self.what} ({self.why}); {self.advice}"
+        other_readings = f" ({self.advice})" if self.advice else ""
+        return f"{FIX_MEANINGS[self.fix]} ({self.why}); give {format_fix_option(self.fix)} to convert{other_readings}"
+
+
+@dataclass(frozen=True)
+class GatedRows:
+    """Rows excluded by one rule; `first_line` counts the header as line 1."""
+
+    rule: str
+    rows: int
+    first_line: int
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One run. Arrays have one value per row of the file, in the units of their names; None when a column is absent.
+
+    Every present column except roll and pitch is finite on the rows that are `used`. `segment` numbers the parts
+    between gaps of more than five samples, from 0; it is -1 on unused rows. Speeds are never negative (noise down to
+    -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file has no such
+    column; `implement` is then 0 throughout. `other_names` are further paths under which the same file was given;
+    `corrections` are sentences on instrument errors that were corrected. The measured speed was divided by
+    `speed_factor`; `stray_steering_deg` is the standard deviation of a wheel angle that was dropped because it is
+    unrelated to the path. Positions and heading were measured in the `fresh` rows (None: in all) and are interpolated
+    between them. `coarse_columns` are columns that were dropped for their resolution, with the size of their steps.
+    """
+
+    name: str
+    time_s: Array
+    easting_m: Array
+    northing_m: Array
+    heading_deg: Array | None
+    speed_mps: Array | None
+    speed_command_mps: Array | None
+    steering_command_deg: Array | None
+    steering_deg: Array | None
+    shuttle: Array
+    implement: Array
+    roll_deg: Array | None
+    pitch_deg: Array | None
+    used: Mask
+    segment: Rows
+    gated: tuple[GatedRows, ...]
+    ignored_columns: tuple[str, ...] = ()
+    other_names: tuple[str, ...] = ()
+    corrections: tuple[str, ...] = ()
+    speed_factor: float = 1.0
+    stray_steering_deg: float = 0.0
+    fresh: Mask | None = None
+    coarse_columns: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def rows_used(self) -> int:
+        """Number of usable rows."""
+        return int(np.count_nonzero(self.used))
+
+    @property
+    def rows_gated(self) -> int:
+        """Number of excluded rows."""
+        return len(self.used) - self.rows_used
+
+    @property
+    def segment_count(self) -> int:
+        """Number of segments between gaps."""
+        return int(self.segment.max()) + 1
+
+    @property
+    def step_s(self) -> float:
+        """Median time between used rows (s)."""
+        return float(np.median(np.diff(self.time_s[self.used])))
+
+
+SHORTEST_SEGMENT_S = 5.0  # one piece of the 5 s horizon, over which errors are compared
+
+
+def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:
+    """Split a log into segments in one gear without a gap.
+
+    Returns the rows of the segments that are long enough to replay, and the rows of the others.
+    """
+    long_segments: list[Rows] = []
+    short_segments: list[Rows] = []
+    rows = np.flatnonzero(log.used)
+    # A few excluded rows are no gap, unless the gear changed in them.
+    change = (np.diff(log.segment[rows]) != 0) | (np.diff(_number_gear_changes(log)[rows]) != 0)
+    for segment_rows in np.split(rows, np.flatnonzero(change) + 1):
+        measured_rows = _trim_to_measured(log, segment_rows)
+        if len(measured_rows):
+            enough = log.time_s[measured_rows[-1]] - log.time_s[measured_rows[0]] >= SHORTEST_SEGMENT_S
+            (long_segments if enough else short_segments).append(measured_rows)
+    return long_segments, short_segments
+
+
+def _trim_to_measured(log: Log, rows: Rows) -> Rows:
+    """Return the rows from the first to the last in which the position was measured."""
+    if log.fresh is None:
+        return rows
+    fresh = np.flatnonzero(log.fresh[rows])
+    return rows[fresh[0] : fresh[-1] + 1] if len(fresh) else rows[:0]
+
+
+def _number_gear_changes(log: Log) -> Rows:
+    """Return the number of logged gear changes up to each row."""
+    is_stated = np.isfinite(log.shuttle)
+    gear = np.sign(log.shuttle[is_stated])
+    number = np.zeros(len(log.shuttle), dtype=np.int64)
+    number[is_stated] = np.cumsum(np.diff(gear, prepend=gear[:1]) != 0.0)
+    return number

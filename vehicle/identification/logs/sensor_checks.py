@@ -1,0 +1,371 @@
+"""Faulty sensors, detected by what no tractor does, corrected and reported.
+
+Each check compares two instruments of one log. Uncorrected, these errors would look like faults of the tractor: a speed
+that reads high like wheel slip, drifting clocks like a growing dead time, a stuck angle like missing grip.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords, select_chord_steering
+from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
+from vehicle.identification.logs.schema import Array, GatedRows, Log, Mask, Rows
+
+# Speed: no workable slope changes it this much, and a slope does so in one direction only.
+_LEAST_FACTOR, _SURE_SIGMAS = 1.05, 5.0
+_STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.02
+# Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
+_NEARER_SHARE = 0.4
+_FEWEST_CHORDS = 12
+# Clocks, in s. Windows contain several changes of the steering; larger lags have other reasons.
+_WINDOW_S, _SEARCH_S, _GRID_S, _SMOOTH_S = 20.0, 2.5, 0.1, 0.6
+_LEAST_WINDOWS, _LEAST_DRIFT_S, _LEAST_CORRELATION = 5, 0.3, 0.75
+# Shorter logs cannot show two clocks: with windows of 10 s, one correct log in ten would seem to have them.
+CLOCKS_FROM_S = _LEAST_WINDOWS * _WINDOW_S
+# A dead wheel sensor repeats one value for long; the angle that the path needs is averaged over that time.
+_STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
+# Correlations with the bends of the path: a working sensor reaches the second.
+_STRAY_CORRELATION, _FOLLOWING_CORRELATION = 0.3, 0.9
+_ALL_NOISE_SHARE = 0.9  # of the spread: between two rows, over the square root of 2, it is 1 for white noise
+_STILL_S, _DEAD_SENSOR_DEG, _LEAST_STEERING_SPREAD_DEG, _RUN_CHORDS, _DEAD_SENSOR_SHARE = 4.0, 3.0, 2.0, 5, 0.4
+
+
+def correct_sensors(log: Log) -> Log:
+    """Return the log with sensor errors corrected, and a sentence for each in `corrections`."""
+    for check in (_drop_unrelated_wheel_angle, _gate_dead_sensor, _correct_speed_factor, _correct_position_clock):
+        log = check(log)
+    return log
+
+
+def _correct_speed_factor(log: Log) -> Log:
+    """Correct a measured speed that is the same multiple of the positions' pace in all directions, working or not."""
+    chords = compute_path_chords(log)
+    if log.speed_mps is None or chords is None:
+        return log
+    stated_mps = log.speed_mps[chords.row]
+    is_straight = _select_straight_chords(chords, stated_mps)
+    if np.count_nonzero(is_straight) < _FEWEST_CHORDS:
+        return log
+    ratio, course = stated_mps[is_straight] / chords.speed[is_straight], chords.course[is_straight]
+    factor = float(np.median(ratio))
+    spread = 1.4826 * float(np.median(np.abs(ratio - factor)))
+    # Chords overlap by half, so two count as one observation.
+    error = 1.25 * spread * math.sqrt(2.0 / len(ratio))
+    parts = [ratio[part] for part in _split_chords(course, log.implement[chords.row][is_straight])]
+    is_same_everywhere = all(abs(float(np.median(part)) - factor) < max(_ALIKE_SHARE, 3.0 * error) for part in parts)
+    if max(factor, 1.0 / factor) < _LEAST_FACTOR or abs(factor - 1.0) < _SURE_SIGMAS * error or not is_same_everywhere:
+        return log
+    direction = "more" if factor > 1.0 else "less"
+    message = (
+        f"speed_mps reads {100.0 * abs(factor - 1.0):.0f} % {direction} than the positions move, in every direction: "
+        f"a scale error of the sensor, not slip; the column is divided by {factor:.3f}"
+    )
+    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, corrections=(*log.corrections, message))
+
+
+def correct_sensors_like_others(logs: Sequence[Log]) -> list[Log]:
+    """Correct logs that cannot show an error by themselves as other logs of the set were.
+
+    Bends show a speed factor only roughly; where it is near one that straight driving showed in another log, that one
+    is used. Straight driving cannot show that a wheel angle is unrelated to the path; where bends of another log did,
+    it is dropped.
+    """
+    stray_log = next((candidate_log for candidate_log in logs if candidate_log.stray_steering_deg > 0.0), None)
+    if stray_log is not None:
+        logs = [_drop_wheel_angle_like_other(log, stray_log) for log in logs]
+    logs_with_factor = [log for log in logs if log.speed_factor != 1.0]
+    return [_correct_speed_as_others(log, logs_with_factor) for log in logs] if logs_with_factor else list(logs)
+
+
+def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
+    """Drop a wheel angle that varies without bending the path, as in `stray_log`."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return log
+    is_moving = float(np.std(log.steering_deg[log.used])) >= min(
+        _LEAST_STEERING_SPREAD_DEG, 0.5 * stray_log.stray_steering_deg
+    )
+    if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * _STRAY_CORRELATION:
+        return log
+    message = f"{_STRAY_MESSAGE}, as in {stray_log.name}; the column is ignored"
+    return replace(
+        log, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg, corrections=(*log.corrections, message)
+    )
+
+
+def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
+    """Divide a speed by the nearest factor found in other logs, where it reads by about that factor."""
+    chords = compute_path_chords(log)
+    if log.speed_mps is None or log.speed_factor != 1.0 or chords is None or len(chords.row) < _FEWEST_CHORDS // 2:
+        return log
+    stated_mps = log.speed_mps[chords.row]
+    if np.count_nonzero(_select_straight_chords(chords, stated_mps)) >= _FEWEST_CHORDS:
+        return log  # this log shows by itself that there is no factor, or slip instead
+    ratio = float(np.median(stated_mps / np.maximum(chords.speed, 0.05)))
+    nearest_log = min(logs_with_factor, key=lambda other: abs(math.log(max(ratio, 1e-3) / other.speed_factor)))
+    factor = nearest_log.speed_factor
+    if abs(math.log(max(ratio, 1e-3) / factor)) > _NEARER_SHARE * abs(math.log(factor)):
+        return log
+    message = (
+        f"speed_mps reads about {100.0 * abs(ratio - 1.0):.0f} % {'more' if ratio > 1.0 else 'less'} than the "
+        f"positions move, as in {nearest_log.name}: the same sensor; the column is divided by {factor:.3f}"
+    )
+    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, corrections=(*log.corrections, message))
+
+
+def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
+    """Select the chords that can show a factor of the stated speed."""
+    straight: Mask = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1)
+    return straight
+
+
+def _split_chords(course: Array, working: Array) -> list[Mask]:
+    """Split chords by direction of travel and by implement; parts that are too small are dropped."""
+    east, north = np.sin(course), np.cos(course)
+    parts = [east > 0.5, east < -0.5, north > 0.5, north < -0.5, working > 0.5, working <= 0.5]
+    return [part for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
+
+
+def _correct_position_clock(log: Log) -> Log:
+    """Correct positions stamped by a clock that runs faster or slower than that of the steering."""
+    lags = _measure_turning_lags(log)
+    if lags is None or len(lags[0]) < _LEAST_WINDOWS:
+        return log
+    middle_s, lag = lags
+    rate, error = _fit_line(middle_s, lag)
+    drift = rate * float(np.ptp(middle_s))
+    if abs(drift) < _LEAST_DRIFT_S or abs(rate) < _SURE_SIGMAS * error:
+        return log
+    start = float(log.time_s[log.used][0])
+    shift_s = rate * (log.time_s - start)
+    message = (
+        f"the positions get {abs(60.0 * rate):.2f} s a minute {'later' if rate > 0.0 else 'earlier'} against the "
+        f"steering, {abs(drift):.1f} s over the log: two clocks, not a dead time; the positions are shifted back"
+    )
+    return replace(_shift_positions(log, shift_s), corrections=(*log.corrections, message))
+
+
+def _shift_positions(log: Log, shift_s: Array) -> Log:
+    """Return position and heading `shift_s` later in the log."""
+    rows = np.flatnonzero(log.used)
+    time, shifted_s = log.time_s[rows], (log.time_s + shift_s)[rows]
+    changed: dict[str, Any] = {}
+    for name in ("easting_m", "northing_m", "heading_deg"):
+        values = getattr(log, name)
+        if values is None:
+            continue
+        unwrapped = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
+        shifted = values.copy()
+        shifted[rows] = np.interp(shifted_s, time, unwrapped)
+        changed[name] = np.mod(shifted, 360.0) if name == "heading_deg" else shifted
+    return replace(log, **changed)
+
+
+def _measure_turning_lags(log: Log) -> tuple[Array, Array] | None:
+    """Return, per window, its middle (s) and how much later than the steering the path turns (s)."""
+    rows = np.flatnonzero(log.used & (log.shuttle > 0.0))
+    span = float(np.ptp(log.time_s[rows])) if len(rows) else 0.0
+    if span < CLOCKS_FROM_S:
+        return None
+    grid = np.arange(log.time_s[rows[0]], log.time_s[rows[-1]], _GRID_S)
+    turning, angle = (
+        _compute_turning_rate(log, rows, grid),
+        np.interp(grid, log.time_s[rows], select_chord_steering(log)[rows]),
+    )
+    pace = np.interp(grid, log.time_s[rows], _compute_pace(log, rows))
+    wheel = _smooth_values(angle * pace)
+    width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
+    middles_s, lags_s = [], []
+    for first in range(reach, len(grid) - width - reach, width):
+        lag = _find_best_lag(wheel[first : first + width], turning[first - reach : first + width + reach], reach)
+        if lag is not None:
+            middles_s.append(grid[first] + 0.5 * _WINDOW_S)
+            lags_s.append(lag * _GRID_S)
+    return np.array(middles_s), np.array(lags_s)
+
+
+def _compute_turning_rate(log: Log, rows: Rows, grid: Array) -> Array:
+    """Return the turning rate from the heading, or from the course without one, smoothed like the steering."""
+    time = log.time_s[rows]
+    if log.heading_deg is not None:
+        angle = np.interp(grid, time, np.unwrap(log.heading_deg[rows], period=360.0))
+    else:
+        east, north = (_smooth_values(np.interp(grid, time, axis[rows])) for axis in (log.easting_m, log.northing_m))
+        angle = np.degrees(np.unwrap(np.arctan2(np.gradient(east), np.gradient(north))))
+    return _smooth_values(np.gradient(angle, _GRID_S))
+
+
+def _compute_pace(log: Log, rows: Rows) -> Array:
+    if log.speed_mps is not None:
+        return log.speed_mps[rows]
+    pace: Array = np.hypot(*(np.gradient(axis[rows], log.time_s[rows]) for axis in (log.easting_m, log.northing_m)))
+    return pace
+
+
+def _smooth_values(values: Array) -> Array:
+    width = 2 * round(0.5 * _SMOOTH_S / _GRID_S) + 1
+    padded = np.pad(values, width // 2, mode="edge")
+    out: Array = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+    return out
+
+
+def _find_best_lag(wheel: Array, turning: Array, reach: int) -> float | None:
+    """Return by how many grid steps `turning`, which is longer at both ends, follows; None if it does not."""
+    centred_wheel = wheel - wheel.mean()
+    if float(np.std(centred_wheel)) < 1.0:  # deg m/s: hardly steered
+        return None
+    scores = np.empty(2 * reach + 1)
+    for shift in range(len(scores)):
+        shifted_turning = turning[shift : shift + len(wheel)]
+        shifted_turning = shifted_turning - shifted_turning.mean()
+        scores[shift] = float(centred_wheel @ shifted_turning) / math.sqrt(
+            float(centred_wheel @ centred_wheel) * float(shifted_turning @ shifted_turning) + 1e-30
+        )
+    top = int(np.argmax(scores))
+    if scores[top] < _LEAST_CORRELATION or not 0 < top < len(scores) - 1:
+        return None
+    low, mid, high = scores[top - 1 : top + 2]
+    bow = low - 2.0 * mid + high
+    return float(top - reach + (0.5 * (low - high) / bow if bow < 0.0 else 0.0))
+
+
+def _fit_line(x: Array, y: Array) -> tuple[float, float]:
+    """Return the slope of y over x, the median of all pairs, and its standard error from the residuals."""
+    first, second = np.triu_indices(len(x), 1)
+    slope = float(np.median((y[second] - y[first]) / (x[second] - x[first])))
+    residuals = y - slope * x
+    spread = max(1.4826 * float(np.median(np.abs(residuals - np.median(residuals)))), 0.01)
+    return slope, spread / (math.sqrt(len(x)) * float(np.std(x)))
+
+
+def _gate_dead_sensor(log: Log) -> Log:
+    """Exclude rows in which the wheel angle repeats one value while the path needs another."""
+    bends, chords = (None, None) if log.steering_deg is None else (compute_bends(log), compute_path_chords(log))
+    if log.steering_deg is None or bends is None or chords is None:
+        return log
+    runs = _find_constant_value_rows(log.time_s, log.steering_deg, log.used)
+    angle, curvature, _ = bends
+    moving = ~np.isin(chords.row, np.concatenate([np.empty(0, dtype=np.int64), *runs]))
+    line = _fit_steering_line(angle[moving], curvature[moving])
+    if line is None:
+        return log
+    dead_runs = [run for run in runs if _is_dead(angle, curvature, np.isin(chords.row, run), line)]
+    if not dead_runs:
+        return log
+    rows = np.concatenate(dead_runs)
+    used = log.used.copy()
+    used[rows] = False
+    rule = f"steering_deg is constant for {_STILL_S:g} s or more while the path bends: dead sensor"
+    gated = (*log.gated, GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
+    return replace(log, used=used, segment=number_segments(log.time_s, used), gated=gated)
+
+
+def _drop_unrelated_wheel_angle(log: Log) -> Log:
+    """Drop a wheel angle that is unrelated to the path while the command explains it."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return log
+    by_sensor = _correlate_with_bends(replace(log, steering_command_deg=None))
+    by_command = _correlate_with_bends(replace(log, steering_deg=None))
+    is_clear = (
+        float(np.std(log.steering_deg[log.used])) >= _LEAST_STEERING_SPREAD_DEG and by_command >= _FOLLOWING_CORRELATION
+    )
+    if abs(by_sensor) > _STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
+        return log
+    message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"
+    return replace(
+        log,
+        steering_deg=None,
+        stray_steering_deg=float(np.std(log.steering_deg[log.used])),
+        corrections=(*log.corrections, message),
+    )
+
+
+def _is_wheel_angle_bypassed(log: Log) -> bool:
+    """Whether the command clearly bends the path while the wheel angle hardly moves with it or is all noise.
+
+    All noise: it varies as much from row to row as over the log, which wheels do not, and more than the command.
+    """
+    by_sensor, by_command = (
+        compute_bends(replace(log, steering_command_deg=None)),
+        compute_bends(replace(log, steering_deg=None)),
+    )
+    if by_sensor is None or by_command is None or len(by_command[0]) < 2 * _FEWEST_CHORDS:
+        return False
+    command, path, wheel = by_command[0], _compute_heading_curvature(log, by_command[2]), by_sensor[0]
+    command_share, command_error = _compute_response_share(command, by_command[1] if path is None else path)
+    sensor_share, sensor_error = _compute_response_share(command, wheel)
+    rows = log.steering_deg[log.used], log.steering_command_deg[log.used]  # type: ignore[index]
+    from_row_to_row = float(np.std(np.diff(rows[0]))) / math.sqrt(2.0)
+    noise = from_row_to_row > max(_ALL_NOISE_SHARE * float(np.std(rows[0])), float(np.std(rows[1])))
+    return command_share > _SURE_SIGMAS * command_error and (
+        noise or sensor_share + _SURE_SIGMAS * sensor_error < _STRAY_CORRELATION
+    )
+
+
+def _compute_heading_curvature(log: Log, gear: Array) -> Array | None:
+    """Return the curvature (1/m) per chord from the heading, with less noise than from positions; None without a
+    heading."""
+    chords = compute_path_chords(log)
+    if log.heading_deg is None or chords is None:
+        return None
+    rows = np.flatnonzero(log.used)
+    time, heading = log.time_s[rows], np.unwrap(np.radians(log.heading_deg[rows]))
+    middle = log.time_s[chords.row]
+    start, end = (np.interp(middle + shift * chords.span_s, time, heading) for shift in (-0.5, 0.5))
+    curvature: Array = gear * (end - start) / (chords.speed * chords.span_s)
+    return curvature
+
+
+def _compute_response_share(regressor: Array, response: Array) -> tuple[float, float]:
+    """How much of `one` the `other` moves by, and the standard error of that; chords overlap by half."""
+    centred = regressor - regressor.mean()
+    square = float(centred @ centred)
+    if square == 0.0:
+        return 0.0, math.inf
+    share = float(centred @ response) / square
+    residuals = response - response.mean() - share * centred
+    return share, math.sqrt(2.0 * float(residuals @ residuals) / (len(regressor) - 2) / square)
+
+
+def _correlate_with_bends(log: Log) -> float:
+    """Return the correlation of the steering with the bends of the path, 1 with too few bends."""
+    bends = compute_bends(log)
+    if bends is None or len(bends[0]) < 2 * _FEWEST_CHORDS or min(float(np.std(column)) for column in bends[:2]) == 0.0:
+        return 1.0
+    return float(np.corrcoef(bends[0], bends[1])[0, 1])
+
+
+def _find_constant_value_rows(time: Array, values: Array, used: Mask) -> list[Rows]:
+    """Find long runs of rows with the same value."""
+    rows = np.flatnonzero(used)
+    runs = np.split(rows, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1)
+    return [run for run in runs if len(run) and time[run[-1]] - time[run[0]] >= _STILL_S]
+
+
+def _fit_steering_line(angle: Array, curvature: Array) -> tuple[float, float, float] | None:
+    """Fit curvature per degree and at 0, and the scatter of a chord, where the angle moves.
+
+    None where the chords do not show it well.
+    """
+    if len(angle) < 2 * _FEWEST_CHORDS or float(np.std(angle)) < _LEAST_STEERING_SPREAD_DEG:
+        return None
+    slope, at_zero = np.polyfit(angle, curvature, 1)
+    residuals = curvature - slope * angle - at_zero
+    scatter = float(np.std(residuals))
+    error = scatter / (float(np.std(angle)) * math.sqrt(0.5 * len(angle)))
+    return (float(slope), float(at_zero), scatter) if slope > 2.0 * _SURE_SIGMAS * error else None
+
+
+def _is_dead(angle: Array, curvature: Array, run: Mask, line: tuple[float, float, float]) -> bool:
+    """Whether the path of a run needs another angle. Sliding tyres lose a share of the curvature and do not count."""
+    if np.count_nonzero(run) < _RUN_CHORDS:
+        return False
+    slope, at_zero, scatter = line
+    shown = angle[run]
+    excess_deg = np.abs((curvature[run] - at_zero) / slope - shown) - 0.5 * np.abs(shown)
+    return float(np.mean(excess_deg > _DEAD_SENSOR_DEG + 2.0 * scatter / slope)) > _DEAD_SENSOR_SHARE

@@ -1,0 +1,390 @@
+"""The slope of the ground from roll and pitch sensors; a reason where it cannot be measured.
+
+Such a sensor shows the ground, its mounting, and the lean of the tractor where it turns or speeds up. Mounting and lean
+are the same everywhere, while the ground changes its sign when driven there and back. They are separated over all logs
+of a tractor together, with the ground as a smooth height over the field. Pitch explains speed uphill and downhill, roll
+the slope across the direction of travel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.logs.chords import compute_path_chords
+from vehicle.identification.logs.schema import Array, Log, LogConvention, Mask, format_fix_option
+
+STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
+SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
+SURE_SIGMAS = 5.0  # standard errors needed to subtract or claim something
+BLOCK_S = 5.0  # rows of one block count as one observation of the ground
+_LEAST_TRUE_SHARE = 0.9  # of the variance of the slope: remaining noise biases what depends on it by this share
+_LEAST_SLOPE = 0.004  # root mean square: less changes no drive visibly
+_SURE_MOUNTING_SHARE = 0.3  # of the slope: largest uncertainty of the mounting
+# Expected size of mounting (slope), lean (slope per m/s2: an accelerometer shows 1 / g) and ground (slope).
+_EXPECTED_MOUNTING, _EXPECTED_LEAN, _EXPECTED_GROUND = 0.1, 0.1, 0.15
+
+
+@dataclass(frozen=True, eq=False)
+class GroundFall:
+    """Used rows of all logs, concatenated: the fall of the ground in one direction, and related values.
+
+    `fall` (m/m) is positive where the ground falls to the right (from roll, positive with the right side lower) or
+    ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of BLOCK_S,
+    `log` the logs. `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
+    """
+
+    fall: Array
+    heading: Array
+    block: Array
+    log: Array
+    rms_fall: float
+    mounting_deg: float
+
+
+@dataclass(frozen=True, eq=False)
+class _TiltRows:
+    """Used rows of all logs: the fall shown, acceleration in that direction (m/s2), position (m), its direction, block,
+    log."""
+
+    shown_fall: Array
+    push: Array
+    east: Array
+    north: Array
+    direction: Array
+    block: Array
+    log: Array
+
+
+def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
+    """Return the fall of the ground from `roll_deg` or `pitch_deg`, or a clause why it cannot be measured."""
+    logs_with_column = [log for log in logs if getattr(log, column) is not None]
+    if len(logs_with_column) < len(logs):
+        return f"it is logged in {len(logs_with_column)} of {len(logs)} logs only"
+    if any(log.heading_deg is None for log in logs):
+        return "it also needs heading_deg"
+    shown_falls = [_compute_shown_fall(log, column) for log in logs]
+    if all(np.ptp(shown) == 0.0 for shown in shown_falls):
+        return "it is constant, so the sensor is off or the ground is flat"
+    width, noise = _select_width(logs, shown_falls)
+    rows = _collect_tilt_rows(
+        logs, [smooth_values(log, shown, width) for log, shown in zip(logs, shown_falls, strict=True)], column
+    )
+    mounting_lean = _estimate_mounting(rows)
+    if mounting_lean is None:
+        return "the drives cannot separate the ground from the mounting of the sensor; driving there and back would"
+    mounting, lean = mounting_lean
+    fall = rows.shown_fall - mounting - lean * rows.push
+    rms_fall = float(np.sqrt(np.mean(fall**2)))
+    if rms_fall < _LEAST_SLOPE or noise > (1.0 - _LEAST_TRUE_SHARE) * rms_fall**2:
+        return "it shows no slope above its noise, so the ground is flat or the sensor is off"
+    heading = rows.direction - (0.5 * math.pi if column == "roll_deg" else 0.0)
+    degrees = math.degrees(math.atan(mounting)) * (1.0 if column == "roll_deg" else -1.0)
+    return GroundFall(fall, heading, rows.block, rows.log, rms_fall, degrees)
+
+
+def split_per_log(logs: Sequence[Log], ground_fall: GroundFall, values: Array) -> tuple[Array, ...]:
+    """Split values of the used rows into one array per log with all its rows, 0 in unused rows."""
+    parts = []
+    for number, log in enumerate(logs):
+        row_values = np.zeros(len(log.used))
+        row_values[log.used] = values[ground_fall.log == number]
+        parts.append(row_values)
+    return tuple(parts)
+
+
+def _compute_shown_fall(log: Log, column: str) -> Array:
+    """Return the fall shown by the sensor in the used rows, interpolated where it is missing or impossible."""
+    angle, time = getattr(log, column)[log.used], log.time_s[log.used]
+    is_possible = np.abs(angle) <= STEEPEST_DEG
+    if not is_possible.any():
+        return np.zeros(len(angle))
+    out: Array = np.tan(np.radians(np.interp(time, time[is_possible], angle[is_possible])))
+    return out if column == "roll_deg" else -out
+
+
+def smooth_values(log: Log, values: Array, width_s: float) -> Array:
+    """Return the mean over `width_s` around every row of its own segment."""
+    return _compute_moving_means(log, values, width_s)[0]
+
+
+def _compute_moving_means(log: Log, values: Array, width_s: float) -> tuple[Array, Array]:
+    """Return the mean over `width_s` around every row of its own segment, and the number of rows in it."""
+    out, count = np.empty_like(values), np.ones(len(values))
+    segment, time = log.segment[log.used], log.time_s[log.used]
+    for number in range(log.segment_count):
+        is_segment = segment == number
+        segment_time, total = time[is_segment], np.concatenate([[0.0], np.cumsum(values[is_segment])])
+        first = np.searchsorted(segment_time, segment_time - 0.5 * width_s - 1e-9)
+        end = np.searchsorted(segment_time, segment_time + 0.5 * width_s + 1e-9)
+        count[is_segment] = end - first
+        out[is_segment] = (total[end] - total[first]) / count[is_segment]
+    return out, count
+
+
+def _select_width(logs: Sequence[Log], shown_falls: Sequence[Array]) -> tuple[float, float]:
+    """Return the width (s) whose means best predict rows that are left out of them, and the variance of the remaining
+    noise."""
+    best = (np.inf, 0.0, 0.0)
+    for width in SMOOTHING_WIDTHS_S:
+        squared_error, rows, shares = 0.0, 0, 0.0
+        for log, values in zip(logs, shown_falls, strict=True):
+            mean, count = _compute_moving_means(log, values, width)
+            has_neighbours = count > 1.0
+            # A row's own share of its mean is 1 / count: without it the error is count / (count - 1) times as large.
+            squared_error += float(
+                np.sum(((values - mean)[has_neighbours] * count[has_neighbours] / (count[has_neighbours] - 1.0)) ** 2)
+            )
+            rows, shares = (
+                rows + int(np.count_nonzero(has_neighbours)),
+                shares + float(np.sum(1.0 / count[has_neighbours])),
+            )
+        if rows and squared_error / rows < best[0]:
+            share = shares / rows
+            best = (squared_error / rows, width, squared_error / rows * share / (1.0 + share))
+    return best[1], best[2]
+
+
+def _collect_tilt_rows(logs: Sequence[Log], shown_of: Sequence[Array], column: str) -> _TiltRows:
+    parts = []
+    for number, (log, shown) in enumerate(zip(logs, shown_of, strict=True)):
+        time, used = log.time_s[log.used], log.used
+        assert log.heading_deg is not None
+        heading = np.unwrap(np.radians(log.heading_deg[used]))
+        speed = np.hypot(*(np.gradient(axis[used], time) for axis in (log.easting_m, log.northing_m)))
+        pace = smooth_values(log, speed, 1.0) * np.where(log.shuttle[used] < 0.0, -1.0, 1.0)
+        if column == "roll_deg":
+            push, direction = pace * np.gradient(smooth_values(log, heading, 1.0), time), heading + 0.5 * math.pi
+        else:
+            push, direction = np.gradient(pace, time), heading
+        block = np.floor((time - time[0]) / BLOCK_S)
+        parts.append(
+            (shown, push, log.easting_m[used], log.northing_m[used], direction, block, np.full(len(time), number))
+        )
+    shown, push, east, north, direction, block, log_of = (
+        np.concatenate(parts_of_column) for parts_of_column in zip(*parts, strict=True)
+    )
+    return _TiltRows(shown, push, east, north, direction, block + 1e6 * log_of, log_of)
+
+
+def _estimate_mounting(rows: _TiltRows) -> tuple[float, float] | None:
+    """Estimate mounting (slope) and lean (slope per m/s2) of the sensor; None where the drives do not show the mounting
+    well.
+
+    Least squares with prior sizes: an amount that the drives do not show stays as uncertain as before.
+    """
+    columns = np.concatenate(
+        [np.ones((len(rows.shown_fall), 1)), rows.push[:, None], _build_ground_columns(rows)], axis=1
+    )
+    spread = np.concatenate([[_EXPECTED_MOUNTING, _EXPECTED_LEAN], np.full(columns.shape[1] - 2, _EXPECTED_GROUND)])
+    blocks = len(np.unique(rows.block))
+    noise = float(np.var(rows.shown_fall))
+    for _ in range(3):
+        weight = blocks / (len(rows.shown_fall) * max(noise, 1e-8))
+        square = weight * columns.T @ columns + np.diag(1.0 / spread**2)
+        coefficients = np.linalg.solve(square, weight * columns.T @ rows.shown_fall)
+        noise = float(np.mean((rows.shown_fall - columns @ coefficients) ** 2))
+    error = np.sqrt(np.diag(np.linalg.inv(square)))
+    slope = float(np.sqrt(np.mean((rows.shown_fall - coefficients[0] - coefficients[1] * rows.push) ** 2)))
+    if error[0] > max(_SURE_MOUNTING_SHARE * slope, _LEAST_SLOPE):
+        return None
+    return float(coefficients[0]), float(coefficients[1]) if abs(coefficients[1]) > SURE_SIGMAS * error[1] else 0.0
+
+
+def _build_ground_columns(rows: _TiltRows) -> Array:
+    """Return the fall in the direction of travel for a ground whose height is a polynomial of position, per coefficient
+    (n, 9)."""
+    size = max(float(np.std(rows.east)), float(np.std(rows.north)), 1.0)
+    east, north = ((axis - float(np.mean(axis))) / size for axis in (rows.east, rows.north))
+    to_east, to_north = np.sin(rows.direction), np.cos(rows.direction)
+    columns = []
+    for degree in (1, 2, 3):
+        for p in range(degree + 1):
+            q = degree - p
+            along = p * east ** max(p - 1, 0) * north**q * to_east + q * east**p * north ** max(q - 1, 0) * to_north
+            columns.append(along / degree)
+    return np.stack(columns, axis=1)
+
+
+STEADY_COMMAND_S = 4.0  # after a change of the command: all speeds have reached 99 % of it
+_SLOWEST_MPS = 0.3
+_FEWEST_BLOCKS = 6
+_LEAST_GAIN = 0.1  # of the speed per slope: less is a centimetre per second on a slope of 10 %
+_SPEED_FACTORS = (0.5, 1.5)  # of the speed: limits, so that no outlier stops a tractor
+
+
+@dataclass(frozen=True, eq=False)
+class GradeSpeed:
+    """Share of the commanded speed that is driven on the grade, per row of each log; empty where it is not used."""
+
+    speed_share: tuple[Array, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+
+def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
+    """Estimate how pitch explains the speeds of all logs; empty where pitch or one of the speeds is missing."""
+    if all(log.pitch_deg is None for log in logs):
+        return GradeSpeed()
+    if any(log.speed_mps is None or log.speed_command_mps is None for log in logs):
+        return _build_unused_grade("it also needs speed_mps and speed_command_mps")
+    ground_fall = measure_ground_fall(logs, "pitch_deg")
+    if isinstance(ground_fall, str):
+        return _build_unused_grade(ground_fall)
+    # In reverse the tractor drives downhill where the ground rises ahead.
+    forward_fall = ground_fall.fall * np.concatenate([np.where(log.shuttle[log.used] < 0.0, -1.0, 1.0) for log in logs])
+    gain, error = _estimate_grade_gain(logs, ground_fall, forward_fall)
+    if gain < -max(_LEAST_GAIN, SURE_SIGMAS * error):
+        return _build_unused_grade(
+            "the tractor is faster where it says uphill, so it seems to be positive with the nose down"
+        )
+    if gain < max(_LEAST_GAIN, SURE_SIGMAS * error):
+        return _build_unused_grade("the speed does not depend on it")
+    remark = (
+        f"pitch_deg explains speed: on a slope of 10 % the tractor drives {10.0 * gain:.1f} % slower uphill and faster "
+        f"downhill than commanded. Commanded speeds were corrected for it; the mounting of the sensor "
+        f"({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
+    )
+    return GradeSpeed(split_per_log(logs, ground_fall, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
+
+
+def _build_unused_grade(why: str) -> GradeSpeed:
+    return GradeSpeed(remarks=(f"pitch_deg is not used: {why}.",))
+
+
+def _estimate_grade_gain(logs: Sequence[Log], ground_fall: GroundFall, forward_fall: Array) -> tuple[float, float]:
+    """Return the share of speed gained per fall and its standard error, from rows under a constant command.
+
+    Slip, in general and of the implement, is estimated separately.
+    """
+    ratios, falls, blocks, implement_states = [], [], [], []
+    for number, log in enumerate(logs):
+        assert log.speed_mps is not None and log.speed_command_mps is not None
+        is_own_row, used = ground_fall.log == number, log.used
+        use = _find_steady_rows(log.time_s[used], log.speed_command_mps[used]) & (
+            log.speed_command_mps[used] > _SLOWEST_MPS
+        )
+        ratios.append(log.speed_mps[used][use] / log.speed_command_mps[used][use])
+        falls.append(forward_fall[is_own_row][use])
+        blocks.append(ground_fall.block[is_own_row][use])
+        implement_states.append(log.implement[used][use])
+    ratio, fall, block, implement = (
+        np.concatenate(block_number) for block_number in (ratios, falls, blocks, implement_states)
+    )
+    numbers = np.unique(block)
+    columns = np.stack([fall, np.ones(len(fall)), implement], axis=1)
+    if implement.size and np.ptp(implement) == 0.0:
+        columns = columns[:, :2]
+    if len(numbers) < _FEWEST_BLOCKS or np.ptp(fall) == 0.0:
+        return 0.0, np.inf
+    coefficients = np.linalg.lstsq(columns, ratio, rcond=None)[0]
+    inverse = np.linalg.pinv(columns.T @ columns)
+    scores = columns * (ratio - columns @ coefficients)[:, None]
+    sums = np.stack([scores[block == block_number].sum(axis=0) for block_number in numbers])
+    covariance = inverse @ (sums.T @ sums) @ inverse
+    return float(coefficients[0]), float(np.sqrt(covariance[0, 0]))
+
+
+def _find_steady_rows(time: Array, command: Array) -> Mask:
+    """Find rows whose command has been constant for STEADY_COMMAND_S."""
+    changed = np.concatenate([[True], np.diff(command) != 0.0])
+    last = time[np.maximum.accumulate(np.where(changed, np.arange(len(time)), 0))]
+    steady: Mask = time - last >= STEADY_COMMAND_S
+    return steady
+
+
+_FEWEST_DRIFT_BLOCKS = 6
+_UPHILL_SIGMAS = 3.0  # standard errors: a false alarm only means that the slope is not used
+_STRAIGHT_PER_M = 0.03
+_COMPASS_ERROR_RAD = 0.004  # a quarter of a degree, the drift of a heading from run to run
+_LEAST_DRIFT = 0.03  # m/m per slope; tyres give way by about a tenth of the slope, soil by more
+
+
+@dataclass(frozen=True, eq=False)
+class CrossSlope:
+    """Slope of the ground to the right (m/m, positive with the right side lower) per row of each log, in the logs'
+    order.
+
+    `east`, `north` are the mean fall of the ground per metre in those directions, `rms_slope` the root mean square of
+    the slope across the direction of travel. `remarks` are sentences.
+    """
+
+    across: tuple[Array, ...] = ()
+    east: float = 0.0
+    north: float = 0.0
+    rms_slope: float = 0.0
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def mean_plane(self) -> tuple[float, float, float]:
+        """The mean fall (m/m), the bearing it falls to (deg, clockwise from north) and the root mean square slope
+        across."""
+        bearing = float(np.degrees(np.arctan2(self.east, self.north))) % 360.0
+        return float(np.hypot(self.east, self.north)), bearing, self.rms_slope
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether the slope can be used."""
+        return bool(self.across)
+
+
+def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
+    """Estimate the slope across the direction of travel of all logs; only a remark where roll cannot be used."""
+    if all(log.roll_deg is None for log in logs):
+        return CrossSlope()
+    ground_fall = measure_ground_fall(logs, "roll_deg")
+    if isinstance(ground_fall, str):
+        return _build_unused_cross_slope(ground_fall)
+    drift, error = _estimate_drift(logs, ground_fall)
+    if drift < -max(_LEAST_DRIFT, _UPHILL_SIGMAS * error):
+        return _build_unused_cross_slope(
+            "it grows where the tractor drifts to the left, and no tractor drifts uphill; if it is positive with the "
+            "left "
+            f"side lower, give {format_fix_option(LogConvention.ROLL_LEFT)}"
+        )
+    remark = (
+        f"roll_deg gives the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % (root mean "
+        "square); "
+        f"its mounting ({ground_fall.mounting_deg:+.1f} degrees) and the lean in bends were subtracted."
+    )
+    sides = np.stack([np.cos(ground_fall.heading), -np.sin(ground_fall.heading)], axis=1)
+    east, north = np.linalg.lstsq(sides, ground_fall.fall, rcond=None)[0]
+    return CrossSlope(
+        split_per_log(logs, ground_fall, ground_fall.fall), float(east), float(north), ground_fall.rms_fall, (remark,)
+    )
+
+
+def _build_unused_cross_slope(why: str) -> CrossSlope:
+    return CrossSlope(remarks=(f"roll_deg is not used: {why}. The ground is taken as a plane.",))
+
+
+def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float, float]:
+    """Return the drift to the right per metre and slope, and its standard error, from course and heading on straight
+    chords."""
+    columns = [
+        split_per_log(logs, ground_fall, values)
+        for values in (ground_fall.fall, ground_fall.heading, ground_fall.block)
+    ]
+    slopes, crabs, blocks = [], [], []
+    for number, log in enumerate(logs):
+        chords = compute_path_chords(log)
+        if chords is None:
+            continue
+        across, heading, block = (column[number] for column in columns)
+        use = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (log.shuttle[chords.row] > 0.0) & (chords.speed > 0.3)
+        crab = chords.course - heading[chords.row]
+        slopes.append(across[chords.row][use])
+        crabs.append(np.arctan2(np.sin(crab), np.cos(crab))[use])
+        blocks.append(block[chords.row][use])
+    x, y, block = (np.concatenate(column) if column else np.zeros(0) for column in (slopes, crabs, blocks))
+    x, y = x - (x.mean() if len(x) else 0.0), y - (np.median(y) if len(y) else 0.0)
+    spread = float(x @ x)
+    if len(np.unique(block)) < _FEWEST_DRIFT_BLOCKS or spread == 0.0:
+        return 0.0, np.inf
+    drift = float(x @ y) / spread
+    scores = x * (y - y.mean() - drift * x)
+    sums = np.array([scores[block == column].sum() for column in np.unique(block)])
+    compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))
+    return drift, float(np.hypot(np.sqrt(sums @ sums) / spread, compass))

@@ -1,0 +1,196 @@
+"""Whether logs can be of the given tractor: how tightly it turns and how far its wheels turn.
+
+No effect makes a tractor turn twice as tightly as its file says, and no wheel turns far beyond its lock. Logs that do
+are of another vehicle, and any fitted cause would only compensate for its size.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fields.errors import mark_parameter
+from vehicle.datasheet.sheet import QUANTITIES
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.chords import compute_bends, compute_path_chords, find_largest_steering
+from vehicle.identification.logs.schema import Array, Log
+from vehicle.model.effects import get_effect
+from vehicle.model.tractor import PowerLaw, Tractor
+
+_FEWEST_CHORDS, _SPREAD_DEG = 12, 1.5  # chords, and the spread of the steering needed to fit a line
+_SURE_SIGMAS = 4.0  # standard errors
+_CLEAR_ANGLE_DEG = 8.0  # chosen, of the steering: an offset, draft or slope of 3 degrees is less than half of it
+_ROUGH_ERROR_SHARE = 0.1  # chosen, relative standard error of a ratio from such chords alone: surely within 40 %
+_FOLLOWING_CORRELATION = 0.5  # a command that the path hardly follows says nothing about size
+_LOCK_SHARE, _LOCK_DEG = 1.3, 3.0  # beyond the file's lock: more than errors of sensors
+_COMMAND_SHARE = 2.0  # the same for commands, which controllers send beyond the lock
+_LARGEST_LOCK_DEG, _SMALLEST_WHEELBASE_M = 59.0, QUANTITIES["wheelbase_m"].low
+_MASSES_KG = (0.01, 200_000.0)  # limits of a tractor file
+_COMMAND_LAG_SHARE = 0.5  # least apparent gain where the wheels hardly reach the command
+
+
+@dataclass(frozen=True)
+class MeasuredSize:
+    """Size shown by logs: curvature over the file's at the same angle and its standard error, largest angle, range of
+    speeds.
+
+    `bend_ratio` is None where the logs do not show it.
+    """
+
+    bend_ratio: float | None
+    bend_ratio_error: float
+    angle_deg: float
+    speed_mps: tuple[float, float]
+
+
+def measure_size(logs: Sequence[Log], tractor: Tractor, ground: str) -> MeasuredSize:
+    """Measure the size of a vehicle from logs, relative to a tractor file on a ground."""
+    angles, curvatures, paces = [np.empty(0)], [np.empty(0)], [np.empty(0)]
+    for log in logs:
+        bends, chords = compute_bends(log), compute_path_chords(log)
+        if bends is not None and chords is not None:
+            angles.append(bends[0])
+            curvatures.append(bends[1])
+            paces.append(chords.speed)
+    angle, pace = np.concatenate(angles), np.concatenate(paces)
+    ratio, error = _compute_bend_ratio(angle, np.concatenate(curvatures), tractor, ground)
+    speeds = (float(np.quantile(pace, 0.05)), float(np.quantile(pace, 0.95))) if len(pace) else (0.0, 0.0)
+    return MeasuredSize(ratio, error, max(map(find_largest_steering, logs)), speeds)
+
+
+def _compute_bend_ratio(angle: Array, curvature: Array, tractor: Tractor, ground: str) -> tuple[float | None, float]:
+    """Fit measured over expected curvature by a line; returns the ratio and its standard error, or None and infinity.
+
+    Where the steering hardly varies or the line fits badly, a line through zero gives a rough ratio.
+    """
+    expected = _compute_file_curvature(angle, tractor, ground)
+    if len(angle) >= _FEWEST_CHORDS and float(np.std(angle)) >= _SPREAD_DEG:
+        x, y = expected - expected.mean(), curvature - curvature.mean()
+        slope, correlation = _fit_line_through_zero(x, y)
+        if correlation > _FOLLOWING_CORRELATION:
+            return slope, math.sqrt(2.0 * float(np.var(y - slope * x)) / float(x @ x))
+    is_clear = np.abs(angle) >= _CLEAR_ANGLE_DEG
+    if np.count_nonzero(is_clear) < _FEWEST_CHORDS:
+        return None, math.inf
+    slope, correlation = _fit_line_through_zero(expected[is_clear], curvature[is_clear])
+    return (slope, _ROUGH_ERROR_SHARE * slope) if correlation > _FOLLOWING_CORRELATION else (None, math.inf)
+
+
+def _fit_line_through_zero(x: Array, y: Array) -> tuple[float, float]:
+    """Return the slope of a line through 0 and the correlation of the points (k,)."""
+    square = float(x @ x)
+    return float(x @ y) / max(square, 1e-30), float(x @ y) / math.sqrt(square * float(y @ y) + 1e-30)
+
+
+def _compute_file_curvature(angle_deg: Array, tractor: Tractor, ground: str) -> Array:
+    """Return the curvature (1/m, positive right) that the file gives for wheel angles, extrapolated beyond the lock."""
+    if ground not in tractor.radius:
+        return np.tan(np.radians(angle_deg)) / tractor.wheelbase_m
+    law = tractor.get_power_law(ground)
+    return np.array(
+        [0.0 if abs(angle) < 1e-9 else math.copysign(1.0 / law.compute_radius_m(angle), angle) for angle in angle_deg]
+    )
+
+
+def explain_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> str:
+    """Why the logs cannot be of this tractor, as a clause; empty where they can."""
+    size = measure_size(logs, tractor, ground)
+    gain_param = next(param for param in get_effect("steering_gain").params)
+    file_gain = tractor.effects["steering_gain"].value["ratio"] if "steering_gain" in tractor.effects else 1.0
+    sensed = all(log.steering_deg is not None for log in logs)
+    least_gain = gain_param.low * file_gain * (1.0 if sensed else _COMMAND_LAG_SHARE)
+    if size.bend_ratio is not None and not (
+        least_gain <= size.bend_ratio + _SURE_SIGMAS * size.bend_ratio_error
+        and size.bend_ratio - _SURE_SIGMAS * size.bend_ratio_error <= gain_param.high * file_gain
+    ):
+        return (
+            f"at the same wheel angles their path bends {size.bend_ratio:.2g} times as much as the file of "
+            f"{tractor.name} "
+            f"says, and faults of a tractor only explain {gain_param.low:g} to {gain_param.high:g}"
+        )
+    share = _LOCK_SHARE if sensed else _COMMAND_SHARE
+    if size.angle_deg > share * tractor.max_steering_deg + _LOCK_DEG:
+        return (
+            f"their wheels turn to {size.angle_deg:.0f} degrees, and the steering lock of {tractor.name} is at "
+            f"{tractor.max_steering_deg:g}"
+        )
+    return ""
+
+
+def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> None:
+    """Raise LogError where the logs cannot be of this tractor, with the size that they suggest."""
+    misfit = explain_other_vehicle(logs, tractor, ground)
+    if not misfit:
+        return
+    suggested = scale_to_logs(logs, tractor, ground)
+    radius = 1.0 / float(_compute_file_curvature(np.array([suggested.max_steering_deg]), suggested, ground)[0])
+    make = (
+        "make a tractor file of this size with `headland tractor new`"
+        if suggested.wheelbase_m >= _SMALLEST_WHEELBASE_M
+        else ("write a tractor file of this size")
+    )
+    raise LogError(
+        f"These logs are not of this tractor: {misfit}. Driven at "
+        f"{_format_range(measure_size(logs, tractor, ground).speed_mps)} m/s, "
+        f"they suggest a wheelbase of {suggested.wheelbase_m:.2g} m and a turning radius of {radius:.2g} m at "
+        f"{suggested.max_steering_deg:.0f} degrees, the largest angle driven; {make}, name the right tractor, or give "
+        f"{mark_parameter('as_driven')} to use this size.",
+        parameter="tractor",
+    )
+
+
+def _format_range(values: tuple[float, float]) -> str:
+    low, high = (f"{value:.2g}" for value in values)
+    return low if low == high else f"{low} to {high}"
+
+
+def scale_to_logs(logs: Sequence[Log], tractor: Tractor, ground: str) -> Tractor:
+    """Return the tractor scaled to the size that the logs suggest; unchanged where they fit it.
+
+    All lengths scale with the wheelbase, the mass with its cube and forces with the mass: logs of a path do not show
+    them. Radii are those driven at the same angles.
+    """
+    if not explain_other_vehicle(logs, tractor, ground):
+        return tractor
+    size = measure_size(logs, tractor, ground)
+    scale = 1.0 / size.bend_ratio if size.bend_ratio else 1.0
+    scale = min(max(scale, 0.01 / tractor.rear_axle_m), 30.0 / tractor.length_m)
+    lengths = (
+        "front_axle_m",
+        "rear_axle_m",
+        "track_m",
+        "length_m",
+        "width_m",
+        "rear_overhang_m",
+        "antenna_forward_m",
+        "antenna_right_m",
+    )
+    changed: dict[str, object] = {name: getattr(tractor, name) * scale for name in lengths}
+    mass = min(max(tractor.mass_kg * scale**3, _MASSES_KG[0]), _MASSES_KG[1])
+    changed["mass_kg"] = mass
+    changed["max_steering_deg"] = min(math.ceil(size.angle_deg), _LARGEST_LOCK_DEG)
+    changed["radius"] = {name: _scale_power_law(law, scale) for name, law in tractor.radius.items()}
+    forces = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m", "max_drive_n")
+    changed["speed"] = tractor.speed.model_copy(
+        update={name: getattr(tractor.speed, name) * mass / tractor.mass_kg for name in forces}
+    )
+    lengths_ahead = ("lookahead_m", "turn_lookahead_m", "lateral_limit_m")
+    changed["guidance"] = tractor.guidance.model_copy(
+        update={name: getattr(tractor.guidance, name) * scale for name in lengths_ahead}
+    )
+    values = tractor.model_dump() | {"name": f"{tractor.name} as driven", "effects": {}, "discrepancy_model": None}
+    return Tractor.model_validate(values | {key: _convert_models_to_dicts(value) for key, value in changed.items()})
+
+
+def _scale_power_law(law: PowerLaw, scale: float) -> PowerLaw:
+    sides = {side: (factor / scale, power) for side, (factor, power) in (("right", law.right), ("left", law.left))}
+    return PowerLaw(**sides)
+
+
+def _convert_models_to_dicts(value: object) -> object:
+    if isinstance(value, dict):
+        return {key: _convert_models_to_dicts(element) for key, element in value.items()}
+    return value.model_dump() if hasattr(value, "model_dump") else value

@@ -1,0 +1,391 @@
+"""Logs prepared for replay: segments driven in one gear, resampled on the simulation's time grid.
+
+Wheel angles are denoised for the play of the steering, which would follow the extremes of noise: one-sided local means,
+each the widest that agrees with all narrower ones within their noise (intersection of confidence intervals:
+Goldenshluger and Nemirovski 1997; directional windows: Katkovnik, Egiazarian and Astola 2006).
+
+Without a logged heading, the heading is derived from the antenna: the rear axle follows the antenna like a load on a
+rod, so its direction is a tractrix of the antenna's path. Over a straight piece of length s the angle b between rod and
+path shrinks as tan(b/2) exp(-s/length).
+
+Windows of 20 s take turns in fitting a model and in being simulated with it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Rows, split_drive_segments
+from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
+from vehicle.jit import compile_function
+from vehicle.model.effects import SLOPE_DRIFT, STEP_HZ
+from vehicle.records import DT_S
+
+WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
+WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2000 rows
+AGREEING_SIGMAS = 2.0  # chosen, in standard errors: the bias of a wider mean shows before it exceeds the noise removed
+# Chosen: closer values are equal up to rounding, larger differences are no last digit.
+DIGIT_RANGE_RAD = 1e-6, math.radians(0.5)
+
+
+def denoise_angles(time: Array, values: Array) -> Array:
+    """Remove white noise from angles (k, rad) at times (k, s) without delaying or smoothing steps."""
+    noise = estimate_angle_noise(values)
+    if noise == 0.0:
+        return values
+    most_rows = min(int(WIDEST_WINDOW_S / float(np.median(np.diff(time)))), len(values) - 1)
+    widths = [
+        int(width) for width in np.unique(np.round(WINDOW_GROWTH ** np.arange(WINDOW_COUNT))) if width <= most_rows
+    ]
+    mean_before, count_before = _compute_one_sided_means(values, widths, noise)
+    mean_after, count_after = _compute_one_sided_means(values[::-1], widths, noise)
+    mean_after, count_after = mean_after[::-1], count_after[::-1]
+    # The row itself is in both means.
+    out: Array = (mean_before * count_before + mean_after * count_after - values) / (count_before + count_after - 1.0)
+    return out
+
+
+def estimate_angle_noise(values: Array) -> float:
+    """Return the standard deviation of white noise on angles (k, rad) that move smoothly in most rows.
+
+    Not below the rounding to their last digit, where second differences are 0 in most rows.
+    """
+    if len(values) < 3:
+        return 0.0
+    spread = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) / math.sqrt(6.0)
+    spacings = np.diff(np.unique(values))
+    digit = float(np.min(spacings[(spacings > DIGIT_RANGE_RAD[0]) & (spacings < DIGIT_RANGE_RAD[1])], initial=np.inf))
+    return max(spread, digit / math.sqrt(12.0)) if math.isfinite(digit) else spread
+
+
+def _compute_one_sided_means(values: Array, widths: list[int], noise: float) -> tuple[Array, Array]:
+    """Return the mean (k,) of each row and those before it, and the number of rows in each mean."""
+    sums = np.concatenate([[0.0], np.cumsum(values)])
+    ends = np.arange(1, len(values) + 1)
+    mean, count = values.copy(), np.ones(len(values))
+    low, high = values - AGREEING_SIGMAS * noise, values + AGREEING_SIGMAS * noise
+    agree = np.ones(len(values), dtype=np.bool_)
+    for width in widths:
+        starts = np.maximum(ends - width - 1, 0)
+        window_rows = (ends - starts).astype(np.float64)
+        window_mean = (sums[ends] - sums[starts]) / window_rows
+        error = AGREEING_SIGMAS * noise / np.sqrt(window_rows)
+        low, high = np.maximum(low, window_mean - error), np.minimum(high, window_mean + error)
+        agree &= low <= high
+        mean, count = np.where(agree, window_mean, mean), np.where(agree, window_rows, count)
+    return mean, count
+
+
+_INITIAL_PATH_S = 1.0  # of the path, from which the initial angle of the rod is estimated
+_MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
+
+
+def compute_course_offset(time: Array, course: Array, pace: Array, length: float) -> Array:
+    """Return the angle (k, rad) from the heading to the antenna's course.
+
+    `length` (m) is the distance from the rear axle to the antenna, negative where the antenna trails the axle.
+    """
+    out = np.zeros(len(time))
+    if length == 0.0 or len(time) < 2:
+        return out
+    distances = 0.5 * (pace[1:] + pace[:-1]) * np.diff(time)
+    if length > 0.0:
+        _compute_pulled_rod_angles(
+            course, distances, length, _compute_initial_angle(time, course, distances, length), out
+        )
+        return out
+    # Behind the axle the rod is pushed, which is unstable; backwards in time it is pulled.
+    reversed_course, reversed_distances = course[::-1].copy(), distances[::-1].copy()
+    _compute_pulled_rod_angles(
+        reversed_course,
+        reversed_distances,
+        -length,
+        _compute_initial_angle(time[-1] - time[::-1], reversed_course, reversed_distances, -length),
+        out,
+    )
+    return out[::-1].copy()
+
+
+def _compute_initial_angle(time: Array, course: Array, distances: Array, length: float) -> float:
+    """Return the angle at the first row, as on a circle with the curvature of the path there."""
+    rows = min(int(np.searchsorted(time, _INITIAL_PATH_S)), len(distances))
+    path_length = float(distances[:rows].sum())
+    bend = float(course[rows] - course[0]) / path_length if path_length > 0.1 * length else 0.0
+    most_sine = math.sin(_MOST_ANGLE_RAD)
+    return math.asin(min(max(length * bend, -most_sine), most_sine))
+
+
+@compile_function
+def _compute_pulled_rod_angles(course, distances, length, first, out) -> None:  # type: ignore[no-untyped-def]
+    """Return the angles (k,) between path and rod, pulled along courses (k,) and distances between them (k - 1,)."""
+    out[0] = angle = first
+    for k in range(len(distances)):
+        turned = 0.5 * (course[k + 1] - course[k])
+        angle = 2.0 * math.atan(math.tan(0.5 * (angle + turned)) * math.exp(-distances[k] / length)) + turned
+        out[k + 1] = angle
+
+
+COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
+Antenna = tuple[float, float]
+_SHOWN_LOGS = 3  # logs named in a refusal
+
+
+@dataclass(frozen=True, eq=False)
+class DriveSegment:
+    """Part of a run without gap or gear change. SI and radians, steering positive right, heading mathematical.
+
+    Per row (k,): `time`, `east`, `north` (from the origin of the dataset), `heading` (continuous), `heading_measured`
+    (False where the log has none and the course replaces it), `speed`, `wheel`, `command`, `target`, `working`; a
+    column that the log lacks is None. Per step of 1/60 s (n,): the same inputs in `grids`, and `across`, the measured
+    slope of the ground to the right (m/m), if any. A log with a slower receiver has more rows than positions; their
+    times and wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear`
+    is 1, or -1 in reverse, where `speed` and `target` are negative and the heading is opposite to the direction of
+    travel.
+    """
+
+    run: int
+    start_s: float
+    time: Array
+    east: Array
+    north: Array
+    heading: Array
+    heading_measured: bool
+    speed: Array
+    speed_measured: bool
+    wheel: Array | None
+    command: Array | None
+    target: Array | None
+    working: Array
+    grids: dict[str, Array]
+    gear: float = 1.0
+    logged_wheel: tuple[Array, Array] | None = None
+
+    @cached_property
+    def heading_cosine_sine(self) -> tuple[Array, Array]:
+        """Cosine and sine of the heading on the grid (n,)."""
+        return np.cos(self.grids["heading"]), np.sin(self.grids["heading"])
+
+    @cached_property
+    def steps_s(self) -> Array:
+        """Times of the steps of the grid (n, s)."""
+        return compute_step_times(len(self.grids["speed"]))
+
+    @cached_property
+    def denoised_wheel_angle(self) -> Array:
+        """The measured wheel angle on the grid (n,), denoised.
+
+        Raises AttributeError where none was measured.
+        """
+        if self.wheel is None:
+            raise AttributeError("This segment has no measured wheel angle.")
+        grid = np.arange(len(self.grids["wheel"])) * DT_S
+        time, wheel = self.logged_wheel or (self.time, self.wheel)
+        steady: Array = np.interp(grid, time, denoise_angles(time, wheel))
+        return steady
+
+    @property
+    def speed_in_gear(self) -> Array:
+        """Logged speed in the gear driven (k,), at least 0."""
+        return self.gear * self.speed
+
+    @property
+    def rows(self) -> int:
+        """Number of rows."""
+        return len(self.time)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveDataset:
+    """All runs: names, segments, the origin subtracted from the positions, rows read, the ground's slope.
+
+    `remarks` are sentences on the use of roll and pitch.
+    """
+
+    names: tuple[str, ...]
+    segments: tuple[DriveSegment, ...]
+    origin: tuple[float, float]
+    rows_read: int
+    cross_slope: CrossSlope = field(default_factory=CrossSlope)
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def effect_places(self) -> dict[str, tuple[float, ...]]:
+        """Known places of effects, by effect (see vehicle.identification.fit.effect_parameters)."""
+        return {SLOPE_DRIFT: self.cross_slope.mean_plane} if self.cross_slope.is_usable else {}
+
+    @property
+    def rows(self) -> int:
+        """Number of used rows."""
+        return sum(segment.rows for segment in self.segments)
+
+    @property
+    def seconds(self) -> float:
+        """Driving time used."""
+        return float(sum(segment.time[-1] - segment.time[0] for segment in self.segments))
+
+    def get_segments(self, run: int) -> list[DriveSegment]:
+        """Return the segments of one run."""
+        return [segment for segment in self.segments if segment.run == run]
+
+
+def compute_step_times(steps: int) -> Array:
+    """Return the times (s) of `count` steps.
+
+    Divided by 60 instead of multiplied by DT_S: the last bit differs, and the last digits of a diagnosis with it.
+    """
+    return np.arange(steps, dtype=np.float64) / STEP_HZ
+
+
+def build_dataset(logs: Sequence[Log], antenna: Antenna = (0.0, 0.0)) -> DriveDataset:
+    """Build the segments of all logs; `antenna` (m) is its position ahead of the rear axle and to the right.
+
+    Raises LogError when no segment is long enough.
+    """
+    used = [log.used for log in logs]
+    east = np.concatenate([log.easting_m[rows] for log, rows in zip(logs, used, strict=True)])
+    north = np.concatenate([log.northing_m[rows] for log, rows in zip(logs, used, strict=True)])
+    origin = (float(np.round(np.median(east))), float(np.round(np.median(north))))
+    cross_slope, grade_speed, segments = estimate_cross_slope(logs), estimate_grade_speed(logs), list[DriveSegment]()
+    for run, log in enumerate(logs):
+        if grade_speed.speed_share and log.speed_command_mps is not None:
+            log = replace(log, speed_command_mps=log.speed_command_mps * grade_speed.speed_share[run])
+        across = cross_slope.across[run] if cross_slope.is_usable else None
+        for rows in split_drive_segments(log)[0]:
+            segments.append(_build_segment(log, rows, run, origin, antenna, None if across is None else across[rows]))
+    if not segments:
+        raise LogError(_explain_no_segment(logs))
+    rows_read = sum(len(log.used) for log in logs)
+    ground = (*cross_slope.remarks, *grade_speed.remarks)
+    return DriveDataset(tuple(log.name for log in logs), tuple(segments), origin, rows_read, cross_slope, ground)
+
+
+def _explain_no_segment(logs: Sequence[Log]) -> str:
+    """Why no log has a segment to replay: the rule that excluded most rows, for up to three logs."""
+    reasons = []
+    for log in logs[:_SHOWN_LOGS]:
+        worst_rule = max(log.gated, key=lambda one: one.rows, default=None)
+        lost = (
+            ""
+            if worst_rule is None
+            else (
+                f", {worst_rule.rows} of {len(log.used)} rows are unusable: {worst_rule.rule} (first in line "
+                f"{worst_rule.first_line})"
+            )
+        )
+        longest = max(
+            (float(log.time_s[rows[-1]] - log.time_s[rows[0]]) for rows in split_drive_segments(log)[1]), default=0.0
+        )
+        reasons.append(f"in {log.name} the longest lasts {longest:.1f} s{lost}")
+    more_logs = f"; and {len(logs) - _SHOWN_LOGS} more" if len(logs) > _SHOWN_LOGS else ""
+    return (
+        f"No log holds {SHORTEST_SEGMENT_S:g} s driven in one gear without a gap: {'; '.join(reasons)}{more_logs}; "
+        "fill or leave out "
+        "such columns, or log at least one such run."
+    )
+
+
+def _build_segment(
+    log: Log, rows: Rows, run: int, origin: tuple[float, float], antenna: Antenna, across: Array | None = None
+) -> DriveSegment:
+    """Build one segment; `across` is the measured slope to the right per row, if any."""
+    time = log.time_s[rows] - log.time_s[rows[0]]
+    east, north = log.easting_m[rows] - origin[0], log.northing_m[rows] - origin[1]
+    gear = float(np.sign(log.shuttle[rows[0]]))
+    course, pace = _compute_course(time, east, north)
+    if gear < 0.0:
+        course += math.pi
+    if log.heading_deg is None:
+        heading = course - compute_course_offset(time, course, pace, gear * antenna[0])
+    else:
+        heading = np.unwrap(math.pi / 2 - np.radians(log.heading_deg[rows]))
+    if log.speed_mps is None:
+        speed = gear * pace * np.cos(course - heading) - antenna[1] * np.gradient(heading, time)
+    else:
+        speed = gear * log.speed_mps[rows]
+    columns = {
+        "wheel": _select_angle_rad(log.steering_deg, rows),
+        "command": _select_angle_rad(log.steering_command_deg, rows),
+        "target": None if log.speed_command_mps is None else gear * log.speed_command_mps[rows],
+        "across": across,
+    }
+    working = log.implement[rows]
+    grids = resample_on_grid(
+        time, {"east": east, "north": north, "heading": heading, "speed": speed, "working": working, **columns}
+    )
+    wheel, fresh = columns["wheel"], slice(None) if log.fresh is None else log.fresh[rows]
+    measured = {name: None if values is None else values[fresh] for name, values in columns.items()}
+    return DriveSegment(
+        run,
+        float(log.time_s[rows[0]] - log.time_s[log.used][0]),
+        time[fresh],
+        east[fresh],
+        north[fresh],
+        heading[fresh],
+        log.heading_deg is not None,
+        speed[fresh],
+        log.speed_mps is not None,
+        measured["wheel"],
+        measured["command"],
+        measured["target"],
+        working[fresh],
+        grids,
+        gear,
+        None if log.fresh is None or wheel is None else (time, wheel),
+    )
+
+
+def _select_angle_rad(column: Array | None, rows: Rows) -> Array | None:
+    return None if column is None else np.radians(column[rows])
+
+
+def _compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
+    """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
+    before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
+    before, after = np.maximum(before, time[0]), np.minimum(after, time[-1])
+    dx = np.interp(after, time, east) - np.interp(before, time, east)
+    dy = np.interp(after, time, north) - np.interp(before, time, north)
+    pace = np.hypot(dx, dy) / (after - before)
+    angle = np.arctan2(dy, dx)
+    moving = np.flatnonzero(pace > 0.3 * float(np.median(pace)))
+    if len(moving) == 0:
+        return np.zeros(len(time)), pace
+    course: Array = np.interp(np.arange(len(time)), moving, np.unwrap(angle[moving]))
+    return course, pace
+
+
+def resample_on_grid(time: Array, columns: dict[str, Array | None]) -> dict[str, Array]:
+    """Resample columns on the grid: measured values linearly, commands held from halfway between two rows.
+
+    None stands for a column that the log lacks.
+    """
+    steps = math.ceil((time[-1] - time[0]) / DT_S) + 1
+    grid = np.arange(steps) * DT_S
+    middles = 0.5 * (time[1:] + time[:-1])
+    nearest = np.searchsorted(middles, grid)
+    grids = {}
+    for name, values in columns.items():
+        if values is not None:
+            is_held = name in ("command", "target", "working")
+            grids[name] = values[nearest] if is_held else np.interp(grid, time, values)
+    return grids
+
+
+WINDOW_S = 20.0  # the longest horizon, so that no error piece lies in two windows
+WindowNumbers = npt.NDArray[np.int64]
+
+
+def compute_window_numbers(seconds: Array) -> WindowNumbers:
+    """Return the windows, counted from 0, of times since the start of a segment."""
+    return (seconds / WINDOW_S).astype(np.int64)
+
+
+def compute_half_numbers(seconds: Array) -> WindowNumbers:
+    """Return the half (0 or 1) of times since the start of a segment: its windows alternate."""
+    return compute_window_numbers(seconds) % 2

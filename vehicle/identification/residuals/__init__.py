@@ -1,0 +1,1 @@
+"""Whitened residuals of logs against a model: innovations, weights and the noise floor."""

@@ -1,0 +1,244 @@
+"""Residuals of a set of logs against a model: one long vector, each entry about 1 for a perfect model.
+
+Three channels, cut at the sensors: the path given measured wheel angle and speed (three residuals a row, see
+innovations), the wheel angle given the command, the speed given the commanded speed. A missing column drops its
+channel, and the block behind it is then driven by the commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, compute_half_numbers
+from vehicle.identification.replay.horizon_errors import MOST_STEPS_AT_ONCE
+from vehicle.identification.replay.rig import ReplayRig, compute_antenna_lever, replay_segment, simulate_wheel_angles
+from vehicle.identification.replay.state_cache import FORWARD_COLUMN
+from vehicle.identification.residuals.innovations import (
+    NoiseLevels,
+    PoseIncrements,
+    compute_innovations,
+    simulate_all_increments,
+    simulate_increments_of_each,
+)
+from vehicle.identification.residuals.noise_weights import (
+    PathFilter,
+    ResidualChannel,
+    apply_huber,
+    build_channels,
+    build_filters,
+    estimate_first_noise,
+)
+from vehicle.model.effects import PATH, POSITION, SPEED, STEERING, compute_effect_fields
+from vehicle.model.tractor import Settings
+from vehicle.records import DT_S
+
+RESIDUAL_BLOCK_S = 10.0  # half a window: soil noise decays within it, a slow cause does not
+ChannelResiduals = dict[str, Array]
+SettingsChange = tuple[Settings, frozenset[str]]  # settings, and the blocks whose channels they change
+Item = TypeVar("Item")
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualModel:
+    """A dataset, a tractor, and estimates of the noise; computes residuals for settings.
+
+    Per segment a filter of the path and the weights of wheel angle and speed (None where the log lacks one).
+    """
+
+    dataset: DriveDataset
+    rig: ReplayRig
+    noise: NoiseLevels
+    filters: tuple[PathFilter, ...]
+    wheel: tuple[ResidualChannel | None, ...]
+    speed: tuple[ResidualChannel | None, ...]
+    fixed: Settings = field(default_factory=dict)
+
+    def copy_with_fixed_effects(self, settings: Settings) -> ResidualModel:
+        """Return the residual model on which further effects add to these settings."""
+        return replace(self, fixed={**self.fixed, **settings})
+
+    def _add_fixed(self, settings: Settings) -> Settings:
+        return {**self.fixed, **settings}
+
+    def simulate_increments(self, settings: Settings) -> list[PoseIncrements]:
+        """Simulate the increments of the centre of mass per segment, with latency applied."""
+        return simulate_all_increments(self.rig, self.dataset.segments, self._add_fixed(settings))
+
+    def compute_path_residuals(self, moves: list[PoseIncrements], settings: Settings) -> Array:
+        """Return the whitened innovations of all segments (3 rows each), flat."""
+        fields = compute_effect_fields(self._add_fixed(settings))
+        lever = compute_antenna_lever(self.rig, fields)
+        residuals, first = np.empty((self.dataset.rows, 3)), 0
+        for segment, path_filter, move in zip(self.dataset.segments, self.filters, moves, strict=True):
+            out = residuals[first : first + segment.rows]
+            compute_innovations(
+                path_filter.memory_shares,
+                segment.east,
+                segment.north,
+                segment.heading,
+                move.ahead,
+                move.aside,
+                move.turned,
+                *lever,
+                fields["heading_bias"],
+                path_filter.gains,
+                path_filter.roots,
+                out,
+            )
+            out[0] = 0.0  # the filter starts at the first position
+            first += segment.rows
+        return apply_huber(residuals.ravel())
+
+    def compute_wheel_and_speed_residuals(self, settings: Settings) -> ChannelResiduals:
+        """Return residuals of wheel angle and speed, driven by the commands."""
+        return {"wheel": self.compute_wheel_residuals(settings), "speed": self.compute_speed_residuals(settings)}
+
+    def compute_wheel_residuals(self, settings: Settings) -> Array:
+        """Return residuals of the wheel angle given the commands."""
+        settings = self._add_fixed(settings)
+        return self._compute_channel_residuals(
+            self.wheel, "wheel", lambda segment: simulate_wheel_angles(self.rig, segment, settings)
+        )
+
+    def compute_speed_residuals(self, settings: Settings) -> Array:
+        """Return residuals of the speed given the commands."""
+        settings = self._add_fixed(settings)
+
+        def simulate_speed(segment: DriveSegment) -> Array:
+            return np.asarray(
+                replay_segment(self.rig, segment, settings, from_sensor=False, from_speed=False)[:, FORWARD_COLUMN]
+            )
+
+        return self._compute_channel_residuals(self.speed, "speed", simulate_speed)
+
+    def _compute_channel_residuals(
+        self, weights: tuple[ResidualChannel | None, ...], column: str, simulate: Callable[[DriveSegment], Array]
+    ) -> Array:
+        """Return residuals of one column of all segments, against the simulation on the grid."""
+        parts = []
+        for segment, channel in zip(self.dataset.segments, weights, strict=True):
+            measured = getattr(segment, column)
+            if measured is None or channel is None:
+                parts.append(np.zeros(segment.rows))
+                continue
+            grid_values = simulate(segment)
+            rows = np.interp(segment.time, np.arange(len(grid_values), dtype=np.float64) * DT_S, grid_values)
+            parts.append(_whiten(measured, rows, channel))
+        return np.concatenate(parts)
+
+    def compute_residuals(self, settings: Settings) -> Array:
+        """Return all residuals: path, wheel, speed."""
+        chain = self.compute_wheel_and_speed_residuals(settings)
+        return np.concatenate(
+            [self.compute_path_residuals(self.simulate_increments(settings), settings), chain["wheel"], chain["speed"]]
+        )
+
+    def compute_change(self, settings: Settings, base: Array, blocks: frozenset[str]) -> Array:
+        """As compute_residuals, but channels that effects of these blocks cannot reach are taken from `base`."""
+        return next(self.compute_changes([(settings, blocks)], base))
+
+    def compute_changes(self, changes: Sequence[SettingsChange], base: Array) -> Iterator[Array]:
+        """As compute_change, for many settings with their blocks, in order: they are driven side by side."""
+        rows = self.dataset.rows
+        moves = self._simulate_paths([settings for settings, blocks in changes if self._can_move_path(blocks)])
+        for settings, blocks in changes:
+            changed = base.copy()
+            if self._can_move_path(blocks):
+                changed[: 3 * rows] = self.compute_path_residuals(next(moves), settings)
+            if STEERING in blocks:
+                changed[3 * rows : 4 * rows] = self.compute_wheel_residuals(settings)
+            if SPEED in blocks:
+                changed[4 * rows :] = self.compute_speed_residuals(settings)
+            yield changed
+
+    def _can_move_path(self, blocks: frozenset[str]) -> bool:
+        """Whether effects of the blocks reach the path."""
+        return bool(blocks & {PATH, POSITION}) or (STEERING in blocks and not self.has_measured_wheel_angle)
+
+    def _simulate_paths(self, settings_list: Sequence[Settings]) -> Iterator[list[PoseIncrements]]:
+        """Return the paths of many settings, driven in batches that fit in memory."""
+        for batch in self.split_batches(settings_list):
+            fixed = [self._add_fixed(settings) for settings in batch]
+            yield from simulate_increments_of_each(self.rig, self.dataset.segments, fixed)
+
+    def split_batches(self, items: Sequence[Item]) -> Iterator[Sequence[Item]]:
+        """Split requests into batches that are driven side by side."""
+        steps = sum(len(segment.grids["speed"]) for segment in self.dataset.segments)
+        batch_size = max(MOST_STEPS_AT_ONCE // steps, 1)
+        return (items[first : first + batch_size] for first in range(0, len(items), batch_size))
+
+    @cached_property
+    def has_measured_wheel_angle(self) -> bool:
+        """Whether the wheel angle was measured."""
+        return all(segment.wheel is not None for segment in self.dataset.segments)
+
+    @cached_property
+    def has_measured_speed(self) -> bool:
+        """Whether the speed was measured."""
+        return all(segment.speed_measured for segment in self.dataset.segments)
+
+    @cached_property
+    def row_interval_s(self) -> float:
+        """Median time between rows (s)."""
+        return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.dataset.segments])))
+
+    @cached_property
+    def residual_runs(self) -> npt.NDArray[np.int64]:
+        """Run of every residual."""
+        rows = np.concatenate([np.full(segment.rows, segment.run) for segment in self.dataset.segments])
+        return np.concatenate([np.repeat(rows, 3), rows, rows])
+
+    @cached_property
+    def residual_blocks(self) -> npt.NDArray[np.int64]:
+        """Block of about ten seconds of every residual, with the same numbers in all channels."""
+        numbers, count = [], 0
+        for segment in self.dataset.segments:
+            place = (segment.time / RESIDUAL_BLOCK_S).astype(np.int64)
+            place = np.minimum(place, max(int(segment.time[-1] / RESIDUAL_BLOCK_S + 0.5) - 1, 0))
+            numbers.append(count + place)
+            count += int(place[-1]) + 1
+        rows = np.concatenate(numbers)
+        return np.concatenate([np.repeat(rows, 3), rows, rows])
+
+    @cached_property
+    def block_halves(self) -> npt.NDArray[np.int64]:
+        """Half of every block: even or odd windows of 20 s of a segment."""
+        out = np.zeros(int(self.residual_blocks.max()) + 1, dtype=np.int64)
+        first = 0
+        for segment in self.dataset.segments:
+            size = max(int(segment.time[-1] / RESIDUAL_BLOCK_S + 0.5) - 1, 0) + 1
+            out[first : first + size] = compute_half_numbers(RESIDUAL_BLOCK_S * np.arange(size, dtype=np.float64))
+            first += size
+        return out
+
+    @cached_property
+    def block_runs(self) -> npt.NDArray[np.int64]:
+        """Run of every block."""
+        out = np.zeros(int(self.residual_blocks.max()) + 1, dtype=np.int64)
+        out[self.residual_blocks] = self.residual_runs
+        return out
+
+
+def _whiten(measured: Array, simulated: Array, channel: ResidualChannel) -> Array:
+    scaled_error = (measured - simulated) / channel.sigma
+    keep = channel.memory
+    out: Array = np.concatenate(
+        [scaled_error[:1], (scaled_error[1:] - keep * scaled_error[:-1]) / np.sqrt(1.0 - keep * keep)]
+    )
+    return apply_huber(out)
+
+
+def build_residual_model(
+    dataset: DriveDataset, rig: ReplayRig, settings: Settings, noise: NoiseLevels | None = None
+) -> ResidualModel:
+    """Build a residual model whose weights fit the residuals of the given settings."""
+    noise = noise or estimate_first_noise(dataset)
+    wheel, speed = build_channels(dataset, rig, settings)
+    return ResidualModel(dataset, rig, noise, build_filters(dataset, rig, noise, settings), wheel, speed)

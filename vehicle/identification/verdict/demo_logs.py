@@ -1,0 +1,151 @@
+"""Demonstration logs: a short programme driven by this simulator with one hidden effect, drawn from a seed.
+
+The simulator that diagnoses these logs also made them, with noise on ground and instruments. They show how a diagnosis
+works, not how good it is: that is measured on an independent model of a tractor.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.replay.drive_programmes import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.rig import ReplayRig, build_rig, replay_segment
+from vehicle.identification.replay.state_cache import ANGLE_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.identification.residuals.innovations import NoiseLevels
+from vehicle.identification.residuals.noise_floor import add_instrument_noise, add_soil_noise
+from vehicle.model.effect_kinds import EffectSample
+from vehicle.model.effects import EFFECTS_BY_ID, get_effect, get_neutral_values
+from vehicle.model.tractor import Settings, Tractor
+from vehicle.records import DT_S
+
+DEMO_NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)  # chosen: RTK with two antennas, ordinary soil
+WHEEL_DIGIT_DEG, SPEED_NOISE_MPS = 0.1, 0.02  # chosen: usual digits and noise of sensors
+DEMO_PLACE = (10.0, 5.0, 16.0)  # east, north, radius of a circle (m) that several runs of the programme cross
+
+
+@dataclass(frozen=True)
+class HiddenEffect:
+    """The hidden effect and its values."""
+
+    id: str
+    values: dict[str, float]
+
+    @property
+    def description(self) -> str:
+        """The effect as a verdict describes it."""
+        return get_effect(self.id).describe(self.values)
+
+
+def _build_triangle_wave(size: float, seconds: float, step: float) -> ProgrammePieces:
+    steps = int(seconds / step)
+    return tuple(
+        (step, size * 2.0 / math.pi * math.asin(math.sin(2 * math.pi * i * step / 15.0)), 1.0, 0.0)
+        for i in range(steps)
+    )
+
+
+def build_programme() -> tuple[tuple[str, float, ProgrammePieces], ...]:
+    """Return name, first heading (deg from north) and pieces of every run: about nine minutes."""
+
+    def build_turns(angles: tuple[float, ...], seconds: float, pace: float = 1.0, tool: float = 0.0) -> ProgrammePieces:
+        return tuple((seconds, angle, pace, tool) for angle in angles)
+
+    return (
+        ("straight_east", 90.0, build_turns((0.0,), 40.0)),
+        ("straight_west", 270.0, build_turns((0.0,), 40.0)),
+        ("circles_right", 0.0, build_turns((6.0, 12.0, 20.0, 30.0), 12.0)),
+        ("circles_left", 0.0, build_turns((-6.0, -12.0, -20.0, -30.0), 12.0)),
+        ("steps", 45.0, build_turns((3.0, -3.0, 8.0, -8.0, 15.0, -15.0, 20.0, -20.0, 4.0, -10.0), 5.0)),
+        ("small_steps", 200.0, build_turns((0.5, 0.0, -0.7, 0.3, 1.2, 0.0, -1.5, -0.6, 0.8, 2.0, 0.0, -2.0), 4.0)),
+        ("waves", 300.0, _build_triangle_wave(3.0, 45.0, 0.2)),
+        ("implement", 0.0, tuple((10.0, 0.0, 1.0, float(i % 2)) for i in range(5))),
+        ("speeds", 120.0, tuple((9.0, a, s, 0.0) for a in (9.0, -9.0) for s in (0.6, 1.3, 2.1))),
+        ("fast_circles", 30.0, tuple((11.0, a, s, 0.0) for a in (18.0, -18.0) for s in (0.7, 2.1))),
+        ("implement_weave", 160.0, tuple((7.0, a, 1.3, t) for t in (0.0, 1.0) for a in (0.0, 7.0, -7.0))),
+    )
+
+
+def draw_hidden_effect(seed: int, tractor: Tractor, name: str | None = None) -> HiddenEffect:
+    """Draw an effect (or take the given one) with 0.9 to 1.4 times its usual size, to either side."""
+    rng = np.random.default_rng(seed)
+    drawn_id = str(rng.choice(sorted(EFFECTS_BY_ID)))
+    entry = get_effect(name or drawn_id)
+    draw = EffectSample(float(rng.uniform(0.9, 1.4)), entry.is_worse_when_less, DEMO_PLACE)
+    return HiddenEffect(
+        entry.id, entry.kind.sample_values(entry.params, get_neutral_values(entry.id, tractor.steering), draw, rng)
+    )
+
+
+def simulate_demo_logs(
+    hidden: HiddenEffect | None, tractor: Tractor, ground: str, seed: int, rate_hz: float = 20.0
+) -> list[Log]:
+    """Simulate the logs of the programme with the hidden effect (or none), noise and rounding."""
+    rig = build_rig(tractor, ground, (0.0, 0.0))
+    settings: Settings = {} if hidden is None else {hidden.id: hidden.values}
+    rng = np.random.default_rng([seed, 1])
+    return [
+        _simulate_noisy_log(rig, name, bearing, pieces, settings, rng, rate_hz)
+        for name, bearing, pieces in build_programme()
+    ]
+
+
+def _simulate_noisy_log(
+    rig: ReplayRig,
+    name: str,
+    bearing: float,
+    pieces: ProgrammePieces,
+    settings: Settings,
+    rng: np.random.Generator,
+    rate_hz: float,
+) -> Log:
+    import pandas as pd
+
+    drive = build_command_segment(0, math.radians(90.0 - bearing), pieces, PROGRAMME_PACE_MPS, 1.0 / rate_hz)
+    place = rng.uniform(-10.0, 10.0, 2)
+    # Effects of a place use the measured pose, so the drive is simulated twice: first to learn where it goes.
+    states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
+    path = states[:, [X_COLUMN, Y_COLUMN]]
+    drive = _replace_segment_poses(drive, states, place - 0.5 * (path.max(axis=0) + path.min(axis=0)))
+    for _ in range(3):
+        states = replay_segment(rig, drive, settings, from_sensor=False, from_speed=False)
+        drive = _replace_segment_poses(drive, states, np.zeros(2))
+    rough = add_soil_noise(DEMO_NOISE, states, rng)
+    measured, wheel, speed = add_instrument_noise(rig, DEMO_NOISE, drive, rough, settings, rng)
+    frame = pd.DataFrame(
+        {
+            "time_s": drive.time,
+            "easting_m": np.round(measured.east, 3),
+            "northing_m": np.round(measured.north, 3),
+            "heading_deg": np.round(np.mod(90.0 - np.degrees(measured.heading), 360.0), 2),
+            "speed_mps": np.round(np.maximum(speed + SPEED_NOISE_MPS * rng.standard_normal(drive.rows), 0.0), 2),
+            "speed_command_mps": drive.target,
+            "steering_command_deg": np.round(np.degrees(_assert_not_none(drive.command)), 3),
+            "steering_deg": np.round(np.degrees(wheel) / WHEEL_DIGIT_DEG) * WHEEL_DIGIT_DEG,
+            "implement": drive.working.astype(int),
+        }
+    )
+    return build_log(frame, name)
+
+
+def _assert_not_none(values: Array | None) -> Array:
+    assert values is not None
+    return values
+
+
+def _replace_segment_poses(drive: DriveSegment, states: Array, shift: Array) -> DriveSegment:
+    grid = np.arange(len(states)) * DT_S
+    x, y = states[:, X_COLUMN] + shift[0], states[:, Y_COLUMN] + shift[1]
+    grids = dict(drive.grids) | {"east": x, "north": y, "heading": states[:, ANGLE_COLUMN]}
+    return replace(
+        drive,
+        grids=grids,
+        east=np.interp(drive.time, grid, x),
+        north=np.interp(drive.time, grid, y),
+        heading=np.interp(drive.time, grid, states[:, ANGLE_COLUMN]),
+    )

@@ -1,0 +1,365 @@
+"""From logs to a diagnosis: the order of the work, the results, and notes on the logs and the tractor file.
+
+Causes are chosen by the residuals of the logs (cause_selection). Where residuals remain that no cause explains, the
+open-loop error itself is lowered (model_extension); the added terms are a calibration without a name, unless nothing
+else could replace them (named_causes).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from vehicle.identification.cause_selection.refit import build_weighted_residual_model
+from vehicle.identification.cause_selection.selection import CauseSelection, select_causes
+from vehicle.identification.errors import LogError
+from vehicle.identification.fit.open_loop import collect_run_settings
+from vehicle.identification.logs.column_quality import drop_columns_coarse_elsewhere
+from vehicle.identification.logs.command_checks import correct_commanded_speeds
+from vehicle.identification.logs.reader import list_shared_remarks
+from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.sensor_checks import CLOCKS_FROM_S, correct_sensors_like_others
+from vehicle.identification.model_extension.term_proposals import assign_clear_level_runs, sum_driving_time
+from vehicle.identification.model_extension.tractor_extension import (
+    EquivalentEffect,
+    ModelExtension,
+    build_extended_tractor,
+)
+from vehicle.identification.replay.data_subset import select_balanced_subset
+from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
+from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
+from vehicle.identification.replay.horizon_errors import (
+    FEWEST_PIECE_ROWS,
+    compute_horizon_errors,
+    find_piece_bounds,
+    sum_squared_errors_by_run,
+)
+from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
+from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
+from vehicle.identification.thresholds import SAME_ERROR_FACTOR
+from vehicle.identification.verdict.diagnosis_types import (
+    EQUIVALENT,
+    NAMED,
+    NOT_VISIBLE,
+    Diagnosis,
+    Finding,
+    GroundLevel,
+)
+from vehicle.identification.verdict.findings import (
+    CompetitorsByName,
+    add_delay_like_competitors,
+    build_findings,
+    choose_next_drive,
+)
+from vehicle.identification.verdict.held_out_case import (
+    ERROR_PIECE_S,
+    DiagnosisCase,
+    build_whole_dataset_case,
+    restore_real_noise,
+)
+from vehicle.identification.verdict.named_causes import ExplainedCase, explain_error, list_nameable, measure_unexplained
+from vehicle.identification.verdict.residual_curves import build_residual_plot
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effects import get_effect
+from vehicle.model.tractor import Tractor
+
+TIME_EFFECTS = ("steering_dead_time", "gnss_latency")  # what drifting clocks would look like
+OWN_GROUND_NOTE = (
+    "The errors after are for every run on its own ground, fitted to the other half of the run; the tractor file has "
+    "one ground and is less accurate on the other."
+)
+
+
+def list_diagnosis_notes(
+    logs: Sequence[Log], residual_model: ResidualModel, tractor: Tractor, diagnosis: Diagnosis
+) -> tuple[str, ...]:
+    """Return all notes, those on the logs first."""
+    sentences = (
+        *_describe_logs(logs, residual_model),
+        *_describe_subset(residual_model, diagnosis),
+        *_describe_clocks(logs, diagnosis),
+        *_describe_file_corrections(tractor, diagnosis),
+    )
+    return (*sentences, OWN_GROUND_NOTE) if diagnosis.grounds else sentences
+
+
+def _describe_logs(logs: Sequence[Log], residual_model: ResidualModel) -> tuple[str, ...]:
+    """Return notes on rows and columns."""
+    sentences = list_shared_remarks(logs) + list(residual_model.dataset.remarks)
+    if not residual_model.has_measured_wheel_angle:
+        sentences.append(
+            "No wheel angle was logged, so faults of the steering and of the path are hard to distinguish."
+        )
+    if any(segment.target is None for segment in residual_model.dataset.segments):
+        sentences.append("No commanded speed was logged, so the speed control was not checked.")
+    if any(log.heading_deg is None for log in logs):  # of all logs, as the errors are; a subset may lack some of them
+        sentences.append("Some logs have no heading; the course of the positions is used instead.")
+    if len(logs) == 1:
+        sentences.append("There is only one run, so its own 20 s windows replace runs not used for fitting.")
+    return tuple(sentences)
+
+
+def _describe_subset(residual_model: ResidualModel, diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return a note that the causes of long logs were searched in a subset."""
+    minutes = residual_model.dataset.seconds / 60.0
+    if minutes >= diagnosis.minutes:
+        return ()
+    return (
+        f"Causes, values and intervals come from {minutes:.0f} of {diagnosis.minutes:.0f} minutes, sampled from all "
+        "logs; "
+        "the errors before and after and the unexplained error are for all of the driving.",
+    )
+
+
+def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
+    """Return a note where a delay was found in logs too short to check for drifting clocks."""
+    late = [finding.id for finding in diagnosis.findings if finding.id in TIME_EFFECTS and finding.value is not None]
+    short = sum(float(np.ptp(log.time_s[log.used])) < CLOCKS_FROM_S for log in logs)
+    if not late or not short:
+        return []
+    subject = "The log is" if len(logs) == 1 else f"{short} of {len(logs)} logs are"
+    return [
+        f"{subject} too short (under {CLOCKS_FROM_S:.0f} s) to check whether the clocks of two instruments drift "
+        f"apart; the result for {' and '.join(late)} assumes that they do not."
+    ]
+
+
+def _describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return notes on the effects and the discrepancy model that the tractor file already had."""
+    sentences = []
+    if tractor.effects:
+        unseen = [name for name, setting in tractor.effects.items() if diagnosis.tractor.effects.get(name) is setting]
+        outcome = f" These logs do not show {', '.join(unseen)}; the value of the file was kept." if unseen else ""
+        sentences.append(
+            f"The tractor file already has {', '.join(tractor.effects)}; fitted again from scratch. The error before "
+            "is with "
+            f"the values of the file.{outcome}"
+        )
+    if tractor.discrepancy_model is not None:
+        outcome = (
+            "kept, as these logs do not contradict it"
+            if diagnosis.tractor.discrepancy_model is tractor.discrepancy_model
+            else "replaced"
+        )
+        outcome = "dropped, as these logs contradict it" if diagnosis.tractor.discrepancy_model is None else outcome
+        sentences.append(f"The tractor file has a discrepancy model: {outcome}.")
+    return tuple(sentences)
+
+
+ReportProgress = Callable[[int, int], None]
+
+
+def diagnose_logs(
+    logs: Sequence[Log], tractor: Tractor, ground: str, progress: ReportProgress | None = None
+) -> Diagnosis:
+    """Return what the simulation of a tractor gets wrong in these logs, why, and the gain of correcting it.
+
+    Effects that the tractor file already has are removed and fitted again; the error before is that of the file.
+    `progress` is called with steps done and an estimate of all steps. Raises LogError when no segment can be replayed
+    or none has enough positions for an error, and VehicleError for an unknown ground.
+    """
+    count = _ProgressCounter(progress)
+    logs = correct_commanded_speeds(correct_sensors_like_others(drop_columns_coarse_elsewhere(logs)))
+    dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
+    _refuse_sparse(dataset)
+    rig = build_rig(tractor, ground, dataset.origin)
+    subset = select_balanced_subset(dataset)
+    residual_model = build_weighted_residual_model(subset.dataset, rig, {})
+    selection = select_causes(residual_model, rig.tractor, lambda _: count.count_step())
+    explained_case = explain_error(selection, list_nameable(selection, rig.tractor), rig.tractor, count.count_step)
+    competitors = _collect_competitors(selection, explained_case)
+    count.count_step()
+    findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
+    whole_explained = replace(explained_case, case=build_whole_dataset_case(dataset, subset, explained_case.case))
+    diagnosis = _build_diagnosis(
+        dataset, selection, explained_case, whole_explained, findings, competitors, tractor, ground
+    )
+    count.report_completion()
+    return replace(diagnosis, notes=list_diagnosis_notes(logs, residual_model, tractor, diagnosis))
+
+
+def _collect_competitors(selection: CauseSelection, explained_case: ExplainedCase) -> CompetitorsByName:
+    """Return the alternatives to each name of the fit, by the residuals or for lack of a heading."""
+    competitors = {
+        name: selection.lookalikes.get(name, {}) if name in selection.effect_ids else {}
+        for name in explained_case.names
+    }
+    return add_delay_like_competitors(
+        selection.residual_model, competitors, explained_case.case.found_values, explained_case.case.extension.term_ids
+    )
+
+
+def _refuse_sparse(dataset: DriveDataset) -> None:
+    if not any(len(find_piece_bounds(segment.time, ERROR_PIECE_S)[0]) for segment in dataset.segments):
+        raise LogError(
+            f"No {ERROR_PIECE_S:g} s of these logs hold {FEWEST_PIECE_ROWS} measured positions, the fewest that "
+            "errors are computed "
+            "from; log positions at 1 Hz or faster, without rows that are lost."
+        )
+
+
+class _ProgressCounter:
+    """Progress in steps; the total is not known beforehand, so the estimate grows when necessary."""
+
+    def __init__(self, progress: ReportProgress | None) -> None:
+        self.progress, self.steps_done, self.steps_total = progress, 0, 100
+
+    def count_step(self) -> None:
+        """Count one step."""
+        self.steps_done += 1
+        self.steps_total = max(self.steps_total, self.steps_done + 20)
+        if self.progress:
+            self.progress(self.steps_done, self.steps_total)
+
+    def report_completion(self) -> None:
+        """Report that everything is done."""
+        if self.progress:
+            self.progress(self.steps_total, self.steps_total)
+
+
+def _build_diagnosis(
+    dataset: DriveDataset,
+    selection: CauseSelection,
+    explained_case: ExplainedCase,
+    whole_explained: ExplainedCase,
+    findings: list[Finding],
+    competitors: CompetitorsByName,
+    tractor: Tractor,
+    ground: str,
+) -> Diagnosis:
+    """Build the diagnosis: causes from the searched subset, errors from the whole dataset."""
+    residual_model, fit, case = selection.residual_model, selection.fit, explained_case.case
+    extension = case.extension
+    file_rig, settings = build_rig_and_corrections(tractor, ground, dataset.origin)
+    before = sum_squared_errors_by_run(dataset, file_rig, dict.fromkeys(range(len(dataset.names)), settings))
+    after = sum_squared_errors_by_run(dataset, residual_model.rig, whole_explained.case.extension.held_out_settings)
+    # Most important first: by the held-out error that returns without the effect.
+    named = [
+        finding.id
+        for finding in sorted(findings, key=lambda finding: -(finding.gain_pct or 0.0))
+        if finding.status == NAMED
+    ]
+    equivalents = {
+        finding.id: EquivalentEffect(finding.interval, finding.equivalent_to)
+        for finding in findings
+        if finding.status == EQUIVALENT
+    }
+    unexplained = measure_unexplained(whole_explained, whole_explained.case.compute_run_errors(before))
+    share = unexplained.share
+    unseen_ids = [finding.id for finding in findings if finding.status == NOT_VISIBLE and finding.value is None]
+    return Diagnosis(
+        names=dataset.names,
+        rows_used=dataset.rows,
+        rows_gated=dataset.rows_read - dataset.rows,
+        minutes=dataset.seconds / 60.0,
+        ground=ground,
+        before=compute_horizon_errors(before),
+        after=compute_horizon_errors(after),
+        noise_floor=compute_horizon_errors(whole_explained.case.noise_floor),
+        guilty_block=_find_named_cause_block(named, findings, selection if share > 0.0 else None),
+        block_error=_compute_block_errors(restore_real_noise(residual_model, fit), case),
+        findings=tuple(findings),
+        named=tuple(named),
+        unexplained_share=share,
+        depends_on=_list_covariates(selection, extension) if share > 0.0 else (),
+        next_drive=choose_next_drive(residual_model, fit, residual_model.rig.tractor, competitors, case.found_values),
+        tractor=_choose_discrepancy_model(
+            tractor,
+            build_extended_tractor(residual_model.dataset, tractor, ground, extension, named, equivalents, unseen_ids),
+            whole_explained.case.compute_run_errors(before),
+            whole_explained.case.final_errors,
+        ),
+        calibration={name: value for name, value in case.found_values.items() if name not in explained_case.names},
+        curve=build_residual_plot(
+            residual_model,
+            {run: collect_run_settings(extension.terms, run) for run in range(len(residual_model.dataset.names))},
+            named or list(competitors),
+            selection.unnamed,
+        ),
+        grounds=_describe_ground_levels(explained_case),
+        pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
+        along_judged=whole_explained.case.residual_model.has_measured_speed,
+        above_noise_s=unexplained.above_s,
+    )
+
+
+def _list_covariates(selection: CauseSelection, extension: ModelExtension) -> tuple[str, ...]:
+    """Return what the remaining error depends on: the covariates of the fit, else those of the discrepancy model."""
+    discrepancy_covariates = [
+        f"{TERMS_BY_NAME[name].effect} that depends on {TERMS_BY_NAME[name].regressor}"
+        for name in TERMS_BY_NAME
+        if name in extension.term_ids
+    ]
+    return tuple(covariate.description for covariate in selection.unnamed) or tuple(
+        dict.fromkeys(discrepancy_covariates)
+    )
+
+
+def _choose_discrepancy_model(tractor: Tractor, extended: Tractor, before: Array, after: Array) -> Tractor:
+    """Keep the discrepancy model of the file, unless there is a new one or these logs contradict it."""
+    if (
+        extended.discrepancy_model is not None
+        or tractor.discrepancy_model is None
+        or float(before.sum()) > SAME_ERROR_FACTOR * float(after.sum())
+    ):
+        return extended
+    return extended.model_copy(update={"discrepancy_model": tractor.discrepancy_model})
+
+
+def _find_named_cause_block(
+    named: list[str], findings: list[Finding], unexplained_selection: CauseSelection | None
+) -> str | None:
+    """Return the block of the first name; without one, of the first alternative, or of the first covariate."""
+    if named:
+        return get_effect(named[0]).block
+    equivalents = [finding for finding in findings if finding.status == EQUIVALENT]
+    if equivalents:
+        return equivalents[0].block
+    return (
+        unexplained_selection.unnamed[0].block
+        if unexplained_selection is not None and unexplained_selection.unnamed
+        else None
+    )
+
+
+def _compute_block_errors(residual_model: ResidualModel, case: DiagnosisCase) -> dict[str, tuple[float, float]]:
+    """Per channel cut at the sensors, the root mean square residual before and after (1 is noise alone)."""
+    main = collect_run_settings([replace(term, runs=None) for term in case.main_terms.values()], 0)
+    residual_model = build_residual_model(residual_model.dataset, residual_model.rig, main, residual_model.noise)
+    first, last = residual_model.compute_residuals({}), np.zeros(5 * residual_model.dataset.rows)
+    settings_by_run = {
+        run: collect_run_settings(case.extension.terms, run) for run in range(len(residual_model.dataset.names))
+    }
+    for settings in {str(run_settings): run_settings for run_settings in settings_by_run.values()}.values():
+        is_run = np.isin(
+            residual_model.residual_runs,
+            [run for run, run_settings in settings_by_run.items() if run_settings == settings],
+        )
+        last[is_run] = residual_model.compute_residuals(settings)[is_run]
+    rows = residual_model.dataset.rows
+    channels = {
+        "wheel to path and antenna": slice(0, 3 * rows),
+        "command to wheel": slice(3 * rows, 4 * rows),
+        "speed": slice(4 * rows, 5 * rows),
+    }
+    return {
+        name: (float(np.sqrt(np.mean(first[channel] ** 2))), float(np.sqrt(np.mean(last[channel] ** 2))))
+        for name, channel in channels.items()
+        if np.any(first[channel])
+    }
+
+
+def _describe_ground_levels(explained_case: ExplainedCase) -> tuple[GroundLevel, ...]:
+    """Effects with two levels and the runs that were clearly at each, the longer driving first."""
+    if explained_case.open_loop_fit is None:
+        return ()
+    dataset = explained_case.case.residual_model.dataset
+    seconds = sum_driving_time(dataset)
+    levels = []
+    for term, runs in assign_clear_level_runs(explained_case.open_loop_fit.loop, explained_case.open_loop_fit.model):
+        entry, value = get_effect(term.parameters.id), term.value
+        level = GroundLevel(entry.id, value, entry.describe(value), tuple(dataset.names[run] for run in runs))
+        levels.append((-float(seconds[sorted(term.runs or ())].sum()), level))
+    return tuple(level for _, level in sorted(levels, key=lambda pair: pair[0]))

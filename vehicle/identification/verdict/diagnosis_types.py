@@ -1,0 +1,226 @@
+"""What a diagnosis reports: a status per effect, errors before and after, the remaining error, and the next drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.model.tractor import Tractor
+
+# How many likely effects were true causes, by tests.benchmarks.diagnosis: two fifths of the sets of seeds 930 to 939,
+# logs of the second reference. 0 of 0 until it is measured.
+LIKELY_RIGHT, LIKELY_OF = 10, 10
+NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent", "refuted", "not-visible"
+ErrorsByHorizon = dict[float, HorizonError]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect of the catalogue.
+
+    `value` and `interval` (95 %) are None unless the effect is in the model: a `likely` effect is clearly not neutral
+    and helps held-out runs, without being shown to be the cause. A `refuted` effect is refuted from `smallest_visible`
+    on, a limit up to there. `gain_pct` is the reduction of the error over 5 s on runs not used for fitting (of the path
+    at the measured speed), `gain_interval` its 90 % interval over runs; `smallest_visible` the smallest size these logs
+    would have shown (None when no size would). `exchange` says how much of another effect looks alike.
+    """
+
+    id: str
+    status: str
+    value: dict[str, float] | None
+    interval: dict[str, tuple[float, float]] | None
+    gain_pct: float | None
+    gain_interval: tuple[float, float] | None
+    smallest_visible: float | None
+    unit: str
+    block: str
+    description: str
+    equivalent_to: tuple[str, ...] = ()
+    exchange: str = ""
+
+
+@dataclass(frozen=True)
+class GroundLevel:
+    """One level of an effect that differs between runs on two grounds: value, description, and its runs."""
+
+    id: str
+    value: dict[str, float]
+    description: str
+    runs: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class NextDrive:
+    """The cheapest drive that separates competing causes: what to drive, for how long, and how clearly it decides.
+
+    Without `decides` it separates them best of all known drives, but perhaps not enough.
+    """
+
+    id: str
+    description: str
+    seconds: float
+    separates: tuple[str, str]
+    score: float
+    decides: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualPlot:
+    """The remaining error against its regressor: bin centres, means and standard errors, before and after."""
+
+    regressor: str
+    quantity: str
+    regressor_values: Array
+    before: Array
+    before_error: Array
+    after: Array
+    after_error: Array
+
+
+@dataclass(frozen=True)
+class ResidualError:
+    """The remaining error above the noise over the longest pieces, of `over_s` s, as it would appear in a plan.
+
+    `late_s` is along the path at the usual speed; `aside_cm` across the path with no steering correction.
+    """
+
+    over_s: float
+    late_s: float
+    aside_cm: float
+
+
+@dataclass(frozen=True)
+class PlanGain:
+    """A small plan driven by the tractor of the file and by the extended one: time, and lateral error on the tracks.
+
+    `discrepancy_s` and `discrepancy_cm` are the share of the discrepancy model in the change; None without one.
+    """
+
+    field: str
+    time_before_s: float | None
+    time_after_s: float | None
+    lateral_before_cm: float
+    lateral_after_cm: float
+    discrepancy_s: float | None = None
+    discrepancy_cm: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The whole result; see the contract of `headland diagnose --json`.
+
+    `along_judged` is False where a log lacks a measured speed: errors along the path then say nothing about the
+    tractor. `above_noise_s` are the horizons with a remaining error above the noise; `unexplained_share` is for 5 s.
+    """
+
+    names: tuple[str, ...]
+    rows_used: int
+    rows_gated: int
+    minutes: float
+    ground: str
+    before: ErrorsByHorizon
+    after: ErrorsByHorizon
+    noise_floor: ErrorsByHorizon
+    guilty_block: str | None
+    block_error: dict[str, tuple[float, float]]
+    findings: tuple[Finding, ...]
+    named: tuple[str, ...]
+    unexplained_share: float
+    depends_on: tuple[str, ...]
+    next_drive: NextDrive | None
+    tractor: Tractor
+    calibration: dict[str, dict[str, float]]
+    curve: ResidualPlot | None
+    notes: tuple[str, ...] = ()
+    plan: PlanGain | None = None
+    grounds: tuple[GroundLevel, ...] = ()
+    pace_mps: float = 0.0
+    along_judged: bool = True
+    above_noise_s: tuple[float, ...] = ()
+
+    @property
+    def is_noise_only(self) -> bool:
+        """Whether the remaining error is only noise over every horizon."""
+        return self.unexplained_share == 0.0 and not self.above_noise_s
+
+    @property
+    def residual_error(self) -> ResidualError | None:
+        """The remaining error above the noise; None without errors or motion."""
+        if not self.after or self.pace_mps <= 0.0:
+            return None
+        horizon_s = max(self.after)
+        along, across = (
+            math.sqrt(
+                max(getattr(self.after[horizon_s], kind) ** 2 - getattr(self.noise_floor[horizon_s], kind) ** 2, 0.0)
+            )
+            for kind in ("along_cm", "cross_cm")
+        )
+        return ResidualError(horizon_s, along / 100.0 / self.pace_mps, across)
+
+    @property
+    def headline(self) -> str:
+        """The verdict in one or two sentences."""
+        by_id = {finding.id: finding for finding in self.findings}
+        if self.named:
+            return " ".join(by_id[name].description for name in self.named)
+        sets = [finding for finding in self.findings if finding.status == EQUIVALENT]
+        if sets:
+            return "Several causes fit these logs equally well: " + " Or: ".join(
+                finding.description for finding in sets
+            )
+        likely = [finding for finding in self.findings if finding.status == LIKELY]
+        if likely:
+            return "No cause is certain. Likely: " + " ".join(finding.description for finding in likely)
+        if self.depends_on:
+            return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."
+        if self.unexplained_share > 0.0:
+            return "No known cause explains these logs, and the error depends on none of the quantities examined."
+        if self.calibration or self.tractor.discrepancy_model is not None:
+            return "No cause found; a discrepancy model without a named cause lowers the error."
+        if any("already" in note for note in self.notes):
+            return "Nothing found beyond the effects already in the tractor file: see the notes."
+        return "Nothing found: as far as these logs show, the tractor drives as its file says."
+
+
+def join_clauses(parts: Sequence[str]) -> str:
+    """Join clauses: a; b; and c."""
+    if len(parts) < 3:
+        return " and ".join(parts)
+    return "; ".join(parts[:-1]) + "; and " + parts[-1]
+
+
+def convert_nonfinite_to_none(value: float) -> float | None:
+    """Return a number for JSON, None for one that JSON cannot hold."""
+    return float(value) if np.isfinite(value) else None
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayedSegment:
+    """One segment: the measured rows, the simulated antenna aligned with the first seconds, wheel angle and speed.
+
+    `pieces` holds, per piece of 5 s, its rows and the errors after anchoring (cross, along in m; heading in rad).
+    """
+
+    measured: DriveSegment
+    antenna: Array
+    wheel: Array
+    speed: Array
+    pieces: tuple[tuple[slice, Array], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayResult:
+    """A replayed run and its errors by horizon."""
+
+    name: str
+    tractor: str
+    effects: tuple[str, ...]
+    errors: ErrorsByHorizon
+    segments: tuple[ReplayedSegment, ...]
+    rows_gated: int

@@ -1,1 +1,0 @@
-"""Which effects the logs speak for, and what an error without a name depends on."""

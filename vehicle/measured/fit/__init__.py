@@ -1,1 +1,0 @@
-"""Effects as coordinates, and fits of them."""

@@ -1,1 +1,0 @@
-"""Reading logs: columns, rows that can be used, and conventions recognised and converted."""

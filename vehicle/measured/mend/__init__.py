@@ -1,1 +1,0 @@
-"""Lowering the error on runs held out, and what is added to a tractor."""

@@ -1,1 +1,0 @@
-"""Logged commands through the functions of planning, on the simulation's own time grid."""

@@ -1,1 +1,0 @@
-"""What surprises in logs, given the instruments and the soil."""

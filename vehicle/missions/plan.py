@@ -1,0 +1,262 @@
+"""Plans: a mission per tractor, made of legs to drive one after another, and gates that hold a tractor back.
+
+A plan is data: the simulation executes any plan, and a plan can be saved, drawn and compared. Every leg says what it is
+for (LegTask), so that nothing has to be guessed from the legs around it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.errors import MissionError
+from vehicle.model.ground import list_ground_names
+
+SWATH, HEADLAND_PASS, TURN, ROUTE, DRIVE_IN, DRIVE, REFILL = (
+    "track",
+    "round",
+    "turn",
+    "way",
+    "drive-in",
+    "drive",
+    "refill",
+)
+ENTER, LEAVE = "enter", "leave"
+TASKS = (SWATH, HEADLAND_PASS, TURN, ROUTE, DRIVE_IN, DRIVE, ENTER, LEAVE, REFILL)
+MAX_JOINT_GAP_M = 0.1  # ends of consecutive legs may differ by this much
+GATE_MARGIN_M = 0.2  # gates open this far before the end of a leg: tractors stop a little short of it
+Points = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LegGate:
+    """Start the leg only when tractor `tractor` has driven `after_m` metres of its leg `leg`."""
+
+    tractor: int
+    leg: int
+    after_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class FollowOrder:
+    """While tractor `tractor` is on its leg `leg`, keep `gap_m` behind it (Eq. 6.1)."""
+
+    tractor: int
+    leg: int
+    gap_m: float = 10.0
+
+
+@dataclass(frozen=True)
+class LegTask:
+    """What a leg is for.
+
+    `kind` is "track" (working a swath), "round" (working a headland pass), "turn" (to the next swath, in one go), "way"
+    (a longer route to it), "drive-in" (from the headland line until the implement is over it), "enter" (from the
+    entrance of the field to where work begins), "leave" (back to the entrance), "refill" (to where the tank is filled)
+    or "drive" (anything else). `number` is the swath or headland pass that is worked or driven to, None where there is
+    none; `piece` counts the pieces of an interrupted swath.
+    """
+
+    kind: str = DRIVE
+    number: int | None = None
+    piece: int = 0
+
+    @property
+    def is_work(self) -> bool:
+        """Whether the leg is work: guidance then uses the lookahead of swaths."""
+        return self.kind in (SWATH, HEADLAND_PASS)
+
+    def has_same_goal(self, task: LegTask) -> bool:
+        """Whether both work or lead to the same swath or headland pass."""
+        return (self.number, self.piece) == (task.number, task.piece)
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A polyline (n, 2) in metres to be driven in one gear at one target speed.
+
+    `gear` is 1 or -1; `implement` is whether the implement works. `may_wait` marks a hold point: a tractor that gives
+    way may wait before this leg, where it blocks nobody. Once the gates are open the tractor stands for `stand_s`
+    seconds before the leg, to refill or unload.
+    """
+
+    points: Points
+    speed_mps: float
+    gear: int = 1
+    implement: bool = False
+    ground: str = "soil"
+    task: LegTask = LegTask()
+    may_wait: bool = False
+    gates: tuple[LegGate, ...] = ()
+    follow: FollowOrder | None = None
+    stand_s: float = 0.0
+
+    @cached_property
+    def length_m(self) -> float:
+        """Length of the polyline."""
+        return float(np.hypot(*np.diff(self.points, axis=0).T).sum())
+
+    @cached_property
+    def ends(self) -> tuple[float, float, float, float]:
+        """x and y of the first point, then of the last."""
+        (x0, y0), (x1, y1) = self.points[[0, -1]].tolist()
+        return x0, y0, x1, y1
+
+    @cached_property
+    def fault(self) -> str:
+        """Why the leg cannot be driven, whatever the legs around it; "" if it can."""
+        return _find_leg_fault(self) or _find_task_fault(self.task)
+
+    def copy_with_length(self, length_m: float) -> Leg:
+        """This leg with a length that is known already, such as after cutting it, instead of one to be measured."""
+        self.__dict__["length_m"] = length_m
+        return self
+
+    def copy_with(self, **changes: Any) -> Leg:
+        """The same leg with other values of anything but its points, so that it is not measured again."""
+        leg = replace(self, points=self.points, **changes)
+        leg.__dict__.update((name, self.__dict__[name]) for name in ("length_m", "ends") if name in self.__dict__)
+        return leg
+
+    def copy_with_gates(self, gates: Iterable[LegGate]) -> Leg:
+        """The same leg with further gates."""
+        return self.copy_with(gates=self.gates + tuple(gates))
+
+
+@dataclass(frozen=True)
+class Mission:
+    """The legs of one tractor, in order. It starts at the first point, facing along the first segment.
+
+    A tractor that enters the field blocks nobody before it begins, one that leaves it blocks nobody once it is done.
+    """
+
+    legs: tuple[Leg, ...]
+
+    @property
+    def enters(self) -> bool:
+        """Whether the tractor comes through the entrance."""
+        return self.legs[0].task.kind == ENTER
+
+    @property
+    def leaves(self) -> bool:
+        """Whether it goes through the entrance at the end."""
+        return self.legs[-1].task.kind == LEAVE
+
+    @property
+    def start(self) -> tuple[float, float, float]:
+        """x, y and heading (mathematical angle) at the start."""
+        first = self.legs[0]
+        (x, y), (x1, y1) = first.points[0], first.points[1]
+        heading = math.atan2(first.gear * (y1 - y), first.gear * (x1 - x))
+        return float(x), float(y), heading
+
+    @property
+    def end(self) -> tuple[float, float, float]:
+        """x, y and heading at the end, facing along the last segment."""
+        last = self.legs[-1]
+        (x0, y0), (x, y) = last.points[-2], last.points[-1]
+        return float(x), float(y), math.atan2(last.gear * (y - y0), last.gear * (x - x0))
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One mission per tractor, and notes on the origin of the plan."""
+
+    missions: tuple[Mission, ...]
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def tractors(self) -> int:
+        """Number of tractors."""
+        return len(self.missions)
+
+    def copy_with_gate(self, tractor: int, leg: int, gate: LegGate) -> Plan:
+        """The same plan with one more gate."""
+        legs = list(self.missions[tractor].legs)
+        legs[leg] = legs[leg].copy_with_gates([gate])
+        missions = list(self.missions)
+        missions[tractor] = Mission(tuple(legs))
+        return replace(self, missions=tuple(missions))
+
+
+def check_plan(plan: Plan) -> None:
+    """Raise MissionError at the first leg or gate that cannot be executed."""
+    if not plan.missions:
+        raise MissionError("The plan has no tractor; it needs at least one.")
+    for number, mission in enumerate(plan.missions):
+        if not mission.legs:
+            raise MissionError(f"Tractor {number} has no legs; give it at least one or leave it out.")
+        for index, leg in enumerate(mission.legs):
+            if leg.fault:
+                raise MissionError(f"{_describe_leg_position(number, index)}: {leg.fault}")
+            if leg.gates or leg.follow:
+                _check_leg_references(plan, number, leg, _describe_leg_position(number, index))
+            gap_m = _compute_gap_m(mission.legs[index - 1], leg) if index else 0.0
+            if gap_m > MAX_JOINT_GAP_M:
+                raise MissionError(
+                    f"{_describe_leg_position(number, index)}: starts {gap_m:.2f} m "
+                    f"from where the leg before ends; they must "
+                    f"meet within {MAX_JOINT_GAP_M} m."
+                )
+
+
+def _describe_leg_position(tractor: int, leg: int) -> str:
+    return f"Tractor {tractor}, leg {leg}"
+
+
+def _find_leg_fault(leg: Leg) -> str:
+    points = leg.points
+    if points.ndim != 2 or points.shape[1] != 2 or len(points) < 2:
+        return f"points have shape {points.shape}; a leg needs two or more (x, y) points."
+    if not np.isfinite(points).all():
+        return "a coordinate is not a number; every point needs finite metres."
+    if leg.length_m < 1e-3:
+        return f"the leg is {leg.length_m:.4f} m long; it must be at least 1 mm."
+    if np.hypot(*(points[1] - points[0])) < 1e-6:
+        return "the first two points coincide, which gives no direction; leave one out."
+    if leg.gear not in (1, -1):
+        return f"gear {leg.gear} is unknown; use 1 (forward) or -1 (reverse)."
+    if not (leg.speed_mps > 0 and math.isfinite(leg.speed_mps)):
+        return f"speed {leg.speed_mps} m/s is not above 0; gear -1 drives backwards."
+    if not (leg.stand_s >= 0 and math.isfinite(leg.stand_s)):
+        return f"a stop of {leg.stand_s} s before the leg is not a time; use 0 or more."
+    if leg.ground not in list_ground_names():
+        return f"ground {leg.ground!r} is unknown; use one of: {', '.join(list_ground_names())}."
+    if leg.follow and not (leg.follow.gap_m > 0 and math.isfinite(leg.follow.gap_m)):
+        return f"a follow gap of {leg.follow.gap_m} m is not a distance; use one above 0."
+    return ""
+
+
+def _find_task_fault(task: LegTask) -> str:
+    if task.kind not in TASKS:
+        return f"task {task.kind!r} is unknown; use one of: {', '.join(TASKS)}."
+    if (task.number is not None and task.number < 0) or task.piece < 0:
+        return f"task {task.kind!r} has number {task.number} and piece {task.piece}; both count from 0."
+    return ""
+
+
+def _compute_gap_m(before: Leg, after: Leg) -> float:
+    """Distance from the end of a leg to the start of the next."""
+    return math.dist(before.ends[2:], after.ends[:2])
+
+
+def _check_leg_references(plan: Plan, tractor: int, leg: Leg, where: str) -> None:
+    links: list[LegGate | FollowOrder] = [*leg.gates, *([leg.follow] if leg.follow else [])]
+    for link in links:
+        if not 0 <= link.tractor < plan.tractors or link.tractor == tractor:
+            raise MissionError(f"{where}: refers to tractor {link.tractor}; name another tractor of this plan.")
+        if not 0 <= link.leg < len(plan.missions[link.tractor].legs):
+            raise MissionError(f"{where}: refers to leg {link.leg} of tractor {link.tractor}, which has no such leg.")
+    for gate in leg.gates:
+        length = plan.missions[gate.tractor].legs[gate.leg].length_m
+        if not -1e-9 <= gate.after_m <= length + MAX_JOINT_GAP_M:
+            raise MissionError(
+                f"{where}: waits for {gate.after_m} m of leg {gate.leg} of tractor {gate.tractor}, "
+                f"which is {length:.2f} m long; use a distance on that leg."
+            )

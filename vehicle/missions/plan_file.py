@@ -1,0 +1,214 @@
+"""Saved plans: a plan as JSON text, with its coordinate system and the request it was made for.
+
+The text names its format version; an older Headland refuses a newer version.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vehicle.errors import MissionError
+from vehicle.missions.plan import FollowOrder, Leg, LegGate, LegTask, Mission, Plan, check_plan
+
+FORMAT_VERSION = 1
+VERSION_KEY = "format_version"
+WHOLE_PLAN = "The plan"
+TYPE_WORDS = {
+    dict: "an object",
+    list: "a list",
+    str: "a text",
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number",
+}
+LARGEST_NUMBER, SHOWN_LETTERS = 1e300, 40
+FARTHEST_M = 1e8  # from the origin of any coordinate system of the earth
+
+
+@dataclass(frozen=True)
+class SavedPlan:
+    """A plan as it was saved.
+
+    `crs` is the projected system of its metres, such as "EPSG:32654" (None for local metres), `origin_m` the easting
+    and northing that were subtracted from them. `scenario` is the request, and `ground` the outlines of the field in
+    those metres (empty where none were saved); both are passed through unchecked.
+    """
+
+    plan: Plan
+    crs: str | None = None
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    scenario: dict[str, Any] = field(default_factory=dict)
+    ground: dict[str, Any] = field(default_factory=dict)
+
+
+def format_plan(
+    plan: Plan,
+    *,
+    crs: str | None = None,
+    origin_m: tuple[float, float] = (0.0, 0.0),
+    scenario: Mapping[str, Any] | None = None,
+    ground: Mapping[str, Any] | None = None,
+) -> str:
+    """The plan as JSON text, which parse_saved_plan reads back exactly; keywords as in SavedPlan.
+
+    `scenario` and `ground` may hold numbers, texts, booleans, None, lists and dicts (tuples come back as lists).
+    """
+    content: dict[str, Any] = {
+        VERSION_KEY: FORMAT_VERSION,
+        "crs": crs,
+        "origin_m": list(origin_m),
+        "scenario": dict(scenario or {}),
+        "notes": plan.notes,
+        "tractors": [[_convert_leg(leg) for leg in mission.legs] for mission in plan.missions],
+    }
+    if ground:
+        content["ground"] = dict(ground)
+    return json.dumps(content, indent=1, allow_nan=False)
+
+
+def _convert_leg(leg: Leg) -> dict[str, Any]:
+    entry: dict[str, Any] = {
+        "task": {"kind": leg.task.kind, "number": leg.task.number, "piece": leg.task.piece},
+        "may_wait": leg.may_wait,
+        "gear": leg.gear,
+        "speed_mps": leg.speed_mps,
+        "implement": leg.implement,
+        "ground": leg.ground,
+        "points_m": leg.points.tolist(),
+        "gates": [{"tractor": g.tractor, "leg": g.leg, "after_m": g.after_m} for g in leg.gates],
+    }
+    if leg.stand_s:
+        entry["stand_s"] = leg.stand_s
+    if leg.follow:
+        entry["follow"] = {"tractor": leg.follow.tractor, "leg": leg.follow.leg, "gap_m": leg.follow.gap_m}
+    return entry
+
+
+def parse_plan(text: str) -> Plan:
+    """The plan of a saved plan; raises as parse_saved_plan does."""
+    return parse_saved_plan(text).plan
+
+
+def parse_saved_plan(text: str) -> SavedPlan:
+    """Read a saved plan; raises MissionError if it is not a plan, of a newer version, or cannot be executed."""
+    try:
+        saved = _build_saved_plan(json.loads(text))
+    except json.JSONDecodeError as error:
+        raise MissionError(f"The plan is not JSON: {error}.") from None
+    except MissionError:
+        raise
+    except RecursionError:
+        raise MissionError("The plan is nested too deeply; a saved plan has five levels.") from None
+    except ValueError:
+        raise MissionError("The plan has a number with too many digits; a saved plan has at most 20.") from None
+    check_plan(saved.plan)
+    return saved
+
+
+def _build_saved_plan(data: Any) -> SavedPlan:
+    _check_version(_get_checked_entry({"plan": data}, "plan", dict, "The text").get(VERSION_KEY))
+    crs = (
+        None
+        if _get_checked_entry(data, "crs", None, WHOLE_PLAN) is None
+        else _get_checked_entry(data, "crs", str, WHOLE_PLAN)
+    )
+    scenario, notes = (
+        _get_checked_entry(data, "scenario", dict, WHOLE_PLAN),
+        _get_checked_entry(data, "notes", dict, WHOLE_PLAN),
+    )
+    ground = _get_checked_entry({"ground": {}} | data, "ground", dict, WHOLE_PLAN)
+    origin_m = _get_checked_entry(data, "origin_m", list, WHOLE_PLAN)
+    if len(origin_m) != 2 or not all(type(metres) in (int, float) and abs(metres) <= FARTHEST_M for metres in origin_m):
+        raise MissionError(
+            f"{WHOLE_PLAN}: origin_m is {_shorten(origin_m)}; it must be two numbers of metres up to {FARTHEST_M:g}."
+        )
+    missions = []
+    for number, legs in enumerate(_get_checked_entry(data, "tractors", list, WHOLE_PLAN)):
+        if not isinstance(legs, list):
+            raise MissionError(f"{WHOLE_PLAN}: tractor {number} is {_shorten(legs)}, not a list of legs.")
+        missions.append(Mission(tuple(_build_leg(leg, f"Tractor {number}, leg {k}") for k, leg in enumerate(legs))))
+    origin = (float(origin_m[0]), float(origin_m[1]))
+    return SavedPlan(Plan(tuple(missions), dict(notes)), crs, origin, scenario, ground)
+
+
+def _check_version(version: Any) -> None:
+    if version is None:
+        raise MissionError(f"The plan has no {VERSION_KEY!r}, so it is not a saved plan; save it again.")
+    if type(version) is not int or version < 1:
+        raise MissionError(f"The plan has the {VERSION_KEY} {version!r}; it must be a whole number from 1.")
+    if version > FORMAT_VERSION:
+        raise MissionError(
+            f"The plan has format version {version}, and this Headland reads versions up to {FORMAT_VERSION}; use a "
+            "newer Headland."
+        )
+
+
+def _build_leg(entry: Any, where: str) -> Leg:
+    task, number = _get_checked_entry(entry, "task", dict, where), None
+    if _get_checked_entry(task, "number", None, f"{where}, task") is not None:
+        number = _get_checked_entry(task, "number", int, f"{where}, task")
+    gates = [
+        _build_gate(gate, f"{where}, gate {k}")
+        for k, gate in enumerate(_get_checked_entry(entry, "gates", list, where))
+    ]
+    return Leg(
+        points=_build_points(entry, where),
+        speed_mps=_get_checked_entry(entry, "speed_mps", float, where),
+        gear=_get_checked_entry(entry, "gear", int, where),
+        implement=_get_checked_entry(entry, "implement", bool, where),
+        ground=_get_checked_entry(entry, "ground", str, where),
+        task=LegTask(
+            _get_checked_entry(task, "kind", str, f"{where}, task"),
+            number,
+            _get_checked_entry(task, "piece", int, f"{where}, task"),
+        ),
+        may_wait=_get_checked_entry(entry, "may_wait", bool, where),
+        gates=tuple(gates),
+        follow=_build_follow_order(entry["follow"], f"{where}, follow") if entry.get("follow") else None,
+        stand_s=_get_checked_entry({"stand_s": 0.0} | entry, "stand_s", float, where),
+    )
+
+
+def _build_points(entry: dict[str, Any], where: str) -> np.ndarray[Any, np.dtype[np.float64]]:
+    points = _get_checked_entry(entry, "points_m", list, where)
+    try:
+        array = np.array(points, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise MissionError(f"{where}: points_m is {_shorten(points)}, not a list of pairs of metres.") from None
+    if (np.abs(array) > FARTHEST_M).any():
+        raise MissionError(f"{where}: points_m has a coordinate beyond {FARTHEST_M:g} m; save the plan again.")
+    return array
+
+
+def _build_gate(entry: Any, where: str) -> LegGate:
+    number, leg = _get_checked_entry(entry, "tractor", int, where), _get_checked_entry(entry, "leg", int, where)
+    return LegGate(number, leg, _get_checked_entry(entry, "after_m", float, where))
+
+
+def _build_follow_order(entry: Any, where: str) -> FollowOrder:
+    number, leg = _get_checked_entry(entry, "tractor", int, where), _get_checked_entry(entry, "leg", int, where)
+    return FollowOrder(number, leg, _get_checked_entry(entry, "gap_m", float, where))
+
+
+def _get_checked_entry(entries: Any, key: str, kind: type | None, where: str) -> Any:
+    """An entry of an object in the file, checked for its type if `kind` is given. Raises MissionError with `where`."""
+    if not isinstance(entries, dict):
+        raise MissionError(f"{where} is {_shorten(entries)}, not an object with {key!r}.")
+    if key not in entries:
+        raise MissionError(f"{where} has no {key!r}; save the plan again.")
+    value = entries[key]
+    if kind is None or type(value) is kind:
+        return value
+    if kind is float and type(value) is int and abs(value) < LARGEST_NUMBER:
+        return float(value)
+    raise MissionError(f"{where}: {key} is {_shorten(value)}, not {TYPE_WORDS[kind]}.")
+
+
+def _shorten(value: Any) -> str:
+    words = repr(value)
+    return words if len(words) <= SHOWN_LETTERS else f"{words[:SHOWN_LETTERS]}..."

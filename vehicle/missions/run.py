@@ -1,0 +1,98 @@
+"""The result of a simulation: outcome, 10 Hz record and times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.missions.plan import LEAVE, Plan
+from vehicle.records import REC_LEG, REC_POSE, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
+
+DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """Two tractors that came too close: when, which, and for each the leg and the metres driven on it."""
+
+    time_s: float
+    first: int
+    second: int
+    first_leg: int
+    second_leg: int
+    first_m: float = 0.0
+    second_m: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SimulationRun:
+    """A simulated plan.
+
+    `time_s` (t,), `record` (t, tractors, 7) at 10 Hz with the columns vehicle.records.RECORD_COLUMNS, `finish_s`
+    (tractors,; nan if not finished), `contacts` (time, first, second) at first touch, `min_clearance_m` between any
+    two outlines (inf for one tractor).
+    """
+
+    plan: Plan
+    outcome: str
+    time_s: npt.NDArray[np.float64]
+    record: npt.NDArray[np.float64]
+    finish_s: npt.NDArray[np.float64]
+    contacts: tuple[tuple[float, int, int], ...]
+    min_clearance_m: float
+    conflict: Conflict | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """When the last tractor was done."""
+        return float(np.max(self.finish_s))
+
+    @property
+    def work_finish_s(self) -> float:
+        """When the last tractor finished its work: done, or on its way out of the field."""
+        if not any(mission.leaves for mission in self.plan.missions):
+            return self.duration_s
+        ends = []
+        for tractor, mission in enumerate(self.plan.missions):
+            leave_leg = next((n for n, leg in enumerate(mission.legs) if leg.task.kind == LEAVE), None)
+            leave_row = None if leave_leg is None else int(np.searchsorted(self.get_leg_numbers(tractor), leave_leg))
+            ends.append(
+                float(
+                    self.finish_s[tractor] if leave_row is None else self.time_s[min(leave_row, len(self.time_s) - 1)]
+                )
+            )
+        return max(ends)
+
+    def get_poses(self, tractor: int) -> npt.NDArray[np.float64]:
+        """x, y (m) and angle (rad) of the centre of mass of a tractor, shape (t, 3)."""
+        return self.record[:, tractor, REC_POSE]
+
+    def get_leg_numbers(self, tractor: int) -> npt.NDArray[np.int64]:
+        """Number of the leg a tractor is on, shape (t,)."""
+        return self.record[:, tractor, REC_LEG].astype(np.int64)
+
+    def get_statuses(self, tractor: int) -> npt.NDArray[np.int64]:
+        """Status of a tractor, as the constants of vehicle.records, shape (t,)."""
+        return self.record[:, tractor, REC_STATUS].astype(np.int64)
+
+    def sum_seconds(self, status: int) -> npt.NDArray[np.float64]:
+        """Time per tractor in a status of vehicle.records (tractors,)."""
+        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
+        return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
+
+    @property
+    def standing_s(self) -> npt.NDArray[np.float64]:
+        """Seconds per tractor of standing to refill or unload."""
+        return self.sum_seconds(STANDING)
+
+    def compute_time_shares(self) -> dict[str, npt.NDArray[Any]]:
+        """Seconds per tractor of working, turning, waiting and reversing."""
+        return {
+            "working": self.sum_seconds(WORKING),
+            "turning": self.sum_seconds(TURNING),
+            "waiting": self.sum_seconds(WAITING),
+            "reversing": self.sum_seconds(REVERSING),
+        }

@@ -1,0 +1,110 @@
+"""What receiver and compass show of a tractor: the lever arm of the antenna, late positions, a biased heading.
+
+Guidance in the loop, the replay of logs and the filter of the twin all use these formulas.
+"""
+
+from __future__ import annotations
+
+import math
+
+from vehicle.fast_math import compute_cosine_sine
+from vehicle.jit import compile_function
+
+# Rows that fill_shown_poses writes: the late centre of mass and its true heading, then the shown antenna and heading.
+LATE_X, LATE_Y, LATE_ANGLE, SHOWN_EAST, SHOWN_NORTH, SHOWN_HEADING = range(6)
+
+
+@compile_function
+def apply_lever_arm(x: float, y: float, cosine: float, sine: float, ahead: float, aside: float) -> tuple[float, float]:
+    """East and north (m) of a point `ahead` and `aside` (to the right) of (x, y), by cosine and sine of the heading."""
+    return x + ahead * cosine + aside * sine, y + ahead * sine - aside * cosine
+
+
+@compile_function
+def interpolate_at_time(start_value: float, end_value: float, start: float, end: float, time: float) -> float:
+    """Value at a time by linear interpolation between the values at `start` and `end`; constant outside."""
+    if time <= start:
+        return start_value
+    if time >= end:
+        return end_value
+    return (end_value - start_value) / (end - start) * (time - start) + start_value
+
+
+@compile_function
+def interpolate_past_pose(  # type: ignore[no-untyped-def]
+    xs, ys, angles, entry: int, start: float, end: float, time: float
+) -> tuple[float, float, float]:
+    """Pose (x, y, angle) at a past time, from ring buffers in which `entry` is of `start` and the next of `end`."""
+    first, second = entry % len(xs), (entry + 1) % len(xs)
+    return (
+        interpolate_at_time(xs[first], xs[second], start, end, time),
+        interpolate_at_time(ys[first], ys[second], start, end, time),
+        interpolate_at_time(angles[first], angles[second], start, end, time),
+    )
+
+
+@compile_function
+def add_heading_bias(angle: float, bias: float) -> float:
+    """The heading that is shown for a true one (rad)."""
+    return angle + bias
+
+
+@compile_function
+def compute_guidance_pose(state, model) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
+    """Centre of mass and heading as guidance sees them: what is shown, less the lever arm of the tractor file.
+
+    Guidance allows for an antenna beside the centre line, so only a shift from there counts. Writes the current pose
+    to the ring buffers of the state, whose entries are one step apart.
+    """
+    now, size = state.clock, len(state.xs)
+    place = now % size
+    state.xs[place], state.ys[place], state.angles[place] = state.x, state.y, state.angle
+    at = max(now - min(model.latency, size - 2.0), 0.0)
+    before = min(int(at), now - 1)
+    x, y, true = interpolate_past_pose(state.xs, state.ys, state.angles, before, float(before), before + 1.0, at)
+    heading = add_heading_bias(true, model.heading_bias)
+    east, north = apply_lever_arm(
+        -model.guide * math.cos(heading),
+        -model.guide * math.sin(heading),
+        math.cos(true),
+        math.sin(true),
+        model.guide + model.shift_forward,
+        model.shift_right,
+    )
+    return x + east, y + north, heading
+
+
+@compile_function
+def write_delayed_poses(time, grid, xs, ys, angles, latency: float, late_xs, late_ys, late_angles) -> None:  # type: ignore[no-untyped-def]
+    """Write the poses (k,) of `latency` before the increasing times `time` (k,), from poses (n,) at times `grid` (n,).
+
+    All times and the latency in s.
+    """
+    entry = 0
+    for row in range(len(time)):
+        at = time[row] - latency
+        while entry + 2 < len(grid) and grid[entry + 1] <= at:
+            entry += 1
+        share = min(max((at - grid[entry]) / (grid[entry + 1] - grid[entry]), 0.0), 1.0)
+        late_xs[row] = xs[entry] + (xs[entry + 1] - xs[entry]) * share
+        late_ys[row] = ys[entry] + (ys[entry + 1] - ys[entry]) * share
+        late_angles[row] = angles[entry] + (angles[entry + 1] - angles[entry]) * share
+
+
+@compile_function
+def write_instrument_poses(  # type: ignore[no-untyped-def]
+    time, grid, xs, ys, angles, latency: float, ahead: float, aside: float, bias: float, out
+) -> None:
+    """Write to `out` (6, k) what is shown at increasing times `time` (k,), from poses (n,) at times `grid` (n,).
+
+    All times and the latency in s. The antenna is `ahead` and `aside` (m) of the centre of mass; `bias` (rad) is added
+    to the shown heading only.
+    """
+    late_xs, late_ys, late_angles = out[LATE_X], out[LATE_Y], out[LATE_ANGLE]
+    write_delayed_poses(time, grid, xs, ys, angles, latency, late_xs, late_ys, late_angles)
+    easts, norths, headings = out[SHOWN_EAST], out[SHOWN_NORTH], out[SHOWN_HEADING]
+    for row in range(len(time)):
+        cosine, sine = compute_cosine_sine(late_angles[row])
+        easts[row], norths[row] = apply_lever_arm(late_xs[row], late_ys[row], cosine, sine, ahead, aside)
+    for row in range(len(time)):
+        headings[row] = add_heading_bias(late_angles[row], bias)

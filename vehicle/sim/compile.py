@@ -1,0 +1,218 @@
+"""Turns tractor, grounds and plan into the arrays of vehicle.records, and joins legs to the paths of guidance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.jit import compile_function
+from vehicle.missions.plan import Mission, Plan
+from vehicle.model.ground import GROUNDS, find_ground_index
+from vehicle.model.tractor import Implement, Tractor, get_log_corrections
+from vehicle.records import GATE, GROUND, LEG, MODEL, STATE
+
+SAME_M = 1e-6
+Array = npt.NDArray[Any]
+
+
+@compile_function
+def join_legs(points, sizes, begins, new_run, path, cumulative, ends, first, last) -> int:  # type: ignore[no-untyped-def]
+    """Write the joined paths of all missions; returns their number of points.
+
+    `points` (p, 2) are the points of all legs in order, `sizes` (legs,) their numbers; `begins` and `new_run` (legs,)
+    mark the legs that begin a mission, and those that begin a run of one gear, within which the lookahead may pass the
+    ends of legs. A point that coincides with the one before it is skipped. Within a run a leg continues from the end
+    of the leg before, so that distances along the path are those of the joined polyline.
+
+    Written are `path` (p, 2) and `cumulative` (p,), the distance from the start of the mission, and per leg in `ends`
+    the distance at its end, in `first` its first segment, and in `last` the last segment of its run.
+    """
+    size, place, run_start = 0, 0, 0
+    mission_m = 0.0
+    for leg in range(len(sizes)):
+        if begins[leg]:
+            mission_m = 0.0
+        start, point_count = size, 0
+        if new_run[leg]:
+            run_start = leg
+            x, y = points[place]
+            path[size, 0], path[size, 1], cumulative[size] = x, y, mission_m
+            size, point_count = size + 1, 1
+        else:
+            start = size - 1
+            x, y = path[start]
+        leg_m = 0.0
+        for place_in in range(place + 1, place + sizes[leg]):
+            next_x, next_y = points[place_in]
+            step = math.hypot(next_x - x, next_y - y)
+            leg_m += step
+            if step > SAME_M:
+                path[size, 0], path[size, 1], cumulative[size] = next_x, next_y, mission_m + leg_m
+                size, point_count = size + 1, point_count + 1
+            x, y = next_x, next_y
+        if point_count == 0:
+            path[size], cumulative[size] = path[start], mission_m
+            size += 1
+        place += sizes[leg]
+        mission_m += leg_m
+        ends[leg], first[leg] = mission_m, start
+        last[run_start : leg + 1] = size - 2
+    return size
+
+
+def compute_contact_boxes(tractor: Tractor, implement: Implement) -> dict[str, float]:
+    """Contact boxes of tractor and implement, forward of the centre of mass (m)."""
+    tool = -(tractor.rear_axle_m + implement.hitch_m)
+    boxes = {
+        "nose": tractor.length_m - tractor.rear_end_m,
+        "tail": -tractor.rear_end_m,
+        "half_width": tractor.width_m / 2,
+        "tool_front": tool + implement.length_m / 2,
+        "tool_tail": tool - implement.length_m / 2,
+        "tool_half_width": implement.contact_width_m / 2,
+    }
+    return boxes
+
+
+def build_model_record(tractor: Tractor, implement: Implement) -> Array:
+    """One MODEL record."""
+    model = np.zeros((), dtype=MODEL)
+    boxes = compute_contact_boxes(tractor, implement)
+    values = {
+        "mass": tractor.mass_kg,
+        "inertia": tractor.inertia_kg_m2,
+        "front": tractor.front_axle_m,
+        "rear": tractor.rear_axle_m,
+        "track": tractor.track_m,
+        "guide": tractor.antenna_forward_m - tractor.rear_axle_m,
+        "guide_reverse": -tractor.rear_axle_m,
+        "lock": math.radians(tractor.max_steering_deg),
+        "dead_band": math.radians(tractor.steering.dead_band_deg),
+        "switch": math.radians(tractor.steering.switch_deg),
+        "rate": math.radians(tractor.steering.rate_deg_per_s),
+        "lag": tractor.steering.lag_s,
+        "gain": tractor.steering.gain,
+        "latch": float(tractor.steering.latch),
+        "lateral_gain": math.radians(tractor.guidance.lateral_gain_deg_per_m),
+        "heading_gain": tractor.guidance.heading_gain,
+        "lateral_limit": tractor.guidance.lateral_limit_m,
+        "kp": tractor.speed.proportional_n_s_per_m,
+        "ki": tractor.speed.integral_n_per_m,
+        "kd": tractor.speed.derivative_n_s2_per_m,
+        "max_drive": tractor.speed.max_drive_n,
+        "acceleration": tractor.speed.max_acceleration_mps2,
+        "shift_time": tractor.speed.shift_time_s,
+        "reach": max(
+            math.hypot(max(abs(boxes["nose"]), abs(boxes["tail"])), boxes["half_width"]),
+            math.hypot(max(abs(boxes["tool_front"]), abs(boxes["tool_tail"])), boxes["tool_half_width"]),
+        ),
+        **boxes,
+    }
+    for name, value in (values | get_log_corrections(tractor).fields).items():
+        model[name] = value
+    return model
+
+
+def build_ground_records() -> Array:
+    """GROUND records in the order of vehicle.model.ground.GROUNDS."""
+    rows = np.zeros(len(GROUNDS), dtype=GROUND)
+    for row, ground in zip(rows, GROUNDS, strict=True):
+        row["front_slope"] = math.degrees(ground.front_slope_per_deg)
+        row["front_limit"] = math.radians(ground.front_limit_deg)
+        row["rear_slope"] = math.degrees(ground.rear_slope_per_deg)
+        row["rear_limit"] = math.radians(ground.rear_limit_deg)
+        row["rolling"] = ground.rolling_resistance
+    return rows
+
+
+@dataclass(frozen=True)
+class CompiledPlan:
+    """A plan as arrays: states (n,), legs, gates, path points (p, 2) and the distance along them (p,)."""
+
+    states: Array
+    legs: Array
+    gates: Array
+    points: Array
+    cumulative: Array
+
+
+def compile_plan(plan: Plan, tractor: Tractor) -> CompiledPlan:
+    """All missions of a plan, one after another in shared arrays. Every tractor is of the same model."""
+    states = np.zeros(plan.tractors, dtype=STATE)
+    counts = np.array([len(mission.legs) for mission in plan.missions])
+    ends = np.cumsum(counts)
+    states["leg"] = states["first_leg"] = ends - counts
+    states["stand_left"] = [mission.legs[0].stand_s for mission in plan.missions]
+    states["last_leg"] = ends - 1
+    states["stage"], states["status"] = 1, 3
+    states["away"] = [mission.enters for mission in plan.missions]
+    states["leaves"] = [mission.leaves for mission in plan.missions]
+    for state, mission in zip(states, plan.missions, strict=True):
+        state["x"], state["y"], state["angle"] = _compute_start_pose(mission, tractor)
+    legs = _build_leg_rows(plan, tractor)
+    points, cumulative = _fill_joined_paths(plan, legs, states["first_leg"])
+    states["segment"] = legs["first_segment"][states["first_leg"]]
+    gates = _resolve_leg_references(plan, states, legs)
+    return CompiledPlan(states, legs, gates, points, cumulative)
+
+
+def _compute_start_pose(mission: Mission, tractor: Tractor) -> tuple[float, float, float]:
+    """Pose of the centre of mass so that the guided point stands on the first path point."""
+    x, y, heading = mission.start
+    forward = mission.legs[0].gear > 0
+    reach = (tractor.antenna_forward_m if forward else 0.0) - tractor.rear_axle_m
+    return x - reach * math.cos(heading), y - reach * math.sin(heading), heading
+
+
+def _build_leg_rows(plan: Plan, tractor: Tractor) -> Array:
+    """LEG records of all legs, without paths and links to other legs."""
+    guidance = tractor.guidance
+    legs = [leg for mission in plan.missions for leg in mission.legs]
+    rows = np.zeros(len(legs), dtype=LEG)
+    rows["speed"] = [leg.speed_mps for leg in legs]
+    rows["lookahead"] = np.where([leg.task.is_work for leg in legs], guidance.lookahead_m, guidance.turn_lookahead_m)
+    rows["stand"] = [leg.stand_s for leg in legs]
+    rows["gear"] = [leg.gear for leg in legs]
+    rows["implement"] = [leg.implement for leg in legs]
+    index = {name: find_ground_index(name) for name in {leg.ground for leg in legs}}
+    rows["ground"] = [index[leg.ground] for leg in legs]
+    rows["leader"], rows["leader_leg"] = -1, -1
+    return rows
+
+
+def _fill_joined_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Array, Array]:
+    """Points of the joined paths and the distances along them; writes ends and segments to the rows."""
+    polylines = [leg.points for mission in plan.missions for leg in mission.legs]
+    sizes = np.array([len(points) for points in polylines])
+    begins = np.zeros(len(rows), dtype=np.bool_)
+    begins[first_legs] = True
+    new_run = begins | (rows["gear"] != np.roll(rows["gear"], 1))
+    points = np.concatenate(polylines, dtype=np.float64)
+    path, along = np.empty_like(points), np.empty(len(points))
+    size = join_legs(
+        points, sizes, begins, new_run, path, along, rows["end"], rows["first_segment"], rows["last_segment"]
+    )
+    return path[:size].copy(), along[:size].copy()
+
+
+def _resolve_leg_references(plan: Plan, states: Array, legs: Array) -> Array:
+    """Resolve gates and follow orders to absolute legs and progress; returns the gate rows."""
+    first_legs, ends = states["first_leg"].tolist(), legs["end"].tolist()
+    gates: list[tuple[int, float]] = []
+    counts = []
+    for index, leg in enumerate(leg for mission in plan.missions for leg in mission.legs):
+        counts.append(len(leg.gates))
+        for gate in leg.gates:
+            leg_start_m = ends[first_legs[gate.tractor] + gate.leg - 1] if gate.leg else 0.0
+            gates.append((gate.tractor, leg_start_m + gate.after_m))
+        if leg.follow:
+            row = legs[index]
+            row["leader"], row["gap"] = leg.follow.tractor, leg.follow.gap_m
+            row["leader_leg"] = first_legs[leg.follow.tractor] + leg.follow.leg
+    legs["last_gate"] = np.cumsum(counts)
+    legs["first_gate"] = legs["last_gate"] - counts
+    return np.array(gates, dtype=GATE) if gates else np.zeros(0, dtype=GATE)

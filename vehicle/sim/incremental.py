@@ -1,0 +1,309 @@
+"""Simulates plans of one fleet one after another, each from where it first differs from an earlier plan.
+
+Repairs change gates, legs and turns of a plan and simulate it again. Up to the first changed leg nothing differs, so
+the run continues from a snapshot of the earlier one, with the same result bit for bit; a changed gate counts only if it
+was still closed when its tractor came in sight of it. The earlier run is the last one, the last that was completed (a
+later repair may start from that), or a fleet of tractors that were driven alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.control.guidance import ARRIVAL_TOLERANCE_M
+from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
+from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.simulated_plan import (
+    SimulatedPlan,
+    SoloRun,
+    combine_solo_runs,
+    extract_solo_run,
+    find_last_independent_snapshot,
+    select_tractors,
+)
+from vehicle.sim.world import World, WorldSnapshot
+
+SNAPSHOT_INTERVAL_S = 60.0  # of simulated time
+FINE_INTERVAL_S = 1.0  # to find out which of two tractors came first
+MAX_SPEED_RATIO = 1.5  # upper bound of a speed over that of the fastest leg
+AIM_MARGIN_M = 1.0  # upper bound of the distance from the point of progress to the guided point, with position errors
+
+Array = npt.NDArray[Any]
+
+
+class IncrementalSimulator:
+    """Simulates plans of a fleet; arguments as of World and World.run. `resumed_at_s` is where the last run began."""
+
+    def __init__(
+        self,
+        tractor: Tractor,
+        implement: Implement,
+        *,
+        stop_clearance_m: float,
+        beside_clearance_m: float | None = None,
+        position_errors: Any = None,
+        seed: int = 1,
+    ) -> None:
+        self.tractor, self.implement = tractor, implement
+        self.stop_clearance_m, self.beside_clearance_m = stop_clearance_m, beside_clearance_m
+        self.position_errors, self.seed = position_errors, seed
+        self.resumed_at_s = 0.0
+        self._last_plan: SimulatedPlan | None = None
+        self._last_finished_plan: SimulatedPlan | None = None
+        self._solo_runs: dict[int, SoloRun] = {}
+        self._solo_fleet: tuple[list[SoloRun], SimulatedPlan] | None = None
+
+    def simulate(self, plan: Plan, max_time_s: float) -> SimulationRun:
+        """The run of a plan, the same as a new World would give."""
+        world = self._build_world(plan)
+        candidates = [
+            self._list_common_snapshots(earlier, plan, max_time_s)
+            for earlier in (self._last_plan, self._last_finished_plan)
+            if earlier is not None
+        ]
+        current = SimulatedPlan(plan, world.leg_ends_m, max(candidates, key=_get_last_time_s, default=[]))
+        start = self._find_solo_start(plan, max_time_s, world.models)
+        if start is not None and start.time_s > _get_last_time_s(current.snapshots):
+            current.snapshots = []
+        else:
+            start = current.snapshots[-1] if current.snapshots else None
+        self.resumed_at_s = 0.0
+        if start is not None:
+            world.restore(start)
+            self.resumed_at_s = start.time_s
+
+        def keep_snapshot(_: float) -> None:
+            snapshot = world.take_snapshot()
+            if snapshot is not None:
+                current.snapshots.append(snapshot)
+
+        run = world.run(
+            stop_clearance_m=self.stop_clearance_m,
+            beside_clearance_m=self.beside_clearance_m,
+            max_time_s=max_time_s,
+            progress=keep_snapshot,
+            chunk_s=SNAPSHOT_INTERVAL_S,
+        )
+        current.snapshots = [entry.attach_to_record(run.record) for entry in current.snapshots]
+        self._last_plan = current
+        if run.outcome == DONE:
+            self._last_finished_plan = current
+        return run
+
+    def simulate_alone(
+        self, plan: Plan, tractors: Sequence[int], max_times_s: Sequence[float]
+    ) -> list[SimulationRun | None]:
+        """Runs of some tractors of a plan without waiting, each alone on the field and for `max_times_s` at most.
+
+        None for a tractor that needs a World of its own, as all do with position errors, which are drawn per tractor.
+        """
+        if self.position_errors is not None and len(self.position_errors):
+            return [None] * len(tractors)
+        unchanged = ((n, entry) for n, entry in self._solo_runs.items() if n < plan.tractors and n not in tractors)
+        self._solo_runs = {n: entry for n, entry in unchanged if _has_same_legs(entry, plan.missions[n])}
+        self._solo_fleet = None
+        world = self._build_world(Plan(tuple(plan.missions[tractor] for tractor in tractors)))
+        shared = max(
+            (
+                self._list_shared_snapshots(earlier, plan, tractors)
+                for earlier in (self._last_plan, self._last_finished_plan)
+            ),
+            key=len,
+        )
+        snapshots = [(entry, list(tractors)) for entry in shared]
+        if shared:
+            world.restore(select_tractors(shared[-1], tractors))
+
+        def keep_snapshot(_: float) -> None:
+            snapshot = world.take_snapshot()
+            if snapshot is not None:
+                snapshots.append((snapshot, list(range(len(tractors)))))
+
+        run = world.run(
+            independent=True, max_time_s=max(max_times_s), progress=keep_snapshot, chunk_s=SNAPSHOT_INTERVAL_S
+        )
+        for place, (tractor, leg_ends_m, max_s) in enumerate(zip(tractors, world.leg_ends_m, max_times_s, strict=True)):
+            solo_run = extract_solo_run(
+                run, place, leg_ends_m, [(entry, places[place]) for entry, places in snapshots], max_s
+            )
+            if solo_run is not None:
+                self._solo_runs[tractor] = solo_run
+        return [self._solo_runs[tractor].run if tractor in self._solo_runs else None for tractor in tractors]
+
+    def _list_shared_snapshots(
+        self, earlier: SimulatedPlan | None, plan: Plan, tractors: Sequence[int]
+    ) -> list[WorldSnapshot]:
+        """The snapshots of a run up to which some tractors met no difference between its plan and another."""
+        if earlier is None or earlier.plan.tractors != plan.tractors or not earlier.snapshots:
+            return []
+        return earlier.snapshots[: self._count_shared_snapshots(earlier, plan, tractors)]
+
+    def _find_solo_start(self, plan: Plan, max_time_s: float, models: npt.NDArray[np.void]) -> WorldSnapshot | None:
+        """The last snapshot up to which the solo runs of the tractors, if known, give the run of a plan."""
+        runs_by_tractor = [self._solo_runs.get(number) for number in range(plan.tractors)]
+        solo_runs = [
+            solo_run
+            for solo_run, mission in zip(runs_by_tractor, plan.missions, strict=True)
+            if solo_run and _has_same_legs(solo_run, mission)
+        ]
+        if plan.tractors == 1 or len(solo_runs) < plan.tractors:
+            return None
+        if self._solo_fleet is None or self._solo_fleet[0] != solo_runs:
+            self._solo_fleet = solo_runs, combine_solo_runs(solo_runs)
+        combined = self._solo_fleet[1]
+        fastest = MAX_SPEED_RATIO * max(leg.speed_mps for mission in plan.missions for leg in mission.legs)
+        stop = self.stop_clearance_m
+        limits = stop, stop if self.beside_clearance_m is None else self.beside_clearance_m
+        snapshot_count = len(self._list_common_snapshots(combined, plan, max_time_s))
+        return find_last_independent_snapshot(
+            combined, solo_runs, snapshot_count, models, limits, fastest / self.tractor.guidance.rate_hz
+        )
+
+    def _build_world(self, plan: Plan) -> World:
+        return World(plan, self.tractor, self.implement, position_errors=self.position_errors, seed=self.seed)
+
+    def _list_common_snapshots(self, earlier: SimulatedPlan, plan: Plan, max_time_s: float) -> list[WorldSnapshot]:
+        """The snapshots of a run up to which no tractor met a difference between its plan and another."""
+        return [
+            snapshot
+            for snapshot in self._list_shared_snapshots(earlier, plan, range(plan.tractors))
+            if snapshot.time_s < max_time_s
+        ]
+
+    def _count_shared_snapshots(self, earlier: SimulatedPlan, plan: Plan, tractors: Sequence[int]) -> int:
+        """Number of snapshots of a run up to which some tractors met no difference between its plan and another."""
+        same_counts, count = count_same_paths(earlier.plan, plan), len(earlier.snapshots)
+        for tractor in tractors:
+            before, mission = earlier.plan.missions[tractor], plan.missions[tractor]
+            sight_m = self._compute_lookahead_bound_m(before, mission)
+            for leg in range(max(len(before.legs), len(mission.legs))):
+                links = (before.legs[leg], mission.legs[leg]) if leg < same_counts[tractor] else None
+                if links and has_same_leg_references(*links, same_counts):
+                    continue
+                limit = (float(earlier.leg_ends_m[tractor][leg - 1]) if leg else 0.0) - sight_m
+                unseen = int(np.count_nonzero(earlier.progress_m[:, tractor] < limit))
+                if unseen >= count:
+                    break
+                gates = _find_differing_gates(*links, same_counts) if links else None
+                if gates is None or not self._has_opened_before(earlier, tractor, limit, gates):
+                    count = unseen
+                    break
+            if not count:
+                return 0
+        return count
+
+    def _has_opened_before(self, earlier: SimulatedPlan, tractor: int, limit_m: float, gates: set[LegGate]) -> bool:
+        """Whether gates opened in a run before the progress of a tractor reached `limit_m`, where it sees them."""
+        snapshot_count = int(np.count_nonzero(earlier.progress_m[:, tractor] < limit_m))
+
+        def has_passed(progress: Array) -> bool:
+            return all(progress[gate.tractor] >= earlier.compute_opening_m(gate) for gate in gates)
+
+        if snapshot_count and has_passed(earlier.progress_m[snapshot_count - 1]):
+            return True
+        if not 0 < snapshot_count < len(earlier.snapshots) or not has_passed(earlier.progress_m[snapshot_count]):
+            return False
+        return any(
+            has_passed(progress_m)
+            for progress_m in self._simulate_finely(earlier, snapshot_count - 1)
+            if progress_m[tractor] < limit_m
+        )
+
+    def _simulate_finely(self, earlier: SimulatedPlan, index: int) -> list[Array]:
+        """Progress of each tractor (m) every second until the next snapshot of a run."""
+        if index not in earlier.fine_progress_m:
+            world = self._build_world(earlier.plan)
+            world.restore(earlier.snapshots[index])
+            earlier.fine_progress_m[index] = progress_rows = []
+            world.run(
+                stop_clearance_m=self.stop_clearance_m,
+                beside_clearance_m=self.beside_clearance_m,
+                chunk_s=FINE_INTERVAL_S,
+                max_time_s=earlier.snapshots[index + 1].time_s,
+                independent=earlier.is_independent,
+                progress=lambda _: progress_rows.append(world.program.states["progress"].copy()),
+            )
+        return earlier.fine_progress_m[index]
+
+    def _compute_lookahead_bound_m(self, *missions: Mission) -> float:
+        """Upper bound of how far ahead (m) of its progress a tractor reacts to its legs.
+
+        These are the stopping distance (vehicle.control.guidance.compute_allowed_speed) and the distance of the point
+        it steers for, which is measured from the antenna even where progress is counted from the rear axle.
+        """
+        fastest = MAX_SPEED_RATIO * max(leg.speed_mps for mission in missions for leg in mission.legs)
+        stop_m = fastest * fastest / (2.0 * self.tractor.speed.max_acceleration_mps2) + 1.0 + 2.0 * ARRIVAL_TOLERANCE_M
+        guidance = self.tractor.guidance
+        aim_m = (
+            max(guidance.lookahead_m, guidance.turn_lookahead_m) + abs(self.tractor.antenna_forward_m) + AIM_MARGIN_M
+        )
+        return max(stop_m, aim_m)
+
+
+def _get_last_time_s(snapshots: list[WorldSnapshot]) -> float:
+    return snapshots[-1].time_s if snapshots else 0.0
+
+
+def count_same_legs(before: Plan, after: Plan) -> list[int]:
+    """Number of legs at the start of each mission that are driven the same in both plans; 0 if the fleets differ.
+
+    A gate or an order to follow that names a later leg holds in both plans while these legs are driven.
+    """
+    if before.tractors != after.tractors:
+        return [0] * after.tractors
+    same_counts, pairs = count_same_paths(before, after), zip(before.missions, after.missions, strict=True)
+    return [
+        next((n for n in range(count) if not has_same_leg_references(a.legs[n], b.legs[n], same_counts)), count)
+        for count, (a, b) in zip(same_counts, pairs, strict=True)
+    ]
+
+
+def _has_same_legs(solo_run: SoloRun, mission: Mission) -> bool:
+    """Whether a mission has the same legs as that of a solo run."""
+    legs = solo_run.mission.legs
+    return len(legs) == len(mission.legs) and all(
+        _has_same_path(*pair) for pair in zip(legs, mission.legs, strict=True)
+    )
+
+
+def count_same_paths(before: Plan, after: Plan) -> list[int]:
+    """As count_same_legs, without gates and orders to follow; both plans have the same number of tractors."""
+    pairs = [list(zip(a.legs, b.legs, strict=False)) for a, b in zip(before.missions, after.missions, strict=True)]
+    return [next((n for n, (a, b) in enumerate(pair) if not _has_same_path(a, b)), len(pair)) for pair in pairs]
+
+
+def has_same_leg_references(a: Leg, b: Leg, same_counts: Sequence[int]) -> bool:
+    """Whether two legs wait for and follow the same, given the number of same legs of each tractor."""
+    return a is b or _collect_leg_references(a, same_counts) == _collect_leg_references(b, same_counts)
+
+
+def _find_differing_gates(a: Leg, b: Leg, same_counts: Sequence[int]) -> set[LegGate] | None:
+    """The gates that only one of two legs has; None if they differ in more, or name legs that differ."""
+    (gates, follow, late), (later_gates, leader, later) = (
+        _collect_leg_references(a, same_counts),
+        _collect_leg_references(b, same_counts),
+    )
+    return None if late or later or follow != leader else gates ^ later_gates
+
+
+def _has_same_path(a: Leg, b: Leg) -> bool:
+    """Whether two legs are the same apart from gates and order to follow."""
+    if a is b:
+        return True
+    traits = [
+        (leg.speed_mps, leg.gear, leg.implement, leg.ground, leg.task.kind, leg.stand_s, len(leg.points))
+        for leg in (a, b)
+    ]
+    return traits[0] == traits[1] and (a.points is b.points or bool((a.points == b.points).all()))
+
+
+def _collect_leg_references(leg: Leg, same_counts: Sequence[int]) -> tuple[set[LegGate], FollowOrder | None, bool]:
+    """Gates and order to follow on the first `same_counts` legs of tractors, and whether there are later gates."""
+    gates = {gate for gate in leg.gates if gate.leg < same_counts[gate.tractor]}
+    follow = leg.follow if leg.follow and leg.follow.leg < same_counts[leg.follow.tractor] else None
+    return gates, follow, len(gates) < len(set(leg.gates))

@@ -1,0 +1,278 @@
+"""Conflicts between paths: where two tractors would be too close, at any times or at common times.
+
+For any times, enclosing circles of blocks of poses, and of blocks of blocks, decide which poses are compared. Of those
+the boxes round whole tractors come first, and distances are computed only where these are not clear of each other.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.jit import compile_function, drop_owner
+from vehicle.sim.clearance import (
+    PARALLEL_SINE,
+    ROUNDING_M,
+    compute_box_gap_m,
+    compute_corner_distance,
+    compute_outline_distance,
+    compute_relative_pose,
+    get_boxes,
+    is_beside,
+)
+
+BLOCK_SIZE = 16  # poses under one enclosing circle, and circles under one larger one
+POSE = np.dtype([("x", "f8"), ("y", "f8"), ("angle", "f8"), ("model", "i8")])
+Array = npt.NDArray[Any]
+
+
+def build_poses(rows: Array) -> Array:
+    """POSE records (n,) of x, y (m) and angle (rad), shape (n, 3)."""
+    poses = np.zeros(len(rows), dtype=POSE)
+    for column, name in enumerate(("x", "y", "angle")):
+        poses[name] = rows[:, column]
+    return poses
+
+
+class PosePath:
+    """The poses of a path (POSE records), with all that does not depend on the other path.
+
+    `directions` (n, 2) are cosine and sine of the angles; `block_circles` and `outer_circles` (m, 3) are centres and
+    radii of circles round blocks of poses, and round blocks of those circles.
+    """
+
+    def __init__(self, poses: Array) -> None:
+        self.poses = poses
+        self.directions = np.column_stack([np.cos(poses["angle"]), np.sin(poses["angle"])])
+        self.block_circles = _compute_enclosing_circles(np.column_stack([poses["x"], poses["y"], np.zeros(len(poses))]))
+        self.outer_circles = _compute_enclosing_circles(self.block_circles)
+
+
+def find_conflicting_poses(
+    a: PosePath, b: PosePath, models: Array, clearance_m: float, beside_clearance_m: float
+) -> Array:
+    """Poses that two tractors cannot take at once: rows (k, 3) of a pose in `a` and a range (first, last) in `b`.
+
+    Rows are sorted by the pose in `a`, then by those in `b`. As in vehicle.sim.clearance, two are in conflict within
+    `clearance_m`, or within `beside_clearance_m` if they are beside each other. `models` (1,) is their MODEL record.
+    """
+    rows = np.empty((1024, 3), dtype=np.int64)
+    while True:
+        directions, blocks = (a.directions, b.directions), (a.block_circles, b.block_circles, b.outer_circles)
+        count = _scan_conflicts(a.poses, b.poses, *directions, *blocks, models, clearance_m, beside_clearance_m, rows)
+        if count <= len(rows):
+            return rows[:count]
+        rows = np.empty((count, 3), dtype=np.int64)
+
+
+def _compute_enclosing_circles(circles: Array) -> Array:
+    """Centre and radius of a circle round each block of circles (m, 3)."""
+    starts = np.arange(0, len(circles), BLOCK_SIZE)
+    sizes = np.diff(np.append(starts, len(circles)))
+    x, y = (np.add.reduceat(circles[:, column], starts) / sizes for column in (0, 1))
+    away = np.hypot(circles[:, 0] - np.repeat(x, sizes), circles[:, 1] - np.repeat(y, sizes)) + circles[:, 2]
+    return np.column_stack([x, y, np.maximum.reduceat(away, starts)])
+
+
+@compile_function
+def _is_close(circle, other_circle, reach):  # type: ignore[no-untyped-def]
+    """Whether two circles are nearer to each other than `reach`."""
+    dx, dy, limit = circle[0] - other_circle[0], circle[1] - other_circle[1], reach + circle[2] + other_circle[2]
+    return dx * dx + dy * dy < limit * limit
+
+
+@compile_function
+def _is_box_near(a, b, ahead_a, ahead_b, relative_pose, box, other_box, limit):  # type: ignore[no-untyped-def]
+    """Whether a box of one tractor is nearer than `limit` to one of another, at a compute_relative_pose."""
+    gap = compute_box_gap_m(relative_pose, box, other_box)
+    if gap < -ROUNDING_M or gap >= limit + ROUNDING_M:
+        return gap < 0.0
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
+    rear, front, half = box
+    orear, ofront, ohalf = other_box
+    if (
+        compute_corner_distance(a.x, a.y, acos, asin, rear, front, half, b.x, b.y, bcos, bsin, orear, ofront, ohalf)
+        < limit
+    ):
+        return True
+    return (
+        compute_corner_distance(b.x, b.y, bcos, bsin, orear, ofront, ohalf, a.x, a.y, acos, asin, rear, front, half)
+        < limit
+    )
+
+
+@compile_function
+def _is_pose_pair_too_close(a, b, ahead_a, ahead_b, boxes, model, clearance, beside_clearance):  # type: ignore[no-untyped-def]
+    """Whether two poses cannot be taken at once; distances are computed only where needed."""
+    (acos, asin), (bcos, bsin) = ahead_a, ahead_b
+    relative_pose = compute_relative_pose(a, b, acos, asin, bcos, bsin)
+    whole, body, tool = boxes
+    gap = compute_box_gap_m(relative_pose, whole, whole)
+    limit = clearance
+    if (
+        gap < limit + ROUNDING_M
+        and abs(relative_pose[5]) <= PARALLEL_SINE + ROUNDING_M
+        and is_beside(a, model, b, model)
+    ):
+        limit = min(clearance, beside_clearance)
+    if gap >= limit + ROUNDING_M:
+        return False
+    return (
+        _is_box_near(a, b, ahead_a, ahead_b, relative_pose, tool, tool, limit)
+        or _is_box_near(a, b, ahead_a, ahead_b, relative_pose, body, body, limit)
+        or _is_box_near(a, b, ahead_a, ahead_b, relative_pose, tool, body, limit)
+        or _is_box_near(a, b, ahead_a, ahead_b, relative_pose, body, tool, limit)
+    )
+
+
+@compile_function
+def _scan_conflicts(  # type: ignore[no-untyped-def]
+    a, b, ahead_a, ahead_b, blocks_a, blocks_b, outer_b, models, clearance, beside_clearance, rows
+):
+    """Number of conflict rows; as many as fit are written to `rows`."""
+    a, b, ahead_a, ahead_b = drop_owner(a), drop_owner(b), drop_owner(ahead_a), drop_owner(ahead_b)
+    blocks_a, blocks_b, outer_b = drop_owner(blocks_a), drop_owner(blocks_b), drop_owner(outer_b)
+    model, boxes, close_blocks = models[0], get_boxes(models[0]), np.empty(len(blocks_b), dtype=np.int64)
+    reach, count = 2.0 * model.reach + max(clearance, beside_clearance), 0
+    for p in range(len(blocks_a)):
+        block_count = 0
+        for outer in range(len(outer_b)):
+            if _is_close(blocks_a[p], outer_b[outer], reach):
+                for q in range(outer * BLOCK_SIZE, min((outer + 1) * BLOCK_SIZE, len(blocks_b))):
+                    if _is_close(blocks_a[p], blocks_b[q], reach):
+                        close_blocks[block_count] = q
+                        block_count += 1
+        for i in range(p * BLOCK_SIZE, min((p + 1) * BLOCK_SIZE, len(a)) if block_count > 0 else 0):
+            last = -2
+            for k in range(block_count):
+                q = close_blocks[k]
+                for j in range(q * BLOCK_SIZE, min((q + 1) * BLOCK_SIZE, len(b))):
+                    dx, dy = a[i].x - b[j].x, a[i].y - b[j].y
+                    if dx * dx + dy * dy >= reach * reach:
+                        continue
+                    first, second = (ahead_a[i, 0], ahead_a[i, 1]), (ahead_b[j, 0], ahead_b[j, 1])
+                    if not _is_pose_pair_too_close(
+                        a[i], b[j], first, second, boxes, model, clearance, beside_clearance
+                    ):
+                        continue
+                    if last != j - 1:
+                        count += 1
+                        if count <= len(rows):
+                            rows[count - 1, 0], rows[count - 1, 1] = i, j
+                    if count <= len(rows):
+                        rows[count - 1, 2] = j
+                    last = j
+    return count
+
+
+def find_close_approaches(
+    poses: npt.NDArray[np.float64], on_field: npt.NDArray[np.bool_], model: Array, clearance_m: float, beside_m: float
+) -> list[tuple[int, int, int, float]]:
+    """Pairs (i, j, k, metres) of tractors i < j that are too close at step k, the first such step of each pair.
+
+    `poses` (n, steps, 3) are x, y (m) and angle (rad) of the centres of mass at common times, `on_field` (n,) marks the
+    tractors on the field, `model` (1,) is their MODEL record. Too close is as in vehicle.sim.clearance.
+    """
+    records = _build_pose_records(poses)
+    rows = np.empty((max(len(poses) * (len(poses) - 1) // 2, 1), 4))
+    count = _scan_approaches(records, on_field, model, clearance_m, beside_m, rows)
+    return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]
+
+
+def find_close_approaches_between(
+    own_poses: npt.NDArray[np.float64],
+    own_model: Array,
+    other_poses: npt.NDArray[np.float64],
+    other_models: Array,
+    clearance_m: float,
+    beside_m: float,
+) -> list[tuple[int, int, int, float]]:
+    """As find_close_approaches, for pairs (i, j) of a tractor i of one group and j of another.
+
+    Both groups are poses (n, steps, 3); `own_model` (1,) is the record of the whole first group, `other_models` (m,)
+    those of the second.
+    """
+    rows = np.empty((max(len(own_poses) * len(other_poses), 1), 4))
+    count = _scan_approaches_between(
+        _build_pose_records(own_poses),
+        own_model,
+        _build_pose_records(other_poses),
+        other_models,
+        clearance_m,
+        beside_m,
+        rows,
+    )
+    return [(int(i), int(j), int(k), float(metres)) for i, j, k, metres in rows[:count]]
+
+
+def compute_outline_distances(
+    poses: npt.NDArray[np.float64], other_poses: npt.NDArray[np.float64], model: Array, other_model: Array | None = None
+) -> npt.NDArray[np.float64]:
+    """Metres (steps,) between the outlines of two tractors at poses (steps, 3) of common times.
+
+    Both are of `model` unless `other_model` is given for the second.
+    """
+    out = np.empty(len(poses))
+    second = model if other_model is None else other_model
+    _fill_distances(_build_pose_records(poses[None])[0], _build_pose_records(other_poses[None])[0], model, second, out)
+    return out
+
+
+def _build_pose_records(poses: npt.NDArray[np.float64]) -> Array:
+    records = np.zeros(poses.shape[:2], dtype=POSE)
+    for column, name in enumerate(("x", "y", "angle")):
+        records[name] = poses[:, :, column]
+    return records
+
+
+@compile_function
+def _scan_approaches(poses, on_field, model, clearance, beside_clearance, rows):  # type: ignore[no-untyped-def]
+    count, kind = 0, model[0]
+    reach = 2.0 * kind.reach + clearance
+    for i in range(len(poses)):
+        for j in range(i + 1, len(poses)):
+            if not (on_field[i] and on_field[j]):
+                continue
+            for k in range(poses.shape[1]):
+                a, b = poses[i, k], poses[j, k]
+                dx, dy = a.x - b.x, a.y - b.y
+                if dx * dx + dy * dy >= reach * reach:
+                    continue
+                metres = compute_outline_distance(a, kind, b, kind)
+                if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, kind)):
+                    continue
+                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
+                count += 1
+                break
+    return count
+
+
+@compile_function
+def _scan_approaches_between(  # type: ignore[no-untyped-def]
+    own_poses, own_model, other_poses, other_models, clearance, beside_clearance, rows
+):
+    count, kind = 0, own_model[0]
+    for i in range(len(own_poses)):
+        for j in range(len(other_poses)):
+            other_model = other_models[j]
+            reach = kind.reach + other_model.reach + clearance
+            for k in range(own_poses.shape[1]):
+                a, b = own_poses[i, k], other_poses[j, k]
+                dx, dy = a.x - b.x, a.y - b.y
+                if dx * dx + dy * dy >= reach * reach:
+                    continue
+                metres = compute_outline_distance(a, kind, b, other_model)
+                if metres >= clearance or (metres >= beside_clearance and is_beside(a, kind, b, other_model)):
+                    continue
+                rows[count, 0], rows[count, 1], rows[count, 2], rows[count, 3] = i, j, k, metres
+                count += 1
+                break
+    return count
+
+
+@compile_function
+def _fill_distances(poses, other_poses, model, other_model, out):  # type: ignore[no-untyped-def]
+    for k in range(len(poses)):
+        out[k] = compute_outline_distance(poses[k], model[0], other_poses[k], other_model[0])

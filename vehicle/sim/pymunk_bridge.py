@@ -1,0 +1,231 @@
+"""Tractors as pymunk bodies with contact boxes, and the bridge by which compiled code reaches them.
+
+`pymunk.batch` may change in any release, so the minor version is pinned and PymunkEngine checks, before the first step,
+that reading and writing bodies in batch gives the same as the ordinary API. Where the numbers of a body are found in
+memory (vehicle.sim.body_memory) they are read and written there, which saves two calls for every body and step.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import pymunk
+import pymunk.batch
+from pymunk._chipmunk_cffi import ffi, lib
+
+from vehicle.errors import VehicleError
+from vehicle.model.tractor import Implement, Tractor
+from vehicle.records import BODY_WIDTH
+from vehicle.sim.body_memory import NO_OFFSETS, find_body_offsets
+from vehicle.sim.compile import compute_contact_boxes
+
+MIN_SOLVER_ITERATIONS = 1  # each iteration costs time in every step, even without contacts
+FRICTION = 0.5  # any value would do: plans in which tractors touch are reported as collisions
+
+
+def create_space() -> pymunk.Space:
+    """A space without contact boxes, in which nothing can touch."""
+    space = pymunk.Space()
+    space.iterations = MIN_SOLVER_ITERATIONS
+    return space
+
+
+def create_body(space: pymunk.Space, tractor: Tractor, pose: tuple[float, float, float]) -> pymunk.Body:
+    """A tractor body at its centre of mass, without contact boxes."""
+    body = pymunk.Body(tractor.mass_kg, tractor.inertia_kg_m2)
+    body.position, body.angle = pose[:2], pose[2]
+    space.add(body)
+    return body
+
+
+class ContactBoxes:
+    """The boxes of tractor and implement of every body, which are in the space only while tractors are near each other.
+
+    `present` (n,) says whose boxes are in the space, `required` (n,) whose should be; the compiled loop writes
+    `required` and update_space follows it.
+    """
+
+    def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body], tractor: Tractor, implement: Implement) -> None:
+        boxes = compute_contact_boxes(tractor, implement)
+        tractor_box = _build_corners(boxes["tail"], boxes["nose"], boxes["half_width"])
+        tool_box = _build_corners(boxes["tool_tail"], boxes["tool_front"], boxes["tool_half_width"])
+        self._space = space
+        self._iterations = pymunk.Space().iterations
+        self._shapes = [(_build_shape(body, tractor_box), _build_shape(body, tool_box)) for body in bodies]
+        self.present: npt.NDArray[np.bool_] = np.zeros(len(bodies), dtype=np.bool_)
+        self.required: npt.NDArray[np.bool_] = np.zeros(len(bodies), dtype=np.bool_)
+
+    def update_space(self) -> None:
+        """Add the required boxes to the space and remove the others."""
+        for index in np.flatnonzero(self.present != self.required):
+            change = self._space.add if self.required[index] else self._space.remove
+            change(*self._shapes[index])
+        self.present[:] = self.required
+        self._space.iterations = self._iterations if self.present.any() else MIN_SOLVER_ITERATIONS
+
+    def add_all(self) -> None:
+        """Add the boxes of every tractor to the space."""
+        self.required[:] = True
+        self.update_space()
+
+
+def _build_corners(rear: float, front: float, half: float) -> list[tuple[float, float]]:
+    return [(rear, -half), (front, -half), (front, half), (rear, half)]
+
+
+def _build_shape(body: pymunk.Body, corners: list[tuple[float, float]]) -> pymunk.Poly:
+    shape = pymunk.Poly(body, corners)
+    shape.friction = FRICTION
+    return shape
+
+
+READ = (
+    pymunk.batch.BodyFields.POSITION
+    | pymunk.batch.BodyFields.ANGLE
+    | pymunk.batch.BodyFields.VELOCITY
+    | pymunk.batch.BodyFields.ANGULAR_VELOCITY
+)
+WRITE = pymunk.batch.BodyFields.FORCE | pymunk.batch.BodyFields.TORQUE
+TOUCH = pymunk.batch.ArbiterFields.BODY_A_ID | pymunk.batch.ArbiterFields.BODY_B_ID
+READ_WIDTH, WRITE_WIDTH, SLACK = BODY_WIDTH, 3, 16
+
+# Positions in the array of addresses for compiled code.
+STEP, EACH_BODY, EACH_CONTACT, GET_BODY, SET_BODY, GET_CONTACT, SPACE, READ_DATA, WRITE_DATA, TOUCH_DATA = range(10)
+
+
+class EngineUnavailableError(VehicleError):
+    """pymunk's batch layout is unknown to this version; the slow path still works."""
+
+
+class PymunkBridge(NamedTuple):
+    """What compiled code needs to reach the bodies of a space (vehicle.sim.compiled_access).
+
+    `addresses` (10,) in the order of the constants above. If the probe of vehicle.sim.body_memory succeeded, bodies are
+    read and written in memory at `offsets` (11,) from the addresses `places` (n,). Otherwise both are empty and bodies
+    are handled in batch: `read` (6 n + slack,) holds x, y, angle, vx, vy, spin per body after a read, `write` (3 n +
+    slack,) takes fx, fy, torque per body before a write. `touching` holds pairs of body ids. The three `*_count` are
+    the C headers: element 0 is the number in use and must be set to zero before every call.
+    """
+
+    addresses: npt.NDArray[np.int64]
+    places: npt.NDArray[np.int64]
+    offsets: npt.NDArray[np.int64]
+    read: npt.NDArray[np.float64]
+    write: npt.NDArray[np.float64]
+    touching: npt.NDArray[np.uint64]
+    read_count: npt.NDArray[np.int32]
+    write_count: npt.NDArray[np.int32]
+    touch_count: npt.NDArray[np.int32]
+
+
+class PymunkEngine:
+    """Access to the bodies of one space; compiled code uses its `bridge`."""
+
+    def __init__(self, space: pymunk.Space, bodies: list[pymunk.Body]) -> None:
+        self.space, self.bodies = space, bodies
+        count = len(bodies)
+        self.read = np.zeros(READ_WIDTH * count + SLACK)
+        self.write = np.zeros(WRITE_WIDTH * count + SLACK)
+        self.touching = np.zeros(8 * count * count + 64, dtype=np.uint64)
+        self._buffers = [pymunk.batch.Buffer() for _ in range(3)]
+        self._buffers[0].set_float_buf(self.read)
+        self._buffers[1].set_float_buf(self.write)
+        self._buffers[2].set_int_buf(self.touching)
+        self.read_count = _view_batch_counts(self._buffers[0]._float_arr)
+        self.write_count = _view_batch_counts(self._buffers[1]._float_arr)
+        self.touch_count = _view_batch_counts(self._buffers[2]._int_arr)
+        self.addresses = self._resolve_addresses()
+        self.ids = np.array([body.id for body in bodies], dtype=np.uint64)
+        offsets = self._check_memory_layout()
+        self.bridge = PymunkBridge(
+            self.addresses,
+            self._read_body_addresses() if len(offsets) else NO_OFFSETS,
+            offsets,
+            self.read,
+            self.write,
+            self.touching,
+            self.read_count,
+            self.write_count,
+            self.touch_count,
+        )
+
+    def _read_body_addresses(self) -> npt.NDArray[np.int64]:
+        """Addresses of the bodies (n,), valid as long as the bodies live."""
+        return np.array([int(ffi.cast("uintptr_t", body._body)) for body in self.bodies], dtype=np.int64)
+
+    def _resolve_addresses(self) -> npt.NDArray[np.int64]:
+        self._data = [
+            _create_batch(buffer, fields.value)
+            for buffer, fields in zip(self._buffers, (READ, WRITE, TOUCH), strict=True)
+        ]
+        functions = (
+            "cpSpaceStep",
+            "cpSpaceEachBody",
+            "cpSpaceEachCachedArbiter",
+            "pmSpaceBodyGetIteratorFuncBatched",
+            "pmSpaceBodySetIteratorFuncBatched",
+            "pmSpaceArbiterIteratorFuncBatched",
+        )
+        try:
+            pointers = [ffi.addressof(lib, name) for name in functions]
+        except AttributeError as error:
+            message = f"pymunk {pymunk.version} lacks a function of the fast path: {error}."
+            raise EngineUnavailableError(message) from None
+        pointers += [self.space._space, *self._data]
+        return np.array([int(ffi.cast("uintptr_t", pointer)) for pointer in pointers], dtype=np.int64)
+
+    def _check_memory_layout(self) -> npt.NDArray[np.int64]:
+        """Compare one batch read and one batch write with the ordinary API, and the memory of the bodies with both.
+
+        Bodies at rest would read the same in any order, so they get distinct velocities for the test. Returns the
+        offsets of the numbers in memory; none if the test fails, or if bodies may fall asleep: setting a force through
+        the API wakes them, writing it to memory does not.
+        """
+        motion = [(body.velocity, body.angular_velocity) for body in self.bodies]
+        for place, body in enumerate(self.bodies, start=1):
+            body.velocity, body.angular_velocity = (place + 0.25, place + 0.5), place + 0.75
+        fault = self._find_read_fault() or self._find_write_fault()
+        body_layouts = [find_body_offsets(body) for body in self.bodies]
+        for body, (velocity, spin) in zip(self.bodies, motion, strict=True):
+            body.velocity, body.angular_velocity = velocity, spin
+            body.force, body.torque = (0.0, 0.0), 0.0
+        if fault:
+            raise EngineUnavailableError(f"pymunk {pymunk.version}: {fault}; the fast path needs 7.3.")
+        awake = self.space.sleep_time_threshold == math.inf
+        return body_layouts[0] if awake and all(len(offsets) for offsets in body_layouts) else NO_OFFSETS
+
+    def _find_read_fault(self) -> str:
+        self.read_count[0] = 0
+        lib.cpSpaceEachBody(self.space._space, ffi.addressof(lib, "pmSpaceBodyGetIteratorFuncBatched"), self._data[0])
+        if self.read_count[0] != READ_WIDTH * len(self.bodies):
+            return "the batch read has another width"
+        rows = self.read[: READ_WIDTH * len(self.bodies)].reshape(-1, READ_WIDTH)
+        for row, body in zip(rows, self.bodies, strict=True):
+            expected = (*body.position, body.angle, *body.velocity, body.angular_velocity)
+            if tuple(row) != expected:
+                return "the batch read has another order"
+        return ""
+
+    def _find_write_fault(self) -> str:
+        count = WRITE_WIDTH * len(self.bodies)
+        self.write[:count] = np.arange(1, count + 1)
+        self.write_count[0] = 0
+        lib.cpSpaceEachBody(self.space._space, ffi.addressof(lib, "pmSpaceBodySetIteratorFuncBatched"), self._data[1])
+        written = [value for body in self.bodies for value in (*body.force, body.torque)]
+        wrong = written != self.write[:count].tolist()
+        self.write[:count] = 0.0
+        return "the batch write has another order" if wrong else ""
+
+
+def _create_batch(buffer: pymunk.batch.Buffer, fields: int) -> Any:
+    data = ffi.new("pmBatchedData *")
+    data.fields, data.floatArray, data.intArray = fields, buffer._float_arr, buffer._int_arr
+    return data
+
+
+def _view_batch_counts(array: Any) -> npt.NDArray[np.int32]:
+    """The C struct's `num` and `max` as a writable view."""
+    return np.frombuffer(ffi.buffer(array, 8), dtype=np.int32)

@@ -1,0 +1,154 @@
+"""One drive with a fixed steering angle on a ground: radius, stability, slips and path."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.errors import mark_parameter
+from vehicle.errors import VehicleError
+from vehicle.model.ground import Tyres, get_tyres
+from vehicle.model.tractor import Tractor, load_tractor
+from vehicle.trials.drive import (
+    Trace,
+    compute_settled_radius,
+    drive_by_steering_commands,
+    is_sideslip_settled,
+    replace_steering,
+)
+from vehicle.trials.fixed_steering import build_step_commands, move_centre_of_mass
+from vehicle.trials.sheets.fixed_steering import build_slip_panel, build_trajectory_panel
+from vehicle.trials.sheets.sheet import ExperimentSheet, PlotLine, PlotPanel, SteeredDrive
+
+MIN_DRIVE_S, MAX_DRIVE_S, MAX_SPEED_KMH = 20.0, 3600.0, 30.0
+RECORD_EVERY = 6
+SHOWN_RADII, WIDEST_SHOWN_M = 3.0, 100.0
+MAX_CIRCLE_RADIUS_M = 1e6  # a radius beyond this is no circle
+
+
+@dataclass(frozen=True)
+class SteeredDriveRequest:
+    """The request for a steered drive. Steering in degrees, positive to the right; `mass_m` is the distance of the
+    centre of mass behind the front axle; tyre values, if given, replace those of the ground.
+    """
+
+    steer_deg: float
+    ground: str = "asphalt"
+    model: str = "nonlinear"
+    seconds: float = 60.0
+    speed_kmh: float = 5.0
+    tractor: str = "eg105"
+    steering: str = "none"
+    curve: bool = True
+    mass_m: float | None = None
+    front_slope: float | None = None
+    front_limit_deg: float | None = None
+    rear_slope: float | None = None
+    rear_limit_deg: float | None = None
+
+
+def run_steered_drive(request: SteeredDriveRequest) -> tuple[SteeredDrive, Trace]:
+    """The result of the drive, and the whole trace for plots.
+
+    Raises VehicleError for a request that cannot be driven.
+    """
+    _check_request(request)
+    tractor = _load_request_tractor(request)
+    commands = build_step_commands([request.steer_deg], request.seconds)
+    trace = drive_by_steering_commands(
+        [replace_steering(tractor, request.steering)],
+        [_choose_tyres(request)],
+        commands,
+        speed_mps=request.speed_kmh / 3.6,
+        record_every=RECORD_EVERY,
+    )[0]
+    radius = compute_settled_radius(trace, trace.point_m)
+    front, rear = (float(np.degrees(slip[-1])) for slip in trace.compute_slips())
+    circle = math.isfinite(radius) and radius < MAX_CIRCLE_RADIUS_M
+    driven = SteeredDrive(radius if circle else None, is_sideslip_settled(trace), front, rear, _build_rows(trace))
+    return driven, trace
+
+
+def _check_request(request: SteeredDriveRequest) -> None:
+    values = {"steer_deg": request.steer_deg, "seconds": request.seconds, "speed_kmh": request.speed_kmh}
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise VehicleError(f"{mark_parameter(name)} is {value}; give a number.")
+    if not MIN_DRIVE_S <= request.seconds <= MAX_DRIVE_S:
+        raise VehicleError(
+            f"{mark_parameter('seconds')} is {request.seconds:g}; use {MIN_DRIVE_S:g} to {MAX_DRIVE_S:g}."
+        )
+    if not 0 < request.speed_kmh <= MAX_SPEED_KMH:
+        raise VehicleError(
+            f"{mark_parameter('speed_kmh')} is {request.speed_kmh:g}; use a speed above 0 and up to {MAX_SPEED_KMH:g}."
+        )
+
+
+def _load_request_tractor(request: SteeredDriveRequest) -> Tractor:
+    tractor = load_tractor(request.tractor)
+    return tractor if request.mass_m is None else move_centre_of_mass(tractor, request.mass_m)
+
+
+def _choose_tyres(request: SteeredDriveRequest) -> Tyres:
+    """The tyres of the ground with the values of the request. Raises VehicleError for values out of range."""
+    tyres = get_tyres(request.ground, request.model)
+    changes = {
+        "front_slope_per_deg": request.front_slope,
+        "front_limit_deg": request.front_limit_deg,
+        "rear_slope_per_deg": request.rear_slope,
+        "rear_limit_deg": request.rear_limit_deg,
+    }
+    given = {name: value for name, value in changes.items() if value is not None}
+    for name, value in given.items():
+        most = 90.0 if name.endswith("limit_deg") else 10.0
+        if not (math.isfinite(value) and 0 < value <= most):
+            raise VehicleError(f"{mark_parameter(name)} is {value:g}; use a value above 0 and up to {most:g}.")
+    if not request.curve:
+        given["curve"] = None  # type: ignore[assignment]
+    return tyres.model_copy(update=given)
+
+
+def _build_rows(trace: Trace) -> npt.NDArray[np.float64]:
+    place = trace.compute_path()
+    heading = (90.0 - np.degrees(trace.get_column("angle"))) % 360.0
+    return np.column_stack([trace.time_s, place, heading, np.degrees(trace.get_column("steering"))])
+
+
+def build_drive_sheet(request: SteeredDriveRequest, driven: SteeredDrive, trace: Trace) -> ExperimentSheet:
+    """The drive in words and plots."""
+    seconds = float(trace.time_s[-1])
+    radius = trace.compute_radius()
+    shown = np.where(radius < _choose_radius_limit(driven), radius, np.nan)
+    panels = (
+        build_trajectory_panel("Path of the centre of mass", {f"{request.steer_deg:g} degrees": trace}, seconds),
+        build_slip_panel("Slip angles", trace, seconds),
+        PlotPanel(
+            "Wheel angle",
+            "Time (s)",
+            "Angle (degrees)",
+            (PlotLine("wheel angle", trace.time_s, np.degrees(trace.get_column("steering")), 0),),
+        ),
+        PlotPanel("Momentary turning radius", "Time (s)", "Radius (m)", (PlotLine("radius", trace.time_s, shown, 0),)),
+    )
+    title = f"{request.steer_deg:g} degrees on {request.ground}, {request.model} tyres, {request.speed_kmh:g} km/h"
+    return ExperimentSheet(
+        "drive", title, (describe_drive(driven), "The wheels are stepped after one second at speed."), (), panels
+    )
+
+
+def _choose_radius_limit(driven: SteeredDrive) -> float:
+    """Metres up to which the momentary radius is drawn, so that the circle fills the plot."""
+    return SHOWN_RADII * driven.radius_m if driven.stable and driven.radius_m else WIDEST_SHOWN_M
+
+
+def describe_drive(driven: SteeredDrive) -> str:
+    """The result in one sentence."""
+    slips = f"slip {driven.slip_front_deg:.2f} degrees at the front axle and {driven.slip_rear_deg:.2f} at the rear"
+    if not driven.stable:
+        return f"Oversteer: the side-slip does not settle; at the end {slips}."
+    if driven.radius_m is None:
+        return f"Straight on; {slips}."
+    return f"A steady circle of {driven.radius_m:.2f} m radius (antenna); {slips}."

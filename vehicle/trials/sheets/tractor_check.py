@@ -1,0 +1,308 @@
+"""`headland tractor check`: drives that show whether the values of a tractor file fit together.
+
+Expected and driven values are compared for circles, a straight swath, a change of lane and a turn.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from vehicle.errors import VehicleError
+from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.run import DONE
+from vehicle.model.gnss import load_default_error_table
+from vehicle.model.ground import list_ground_names
+from vehicle.model.tractor import Implement, Tractor, remove_log_corrections
+from vehicle.sim.calibration import CIRCLE_SPEED_MPS, SteeringCircle, drive_circle
+from vehicle.sim.world import simulate
+from vehicle.trials.drive import build_straight_mission, follow_mission
+from vehicle.trials.sheets.sheet import DriveCheck, ExperimentSheet, PlotLine, PlotPanel, TextTable, TractorVerdict
+
+Array = npt.NDArray[np.float64]
+TRIAL_GROUND = "soil"
+LANE_M, LANE_AT_M, LANE_LENGTH_M, LANE_TOLERANCE_M = 1.0, 20.0, 100.0, 0.05
+STRAIGHT_LENGTH_M, SETTLING_M = 100.0, 20.0
+RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
+APPROACH_LENGTH_M, EXIT_LENGTH_M, MAX_DRIVE_S = 15.0, 25.0, 600.0
+ARC_POINTS = 91
+
+
+@dataclass(frozen=True, eq=False)
+class CircleTrial:
+    """A circle at a fixed wheel angle (degrees, positive right), and the radius expected from the file (m)."""
+
+    ground: str
+    steering_deg: float
+    expected_m: float
+    circle: SteeringCircle
+
+
+@dataclass(frozen=True, eq=False)
+class LaneTrial:
+    """A straight path, and a change to a lane LANE_M to its right.
+
+    `weaving_m` is the largest error in the second half of the straight path, with RTK position errors; `settled_m` the
+    distance until the error in the lane stays within LANE_TOLERANCE_M (None: never), `overshoot_m` the largest distance
+    beyond the lane.
+    """
+
+    path: Array
+    weaving_m: float
+    settled_m: float | None
+    overshoot_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class HalfCircleTrial:
+    """A half circle between two swaths: radius, path, driven path (t, 2), and its largest deviation (None: stuck)."""
+
+    radius_m: float
+    path: Array
+    driven_path: Array
+    deviation_m: float | None
+
+
+def drive_circles(tractor: Tractor) -> tuple[CircleTrial, ...]:
+    """Full and half lock to both sides on every ground with radii in the file, without corrections from logs.
+
+    The simulation applies effects from logs in addition to [radius].
+    """
+    tractor, lock = remove_log_corrections(tractor), tractor.max_steering_deg
+    return tuple(
+        CircleTrial(
+            ground, angle, tractor.get_power_law(ground).compute_radius_m(angle), drive_circle(tractor, angle, ground)
+        )
+        for ground in list_ground_names()
+        if ground in tractor.radius
+        for angle in (lock, -lock, 0.5 * lock, -0.5 * lock)
+    )
+
+
+def compute_ackermann_radius_m(tractor: Tractor) -> float:
+    """Radius of the antenna's circle at full lock, from wheelbase and wheel angle alone."""
+    across = tractor.wheelbase_m / math.tan(math.radians(tractor.max_steering_deg))
+    return math.hypot(tractor.antenna_forward_m, across)
+
+
+def drive_lane_change(tractor: Tractor) -> LaneTrial:
+    """A straight path, then a lane beside it, at the thesis's speed on soil."""
+    seconds = LANE_LENGTH_M / CIRCLE_SPEED_MPS
+    plain = build_straight_mission(STRAIGHT_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
+    first = follow_mission(tractor, plain, seconds=seconds, position_errors=load_default_error_table()).compute_path()
+    weaving = np.abs(first[first[:, 1] > 0.5 * STRAIGHT_LENGTH_M, 0])
+    jump = (LANE_AT_M, LANE_M)
+    path = build_straight_mission(LANE_LENGTH_M, CIRCLE_SPEED_MPS, TRIAL_GROUND)
+    path_driven = follow_mission(tractor, path, seconds=2.0 * seconds, jump=jump).compute_path()
+    end = LANE_LENGTH_M - SETTLING_M
+    far = np.nonzero((np.abs(path_driven[:, 0] - LANE_M) > LANE_TOLERANCE_M) & (path_driven[:, 1] < end))[0]
+    reached = bool((path_driven[:, 1] >= end).any())
+    settled = float(path_driven[far[-1], 1]) - LANE_AT_M if reached else math.inf
+    is_settled = settled < end - LANE_AT_M - 1.0
+    beyond = max(float(path_driven[:, 0].max()) - LANE_M, 0.0)
+    return LaneTrial(path_driven, float(weaving.max(initial=0.0)), settled if is_settled else None, beyond)
+
+
+def drive_half_circle(tractor: Tractor) -> HalfCircleTrial:
+    """From one swath to another by a half circle as wide as in plans."""
+    radius = RADIUS_FACTOR * tractor.compute_smallest_radius_m(TRIAL_GROUND)
+    turned = np.linspace(0.0, math.pi, ARC_POINTS)
+    arc = radius * np.stack([1.0 - np.cos(turned), np.sin(turned)], axis=1)
+    across = 2.0 * radius
+    pieces = (
+        np.array([[0.0, -APPROACH_LENGTH_M], [0.0, 0.0]]),
+        arc,
+        np.array([[across, 0.0], [across, -EXIT_LENGTH_M]]),
+    )
+    legs = tuple(
+        Leg(points, CIRCLE_SPEED_MPS, ground=TRIAL_GROUND, task=LegTask(kind), implement=kind == SWATH)
+        for points, kind in zip(pieces, (SWATH, TURN, SWATH), strict=True)
+    )
+    run = simulate(Plan((Mission(legs),)), tractor, Implement(), max_time_s=MAX_DRIVE_S)
+    path = np.concatenate(pieces)
+    place, angle = run.get_poses(0)[:, :2], run.get_poses(0)[:, 2:]
+    ahead = tractor.antenna_forward_m - tractor.rear_axle_m
+    driven_path = place + ahead * np.hstack([np.cos(angle), np.sin(angle)])
+    if run.outcome != DONE:
+        return HalfCircleTrial(radius, path, driven_path, None)
+    distances_m = shapely.distance(shapely.points(driven_path), shapely.LineString(path))
+    return HalfCircleTrial(radius, path, driven_path, float(distances_m.max()))
+
+
+CIRCLE_TOLERANCE_SHARE, ACKERMANN_TOLERANCE_SHARE = 0.01, 0.35
+MAX_WEAVING_CM, MAX_SETTLING_M, MAX_OVERSHOOT_CM, MAX_DEVIATION_M = 5.0, 30.0, 50.0, 1.0
+RADIUS_ADVICE = "look at [radius]"
+EXPECTED_COLOUR = 4
+GUIDANCE_ADVICE = "look at [guidance] and at steering.rate_deg_per_s"
+
+
+def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
+    """The verdict on a tractor file, and its sheet.
+
+    Raises VehicleError for a tractor without turning radii on soil.
+    """
+    if TRIAL_GROUND not in tractor.radius:
+        raise VehicleError(
+            f"{tractor.name} has no turning radii on {TRIAL_GROUND}, the ground of fields; add [radius.{TRIAL_GROUND}] "
+            "with right and left, usually the radii on asphalt or up to a tenth more."
+        )
+    circle_trials, lane, half = drive_circles(tractor), drive_lane_change(tractor), drive_half_circle(tractor)
+    proofs = (*_check_circles(tractor, circle_trials), *_check_lane(lane), _check_half_circle(half))
+    verdict = TractorVerdict(
+        tractor.name, all(proof.is_good for proof in proofs), _describe_verdict(tractor, proofs), proofs
+    )
+    table = TextTable(
+        "Expected and driven",
+        ("Drive", "Ground", "Expected", "Driven", "Difference", "Good"),
+        tuple(map(_build_row, proofs)),
+    )
+    panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), _build_half_circle_panel(half))
+    return verdict, ExperimentSheet("proved", f"Check of {tractor.name}", verdict.words, (), panels, (table,))
+
+
+def _check_circles(tractor: Tractor, circle_trials: Sequence[CircleTrial]) -> Iterator[DriveCheck]:
+    for trial in circle_trials:
+        lock = "full lock" if abs(trial.steering_deg) == tractor.max_steering_deg else "half lock"
+        side = "right" if trial.steering_deg > 0 else "left"
+        yield DriveCheck(
+            f"circle {side}, {lock}, {abs(trial.steering_deg):.1f} degrees",
+            trial.ground,
+            "m",
+            trial.expected_m,
+            trial.circle.radius_m,
+            CIRCLE_TOLERANCE_SHARE * trial.expected_m,
+            RADIUS_ADVICE,
+        )
+    expected_m, ground = compute_ackermann_radius_m(tractor), "asphalt" if "asphalt" in tractor.radius else TRIAL_GROUND
+    yield DriveCheck(
+        "radius at full lock, from wheelbase and wheel angle and in the file",
+        ground,
+        "m",
+        expected_m,
+        tractor.compute_smallest_radius_m(ground),
+        ACKERMANN_TOLERANCE_SHARE * expected_m,
+        "look at [radius], max_steering_deg, front_axle_m and rear_axle_m: one of them does not fit the others",
+    )
+
+
+def _check_lane(lane: LaneTrial) -> Iterator[DriveCheck]:
+    weaving, settled, beyond = 100.0 * lane.weaving_m, lane.settled_m, 100.0 * lane.overshoot_m
+    yield DriveCheck(
+        "straight path, RTK: largest error", TRIAL_GROUND, "cm", 0.0, weaving, MAX_WEAVING_CM, GUIDANCE_ADVICE
+    )
+    yield DriveCheck(
+        f"lane {LANE_M:g} m to the right: distance until within 5 cm",
+        TRIAL_GROUND,
+        "m",
+        0.0,
+        settled,
+        MAX_SETTLING_M,
+        GUIDANCE_ADVICE,
+    )
+    yield DriveCheck("the same: overshoot", TRIAL_GROUND, "cm", 0.0, beyond, MAX_OVERSHOOT_CM, GUIDANCE_ADVICE)
+
+
+def _check_half_circle(half: HalfCircleTrial) -> DriveCheck:
+    return DriveCheck(
+        f"half circle of {half.radius_m:.2f} m between swaths: largest deviation",
+        TRIAL_GROUND,
+        "m",
+        0.0,
+        half.deviation_m,
+        MAX_DEVIATION_M,
+        "look at steering.rate_deg_per_s and guidance.turn_lookahead_m, or drive turns slower",
+    )
+
+
+def _build_row(proof: DriveCheck) -> tuple[str, ...]:
+    deviation = proof.difference
+    if proof.expected == 0.0:
+        expected, difference = f"{proof.tolerance:g} {proof.unit} or less", ""
+    else:
+        expected = f"{proof.expected:.2f} {proof.unit}"
+        difference = "" if deviation is None else f"{round(100.0 * deviation / proof.expected, 1) + 0.0:+.1f} %"
+    driven = "not finished" if proof.driven is None else f"{proof.driven:.2f} {proof.unit}"
+    return proof.drive, proof.ground, expected, driven, difference, "yes" if proof.is_good else "no"
+
+
+def _describe_verdict(tractor: Tractor, proofs: Sequence[DriveCheck]) -> tuple[str, ...]:
+    """The verdict, advice for each drive that is not good, and the number of assumed values."""
+    wrong = [proof for proof in proofs if not proof.is_good]
+    assumed = sorted(key for key, words in tractor.source.items() if "assumed" in words)
+    first = (
+        f"The values fit together: {tractor.name} drives as its file says, at 5 km/h."
+        if not wrong
+        else f"The values do not fit together: {len(wrong)} of {len(proofs)} drives are not as the file says."
+    )
+    advice = tuple(
+        f"{proof.drive[0].upper()}{proof.drive[1:]} on {proof.ground}: {_build_row(proof)[3]} instead of "
+        f"{_build_row(proof)[2]}; {proof.advice}."
+        for proof in wrong
+    )
+    effect_note = _describe_effects(tractor)
+    assumption_note = f"Assumed values, not measured: {len(assumed)} of {len(tractor.source)}." if assumed else ""
+    return (first, *advice, *(text for text in (effect_note, assumption_note) if text))
+
+
+def _describe_effects(tractor: Tractor) -> str:
+    """How effects found in logs change the circle at full lock; "" without effects."""
+    if not tractor.effects:
+        return ""
+    radius = drive_circle(tractor, tractor.max_steering_deg, TRIAL_GROUND).radius_m
+    return (
+        f"Effects from logs in the file: {', '.join(tractor.effects)}; with them full lock to the right drives "
+        f"{radius:.2f} m on {TRIAL_GROUND}. The circles here are without them, the other drives with them."
+    )
+
+
+def _build_circle_panels(circle_trials: Sequence[CircleTrial]) -> Iterator[PlotPanel]:
+    for ground in dict.fromkeys(trial.ground for trial in circle_trials):
+        lines = []
+        for number, trial in enumerate(circle_trial for circle_trial in circle_trials if circle_trial.ground == ground):
+            side = "right" if trial.steering_deg > 0 else "left"
+            label = f"{abs(trial.steering_deg):.1f} degrees {side}, {trial.expected_m:.2f} m expected"
+            track = trial.circle.antenna_path
+            lines.append(PlotLine(label, track[:, 0] - track[0, 0], track[:, 1] - track[0, 1], number))
+            lines.append(_build_expected_line(trial))
+        yield PlotPanel(
+            f"Circles on {ground}; dashed: expected", "East (m)", "North (m)", tuple(lines), equal_axes=True
+        )
+
+
+def _build_expected_line(trial: CircleTrial) -> PlotLine:
+    """The circle of the expected radius round the centre of the circle driven at the end."""
+    track = trial.circle.antenna_path
+    ahead = track[-1] - track[-2]
+    aside = np.array([ahead[1], -ahead[0]]) / max(float(np.hypot(*ahead)), 1e-9)
+    middle = track[-1] - track[0] + np.copysign(trial.circle.radius_m, trial.steering_deg) * aside
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
+    x, y = middle[0] + trial.expected_m * np.cos(turn), middle[1] + trial.expected_m * np.sin(turn)
+    # Underscore: matplotlib leaves it out of the legend, where the driven line names the expected radius.
+    return PlotLine("_expected", x, y, EXPECTED_COLOUR, dashed=True)
+
+
+def _build_lane_panel(lane: LaneTrial) -> PlotPanel:
+    far = LANE_AT_M + 2.0 * MAX_SETTLING_M
+    part = lane.path[(lane.path[:, 1] > 0.0) & (lane.path[:, 1] < far)]
+    path = np.array([[0.0, 0.0], [LANE_AT_M, 0.0], [LANE_AT_M, LANE_M], [far, LANE_M]])
+    lines = (
+        PlotLine("driven", part[:, 1], part[:, 0], 0),
+        PlotLine("expected", path[:, 0], path[:, 1], EXPECTED_COLOUR, dashed=True),
+    )
+    return PlotPanel(f"A lane {LANE_M:g} m to the right, on {TRIAL_GROUND}", "Along (m)", "To the right (m)", lines)
+
+
+def _build_half_circle_panel(half: HalfCircleTrial) -> PlotPanel:
+    lines = (
+        PlotLine("driven", half.driven_path[:, 0], half.driven_path[:, 1], 0),
+        PlotLine("expected", half.path[:, 0], half.path[:, 1], EXPECTED_COLOUR, dashed=True),
+    )
+    title = (
+        f"A half circle of {half.radius_m:.2f} m between swaths, {APPROACH_LENGTH_M:g} m before it, on {TRIAL_GROUND}"
+    )
+    return PlotPanel(title, "East (m)", "North (m)", lines, equal_axes=True)
