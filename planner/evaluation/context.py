@@ -25,7 +25,7 @@ from planner.evaluation.layout_choice import choose_quickest_job_index, list_lay
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
-from planner.request.plan_request import MAX_TURN_SPEED_MPS, MIN_CLEARANCE_M, SOW, STANDING_CROP_OPERATIONS, PlanRequest
+from planner.request.plan_request import MIN_CLEARANCE_M, SOW, STANDING_CROP_OPERATIONS, PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import DecisionCriteria, build_decision_criteria
@@ -45,6 +45,7 @@ from strategies.path_planning.turns import (
 from strategies.program.field_job import DrivingRules, FieldJob, find_starting_corner
 from strategies.program.supply import Supply
 from strategies.program.turn_timing import TurnTimer
+from vehicle.control.speed_profile import build_driving_limits
 from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
@@ -59,6 +60,7 @@ GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
 # Times the planned radius or half the machine: in a bend the wheels turn while the implement works.
 BEND_RADIUS_FACTOR = 2.0
+BEND_SPEED_MPS = 5.0 * MPS_PER_KMH  # at higher working speeds bends round obstacles are wider in proportion
 _CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations")
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
@@ -259,7 +261,7 @@ def prepare_context(
         field = field.compute_ground_with_margin(
             request.margin_m, SMALL_OBSTACLE_WIDTHS * request.width_m, max(0.0, swing_m)
         )
-    rules = _build_base_rules(request, tractor, implement, radius_m, reach)
+    rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
     create = partial(
         PlanningContext,
@@ -313,7 +315,7 @@ def _add_travel(cost_terms: CostTerms | None, workday: Workday | None) -> CostTe
 
 
 def _build_base_rules(
-    request: PlanRequest, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
+    request: PlanRequest, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach, ground: str
 ) -> DrivingRules:
     """The driving rules without the times of turns."""
     return DrivingRules(
@@ -324,6 +326,7 @@ def _build_base_rules(
         tool_m=reach.tool_m,
         boxes=_build_outline_boxes(tractor, implement),
         ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
+        limits=build_driving_limits(tractor, ground),
     )
 
 
@@ -387,7 +390,7 @@ def _bend_around_obstacles(
         return layout, ObstacleBends()
     boxes = compute_contact_boxes(tractor, implement)
     guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
-    speed_factor = max(1.0, request.speed_mps / MAX_TURN_SPEED_MPS)
+    speed_factor = max(1.0, request.speed_mps / BEND_SPEED_MPS)
     rules = BendRules(
         BEND_RADIUS_FACTOR * max(radius_m * speed_factor, reach.margin_m),
         reach.margin_m,

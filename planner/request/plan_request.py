@@ -46,7 +46,6 @@ from strategies.path_planning.turn_kinds import TURN_KINDS
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
 DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1
-MAX_TURN_SPEED_MPS = 5.0 * MPS_PER_KMH  # faster, the wheels cannot be turned over in time for arcs near full lock
 MAX_LENGTH_M = 1000.0  # wider, deeper and farther round than any machine that works a field
 FULL_CIRCLE_DEG = 360.0
 MAX_PRICE = 1e9  # in any currency
@@ -169,7 +168,9 @@ class PlanRequest:
     ] = DEFAULT_SPEED_KMH * MPS_PER_KMH
     turn_speed_mps: Annotated[
         Number | None,
-        OptionHelp("Turn speed, km/h. By default the working speed, at most 5.", MACHINES, from_farm=True),
+        OptionHelp(
+            "Largest speed in turns, km/h; less in bends. By default the working speed.", MACHINES, from_farm=True
+        ),
         OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("turn speed"),
     ] = None
@@ -303,8 +304,8 @@ class PlanRequest:
 
     @property
     def effective_turn_speed_mps(self) -> float:
-        """Speed in turns: the one asked for, else the working speed, limited by how fast the wheels turn over."""
-        return min(self.speed_mps, MAX_TURN_SPEED_MPS) if self.turn_speed_mps is None else self.turn_speed_mps
+        """Largest speed in turns: the one asked for, else the working speed; bends are driven more slowly."""
+        return self.speed_mps if self.turn_speed_mps is None else self.turn_speed_mps
 
     @property
     def headland_orders(self) -> tuple[str, ...]:

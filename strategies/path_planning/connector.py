@@ -55,6 +55,7 @@ from strategies.path_planning.route_search import (
 )
 from strategies.path_planning.turn_kinds import TURN_KINDS
 from strategies.path_planning.visibility_graph import VisibilityGraph, list_corner_poses, list_ring_poses
+from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
 
 _TOLERANCE_M = 0.010  # how far a path may leave the free region
 _SAGITTA_M = 0.003  # part of that tolerance, by which the checked polyline may differ from the arc
@@ -72,17 +73,17 @@ _CURVED_REVERSE_S = 20.0  # charge for an arc in reverse: the rear axle leads, a
 
 @dataclass(frozen=True)
 class TurnCosts:
-    """What a turn costs in time: two speeds (m/s) and the seconds lost per direction change.
+    """What a turn costs in time: two speeds (m/s), the seconds lost per direction change, and the limits in bends.
 
-    A path with any reversing in it is driven at `reverse_speed_mps` throughout. A direction change costs `cusp_s` for
-    the stop and the shift, and `swing_sm` seconds per 1/m of curvature by which the wheels must be turned over
-    meanwhile. Raises TurnError for speeds that are not positive or a negative loss.
+    A direction change costs `cusp_s` for the stop and the shift, and `swing_sm` seconds per 1/m of curvature by which
+    the wheels must be turned over meanwhile. Raises TurnError for speeds that are not positive or a negative loss.
     """
 
     speed_mps: float
     reverse_speed_mps: float
     cusp_s: float
     swing_sm: float = 0.0
+    limits: DrivingLimits = UNLIMITED
 
     def __post_init__(self) -> None:
         for name in ("speed_mps", "reverse_speed_mps"):
@@ -95,13 +96,15 @@ class TurnCosts:
                 raise TurnError(f"{name} {value} must be zero or more and finite; give the loss per direction change.")
 
     def compute_time_s(self, path: DrivePath) -> float:
-        """Seconds to drive the path; if it begins or ends in reverse, the direction change there counts too."""
+        """Seconds to drive the path between two swaths; direction changes at its ends count too."""
         return float(compute_drive_time_s(path.to_rows(), self.speeds))
 
     @property
     def speeds(self) -> NDArray[np.float64]:
         """The costs as the compiled search takes them (primitives.compute_drive_time_s)."""
-        return np.array([self.speed_mps, self.reverse_speed_mps, self.cusp_s, self.swing_sm])
+        own, limits = (self.speed_mps, self.reverse_speed_mps, self.cusp_s, self.swing_sm), self.limits
+        bends = limits.lateral_mps2, limits.steering_mps, limits.window_m, limits.length_m, limits.deceleration_mps2
+        return np.array([*own, *bends])
 
 
 class Connector:

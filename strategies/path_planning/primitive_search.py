@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.path_planning.primitives import (
+    COST_COUNT,
     MAX_PIECES,
     MAX_PRIMITIVES,
     SNAP,
@@ -34,7 +35,7 @@ Floats = npt.NDArray[np.float64]
 SEARCH_RULES = np.dtype(
     [
         ("radius", "f8"),
-        ("speeds", "f8", (4,)),  # forward and reverse (m/s), seconds per direction change, seconds per 1/m of swing
+        ("speeds", "f8", (COST_COUNT,)),  # see primitives.compute_drive_time_s
         ("kinds", "f8", (4,)),  # 1 where ROUTE, U, OMEGA, SWITCH_BACK are allowed
         ("full_arc", "f8"),  # radii
         ("short_s", "f8"),

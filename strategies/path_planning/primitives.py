@@ -18,6 +18,7 @@ import math
 
 import numpy as np
 
+from vehicle.control.speed_profile import compute_straight_time_s
 from vehicle.jit import compile_function
 
 ROUTE, U, OMEGA, SWITCH_BACK = 0, 1, 2, 3
@@ -190,26 +191,68 @@ def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # 
     return count  # type: ignore[no-any-return]
 
 
-@compile_function
-def compute_drive_time_s(primitive, speeds) -> float:  # type: ignore[no-untyped-def]
-    """Seconds to drive a primitive (n, 3) or a path of any number of segments; direction changes at its ends count.
+# Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change and per 1/m of curvature
+# by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
+COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
+COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
+COST_COUNT = 9
+SLOW_WINDOWS = 2.0  # steering distances driven slowly where two curvatures meet
 
-    `speeds` (4,): forward and reverse (m/s; a path with any reversing is driven at the latter throughout), seconds per
-    direction change, and seconds per 1/m of curvature by which the wheels must be turned over meanwhile.
+
+@compile_function
+def _compute_piece_speed(primitive, piece, costs) -> float:  # type: ignore[no-untyped-def]
+    """Largest speed on a segment by its gear and its curvature."""
+    speed = costs[COST_REVERSE] if primitive[piece, 2] < 0.0 else costs[COST_FORWARD]
+    bend = abs(primitive[piece, 1])
+    return speed if bend == 0.0 else min(speed, math.sqrt(costs[COST_LATERAL] / bend))  # type: ignore[no-any-return]
+
+
+@compile_function
+def _compute_steering_loss_s(before, after, base, costs) -> float:  # type: ignore[no-untyped-def]
+    """Seconds lost where one curvature meets another, with `base` the lower of the speeds beside it."""
+    change = abs(math.atan(costs[COST_LENGTH] * after) - math.atan(costs[COST_LENGTH] * before))
+    if change * base <= costs[COST_STEERING]:
+        return 0.0
+    slow = costs[COST_STEERING] / change
+    braking_s = (base - slow) ** 2 / (base * costs[COST_ACCELERATION])
+    return SLOW_WINDOWS * costs[COST_WINDOW] * (1.0 / slow - 1.0 / base) + braking_s  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-def]
+    """Seconds to drive a primitive (n, 3) or a path of any number of segments between two straight swaths.
+
+    `costs` (COST_COUNT,) are described above. Direction changes at the ends count, and so does slowing down before the
+    first bend and speeding up after the last.
     """
-    length, reverse = 0.0, False
-    gear, curvature, lost = 1.0, 0.0, 0.0
+    forward, acceleration = costs[COST_FORWARD], costs[COST_ACCELERATION]
+    seconds, gear, curvature, speed = 0.0, 1.0, 0.0, forward
+    straight_m, straight_start = 0.0, forward  # of the straight that is being driven
     for piece in range(len(primitive)):
         if primitive[piece, 0] <= SNAP:
             continue
-        length += primitive[piece, 0]
-        reverse = reverse or primitive[piece, 2] < 0.0
-        if primitive[piece, 2] != gear:
-            lost += speeds[2] + speeds[3] * abs(primitive[piece, 1] - curvature)
-        gear, curvature = primitive[piece, 2], primitive[piece, 1]
+        own = _compute_piece_speed(primitive, piece, costs)
+        bend, direction = primitive[piece, 1], primitive[piece, 2]
+        if direction != gear:
+            seconds += costs[COST_CUSP] + costs[COST_SWING] * abs(bend - curvature)
+        else:
+            seconds += _compute_steering_loss_s(curvature, bend, min(speed, own), costs)
+        if curvature == 0.0:
+            end = speed if direction != gear else min(own, speed)
+            seconds += compute_straight_time_s(straight_m, speed, straight_start, end, acceleration)
+        if bend == 0.0:
+            straight_m, straight_start = primitive[piece, 0], own if direction != gear else min(speed, own)
+        else:
+            seconds += primitive[piece, 0] / own
+        gear, curvature, speed = direction, bend, own
     if gear < 0.0:
-        lost += speeds[2] + speeds[3] * abs(curvature)
-    return length / (speeds[1] if reverse else speeds[0]) + lost  # type: ignore[no-any-return]
+        seconds += costs[COST_CUSP] + costs[COST_SWING] * abs(curvature)
+    if curvature == 0.0:
+        seconds += compute_straight_time_s(straight_m, speed, straight_start, speed, acceleration)
+    else:
+        seconds += _compute_steering_loss_s(curvature, 0.0, speed, costs)
+        seconds += compute_straight_time_s(0.0, forward, min(speed, forward), forward, acceleration)
+    return seconds
 
 
 @compile_function

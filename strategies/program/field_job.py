@@ -18,6 +18,7 @@ from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose
 from strategies.path_planning.primitive_search import compute_shortest_m
 from strategies.program.supply import Supply
+from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -34,7 +35,7 @@ class DrivingRules:
     turn over k lines (index 0 unused); beyond its end the last entry grows by driving straight across. A tractor that
     must give way waits `hold_back_m` before the end of its swath, clear of the headland. Two that would turn side by
     side go `ahead_m` one after the other. `boxes` are the outline of tractor and implement: rear and front end ahead of
-    the guided point, and half the width (m).
+    the guided point, and half the width (m). `limits` hold in bends.
     """
 
     work_speed_mps: float
@@ -48,6 +49,11 @@ class DrivingRules:
     ahead_m: float = 0.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
     boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
+    limits: DrivingLimits = UNLIMITED
+
+    def get_path_speed_mps(self, gear: int) -> float:
+        """Largest speed on a turn or route in a gear; bends are driven more slowly (vehicle.control.speed_profile)."""
+        return self.turn_speed_mps if gear > 0 else self.reverse_speed_mps
 
 
 @dataclass(frozen=True)

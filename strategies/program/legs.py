@@ -57,7 +57,7 @@ def _build_straight_leg(job: FieldJob, a: Pose, start_m: float, end_m: float, ta
 
 
 def get_path_legs(job: FieldJob, path: DrivePath, goal_swath: Swath) -> list[Leg]:
-    """A turn or route to a swath as one leg per gear; with direction changes all of it is driven at reverse speed.
+    """A turn or route to a swath as one leg per gear.
 
     Legs are built once per path object for all plans of a field; the cache holds the path, because its id is the key.
     """
@@ -71,12 +71,10 @@ def get_path_legs(job: FieldJob, path: DrivePath, goal_swath: Swath) -> list[Leg
 
 def build_path_legs(job: FieldJob, path: DrivePath, task: LegTask) -> list[Leg]:
     """A path with the implement up as one leg per gear, for a task."""
-    driving_rules = job.driving_rules
-    speed = driving_rules.reverse_speed_mps if path.reverse_m else driving_rules.turn_speed_mps
     return [
         Leg(
             points=points,
-            speed_mps=speed,
+            speed_mps=job.driving_rules.get_path_speed_mps(gear),
             gear=gear,
             ground=_find_ground(job, points),
             task=task,

@@ -40,9 +40,8 @@ class TurnTimer:
 
     def build_mission(self, path: DrivePath) -> Mission:
         """A straight swath, the turn, another straight swath."""
-        speed = self.driving_rules.reverse_speed_mps if path.reverse_m else self.driving_rules.turn_speed_mps
         turn = [
-            Leg(points, speed, gear, ground=self.ground, task=LegTask(TURN))
+            Leg(points, self.driving_rules.get_path_speed_mps(gear), gear, ground=self.ground, task=LegTask(TURN))
             for gear, points in path.sample(PATH_STEP_M)
         ]
         return Mission(
@@ -98,7 +97,8 @@ class TurnTimer:
         """
         radius, driving_rules = self.driving_rules.radius_m, self.driving_rules
         a, b = (0.0, 0.0, 0.5 * math.pi), (0.75 * radius, 0.0, -0.5 * math.pi)
-        free_costs = TurnCosts(driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps, 0.0)
+        speeds, limits = (driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps), driving_rules.limits
+        free_costs = TurnCosts(*speeds, 0.0, limits=limits)
         three_arc_path, fishtail_path = build_switch_back(a, b, radius), build_fishtail(a, b, radius)
         assert three_arc_path is not None and fishtail_path is not None
         lost_three_s, lost_tail_s = (
@@ -107,7 +107,7 @@ class TurnTimer:
         )
         swing_sm = max(lost_three_s - lost_tail_s, 0.0) * radius
         cusp_s = max(lost_tail_s - swing_sm / radius, 0.0)
-        return TurnCosts(driving_rules.turn_speed_mps, driving_rules.reverse_speed_mps, cusp_s, swing_sm)
+        return TurnCosts(*speeds, cusp_s, swing_sm, limits)
 
     def _measure_required_seconds(self, path: DrivePath) -> float:
         seconds = self.measure_seconds(path)

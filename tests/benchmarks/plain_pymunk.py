@@ -102,7 +102,7 @@ class PlainWorld:
         x += model["guide"] * math.cos(angle)
         y += model["guide"] * math.sin(angle)
         while True:
-            (ax, ay), (bx, by) = points[segment], points[segment + 1]
+            (ax, ay, _), (bx, by, _) = points[segment], points[segment + 1]
             length = along[segment + 1] - along[segment]
             ux, uy = (bx - ax) / length, (by - ay) / length
             distance = (x - ax) * ux + (y - ay) * uy
@@ -113,21 +113,22 @@ class PlainWorld:
         progress = along[segment] + distance
         tractor.progress = max(progress, tractor.progress)
         lateral = ux * (y - ay) - uy * (x - ax)
-        ahead = progress + leg["lookahead"]
+        ahead = progress + max(leg["lookahead"], model["lookahead_s"] * abs(tractor.forward))
         while segment < last and along[segment + 1] < ahead:
             segment += 1
-        (ax, ay), (bx, by) = points[segment], points[segment + 1]
+        (ax, ay, _), (bx, by, _) = points[segment], points[segment + 1]
         share = (ahead - along[segment]) / (along[segment + 1] - along[segment])
         heading = angle - math.atan2(ay + share * (by - ay) - y, ax + share * (bx - ax) - x)
         heading = math.atan2(math.sin(heading), math.cos(heading))
-        lateral = min(max(lateral, -model["lateral_limit"]), model["lateral_limit"])
+        most = min(model["lateral_limit"], model["lateral_ease"] / max(abs(tractor.forward), 0.03))
+        lateral = min(max(lateral, -most), most)
         command = model["lateral_gain"] * lateral + model["heading_gain"] * heading
         tractor.command = min(max(command, -model["lock"]), model["lock"])
 
     def allowed_speed(self, tractor: PlainTractor) -> float:
         deceleration = tractor.model["acceleration"]
         reach = 0.5 * tractor.forward**2 / deceleration + 1.0
-        leg, speed = tractor.leg, self.legs[tractor.leg]["speed"]
+        leg, speed = tractor.leg, min(self.legs[tractor.leg]["speed"], self.path_speed(tractor))
         while True:
             distance = self.legs[leg]["end"] - tractor.progress
             if leg == tractor.last or not self.gates_open(leg + 1):
@@ -138,6 +139,13 @@ class PlainWorld:
                 return float(speed)
             speed = min(speed, math.sqrt(self.legs[leg + 1]["speed"] ** 2 + 2 * deceleration * max(distance, 0.0)))
             leg += 1
+
+    def path_speed(self, tractor: PlainTractor) -> float:
+        """Limit of the next point, from which it can brake, and of the wheels."""
+        goal = tractor.segment + 1
+        way, angle = self.along[goal] - tractor.progress, max(abs(tractor.command), abs(tractor.steering))
+        limit = math.sqrt(self.points[goal][2] ** 2 + 1.6 * tractor.model["acceleration"] * max(way, 0.0))
+        return min(limit, max(tractor.model["wheel_pace"] / angle, 1.0)) if angle > 0.0 else limit
 
     def push(self, tractor: PlainTractor) -> None:
         """Steering system, speed controller and tyres of one step; leaves the force and torque with the body."""

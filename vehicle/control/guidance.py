@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 from vehicle.control.speed import STANDSTILL_MPS, compute_approach_speed, compute_follower_speed
+from vehicle.control.speed_profile import BRAKE_SHARE, UNLIMITED_MPS, compute_correction_speed
 from vehicle.jit import compile_function
 from vehicle.model.instruments import compute_guidance_pose
 from vehicle.records import FINISHED, REVERSING, STANDING, TURNING, WAITING, WORKING
@@ -40,7 +41,7 @@ def project_point(
 ) -> tuple[int, float, float]:
     """Advance along a polyline to the segment next to (x, y).
 
-    `points` (n, 2) and `cumulative` (n,) describe the path; the search starts at `segment`, never goes back and
+    `points` (n, 2 or more) and `cumulative` (n,) describe the path; the search starts at `segment`, never goes back and
     never beyond `last`. A segment of zero length is a jump to another path and is skipped. Returns the segment,
     the progress along the path (m) and the lateral error (m, positive when the path lies to the right of the point
     in the direction of travel).
@@ -93,6 +94,7 @@ def has_open_gates(leg: int, legs, gates, states) -> bool:  # type: ignore[no-un
 def update_steering_command(state, model, leg, points, cumulative) -> None:  # type: ignore[no-untyped-def]
     """Project the guided point on the path and set the steering command (Eq. 2.5); in reverse, mirrored.
 
+    The lateral error is limited further the faster the tractor drives (vehicle.sim.compile.compute_lateral_ease).
     In reverse the rear axle is guided, but a leg is finished when the point that is guided forwards reaches its end:
     progress counts from that point, so that the next leg begins where this one was planned to end.
     """
@@ -105,11 +107,13 @@ def update_steering_command(state, model, leg, points, cumulative) -> None:  # t
     state.segment, progress, state.lateral = project_point(points, cumulative, state.segment, leg.last_segment, x, y)
     ahead = 0.0 if leg.gear > 0 else model.guide - model.guide_reverse
     state.progress = max(progress - ahead, state.progress)
-    tx, ty = find_target_point(points, cumulative, state.segment, leg.last_segment, progress + leg.lookahead)
+    lookahead = max(leg.lookahead, model.lookahead_s * abs(state.forward))
+    tx, ty = find_target_point(points, cumulative, state.segment, leg.last_segment, progress + lookahead)
+    limit = min(model.lateral_limit, model.lateral_ease / max(abs(state.forward), STANDSTILL_MPS))
     travel = angle if leg.gear > 0 else angle + math.pi
     heading = wrap_angle(travel - math.atan2(ty - y, tx - x))
     command = compute_steering_command(
-        state.lateral, heading, model.lateral_gain, model.heading_gain, model.lateral_limit, model.lock
+        state.lateral, heading, model.lateral_gain, model.heading_gain, limit, model.lock
     )
     state.command = command if leg.gear > 0 else -command
 
@@ -121,8 +125,24 @@ def can_enter_without_halt(leg: int, legs) -> bool:  # type: ignore[no-untyped-d
 
 
 @compile_function
-def compute_allowed_speed(state, model, legs, gates, states) -> tuple[float, bool]:  # type: ignore[no-untyped-def]
-    """Speed that still respects every leg end, gate, stop and gear change ahead, and whether a closed gate limits it.
+def compute_path_speed(state, model, points, cumulative) -> float:  # type: ignore[no-untyped-def]
+    """Speed that respects the limit of the next point of the path, which respects those of all points after it.
+
+    Where wheels have far to turn it is lower. Infinite on a path without limits.
+    """
+    goal = state.segment + 1
+    limit = points[goal, 2]
+    if limit == UNLIMITED_MPS:
+        return limit  # type: ignore[no-any-return]
+    distance = cumulative[goal] - state.progress - model.speed_lag * abs(state.forward)
+    speed = compute_approach_speed(distance, limit, BRAKE_SHARE * model.acceleration)
+    return min(speed, compute_correction_speed(max(abs(state.command), abs(state.steering)), model.wheel_pace))
+
+
+@compile_function
+def compute_allowed_speed(state, model, legs, gates, states, limit) -> tuple[float, bool]:  # type: ignore[no-untyped-def]
+    """Speed of at most `limit` that respects every leg end, gate, stop and gear change ahead, and whether a closed gate
+    limits it.
 
     A tractor whose speed lags its command brakes earlier, by the distance it drives meanwhile.
     """
@@ -130,7 +150,7 @@ def compute_allowed_speed(state, model, legs, gates, states) -> tuple[float, boo
     lag_distance_m = model.speed_lag * abs(state.forward)
     brake_range = 0.5 * state.forward * state.forward / deceleration + 1.0 + lag_distance_m
     leg = state.leg
-    speed = legs[leg].speed
+    speed = min(legs[leg].speed, limit)
     while True:
         distance = legs[leg].end - state.progress - lag_distance_m
         closed = leg < state.last_leg and not has_open_gates(leg + 1, legs, gates, states)
@@ -205,7 +225,8 @@ def run_control_tick(  # type: ignore[no-untyped-def]
         state.target_speed, state.working, state.status = 0.0, 0.0, STANDING
         return
     leg = legs[state.leg]
-    speed, is_held = compute_allowed_speed(state, model, legs, gates, states)
+    limit = compute_path_speed(state, model, points, cumulative)
+    speed, is_held = compute_allowed_speed(state, model, legs, gates, states, limit)
     if leg.leader >= 0 and states[leg.leader].leg == leg.leader_leg and states[leg.leader].done == 0:
         leader = states[leg.leader]
         gap = (leader.x - state.x) * math.cos(state.angle) + (leader.y - state.y) * math.sin(state.angle)

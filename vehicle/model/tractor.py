@@ -75,6 +75,7 @@ class SpeedParameters(_FrozenModel):
     derivative_n_s2_per_m: Annotated[float, _make_number_type(0.0, 1e8, "N s2/m")] = 400.0
     max_drive_n: Annotated[float, _make_number_type(0.001, 1e7, "N")] = 15000.0
     max_acceleration_mps2: Annotated[float, _make_number_type(0.001, 100.0, "m/s2")] = 0.7
+    max_lateral_mps2: Annotated[float, _make_number_type(0.01, 100.0, "m/s2 in bends, usually 0.7 to 1.5")] = 1.0
     shift_time_s: Annotated[float, _make_number_type(0.0, 600.0, "s")] = 1.5
 
 

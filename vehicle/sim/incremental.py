@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.control.guidance import ARRIVAL_TOLERANCE_M
+from vehicle.control.speed_profile import BRAKE_SHARE, STEERING_DISTANCE_FACTOR
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -237,8 +238,10 @@ class IncrementalSimulator:
         it steers for, which is measured from the antenna even where progress is counted from the rear axle.
         """
         fastest = MAX_SPEED_RATIO * max(leg.speed_mps for mission in missions for leg in mission.legs)
-        stop_m = fastest * fastest / (2.0 * self.tractor.speed.max_acceleration_mps2) + 1.0 + 2.0 * ARRIVAL_TOLERANCE_M
         guidance = self.tractor.guidance
+        braking_m = fastest * fastest / (2.0 * BRAKE_SHARE * self.tractor.speed.max_acceleration_mps2)
+        steering_m = STEERING_DISTANCE_FACTOR * guidance.turn_lookahead_m
+        stop_m = braking_m + steering_m + 1.0 + 2.0 * ARRIVAL_TOLERANCE_M
         aim_m = (
             max(guidance.lookahead_m, guidance.turn_lookahead_m) + abs(self.tractor.antenna_forward_m) + AIM_MARGIN_M
         )

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import pymunk
 
 from vehicle.control.guidance import run_control_tick
+from vehicle.control.speed_profile import UNLIMITED_MPS
 from vehicle.errors import VehicleError
 from vehicle.jit import compile_function
 from vehicle.missions.plan import SWATH, Leg, LegTask, Mission, Plan
@@ -114,7 +115,8 @@ def insert_lateral_offset(program: CompiledPlan, at_m: float, offset_m: float) -
     These are path 1 and path 2 of the step response: the lookahead point jumps first, the controlled point later.
     """
     length = float(program.cumulative[-1])
-    points = np.array([[0.0, 0.0], [0.0, at_m], [offset_m, at_m], [offset_m, length]])
+    turns = [[0.0, 0.0], [0.0, at_m], [offset_m, at_m], [offset_m, length]]
+    points = np.array([[*point, UNLIMITED_MPS] for point in turns])
     legs = program.legs.copy()
     legs["last_segment"] = 2
     return replace(program, points=points, cumulative=np.array([0.0, at_m, at_m, length]), legs=legs)
@@ -276,7 +278,7 @@ def follow_mission(
     uncorrected on `tyres` of chapter 4. `position_errors` is a GNSS table, `jump` the arguments of
     insert_lateral_offset.
     """
-    program = compile_plan(Plan((mission,)), tractor)
+    program = compile_plan(Plan((mission,)), tractor, limits_speed=False)
     if jump is not None:
         program = insert_lateral_offset(program, *jump)
     legs = program.legs
@@ -309,7 +311,7 @@ class _TrialSetup:
     ) -> None:
         self.tractors, self.states, self.legs = tractors, states, legs
         self.gates = np.zeros(0, dtype=GATE) if gates is None else gates
-        self.points = np.zeros((1, 2)) if points is None else points
+        self.points = np.zeros((1, 3)) if points is None else points
         self.cumulative = np.zeros(1) if cumulative is None else cumulative
         self.space = create_space()
         self.bodies = []

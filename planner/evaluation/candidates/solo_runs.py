@@ -19,6 +19,7 @@ MAX_ROWS = 5_000_000  # of all cached records: about 300 MB
 MAX_PLAN_ROWS = 2_500_000  # larger plans are simulated one tractor after another, which needs less memory
 ROWS_PER_S = 10.0
 BATCH_SIZE = 8  # tractors simulated in one world, with little overhead; they finish at about the same time
+TIMEOUT_FACTOR = 4.0  # times the seconds at the speeds of the legs: bends are driven more slowly
 
 
 @dataclass(eq=False)
@@ -122,4 +123,4 @@ def _estimate_rows(missions: Sequence[Mission]) -> float:
 def compute_timeout_s(plan: Plan) -> float:
     """More seconds than the plan takes with one tractor moving at a time: a tractor not done by then never will be."""
     driven_s = sum(leg.stand_s + leg.length_m / leg.speed_mps for mission in plan.missions for leg in mission.legs)
-    return 600.0 + 2.0 * driven_s
+    return 600.0 + TIMEOUT_FACTOR * driven_s
