@@ -133,9 +133,7 @@ class PlanningContext:
     def _base_job(self) -> FieldJob:
         """The job that others are copies of."""
         free_finder, beside_finder, rim_finder = (
-            None
-            if region.is_empty
-            else self.path_finders.get_connector(region, self.driving_rules.radius_m, self.costs, self.turn_kinds)
+            None if region.is_empty else self._get_connector(region, self.driving_rules.radius_m, self.turn_kinds)
             for region in (self.free_space, self.beside_swaths, self.rim_area)
         )
         if free_finder is None:
@@ -170,10 +168,15 @@ class PlanningContext:
         radius = self.driving_rules.radius_m
         regions = [region for region in (self.beside_swaths, self.rim_area, self.free_space) if not region.is_empty]
         return tuple(
-            self.path_finders.get_connector(region, factor * radius, self.costs, self.turn_kinds)
+            self._get_connector(region, factor * radius, self.turn_kinds)
             for region in regions
             for factor in WIDE_TURN_FACTORS
         )
+
+    def _get_connector(self, region: shapely.Geometry, radius_m: float, kinds: tuple[str, ...]) -> Connector:
+        """The connector of a region, with the usual costs and limit of reversing."""
+        max_reverse_m = self.driving_rules.max_reverse_m
+        return self.path_finders.get_connector(region, radius_m, self.costs, kinds, max_reverse_m)
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: everything but caches."""
@@ -201,9 +204,7 @@ class PlanningContext:
         obstacles = shapely.union_all([shape.boundary for shape in field.solid_obstacles])
         fence = FenceChecker(fences, obstacles, body, guidance_margin_m)
         forward_kinds = tuple(kind for kind in self.turn_kinds if kind != "switch-back")
-        return fence, (
-            self.path_finders.get_connector(self.free_space, radius, self.costs, forward_kinds),
-        ) if forward_kinds else ()
+        return fence, (self._get_connector(self.free_space, radius, forward_kinds),) if forward_kinds else ()
 
 
 def _resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:

@@ -42,17 +42,16 @@ def find_raised_path(
     path = _pick_clear_path(job, followable) or rim.connect_directly(a, b)
     if job.crosses_fence(path):
         path = job.find_path(a, b)
-    if not _is_followable(path) and allow_rim:
-        path = rim.connect(a, b)
+    if allow_rim and (not _is_followable(path) or job.has_long_reverse(path)):
+        path = rim.connect(a, b) or path or rim.connect_in_reverse(a, b)
     return path if _is_followable(path) else None
 
 
 def find_quickest_turn(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
     """The quickest of the paths through a corner and the turns from one pose to another."""
     rim = job.rim_connector or job.connector
-    paths = [
-        path for path in find_corner_paths(a, b, job.driving_rules.radius_m) if rim.can_reverse or not path.reverse_m
-    ]
+    max_reverse_m = job.driving_rules.max_reverse_m if rim.can_reverse else 0.0
+    paths = [path for path in find_corner_paths(a, b, job.driving_rules.radius_m) if path.reverse_m <= max_reverse_m]
     max_length_m = math.dist(a[:2], b[:2]) + MAX_CORNER_RADII * job.driving_rules.radius_m
     timed = [
         (rim.costs.compute_time_s(path), path) for path in paths if path.length_m <= max_length_m and rim.fits(path)

@@ -108,8 +108,9 @@ class Connector:
     """Finds the quickest path between two poses that stays inside the field.
 
     `free` is where the path point may be (Polygon or MultiPolygon, metres, holes are obstacles). `kinds` are the turns
-    allowed; without "switch-back" nothing is driven in reverse. Routes are always allowed. Raises TurnError for an
-    empty region, a radius that is not positive or an unknown kind.
+    allowed; without "switch-back" nothing is driven in reverse. Routes are always allowed. A manoeuvre holds at most
+    `max_reverse_m` in reverse, and a route one manoeuvre at either end. Raises TurnError for an empty region, a radius
+    that is not positive or an unknown kind.
     """
 
     def __init__(
@@ -118,6 +119,7 @@ class Connector:
         radius_m: float,
         costs: TurnCosts,
         kinds: tuple[str, ...] = TURN_KINDS,
+        max_reverse_m: float = math.inf,
     ) -> None:
         require_radius(radius_m)
         if free.is_empty or free.area == 0.0:
@@ -129,6 +131,7 @@ class Connector:
         self.radius_m = radius_m
         self.costs = costs
         self.kinds = tuple(kinds)
+        self.max_reverse_m = max_reverse_m
         self._guard = free.buffer(_TOLERANCE_M - _SAGITTA_M)
         shapely.prepare(self._guard)
         self._parts = shapely.get_parts(self._guard)
@@ -150,6 +153,15 @@ class Connector:
                 self._paths.clear()
             self._paths[a, b] = self._search(a, b) if self._is_same_region_part(a, b) else None
         return self._paths[a, b]
+
+    def connect_in_reverse(self, a: Pose, b: Pose) -> DrivePath | None:
+        """As `connect`, with any length in reverse: for ends between which nothing else leads."""
+        return self._unlimited.connect(a, b) if self.can_reverse else None
+
+    @cached_property
+    def _unlimited(self) -> Connector:
+        """The same connector without a limit of reversing."""
+        return Connector(self.free, self.radius_m, self.costs, self.kinds)
 
     def _search(self, a: Pose, b: Pose) -> DrivePath | None:
         """As `connect`, for ends in the same part of the region."""
@@ -183,6 +195,7 @@ class Connector:
         rules["kinds"] = 1.0, *(kind in self.kinds for kind in TURN_KINDS)
         rules["full_arc"], rules["short_s"], rules["curved_s"] = _FULL_ARC_RADII, _SHORT_ARC_S, _CURVED_REVERSE_S
         rules["near"], rules["steps"] = _NEAR_RADII, _STRAIGHT_ON_M
+        rules["most_reverse"] = self.max_reverse_m
         return cast(np.record, rules.view(np.recarray)[()])
 
     def _find_best_primitive(self, a: Pose, b: Pose) -> DrivePath | None:
@@ -283,7 +296,7 @@ class Connector:
             ]
         elif effort == 1:
             paths += [_build_turn_on_spot(a, hand, 3, r) for hand in (1, -1)]
-        return [path for path in paths if self.fits(path)]
+        return [path for path in paths if path.reverse_m <= self.max_reverse_m and self.fits(path)]
 
     def _list_goal_paths(self, b: Pose, effort: int) -> list[DrivePath]:
         """What may be driven after the last primitive of a route: `_list_start_paths` driven from its end."""
@@ -458,15 +471,20 @@ class ConnectorCache:
     It is pickled empty.
     """
 
-    connectors: dict[tuple[bytes, float, TurnCosts, tuple[str, ...]], Connector] = field(default_factory=dict)
+    connectors: dict[tuple[bytes, float, TurnCosts, tuple[str, ...], float], Connector] = field(default_factory=dict)
 
     def get_connector(
-        self, region: BaseGeometry, radius_m: float, costs: TurnCosts, kinds: tuple[str, ...]
+        self,
+        region: BaseGeometry,
+        radius_m: float,
+        costs: TurnCosts,
+        kinds: tuple[str, ...],
+        max_reverse_m: float = math.inf,
     ) -> Connector:
         """The connector for these; raises TurnError as Connector does."""
-        key = region.wkb, radius_m, costs, kinds
+        key = region.wkb, radius_m, costs, kinds, max_reverse_m
         if key not in self.connectors:
-            self.connectors[key] = Connector(region, radius_m, costs, kinds)
+            self.connectors[key] = Connector(region, radius_m, costs, kinds, max_reverse_m)
         return self.connectors[key]
 
     def __getstate__(self) -> dict[str, object]:

@@ -148,6 +148,15 @@ def join_paths(paths: Iterable[DrivePath], kind: str) -> DrivePath:
     return merge_segments(parts[0].start, (s for part in parts for s in part.segments), kind)
 
 
+def measure_longest_reverse_m(path: DrivePath) -> float:
+    """The most that is driven in reverse without a change of direction (m)."""
+    longest_m = run_m = 0.0
+    for segment in path.segments:
+        run_m = run_m + segment.length_m if segment.gear < 0 else 0.0
+        longest_m = max(longest_m, run_m)
+    return longest_m
+
+
 def make_pose(row: Points) -> Pose:
     """The pose in a row (3,) of an array."""
     x, y, heading = row.tolist()

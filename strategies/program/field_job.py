@@ -15,7 +15,7 @@ from fields.layout.swaths import Layout, Swath
 from strategies.path_planning.collision_check import FenceChecker, pick_quickest_inside
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
-from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose
+from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose, measure_longest_reverse_m
 from strategies.path_planning.primitive_search import compute_shortest_m
 from strategies.program.supply import Supply
 
@@ -23,6 +23,7 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one across swaths
+MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
 DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
 
 
@@ -48,6 +49,17 @@ class DrivingRules:
     ahead_m: float = 0.0
     turn_s: tuple[float, ...] = (0.0, 20.0)
     boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
+
+    @property
+    def length_m(self) -> float:
+        """Length of tractor and implement together (m)."""
+        rears, fronts, _ = zip(*self.boxes, strict=True)
+        return max(fronts) - min(rears)
+
+    @property
+    def max_reverse_m(self) -> float:
+        """The most that is driven in reverse in one manoeuvre, wherever another path leads on (m)."""
+        return MAX_REVERSE_LENGTHS * self.length_m
 
 
 @dataclass(frozen=True)
@@ -113,7 +125,7 @@ class FieldJob:
         """The quickest drivable path from a to b, or None.
 
         It keeps to the headland, where no crop is driven on, unless a path across swaths is much quicker and swaths
-        need not be avoided.
+        need not be avoided. More than a manoeuvre in reverse is driven only where no other path leads on.
         """
         if (a, b) not in self.path_cache:
             path = self.find_turn(a, b) or self._choose_route(a, b)
@@ -126,8 +138,21 @@ class FieldJob:
                     )
                     or path
                 )
-            self.path_cache[a, b] = path or (self._choose_turn(a, b) if self.fence else None)
+            path = path or (self._choose_turn(a, b) if self.fence else None)
+            self.path_cache[a, b] = path or self._find_reversing_path(a, b)
         return self.path_cache[a, b]
+
+    def has_long_reverse(self, path: DrivePath | None) -> bool:
+        """Whether a path holds a manoeuvre with more reversing than there is reason for where another path leads on."""
+        return path is not None and measure_longest_reverse_m(path) > self.driving_rules.max_reverse_m
+
+    def _find_reversing_path(self, a: Pose, b: Pose) -> DrivePath | None:
+        """A path with any length in reverse, where no other leads on: by the headland if there is one."""
+        for connector in (self.headland_connector, self.connector):
+            path = None if connector is None else connector.connect_in_reverse(a, b)
+            if path is not None and not self.crosses_fence(path):
+                return path
+        return None
 
     def crosses_fence(self, path: DrivePath | None, *, fences_only: bool = False) -> bool:
         """Whether any part of the machine touches a fence, or an obstacle, on a path."""
