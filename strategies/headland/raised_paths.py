@@ -63,11 +63,19 @@ def find_quickest_turn(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
 
 
 def _pick_clear_path(job: FieldJob, paths: list[DrivePath]) -> DrivePath | None:
-    """The first path that touches neither fence nor obstacle, else the first that touches no fence."""
-    if not paths or job.fence is None:
-        return paths[0] if paths else None
-    clear_path = next((path for path in paths if not job.crosses_fence(path)), None)
-    return clear_path or next((path for path in paths if not job.crosses_fence(path, fences_only=True)), None)
+    """The first path that touches neither fence nor obstacle, else the first that touches no fence.
+
+    Of those that touch nothing, the first that does not reach too far over an open edge.
+    """
+    clear_paths = [path for path in paths if not job.crosses_fence(path)]
+    if not clear_paths:
+        return next((path for path in paths if not job.crosses_fence(path, fences_only=True)), None)
+    return next((path for path in clear_paths if not has_overhang(job, path)), clear_paths[0])
+
+
+def has_overhang(job: FieldJob, path: DrivePath) -> bool:
+    """Whether any part of the machine reaches too far over an open edge on a path."""
+    return job.open_edge is not None and job.open_edge.has_path_contact(path)
 
 
 def _is_followable(path: DrivePath | None) -> TypeGuard[DrivePath]:

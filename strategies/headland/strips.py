@@ -15,8 +15,15 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from strategies.headland.corners import build_corner_arc, compute_tangent_m, compute_worked_reach_m
+from strategies.headland.corners import (
+    build_corner_arc,
+    compute_missed_m2,
+    compute_tangent_m,
+    compute_worked_reach_m,
+)
 from strategies.headland.pass_shares import HeadlandSegment
+from strategies.headland.raised_paths import find_quickest_turn, has_overhang
+from strategies.names import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob
@@ -42,7 +49,7 @@ class HeadlandStrip:
 
 def build_strips(job: FieldJob, share: Sequence[HeadlandSegment]) -> list[HeadlandStrip]:
     """The segments of a share as they are driven; those that their corners already work are left out."""
-    arcs = [_find_working_arc(job, a, b) for a, b in pairwise(share)]
+    arcs = [_choose_working_arc(job, a, b) for a, b in pairwise(share)]
     strips = []
     for index, segment in enumerate(share):
         arc_in, arc_out = arcs[index - 1] if index else None, arcs[index] if index < len(arcs) else None
@@ -98,17 +105,8 @@ def _number_side(job: FieldJob, segment: HeadlandSegment) -> int:
 
 def _find_working_extent_m(job: FieldJob, segment: HeadlandSegment) -> tuple[float, float]:
     """Where the guided point is along a side when the implement is lowered and lifted, within the field (m)."""
-    side, tool_m = segment.headland_pass.sides[segment.side], job.driving_rules.tool_m
-    begin = (
-        compute_worked_reach_m(side.start_turn_rad, job.layout.width_m)[1]
-        if segment.first_m is None
-        else segment.first_m
-    )
-    if segment.last_m is None:
-        end = side.length_m + compute_worked_reach_m(side.end_turn_rad, job.layout.width_m)[0]
-    else:
-        end = segment.last_m
-    first, last, line = begin + tool_m, end + tool_m, segment.line
+    side, line = segment.headland_pass.sides[segment.side], segment.line
+    first, last = _compute_whole_extent_m(job, segment)
     while last > side.length_m and not _has_room(job, line, last):
         last -= PULL_BACK_STEP_M
     while first < 0.0 and not _has_room(job, line, first):
@@ -119,7 +117,34 @@ def _find_working_extent_m(job: FieldJob, segment: HeadlandSegment) -> tuple[flo
             last -= PULL_BACK_STEP_M
         while first < middle and job.fence.has_pose_contact(_get_pose_at(line, first)):
             first += PULL_BACK_STEP_M
-    return first, last
+    if job.open_edge is None:
+        return first, last
+    return _pull_off_edge_m(job, segment, first, 1), _pull_off_edge_m(job, segment, last, -1)
+
+
+def _compute_whole_extent_m(job: FieldJob, segment: HeadlandSegment) -> tuple[float, float]:
+    """Where the guided point is along a side when the implement must be lowered and lifted to miss no ground (m)."""
+    side, width_m, tool_m = segment.headland_pass.sides[segment.side], job.layout.width_m, job.driving_rules.tool_m
+    first, last = segment.first_m, segment.last_m
+    if first is None:
+        first = compute_worked_reach_m(side.start_turn_rad, width_m)[1]
+    if last is None:
+        last = side.length_m + compute_worked_reach_m(side.end_turn_rad, width_m)[0]
+    return first + tool_m, last + tool_m
+
+
+def _pull_off_edge_m(job: FieldJob, segment: HeadlandSegment, distance_m: float, direction: int) -> float:
+    """The place nearest to one on a side, in a direction along it, where nothing reaches too far over an open edge (m).
+
+    The place itself where nothing is gained within two lengths of the machine or half the side.
+    """
+    assert job.open_edge is not None
+    room_m = min(2.0 * job.open_edge.body.reach_m, 0.5 * segment.headland_pass.sides[segment.side].length_m)
+    for step in range(int(room_m / PULL_BACK_STEP_M) + 1):
+        pulled_m = distance_m + direction * step * PULL_BACK_STEP_M
+        if not job.open_edge.has_pose_contact(_get_pose_at(segment.line, pulled_m)):
+            return pulled_m
+    return distance_m
 
 
 def _has_room(job: FieldJob, line: Points, distance_m: float) -> bool:
@@ -133,10 +158,18 @@ def _get_pose_at(line: Points, distance_m: float) -> Pose:
     return get_end_pose(cut_polyline(line, distance_m - PULL_BACK_STEP_M, distance_m), -1)
 
 
+def _choose_working_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> DrivePath | None:
+    """The arc that joins two segments with the implement down; None where their corner is square."""
+    arc = None if job.corners == SQUARE_CORNERS else _find_working_arc(job, a, b)
+    if arc is None or job.corners == ROUND_CORNERS:
+        return arc
+    return arc if _is_arc_quicker(job, a, b, arc) else None
+
+
 def _find_working_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> DrivePath | None:
-    """The arc that joins two segments with the implement down; None if corners are square or it does not fit."""
+    """The arc between two segments of a pass; None where there is no corner or the arc does not fit."""
     is_same_pass = (a.headland_pass.number, a.headland_pass.ring) == (b.headland_pass.number, b.headland_pass.ring)
-    if job.square_corners or not is_same_pass or a.last_m is not None or b.first_m is not None:
+    if not is_same_pass or a.last_m is not None or b.first_m is not None:
         return None
     side, after = a.headland_pass.sides[a.side], b.headland_pass.sides[b.side]
     if (a.side + 1) % len(a.headland_pass.sides) != b.side or a.has_no_corner:
@@ -147,7 +180,27 @@ def _find_working_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> 
         return None
     x, y, heading = get_end_pose(side.points, -1)
     arc = build_corner_arc((x, y), heading, side.end_turn_rad, job.driving_rules.radius_m)
-    return arc if job.connector.fits(arc) else None
+    return arc if job.connector.fits(arc) and not has_overhang(job, arc) else None
+
+
+def _is_arc_quicker(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment, arc: DrivePath) -> bool:
+    """Whether a corner is driven sooner by its arc than square, with the ground that either misses finished.
+
+    Both are timed from where the arc begins to where it ends.
+    """
+    side, width_m, rules = a.headland_pass.sides[a.side], job.layout.width_m, job.driving_rules
+    touch_m = compute_tangent_m(side.end_turn_rad, rules.radius_m)
+    last, first = _find_working_extent_m(job, a)[1], _find_working_extent_m(job, b)[0]
+    path = find_quickest_turn(job, _get_pose_at(a.line, last), _get_pose_at(b.line, first))
+    if path is None:
+        return True
+    missed_m2 = width_m * (_compute_whole_extent_m(job, a)[1] - last + first - _compute_whole_extent_m(job, b)[0])
+    worked_m = last - side.length_m + 2.0 * touch_m - first
+    square_s = worked_m / rules.work_speed_mps + job.connector.costs.compute_time_s(path)
+    square_s += missed_m2 * job.finishing_rate_s_per_m2
+    tip_m2 = compute_missed_m2(side.end_turn_rad, width_m, rules.radius_m, inside_round=a.headland_pass.number > 1)
+    arc_s = job.connector.costs.compute_time_s(arc) + tip_m2 * job.finishing_rate_s_per_m2
+    return round(arc_s, 6) <= round(square_s, 6)
 
 
 def _get_point_at(line: Points, distance_m: float) -> tuple[float, float]:

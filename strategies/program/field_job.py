@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout, Swath
+from strategies.names import AUTO_CORNERS
 from strategies.path_planning.collision_check import FenceChecker, pick_quickest_inside
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
@@ -84,7 +85,9 @@ class FieldJob:
     Order: `corner` is where to begin (from the last line?, first direction); None where any corner will do, as it is
     where the paths from an entrance count. `jump` fixes the pattern of swaths, None leaves it to the strategy. The
     `reversed_tractors` drive their orders backwards, in strategies with swaths of their own. `headland_passes` are the
-    passes of the headland; with `square_corners` their corners are worked whole. Tractors enter and leave by the
+    passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or "auto" (each corner as is
+    quicker with the missed ground finished). No part of a machine should reach over an `open_edge` on headland passes
+    and on the paths between them. Tractors enter and leave by the
     `entrance_lane`; without one they stand where work begins and stay where it ends. `supply` is what every tractor
     carries, None for nothing.
 
@@ -104,11 +107,12 @@ class FieldJob:
     reversed_tractors: tuple[int, ...] = ()
     headland_passes: tuple[HeadlandPass, ...] = ()
     rim_connector: Connector | None = None
-    square_corners: bool = True
+    corners: str = AUTO_CORNERS
     avoids_swaths: bool = False
     avoids_unworked: bool = False
     obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
     fence: FenceChecker | None = None
+    open_edge: FenceChecker | None = None
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
     path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
@@ -120,6 +124,14 @@ class FieldJob:
     block_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
     leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     turn_counts: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def finishing_rate_s_per_m2(self) -> float:
+        """Estimated seconds by which a plan is charged for missed ground (s/m2): its own rate on swaths and turns."""
+        rules, swaths = self.driving_rules, self.layout.swaths
+        turn_s = rules.turn_s[1] if len(rules.turn_s) > 1 else 0.0
+        seconds = self.layout.total_length_m / rules.work_speed_mps + turn_s * len(swaths)
+        return seconds / (self.layout.total_length_m * self.layout.width_m)
 
     def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
         """The quickest drivable path from a to b, or None.
