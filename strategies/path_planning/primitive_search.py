@@ -88,9 +88,8 @@ def _list_primitives(a, b, rules, limit_s, out, kinds, costs) -> int:  # type: i
             count = add_reverse_arc_primitives(a, b, rules.radius, out, kinds, count)
             count = add_reverse_straight_primitives(a, b, rules.radius, out, kinds, count)
     for k in range(count):
-        if rules.kinds[kinds[k]] == 0.0 or (k < forward and costs[k] == np.inf):
-            costs[k] = np.inf
-        elif k >= forward and out[k, 1, 0] > rules.most_reverse:
+        is_too_long = costs[k] == np.inf if k < forward else out[k, 1, 0] > rules.most_reverse
+        if is_too_long or rules.kinds[kinds[k]] == 0.0:
             costs[k] = np.inf
         else:
             costs[k] = round(compute_primitive_cost_s(out[k], rules), 6)
