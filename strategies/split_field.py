@@ -108,7 +108,7 @@ def plan_split_field(job: FieldJob) -> Plan:
 
 def _get_quickest_blocks(job: FieldJob, lines: list[list[Swath]], borders: list[int]) -> list[SearchedOrder]:
     """The blocks of all tractors in their quickest orders, balanced by these; cached for all jobs of a field."""
-    key = job.tractors, tuple(job.layout.swaths)
+    key = job.tractors, job.entrance_ends, tuple(job.layout.swaths)
     if key not in job.block_cache:
         job.block_cache[key] = _balance_blocks(job, lines, borders)
     return job.block_cache[key]  # type: ignore[no-any-return]

@@ -88,13 +88,14 @@ class FieldJob:
     passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or "auto" (each corner as is
     quicker with the missed ground finished). No part of a machine should reach over an `open_edge` on headland passes
     and on the paths between them. Tractors enter and leave by the
-    `entrance_lane`; without one they stand where work begins and stay where it ends. `supply` is what every tractor
-    carries, None for nothing.
+    `entrance_lane`; without one they stand where work begins and stay where it ends. `entrance_ends` says whether they
+    come to an order of swaths from there, and go there from it, or from and to headland passes. `supply` is what every
+    tractor carries, None for nothing.
 
     Caches, shared by all jobs of one field: `path_cache` by pair of poses, `turn_table_cache` by swaths, `share_cache`
     and `headland_leg_cache` of headland passes by how they are shared out, `formation_cache` of swaths worked side by
-    side, `block_cache` of blocks in their quickest orders by number of tractors, `leg_cache` of swaths and paths.
-    `turn_counts` counts the turns driven by kind.
+    side, `block_cache` of blocks in their quickest orders by number of tractors and the ends at the entrance,
+    `leg_cache` of swaths and paths. `turn_counts` counts the turns driven by kind.
     """
 
     layout: Layout
@@ -115,13 +116,14 @@ class FieldJob:
     open_edge: FenceChecker | None = None
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
+    entrance_ends: tuple[bool, bool] = (True, True)
     path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
     turn_table_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
     share_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     supply: Supply | None = None
     headland_leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formation_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    block_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
+    block_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     turn_counts: dict[str, int] = field(default_factory=dict)
 
@@ -131,7 +133,7 @@ class FieldJob:
         rules, swaths = self.driving_rules, self.layout.swaths
         turn_s = rules.turn_s[1] if len(rules.turn_s) > 1 else 0.0
         seconds = self.layout.total_length_m / rules.work_speed_mps + turn_s * len(swaths)
-        return seconds / (self.layout.total_length_m * self.layout.width_m)
+        return seconds / (self.layout.total_length_m * self.layout.width_m) * 3
 
     def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
         """The quickest drivable path from a to b, or None.
@@ -252,14 +254,19 @@ class FieldJob:
         return math.remainder(bearing if swath_pass.direction > 0 else bearing + math.pi, 2.0 * math.pi)
 
     def estimate_entrance_time_s(self, first: SwathPass, last: SwathPass) -> float:
-        """Estimated seconds from the entrance to a first pass and from a last pass back; 0 without an entrance."""
+        """Estimated seconds from the entrance to a first pass and from a last pass back, as far as `entrance_ends` say;
+        0 without an entrance."""
         if self.entrance_lane is None:
             return 0.0
         end_poses = (
             (self.entrance_lane.inner_pose, self.get_entry_pose(first)),
             (self.get_exit_pose(last), self.entrance_lane.build_path_out().start),
         )
-        metres = sum(compute_shortest_m(np.array(a), np.array(b), self.driving_rules.radius_m) for a, b in end_poses)
+        metres = sum(
+            compute_shortest_m(np.array(a), np.array(b), self.driving_rules.radius_m)
+            for (a, b), counts in zip(end_poses, self.entrance_ends, strict=True)
+            if counts
+        )
         return metres / self.driving_rules.turn_speed_mps
 
     def estimate_turn_time_s(self, a: SwathPass, b: SwathPass) -> float:

@@ -83,11 +83,12 @@ class TurnTable:
     def estimate_start_end_s(self) -> Floats:
         """Seconds between the entrance and the beginning and the end of every pass (2, 2 n); 0 without an entrance.
 
-        With an entrance lane they are those of the shortest paths with the turning radius, and exact once computed.
+        With an entrance lane they are those of the shortest paths with the turning radius, exact once computed, and 0
+        at an end of the order that is not at the entrance.
         """
         entrance = self.job.layout.field.entrance
         if self.job.entrance_lane is not None:
-            return self._entrance_times_s
+            return np.where(np.array(self.job.entrance_ends)[:, None], self._entrance_times_s, 0.0)
         if entrance is None:
             return np.zeros((2, len(self.passes)))
         speed = self.job.driving_rules.turn_speed_mps
@@ -122,7 +123,8 @@ class TurnTable:
         """Compute the paths in and out that an order of passes uses; returns whether one was only estimated."""
         if self.job.entrance_lane is None:
             return False
-        estimated_ends = {(0, order[0]), (1, order[-1])} - self._exact_ends
+        ends = ((0, order[0]), (1, order[-1]))
+        estimated_ends = {end for end in ends if self.job.entrance_ends[end[0]]} - self._exact_ends
         for end, p in sorted(estimated_ends):
             a, b, lead_m = self._get_entrance_poses(self.passes[p])[end]
             path = self.job.find_path(a, b)
