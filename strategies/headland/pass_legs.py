@@ -6,7 +6,7 @@ next; a side that no path reaches is left out and its length counted.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.headland.pass_shares import HeadlandSegment
-from strategies.headland.raised_paths import find_quickest_turn, find_raised_path
+from strategies.headland.raised_paths import find_quickest_turn, find_raised_path, has_overhang
 from strategies.headland.strips import MIN_SIDE_M, HeadlandStrip, build_strips, cut_polyline, get_end_pose
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob
@@ -26,7 +26,11 @@ Points = npt.NDArray[np.float64]
 
 SHORT_SIDE_WIDTHS = 5.0  # working widths; a shorter side may be left out if it leads nowhere
 TRIMS_M = ((0.0, 0.0), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0), (10.0, 10.0))  # trimmed before and after a corner
+EDGE_TRIMS_M = ((0.0, 2.0), (2.0, 0.0), (2.0, 2.0), *TRIMS_M[1:])  # the same to keep off an open edge
+MAX_EDGE_DETOUR_S = 60.0  # a path that keeps off an open edge may cost this much more
 WAIT_POINT_STEP_M = 40.0  # between places to wait along a side
+
+_Connection = tuple[HeadlandStrip, DrivePath, HeadlandStrip]
 
 
 @dataclass(frozen=True)
@@ -119,18 +123,42 @@ def _join_strips(
     )
 
 
-def _connect_strips(
-    job: FieldJob, last: HeadlandStrip, strip: HeadlandStrip
-) -> tuple[HeadlandStrip, DrivePath, HeadlandStrip] | None:
+def _connect_strips(job: FieldJob, last: HeadlandStrip, strip: HeadlandStrip) -> _Connection | None:
     """The path from one strip to the next, and both strips; where it is tight, their ends are trimmed for a turn."""
-    for end_trim_m, start_trim_m in TRIMS_M:
+    first = next(_iter_trimmed_connections(job, last, strip, TRIMS_M), None)
+    if first is not None and not has_overhang(job, first[1]):
+        return first
+    path = find_raised_path(job, get_end_pose(last.points, -1), get_end_pose(strip.points, 0))
+    whole = None if path is None else (last, path, strip)
+    if first is None:
+        return whole
+    options = [one for one in (whole, *_iter_trimmed_connections(job, last, strip, EDGE_TRIMS_M)) if one is not None]
+    clear = [one for one in options if not has_overhang(job, one[1]) and not job.crosses_fence(one[1])]
+    best = min(clear, key=lambda one: round(_compute_connection_cost_s(job, last, strip, one), 6), default=first)
+    gain_s = _compute_connection_cost_s(job, last, strip, best) - _compute_connection_cost_s(job, last, strip, first)
+    return best if gain_s <= MAX_EDGE_DETOUR_S else first
+
+
+def _compute_connection_cost_s(
+    job: FieldJob, last: HeadlandStrip, strip: HeadlandStrip, connection: _Connection
+) -> float:
+    """Seconds of a path between two strips and of finishing the ends that were trimmed for it."""
+    trimmed_last, path, trimmed_next = connection
+    trimmed_m = last.length_m - trimmed_last.length_m + strip.length_m - trimmed_next.length_m
+    finishing_s = trimmed_m * job.layout.width_m * job.finishing_rate_s_per_m2
+    return job.connector.costs.compute_time_s(path) + finishing_s - trimmed_m / job.driving_rules.work_speed_mps
+
+
+def _iter_trimmed_connections(
+    job: FieldJob, last: HeadlandStrip, strip: HeadlandStrip, trims_m: Sequence[tuple[float, float]]
+) -> Iterator[_Connection]:
+    """The quickest turns between two strips trimmed at their ends, where there are any."""
+    for end_trim_m, start_trim_m in trims_m:
         if end_trim_m + MIN_SIDE_M < last.length_m and start_trim_m + MIN_SIDE_M < strip.length_m:
             trimmed_last, trimmed_next = _trim_strip(last, 0.0, end_trim_m), _trim_strip(strip, start_trim_m, 0.0)
             path = find_quickest_turn(job, get_end_pose(trimmed_last.points, -1), get_end_pose(trimmed_next.points, 0))
             if path is not None:
-                return trimmed_last, path, trimmed_next
-    path = find_raised_path(job, get_end_pose(last.points, -1), get_end_pose(strip.points, 0))
-    return None if path is None else (last, path, strip)
+                yield trimmed_last, path, trimmed_next
 
 
 def _trim_strip(strip: HeadlandStrip, first_m: float, last_m: float) -> HeadlandStrip:

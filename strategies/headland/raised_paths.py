@@ -11,11 +11,19 @@ import shapely
 
 from strategies.headland.corners import find_corner_paths
 from strategies.path_planning.connector import Connector
-from strategies.path_planning.paths import DrivePath, Pose, join_paths, make_straight_path, shift_pose_ahead
+from strategies.path_planning.paths import (
+    DrivePath,
+    Pose,
+    join_paths,
+    make_straight_path,
+    measure_longest_reverse_m,
+    shift_pose_ahead,
+)
 from strategies.program.field_job import FieldJob
 
 MAX_REVERSALS = 4  # a path with more turns on the spot in arcs too short to follow
 MAX_CORNER_RADII = 6.0  # radii by which a path through a corner may exceed the distance of its ends
+WIDE_RADIUS_FACTORS = (1.15, 1.35, 1.7)  # times the planned radius, for arcs that swing out less
 BACK_UP_M = (0.0, 1.5, 3.0, 5.0, 8.0)  # straight back from a pose that no path joins
 
 
@@ -37,7 +45,7 @@ def find_raised_path(
     for candidate in candidates:
         if _is_followable(candidate):
             followable.append(candidate)
-            if not job.crosses_fence(candidate):
+            if not job.crosses_fence(candidate) and not has_overhang(job, candidate):
                 break
     path = _pick_clear_path(job, followable) or rim.connect_directly(a, b)
     if job.crosses_fence(path):
@@ -48,18 +56,38 @@ def find_raised_path(
 
 
 def find_quickest_turn(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
-    """The quickest of the paths through a corner and the turns from one pose to another."""
-    rim = job.rim_connector or job.connector
-    max_reverse_m = job.driving_rules.max_reverse_m if rim.can_reverse else 0.0
-    paths = [path for path in find_corner_paths(a, b, job.driving_rules.radius_m) if path.reverse_m <= max_reverse_m]
-    max_length_m = math.dist(a[:2], b[:2]) + MAX_CORNER_RADII * job.driving_rules.radius_m
-    timed = [
-        (rim.costs.compute_time_s(path), path) for path in paths if path.length_m <= max_length_m and rim.fits(path)
-    ]
+    """The quickest of the paths through a corner and the turns from one pose to another.
+
+    Through corners wider arcs are driven only where all others reach too far over an open edge.
+    """
+    rim, radius_m = job.rim_connector or job.connector, job.driving_rules.radius_m
+    timed = _list_corner_paths(job, a, b, radius_m)
     turn = job.find_turn(a, b)
     if turn is not None:
         timed.append((rim.compute_cost_s(turn), turn))
-    return _pick_clear_path(job, [path for _, path in sorted(timed, key=lambda pair: round(pair[0], 6))])
+    path = _pick_clear_path(job, _sort_by_time(timed))
+    if path is None or not has_overhang(job, path):
+        return path
+    wide = [pair for factor in WIDE_RADIUS_FACTORS for pair in _list_corner_paths(job, a, b, factor * radius_m)]
+    clear_paths = (one for one in _sort_by_time(wide) if not has_overhang(job, one) and not job.crosses_fence(one))
+    return next(clear_paths, path)
+
+
+def _list_corner_paths(job: FieldJob, a: Pose, b: Pose, radius_m: float) -> list[tuple[float, DrivePath]]:
+    """The paths through a corner by one arc that fit, each with its seconds."""
+    rim = job.rim_connector or job.connector
+    max_reverse_m = job.driving_rules.max_reverse_m if rim.can_reverse else 0.0
+    max_length_m = math.dist(a[:2], b[:2]) + MAX_CORNER_RADII * radius_m
+    return [
+        (rim.costs.compute_time_s(path), path)
+        for path in find_corner_paths(a, b, radius_m)
+        if measure_longest_reverse_m(path) <= max_reverse_m and path.length_m <= max_length_m and rim.fits(path)
+    ]
+
+
+def _sort_by_time(timed: list[tuple[float, DrivePath]]) -> list[DrivePath]:
+    """Paths with their seconds in the order of these, to the microsecond."""
+    return [path for _, path in sorted(timed, key=lambda pair: round(pair[0], 6))]
 
 
 def _pick_clear_path(job: FieldJob, paths: list[DrivePath]) -> DrivePath | None:

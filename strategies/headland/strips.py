@@ -33,6 +33,7 @@ from vehicle.missions.plan import HEADLAND_PASS, LegTask
 Points = npt.NDArray[np.float64]
 
 MIN_SIDE_M = 2.0  # a shorter side is worked by the corners at its ends
+ARC_RADIUS_FACTORS = (1.0, 1.15, 1.35, 1.7)  # times the planned radius: wider arcs swing out less
 PULL_BACK_STEP_M = 0.25  # steps in which the end of a side is pulled back into the field
 
 
@@ -49,22 +50,21 @@ class HeadlandStrip:
 
 def build_strips(job: FieldJob, share: Sequence[HeadlandSegment]) -> list[HeadlandStrip]:
     """The segments of a share as they are driven; those that their corners already work are left out."""
-    arcs = [_choose_working_arc(job, a, b) for a, b in pairwise(share)]
+    arcs = [_choose_arc(job, a, b) for a, b in pairwise(share)]
     strips = []
     for index, segment in enumerate(share):
         arc_in, arc_out = arcs[index - 1] if index else None, arcs[index] if index < len(arcs) else None
         first, last = _find_working_extent_m(job, segment)
         side = segment.headland_pass.sides[segment.side]
-        radius = job.driving_rules.radius_m
         if arc_in is not None:
-            first = compute_tangent_m(side.start_turn_rad, radius)
+            first = arc_in.touch_m
         if arc_out is not None:
-            last = side.length_m - compute_tangent_m(side.end_turn_rad, radius)
+            last = side.length_m - arc_out.touch_m
         if last - first < MIN_SIDE_M and arc_in is None and arc_out is None:
             continue
         points = cut_polyline(segment.line, first, last)
         if arc_out is not None:
-            points = np.concatenate([points, *(run[1:] for _, run in arc_out.sample(PATH_STEP_M))])
+            points = np.concatenate([points, *(run[1:] for _, run in arc_out.path.sample(PATH_STEP_M))])
         task = LegTask(HEADLAND_PASS, segment.headland_pass.number, _number_side(job, segment))
         strips += _bend_strip(
             job, HeadlandStrip(points, task, segment.length_m, arc_in is not None, arc_out is not None)
@@ -158,49 +158,66 @@ def _get_pose_at(line: Points, distance_m: float) -> Pose:
     return get_end_pose(cut_polyline(line, distance_m - PULL_BACK_STEP_M, distance_m), -1)
 
 
-def _choose_working_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> DrivePath | None:
+@dataclass(frozen=True)
+class _Arc:
+    """An arc round a corner with the implement down, where it leaves the sides, and what it costs.
+
+    The costs (s) are those of driving it and of finishing the ground it misses, less those of the sides from where it
+    leaves them to their corner.
+    """
+
+    path: DrivePath
+    touch_m: float
+    cost_s: float
+
+
+def _choose_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> _Arc | None:
     """The arc that joins two segments with the implement down; None where their corner is square."""
-    arc = None if job.corners == SQUARE_CORNERS else _find_working_arc(job, a, b)
-    if arc is None or job.corners == ROUND_CORNERS:
-        return arc
-    return arc if _is_arc_quicker(job, a, b, arc) else None
+    if job.corners == SQUARE_CORNERS or not _is_corner_between(a, b):
+        return None
+    radius_m = job.driving_rules.radius_m
+    arcs = [arc for factor in ARC_RADIUS_FACTORS if (arc := _build_arc(job, a, b, factor * radius_m)) is not None]
+    best = min(arcs, key=lambda arc: round(arc.cost_s, 6), default=None)
+    if best is None or job.corners == ROUND_CORNERS:
+        return best
+    return best if round(best.cost_s, 6) <= round(_compute_square_cost_s(job, a, b), 6) else None
 
 
-def _find_working_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> DrivePath | None:
-    """The arc between two segments of a pass; None where there is no corner or the arc does not fit."""
+def _is_corner_between(a: HeadlandSegment, b: HeadlandSegment) -> bool:
+    """Whether a segment ends at a corner of its pass where another begins."""
     is_same_pass = (a.headland_pass.number, a.headland_pass.ring) == (b.headland_pass.number, b.headland_pass.ring)
-    if not is_same_pass or a.last_m is not None or b.first_m is not None:
-        return None
+    if not is_same_pass or a.last_m is not None or b.first_m is not None or a.has_no_corner:
+        return False
+    return (a.side + 1) % len(a.headland_pass.sides) == b.side
+
+
+def _build_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment, radius_m: float) -> _Arc | None:
+    """The arc of a radius between two segments that meet at a corner; None if it does not fit."""
     side, after = a.headland_pass.sides[a.side], b.headland_pass.sides[b.side]
-    if (a.side + 1) % len(a.headland_pass.sides) != b.side or a.has_no_corner:
-        return None
-    touch_m = compute_tangent_m(side.end_turn_rad, job.driving_rules.radius_m)
+    touch_m = compute_tangent_m(side.end_turn_rad, radius_m)
     ends = [math.dist(*side.points[-2:]), math.dist(*after.points[:2])]
     if touch_m > min(ends) or touch_m > 0.5 * min(side.length_m, after.length_m):
         return None
     x, y, heading = get_end_pose(side.points, -1)
-    arc = build_corner_arc((x, y), heading, side.end_turn_rad, job.driving_rules.radius_m)
-    return arc if job.connector.fits(arc) and not has_overhang(job, arc) else None
+    path = build_corner_arc((x, y), heading, side.end_turn_rad, radius_m)
+    if not job.connector.fits(path) or has_overhang(job, path):
+        return None
+    is_inside = a.headland_pass.number > 1
+    missed_m2 = compute_missed_m2(side.end_turn_rad, job.layout.width_m, radius_m, inside_round=is_inside)
+    driven_s = job.connector.costs.compute_time_s(path) - 2.0 * touch_m / job.driving_rules.work_speed_mps
+    return _Arc(path, touch_m, driven_s + missed_m2 * job.finishing_rate_s_per_m2)
 
 
-def _is_arc_quicker(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment, arc: DrivePath) -> bool:
-    """Whether a corner is driven sooner by its arc than square, with the ground that either misses finished.
-
-    Both are timed from where the arc begins to where it ends.
-    """
-    side, width_m, rules = a.headland_pass.sides[a.side], job.layout.width_m, job.driving_rules
-    touch_m = compute_tangent_m(side.end_turn_rad, rules.radius_m)
+def _compute_square_cost_s(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> float:
+    """What a square corner costs (s), as that of an arc; infinite if no path leads through it that may be driven."""
+    side, rules = a.headland_pass.sides[a.side], job.driving_rules
     last, first = _find_working_extent_m(job, a)[1], _find_working_extent_m(job, b)[0]
     path = find_quickest_turn(job, _get_pose_at(a.line, last), _get_pose_at(b.line, first))
-    if path is None:
-        return True
-    missed_m2 = width_m * (_compute_whole_extent_m(job, a)[1] - last + first - _compute_whole_extent_m(job, b)[0])
-    worked_m = last - side.length_m + 2.0 * touch_m - first
-    square_s = worked_m / rules.work_speed_mps + job.connector.costs.compute_time_s(path)
-    square_s += missed_m2 * job.finishing_rate_s_per_m2
-    tip_m2 = compute_missed_m2(side.end_turn_rad, width_m, rules.radius_m, inside_round=a.headland_pass.number > 1)
-    arc_s = job.connector.costs.compute_time_s(arc) + tip_m2 * job.finishing_rate_s_per_m2
-    return round(arc_s, 6) <= round(square_s, 6)
+    if path is None or has_overhang(job, path):
+        return math.inf
+    missed_m = _compute_whole_extent_m(job, a)[1] - last + first - _compute_whole_extent_m(job, b)[0]
+    driven_s = (last - side.length_m - first) / rules.work_speed_mps + job.connector.costs.compute_time_s(path)
+    return driven_s + missed_m * job.layout.width_m * job.finishing_rate_s_per_m2
 
 
 def _get_point_at(line: Points, distance_m: float) -> tuple[float, float]:
