@@ -103,7 +103,7 @@ class Row:
 
     @property
     def worked_of_reachable_pct(self) -> float | None:
-        """Worked share of what the bar can reach, at most 100 as bent paths may work a little more; None without a run."""
+        """Worked share of what the bar can reach, at most 100, as bent paths work more; None without a run."""
         if self.worked_pct is None:
             return None
         return min(100.0, 100.0 * self.worked_pct / self.reachable_pct) if self.reachable_pct else 100.0
