@@ -13,7 +13,8 @@ from fields.layout.swaths import Swath
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import build_mission, build_own_mission, group_by_line, make_strategy_plan
 from strategies.program.strategy_record import Strategy
-from strategies.sequencing.swath_order import SearchedOrder, order_shares_in_pattern, search_order
+from strategies.sequencing.order_proof import PROOF_EFFORT
+from strategies.sequencing.swath_order import SearchedOrder, order_shares_in_pattern, prove_order, search_order
 from strategies.sequencing.turn_table import TurnTable
 from strategies.service_stops.loaded_order import search_in_loads
 from vehicle.missions.plan import Plan
@@ -107,7 +108,7 @@ def plan_split_field(job: FieldJob) -> Plan:
 
 def _get_quickest_blocks(job: FieldJob, lines: list[list[Swath]], borders: list[int]) -> list[SearchedOrder]:
     """The blocks of all tractors in their quickest orders, balanced by these; cached for all jobs of a field."""
-    key = job.tractors, tuple(job.layout.swaths)
+    key = job.tractors, job.entrance_ends, tuple(job.layout.swaths)
     if key not in job.block_cache:
         job.block_cache[key] = _balance_blocks(job, lines, borders)
     return job.block_cache[key]  # type: ignore[no-any-return]
@@ -126,7 +127,12 @@ def _balance_blocks(job: FieldJob, lines: list[list[Swath]], borders: list[int])
         return searched_blocks[first, last]
 
     borders = balance_borders(borders, lambda first, last: search_block(first, last).seconds)
-    return [search_block(first, last) for first, last in pairwise(borders)]
+    blocks = [search_block(first, last) for first, last in pairwise(borders)]
+    return (
+        blocks
+        if job.supply is not None
+        else [prove_order(block, table, PROOF_EFFORT / len(blocks)) for block in blocks]
+    )
 
 
 def _weigh_line(job: FieldJob, line: list[Swath]) -> float:

@@ -25,7 +25,7 @@ PLANS = f"""{ROUTES}
 import sys
 from planner.cli.main import main
 from planner.pipeline.worker_tasks import warm_up_simulation
-from strategies.sequencing.tour_bounds import bound_by_end_prices
+from strategies.sequencing.directed_bounds import bound_by_pass_prices
 from vehicle.missions.plan import Leg, Mission
 from vehicle.model.tractor import Implement, load_tractor
 from vehicle.trials.sheets.catalogue import run_experiments
@@ -36,7 +36,7 @@ mission = Mission((Leg(np.array([[0.0, 0.0], [9.0, 0.0]]), 1.4),))
 RobotTractor(mission, load_tractor("eg105"), Implement()).advance(1.0)
 run_experiments(("fixed", "zigzag"))
 seconds = np.ones((12, 12))
-bound_by_end_prices(seconds, seconds[0], seconds[0], 1e9)
+bound_by_pass_prices(seconds, seconds[0], seconds[0], 1e9)
 words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
 sys.argv = ["headland", *words.split()]
 main()

@@ -23,6 +23,7 @@ from fields.geometry.coordinates import (
 from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
 from fields.geometry.obstacles import Obstacle, find_obstacle_polygons, parse_obstacle, select_obstacles
+from fields.geometry.open_edges import read_edge_overhangs
 from fields.raw_document import FieldDocument, RawPolygon
 from fields.text_files import count_noun
 
@@ -84,6 +85,7 @@ def read_field(
         ),
         obstacles=(*obstacles, *inside),
         fences=fences,
+        edge_overhangs=read_edge_overhangs(polygon, document.boundary_edges, frame, shape, label),
         guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
         headland_edges=read_headland_edges(document, frame, shape),
     )

@@ -13,8 +13,9 @@ import shapely
 from fields.errors import FieldError
 from fields.formats.geojson import HEADER_KEY
 from fields.geometry.field import Field
-from fields.geometry.field_lines import FENCE
+from fields.geometry.field_lines import FENCE, OPEN_EDGE
 from fields.geometry.obstacles import AREA, LINE, POINT, Obstacle
+from fields.geometry.open_edges import OVERHANG
 from fields.raw_document import LOCAL_METRES, WGS84
 
 
@@ -41,6 +42,11 @@ def build_field_geojson(field: Field) -> str:
         features.append(_build_feature("Polygon", _build_rings(field, zone.polygon), {"ground": zone.name}))
     for obstacle in field.obstacles:
         features.append(_build_obstacle_feature(field, obstacle))
+    for one in field.edge_overhangs:  # before fences, which hold wherever both are
+        merged = one.part if one.part.geom_type == "LineString" else shapely.line_merge(one.part)
+        for part in shapely.get_parts(merged):
+            points = _convert_to_file_system(field, shapely.get_coordinates(part))
+            features.append(_build_feature(LINE, points, {"edge": OPEN_EDGE, OVERHANG: one.overhang_m}))
     for fence in field.fences:
         features.append(
             _build_feature(LINE, _convert_to_file_system(field, shapely.get_coordinates(fence)), {"edge": FENCE})

@@ -17,6 +17,7 @@ from fields.geometry.coordinates import MIN_FIELD_AREA_M2
 from fields.geometry.field_lines import GuidanceLine, HeadlandEdge, check_fence_opening
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
+from fields.geometry.open_edges import EdgeOverhang, compute_overhang_region
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -66,6 +67,7 @@ class Field:
         small_obstacles: obstacles with their margin that swaths are driven round; within `boundary`, but not part of
             `workable_region`.
         fences: sides of the outline that no part of a machine may cross, lines in metres.
+        edge_overhangs: parts of the outline over which machines may reach farther, or less far, than over the rest.
         original_boundary: the boundary before `compute_ground_with_margin`; None if nothing was subtracted.
         margin_boundary: the boundary with the margin only, without extra distance; None if it is the same.
         service_point: place where tanks are filled or emptied, metres, or None.
@@ -92,6 +94,7 @@ class Field:
     obstacles: tuple[Obstacle, ...] = ()
     small_obstacles: tuple[shapely.Polygon, ...] = ()
     fences: tuple[shapely.LineString, ...] = ()
+    edge_overhangs: tuple[EdgeOverhang, ...] = ()
     original_boundary: shapely.Polygon | None = None
     margin_boundary: shapely.Polygon | None = None
     service_point: tuple[float, float] | None = None
@@ -138,6 +141,11 @@ class Field:
         """The ground under obstacles and holes of the outline, without a margin."""
         holes = (self.original_boundary or self.boundary).interiors
         return (*(shapely.Polygon(hole) for hole in holes), *(one.shape for one in self.obstacles))
+
+    def compute_overhang_region(self, overhang_m: float) -> shapely.Geometry:
+        """The ground over which parts of machines may reach: `overhang_m` beyond open edges, or what they allow."""
+        outline = self.original_boundary or self.boundary
+        return compute_overhang_region(outline, self.fences, self.edge_overhangs, overhang_m)
 
     @property
     def cut_off_m2(self) -> float:

@@ -40,14 +40,14 @@ def read_fences(
     outline = shapely.LineString(shape.exterior.coords)
     own_edge = chosen.properties.get("edge")
     fenced: shapely.Geometry = shapely.LineString()
-    if own_edge is not None and _parse_edge(own_edge, f"the boundary of {label}") == FENCE:
+    if own_edge is not None and parse_edge(own_edge, f"the boundary of {label}") == FENCE:
         fenced = outline
     remarks = []
     for raw in lines:
         name = f"'{raw.keys[0]}' " if raw.keys else ""
-        edge = _parse_edge(raw.properties.get("edge"), f"a line {name}of {label}")
+        edge = parse_edge(raw.properties.get("edge"), f"a line {name}of {label}")
         description = f"line {name}with edge '{edge}' of {label}"
-        line = _parse_edge_line(raw, frame, description)
+        line = parse_edge_line(raw, frame, description)
         away_m = float(shapely.distance(outline, line))
         if multiple_fields and away_m > MAX_FEATURE_DISTANCE_M:
             continue
@@ -75,13 +75,14 @@ def _buffer_line(line: shapely.LineString) -> shapely.Geometry:
     return line.buffer(FENCE_TOLERANCE_M, cap_style="flat", join_style="mitre")
 
 
-def _parse_edge(edge: object, description: str) -> str:
+def parse_edge(edge: object, description: str) -> str:
+    """The kind of an edge, `fence` or `open`; raises FieldError for any other."""
     if isinstance(edge, str) and edge.strip().lower() in EDGE_KINDS:
         return edge.strip().lower()
     raise FieldError(f"The 'edge' of {description} is {shorten_value(edge)}; use '{FENCE}' or '{OPEN_EDGE}'.")
 
 
-def _parse_edge_line(raw: RawShape, frame: FieldFrame, description: str) -> shapely.LineString:
+def parse_edge_line(raw: RawShape, frame: FieldFrame, description: str) -> shapely.LineString:
     """The line in local metres."""
     entries = raw.coordinates if isinstance(raw.coordinates, list) else []
     points = frame.to_local(np.array([parse_position(entry, description) for entry in entries]).reshape(-1, 2))

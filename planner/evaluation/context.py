@@ -57,6 +57,8 @@ CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 
 SMALL_OBSTACLE_WIDTHS = 4.0  # working widths across: smaller obstacles are bypassed within a swath
 # Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
 GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
+FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
+OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
 # Times the planned radius or half the machine: in a bend the wheels turn while the implement works.
 BEND_RADIUS_FACTOR = 2.0
@@ -135,9 +137,7 @@ class PlanningContext:
     def _base_job(self) -> FieldJob:
         """The job that others are copies of."""
         free_finder, beside_finder, rim_finder = (
-            None
-            if region.is_empty
-            else self.path_finders.get_connector(region, self.driving_rules.radius_m, self.costs, self.turn_kinds)
+            None if region.is_empty else self._get_connector(region, self.driving_rules.radius_m, self.turn_kinds)
             for region in (self.free_space, self.beside_swaths, self.rim_area)
         )
         if free_finder is None:
@@ -156,11 +156,12 @@ class PlanningContext:
             corner,
             headland_passes=self.headland_passes,
             rim_connector=rim_finder,
-            square_corners=self.request.corners == "square",
+            corners=self.request.corners,
             avoids_swaths=self.request.operation == SOW,
             avoids_unworked=self.request.operation in STANDING_CROP_OPERATIONS,
             obstacle_bends=self.obstacle_bends,
             fence=fence,
+            open_edge=self._build_open_edge(),
             careful_connectors=forward_finders,
             entrance_lane=self.gateway,
             supply=self.supply,
@@ -172,10 +173,15 @@ class PlanningContext:
         radius = self.driving_rules.radius_m
         regions = [region for region in (self.beside_swaths, self.rim_area, self.free_space) if not region.is_empty]
         return tuple(
-            self.path_finders.get_connector(region, factor * radius, self.costs, self.turn_kinds)
+            self._get_connector(region, factor * radius, self.turn_kinds)
             for region in regions
             for factor in WIDE_TURN_FACTORS
         )
+
+    def _get_connector(self, region: shapely.Geometry, radius_m: float, kinds: tuple[str, ...]) -> Connector:
+        """The connector of a region, with the usual costs and limit of reversing."""
+        max_reverse_m = self.driving_rules.max_reverse_m
+        return self.path_finders.get_connector(region, radius_m, self.costs, kinds, max_reverse_m)
 
     def __getstate__(self) -> dict[str, Any]:
         """What is sent to another process: everything but caches."""
@@ -185,6 +191,27 @@ class PlanningContext:
     def turn_deviations(self) -> dict[bytes, float | None]:
         """Cached deviations (m) of turns driven alone, by hash of their legs; None if not finished."""
         return {}
+
+    @cached_property
+    def gate_area(self) -> shapely.Geometry:
+        """The ground about the entrance where machines come in from outside; empty without an entrance."""
+        if self.gateway is None:
+            return shapely.Polygon()
+        reach_m = build_body(self.tractor, self.implement).reach_m
+        return shapely.Point(self.gateway.edge_pose[:2]).buffer(self.gate_half_width_m + reach_m)
+
+    @cached_property
+    def overhang_region(self) -> shapely.Geometry:
+        """The ground over which parts of machines may reach, the gate included."""
+        region = self.layout.field.compute_overhang_region(self.request.overhang_m)
+        return shapely.union(region, self.gate_area)
+
+    def _build_open_edge(self) -> FenceChecker:
+        """The lines that no part of a machine should reach over outside open edges."""
+        fences = shapely.union_all(self.layout.field.fences)
+        lines = shapely.difference(shapely.boundary(self.overhang_region), fences.buffer(FENCE_BESIDE_M))
+        body = build_body(self.tractor, self.implement)
+        return FenceChecker(lines, shapely.LineString(), body, min(OVERHANG_SPARE_M, 0.5 * self.request.overhang_m))
 
     def _build_fence(self) -> tuple[FenceChecker | None, tuple[Connector, ...]]:
         """The fence and obstacle checker, and a finder of forward-only paths where reversing meets a fence."""
@@ -203,9 +230,7 @@ class PlanningContext:
         obstacles = shapely.union_all([shape.boundary for shape in field.solid_obstacles])
         fence = FenceChecker(fences, obstacles, body, guidance_margin_m)
         forward_kinds = tuple(kind for kind in self.turn_kinds if kind != "switch-back")
-        return fence, (
-            self.path_finders.get_connector(self.free_space, radius, self.costs, forward_kinds),
-        ) if forward_kinds else ()
+        return fence, (self._get_connector(self.free_space, radius, forward_kinds),) if forward_kinds else ()
 
 
 def _resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:

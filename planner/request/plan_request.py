@@ -41,7 +41,7 @@ from planner.request.validation import (
     raise_request_errors,
 )
 from strategies.headland.work_order import HEADLAND_FIRST, HEADLAND_LAST, HEADLAND_ORDERS
-from strategies.names import STRATEGY_NAMES
+from strategies.names import AUTO_CORNERS, CORNERS, STRATEGY_NAMES
 from strategies.path_planning.turn_kinds import TURN_KINDS
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
@@ -60,7 +60,6 @@ HEADLAND_ORDERS_BY_OPERATION = {
 }
 """When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
-CORNERS = ("square", "round")
 MAX_MARGIN_M = 100.0
 MAX_SAMPLES = 1_000_000
 FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
@@ -89,7 +88,8 @@ class PlanRequest:
     `field` and `tractor` are names or files. Planning decides what is None: the headland by the turn that must fit it,
     the bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline
     that is earlier than the start is on the next day. The clearance is between machines with their implements; on
-    neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. With
+    neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. Machines may
+    reach over its open edges by `overhang_m`, or by what an edge allows. With
     `no_headland` the headland is left as room for turning, else it is worked in passes. `cell_bearings` are pairs of a
     cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a field in local metres) replaces
     that of the field.
@@ -222,8 +222,18 @@ class PlanRequest:
         ),
     ] = None
     corners: Annotated[
-        str, OptionHelp("Corners of the headland: square (worked whole, backing up) or round.", WORK, choices=CORNERS)
-    ] = "square"
+        str,
+        OptionHelp(
+            "Corners of the headland: square (worked whole, backing up), round, or auto (each as is quicker).",
+            WORK,
+            choices=CORNERS,
+        ),
+    ] = AUTO_CORNERS
+    overhang_m: Annotated[
+        Number,
+        OptionHelp("How far tractor and implement may reach over open edges of the field, metres.", FIELD),
+        NumberLimits("overhang", "m", high=MAX_MARGIN_M),
+    ] = 0.5
     no_headland: Annotated[
         bool,
         OptionHelp(

@@ -10,8 +10,8 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
-from strategies.headland.pass_legs import find_raised_path
 from strategies.headland.plan_passes import WAIT_POINT_STEP_M, renumber_gates
+from strategies.headland.raised_paths import find_raised_path
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, join_paths, make_straight_path
 from strategies.program.field_job import FieldJob

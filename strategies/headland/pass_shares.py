@@ -17,6 +17,7 @@ import shapely
 
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
 from strategies.headland.corners import find_corner_paths
+from strategies.names import SQUARE_CORNERS
 from strategies.program.field_job import FieldJob
 
 Point = tuple[float, float]
@@ -325,7 +326,7 @@ def _estimate_corner_s(job: FieldJob) -> float:
     """Seconds of a right-angled corner, for sharing out."""
     tool, half = job.driving_rules.tool_m, 0.5 * job.layout.width_m
     a, b = (tool - half, 0.0, 0.0), (0.0, tool - half, 0.5 * math.pi)
-    paths = find_corner_paths(a, b, job.driving_rules.radius_m) if job.square_corners else []
+    paths = find_corner_paths(a, b, job.driving_rules.radius_m) if job.corners == SQUARE_CORNERS else []
     return min((job.connector.costs.compute_time_s(path) for path in paths), default=0.0)
 
 

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from strategies.headland.pass_legs import HeadlandLegs, find_raised_path, get_headland_legs
+from strategies.headland.pass_legs import HeadlandLegs, get_headland_legs
 from strategies.headland.pass_shares import HeadlandSegment, share_headland
+from strategies.headland.raised_paths import find_raised_path
 from strategies.headland.work_order import HEADLAND_FIRST
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose

@@ -1,9 +1,10 @@
 """The quickest drivable path between two poses that stays inside the field.
 
-Three searches, each only if the one before found nothing good: the primitives between the two poses, the same
-primitives after driving straight on for a little, and a route. A route follows the shortest line round the corners of
-the free region (a visibility graph), passing each corner in a pose that a Dubins path joins to the next; where that
-does not fit, it follows rings laid inside the region at drivable curvature.
+Searches, each only if the one before found nothing good: the primitives between the two poses, the same primitives
+after driving straight on for a little, and a route. A route follows the shortest line round the corners of the free
+region (a visibility graph), passing each corner in a pose that a Dubins path joins to the next; where that does not
+fit, it follows rings laid inside the region at drivable curvature, and where no ring leads through, a lattice of short
+arcs.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from typing import cast
 
 import numpy as np
@@ -19,17 +21,17 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from strategies.path_planning.lattice_search import LatticeGrid, find_lattice_route
 from strategies.path_planning.paths import (
     DrivePath,
-    PathSegment,
     Pose,
     TurnError,
     build_path_from_rows,
     join_paths,
     make_pose,
-    make_straight_path,
-    merge_segments,
     require_radius,
+    reverse_path,
+    turn_pose_round,
 )
 from strategies.path_planning.primitive_search import (
     SEARCH_RULES,
@@ -40,6 +42,7 @@ from strategies.path_planning.primitive_search import (
     find_shortest_forward,
 )
 from strategies.path_planning.primitives import MAX_PIECES, compute_drive_time_s, is_path_inside
+from strategies.path_planning.route_ends import list_start_paths, list_straights_inside
 from strategies.path_planning.route_search import (
     UNKNOWN,
     EndMoves,
@@ -61,9 +64,6 @@ _TOLERANCE_M = 0.010  # how far a path may leave the free region
 _SAGITTA_M = 0.003  # part of that tolerance, by which the checked polyline may differ from the arc
 _STRAIGHT_ON_M = (0.0, 1.5, 3.0)
 _NEAR_RADII = 12.0  # radii; poses farther apart get straights at their ends only in a route
-_ROUTE_AHEAD_RADII = (0.0, 0.25, 0.5, 1.0, 1.5)  # radii straight on at the ends of a route
-_ROUTE_BACK_RADII = (0.5, 1.0, 2.0, 3.0, 5.0, 8.0)  # radii straight back
-_TURN_ROUND_OPTIONS = tuple((arcs, hand) for arcs in (3, 5, 9) for hand in (1, -1))  # arcs and first hand
 _RING_REACH_RADII = 6.0  # radii to the ring poses joined to a pose
 _MAX_CACHED_PATHS, _MAX_CACHED_MOVES = 20000, 2000
 _FULL_ARC_RADII = 1.1  # length of arc in radii after which a tractor is where planned
@@ -111,8 +111,9 @@ class Connector:
     """Finds the quickest path between two poses that stays inside the field.
 
     `free` is where the path point may be (Polygon or MultiPolygon, metres, holes are obstacles). `kinds` are the turns
-    allowed; without "switch-back" nothing is driven in reverse. Routes are always allowed. Raises TurnError for an
-    empty region, a radius that is not positive or an unknown kind.
+    allowed; without "switch-back" nothing is driven in reverse. Routes are always allowed. A manoeuvre holds at most
+    `max_reverse_m` in reverse, and a route one manoeuvre at either end. Raises TurnError for an empty region, a radius
+    that is not positive or an unknown kind.
     """
 
     def __init__(
@@ -121,6 +122,7 @@ class Connector:
         radius_m: float,
         costs: TurnCosts,
         kinds: tuple[str, ...] = TURN_KINDS,
+        max_reverse_m: float = math.inf,
     ) -> None:
         require_radius(radius_m)
         if free.is_empty or free.area == 0.0:
@@ -132,6 +134,7 @@ class Connector:
         self.radius_m = radius_m
         self.costs = costs
         self.kinds = tuple(kinds)
+        self.max_reverse_m = max_reverse_m
         self._guard = free.buffer(_TOLERANCE_M - _SAGITTA_M)
         shapely.prepare(self._guard)
         self._parts = shapely.get_parts(self._guard)
@@ -151,15 +154,58 @@ class Connector:
         if (a, b) not in self._paths:
             if len(self._paths) >= _MAX_CACHED_PATHS:
                 self._paths.clear()
-            self._paths[a, b] = self._search(a, b) if self._is_same_region_part(a, b) else None
+            search = self._search if self._is_same_region_part(a, b) else self._search_from_outside
+            self._paths[a, b] = search(a, b)
         return self._paths[a, b]
+
+    def _search_from_outside(self, a: Pose, b: Pose) -> DrivePath | None:
+        """As `connect`, for ends of which one is a little outside the region: straight ahead or back into it first.
+
+        The end of a swath that meets the edge at a sharp angle may lie a little outside.
+        """
+        reverse_m = self.max_reverse_m if self.can_reverse else 0.0
+        leads, tails = (
+            list_straights_inside(pose, self._guard, self.radius_m, reverse_m) for pose in (a, turn_pose_round(b))
+        )
+        paths = [
+            join_paths((lead, path, reverse_path(tail)), "route")
+            for lead, tail in product(leads, tails)
+            if self._is_same_region_part(lead.end, turn_pose_round(tail.end))
+            and (lead.segments or tail.segments)
+            and (path := self.connect(lead.end, turn_pose_round(tail.end)))
+        ]
+        return min(paths, key=lambda path: round(self.compute_cost_s(path), 6), default=None)
+
+    def connect_in_reverse(self, a: Pose, b: Pose) -> DrivePath | None:
+        """As `connect`, with any length in reverse: for ends between which nothing else leads."""
+        return self._unlimited.connect(a, b) if self.can_reverse else None
+
+    @cached_property
+    def _unlimited(self) -> Connector:
+        """The same connector without a limit of reversing."""
+        return Connector(self.free, self.radius_m, self.costs, self.kinds)
 
     def _search(self, a: Pose, b: Pose) -> DrivePath | None:
         """As `connect`, for ends in the same part of the region."""
         best = self._find_best_primitive(a, b)
         if best is None or self._is_long_detour(best, a, b):
             best = self._pick_quicker(best, self._find_route(a, b))
-        return best
+        return best or self._find_lattice_route(a, b)
+
+    def _find_lattice_route(self, a: Pose, b: Pose) -> DrivePath | None:
+        """A route over the lattice: first driven forwards between its ends, then with a manoeuvre on the way."""
+        reverse_m = min(self.max_reverse_m, self._lattice_grid.reach_m) if self.can_reverse else 0.0
+        for effort, most_reverse_m in ((1, 0.0), (2, reverse_m)) if self.can_reverse else ((0, 0.0),):
+            begin, end = self._get_end_moves(a, b, effort)
+            speeds, edges = self.costs.speeds, self._edges
+            route = find_lattice_route(begin, end, self._lattice_grid, self.radius_m, speeds, edges, most_reverse_m)
+            if route is not None:
+                return route
+        return None
+
+    @cached_property
+    def _lattice_grid(self) -> LatticeGrid:
+        return LatticeGrid.from_region(self._guard, self.radius_m)
 
     def connect_directly(self, a: Pose, b: Pose) -> DrivePath | None:
         """As `connect`, without the search for routes: None where only a route would do."""
@@ -186,6 +232,7 @@ class Connector:
         rules["kinds"] = 1.0, *(kind in self.kinds for kind in TURN_KINDS)
         rules["full_arc"], rules["short_s"], rules["curved_s"] = _FULL_ARC_RADII, _SHORT_ARC_S, _CURVED_REVERSE_S
         rules["near"], rules["steps"] = _NEAR_RADII, _STRAIGHT_ON_M
+        rules["most_reverse"] = self.max_reverse_m
         return cast(np.record, rules.view(np.recarray)[()])
 
     def _find_best_primitive(self, a: Pose, b: Pose) -> DrivePath | None:
@@ -254,12 +301,12 @@ class Connector:
     def _get_end_moves(self, a: Pose, b: Pose, effort: int) -> tuple[EndMoves, EndMoves]:
         """What may be driven before the first primitive of a route and after its last; cached."""
         end_moves = []
-        for pose, list_paths, is_start in ((a, self._list_start_paths, True), (b, self._list_goal_paths, False)):
+        for pose, is_start in ((a, True), (b, False)):
             key = pose, effort, is_start
             if key not in self._moves:
                 if len(self._moves) >= _MAX_CACHED_MOVES:
                     self._moves.clear()
-                self._moves[key] = self._build_moves(list_paths(pose, effort), is_start)
+                self._moves[key] = self._build_moves(self._list_end_paths(pose, effort, is_start), is_start)
             end_moves.append(self._moves[key])
         return end_moves[0], end_moves[1]
 
@@ -267,31 +314,15 @@ class Connector:
         spots = RoutePoses.from_poses([path.end if is_start else path.start for path in paths])
         return EndMoves(paths, spots, np.array([self.costs.compute_time_s(path) for path in paths]))
 
-    def _list_start_paths(self, a: Pose, effort: int) -> list[DrivePath]:
-        """What may be driven before the first primitive of a route.
-
-        Effort 0 is straights ahead; 1 adds backing up and turning round in three arcs; 2 adds turning round in more,
-        shorter arcs, also after backing up or going ahead.
-        """
-        r = self.radius_m
-        paths = [make_straight_path(a, f * r) for f in _ROUTE_AHEAD_RADII]
-        if effort >= 1:
-            paths += [make_straight_path(a, -f * r) for f in _ROUTE_BACK_RADII]
-        if effort >= 2:
-            bases = [path for path in paths if self.fits(path)]
-            paths += [
-                join_paths((base, _build_turn_on_spot(base.end, h, n, r)), "route")
-                for base in bases
-                for n, h in _TURN_ROUND_OPTIONS
+    def _list_end_paths(self, pose: Pose, effort: int, is_start: bool) -> list[DrivePath]:
+        """What may be driven from a pose before the first primitive of a route, or to it after the last."""
+        if is_start:
+            paths = list_start_paths(pose, effort, self.radius_m, self.fits)
+        else:
+            paths = [
+                reverse_path(path) for path in list_start_paths(turn_pose_round(pose), effort, self.radius_m, self.fits)
             ]
-        elif effort == 1:
-            paths += [_build_turn_on_spot(a, hand, 3, r) for hand in (1, -1)]
-        return [path for path in paths if self.fits(path)]
-
-    def _list_goal_paths(self, b: Pose, effort: int) -> list[DrivePath]:
-        """What may be driven after the last primitive of a route: `_list_start_paths` driven from its end."""
-        x, y, heading = b
-        return [_reverse_path(path) for path in self._list_start_paths((x, y, heading + math.pi), effort)]
+        return [path for path in paths if path.reverse_m <= self.max_reverse_m]
 
     def _list_corner_layers(self, a: Pose, b: Pose) -> Iterator[list[list[Pose]]]:
         """For each of the few shortest lines through the visibility graph, poses in which its corners are passed."""
@@ -440,20 +471,6 @@ def _list_boundary_edges(region: BaseGeometry) -> NDArray[np.float64]:
     return np.concatenate([np.hstack([ring[:-1], ring[1:]]) for ring in rings])
 
 
-def _build_turn_on_spot(a: Pose, hand: int, arcs: int, radius_m: float) -> DrivePath:
-    """An odd number of equal arcs, forward and reverse in turn, that end facing the other way nearly on the spot."""
-    length = math.pi / arcs * radius_m
-    steps = [(1, hand), (-1, -hand)] * (arcs // 2) + [(1, hand)]
-    return merge_segments(a, [PathSegment(length, side / radius_m, gear) for gear, side in steps], "switch-back")
-
-
-def _reverse_path(path: DrivePath) -> DrivePath:
-    """The same path driven from its end to its start by a vehicle that faces the other way."""
-    x, y, heading = path.end
-    segments = [PathSegment(s.length_m, -s.curvature, s.gear) for s in reversed(path.segments)]
-    return merge_segments((x, y, math.remainder(heading + math.pi, 2.0 * math.pi)), segments, path.kind)
-
-
 @dataclass(eq=False)
 class ConnectorCache:
     """Connectors by region and settings, made once, so that every layout that uses one shares what it has found.
@@ -461,15 +478,20 @@ class ConnectorCache:
     It is pickled empty.
     """
 
-    connectors: dict[tuple[bytes, float, TurnCosts, tuple[str, ...]], Connector] = field(default_factory=dict)
+    connectors: dict[tuple[bytes, float, TurnCosts, tuple[str, ...], float], Connector] = field(default_factory=dict)
 
     def get_connector(
-        self, region: BaseGeometry, radius_m: float, costs: TurnCosts, kinds: tuple[str, ...]
+        self,
+        region: BaseGeometry,
+        radius_m: float,
+        costs: TurnCosts,
+        kinds: tuple[str, ...],
+        max_reverse_m: float = math.inf,
     ) -> Connector:
         """The connector for these; raises TurnError as Connector does."""
-        key = region.wkb, radius_m, costs, kinds
+        key = region.wkb, radius_m, costs, kinds, max_reverse_m
         if key not in self.connectors:
-            self.connectors[key] = Connector(region, radius_m, costs, kinds)
+            self.connectors[key] = Connector(region, radius_m, costs, kinds, max_reverse_m)
         return self.connectors[key]
 
     def __getstate__(self) -> dict[str, object]:

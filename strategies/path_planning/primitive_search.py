@@ -42,6 +42,7 @@ SEARCH_RULES = np.dtype(
         ("curved_s", "f8"),
         ("near", "f8"),  # radii within which straights at the ends are tried
         ("steps", "f8", (3,)),  # their lengths, m
+        ("most_reverse", "f8"),  # m in one primitive
     ]
 )
 ARC_TOLERANCE_M = 1e-6  # above the rounding of an arc driven backwards
@@ -88,7 +89,8 @@ def _list_primitives(a, b, rules, limit_s, out, kinds, costs) -> int:  # type: i
             count = add_reverse_arc_primitives(a, b, rules.radius, out, kinds, count)
             count = add_reverse_straight_primitives(a, b, rules.radius, out, kinds, count)
     for k in range(count):
-        if rules.kinds[kinds[k]] == 0.0 or (k < forward and costs[k] == np.inf):
+        is_too_long = costs[k] == np.inf if k < forward else out[k, 1, 0] > rules.most_reverse
+        if is_too_long or rules.kinds[kinds[k]] == 0.0:
             costs[k] = np.inf
         else:
             costs[k] = round(compute_primitive_cost_s(out[k], rules), 6)

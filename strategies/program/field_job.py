@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout, Swath
+from strategies.names import AUTO_CORNERS
 from strategies.path_planning.collision_check import FenceChecker, pick_quickest_inside
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
-from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose
+from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose, measure_longest_reverse_m
 from strategies.path_planning.primitive_search import compute_shortest_m
 from strategies.program.supply import Supply
 from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
@@ -24,6 +25,7 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one across swaths
+MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
 DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
 
 
@@ -55,6 +57,17 @@ class DrivingRules:
         """Largest speed on a turn or route in a gear; bends are driven more slowly (vehicle.control.speed_profile)."""
         return self.turn_speed_mps if gear > 0 else self.reverse_speed_mps
 
+    @property
+    def length_m(self) -> float:
+        """Length of tractor and implement together (m)."""
+        rears, fronts, _ = zip(*self.boxes, strict=True)
+        return max(fronts) - min(rears)
+
+    @property
+    def max_reverse_m(self) -> float:
+        """The most that is driven in reverse in one manoeuvre, wherever another path leads on (m)."""
+        return MAX_REVERSE_LENGTHS * self.length_m
+
 
 @dataclass(frozen=True)
 class SwathPass:
@@ -78,14 +91,17 @@ class FieldJob:
     Order: `corner` is where to begin (from the last line?, first direction); None where any corner will do, as it is
     where the paths from an entrance count. `jump` fixes the pattern of swaths, None leaves it to the strategy. The
     `reversed_tractors` drive their orders backwards, in strategies with swaths of their own. `headland_passes` are the
-    passes of the headland; with `square_corners` their corners are worked whole. Tractors enter and leave by the
-    `entrance_lane`; without one they stand where work begins and stay where it ends. `supply` is what every tractor
-    carries, None for nothing.
+    passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or "auto" (each corner as is
+    quicker with the missed ground finished). No part of a machine should reach over an `open_edge` on headland passes
+    and on the paths between them. Tractors enter and leave by the
+    `entrance_lane`; without one they stand where work begins and stay where it ends. `entrance_ends` says whether they
+    come to an order of swaths from there, and go there from it, or from and to headland passes. `supply` is what every
+    tractor carries, None for nothing.
 
     Caches, shared by all jobs of one field: `path_cache` by pair of poses, `turn_table_cache` by swaths, `share_cache`
     and `headland_leg_cache` of headland passes by how they are shared out, `formation_cache` of swaths worked side by
-    side, `block_cache` of blocks in their quickest orders by number of tractors, `leg_cache` of swaths and paths.
-    `turn_counts` counts the turns driven by kind.
+    side, `block_cache` of blocks in their quickest orders by number of tractors and the ends at the entrance,
+    `leg_cache` of swaths and paths. `turn_counts` counts the turns driven by kind.
     """
 
     layout: Layout
@@ -98,28 +114,38 @@ class FieldJob:
     reversed_tractors: tuple[int, ...] = ()
     headland_passes: tuple[HeadlandPass, ...] = ()
     rim_connector: Connector | None = None
-    square_corners: bool = True
+    corners: str = AUTO_CORNERS
     avoids_swaths: bool = False
     avoids_unworked: bool = False
     obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
     fence: FenceChecker | None = None
+    open_edge: FenceChecker | None = None
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
+    entrance_ends: tuple[bool, bool] = (True, True)
     path_cache: dict[tuple[Pose, Pose], DrivePath | None] = field(default_factory=dict)
     turn_table_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
     share_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     supply: Supply | None = None
     headland_leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     formation_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
-    block_cache: dict[tuple[int, tuple[Swath, ...]], Any] = field(default_factory=dict)
+    block_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     turn_counts: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def finishing_rate_s_per_m2(self) -> float:
+        """Estimated seconds by which a plan is charged for missed ground (s/m2): its own rate on swaths and turns."""
+        rules, swaths = self.driving_rules, self.layout.swaths
+        turn_s = rules.turn_s[1] if len(rules.turn_s) > 1 else 0.0
+        seconds = self.layout.total_length_m / rules.work_speed_mps + turn_s * len(swaths)
+        return seconds / (self.layout.total_length_m * self.layout.width_m) * 3
 
     def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
         """The quickest drivable path from a to b, or None.
 
         It keeps to the headland, where no crop is driven on, unless a path across swaths is much quicker and swaths
-        need not be avoided.
+        need not be avoided. More than a manoeuvre in reverse is driven only where no other path leads on.
         """
         if (a, b) not in self.path_cache:
             path = self.find_turn(a, b) or self._choose_route(a, b)
@@ -132,8 +158,21 @@ class FieldJob:
                     )
                     or path
                 )
-            self.path_cache[a, b] = path or (self._choose_turn(a, b) if self.fence else None)
+            path = path or (self._choose_turn(a, b) if self.fence else None)
+            self.path_cache[a, b] = path or self._find_reversing_path(a, b)
         return self.path_cache[a, b]
+
+    def has_long_reverse(self, path: DrivePath | None) -> bool:
+        """Whether a path holds a manoeuvre with more reversing than there is reason for where another path leads on."""
+        return path is not None and measure_longest_reverse_m(path) > self.driving_rules.max_reverse_m
+
+    def _find_reversing_path(self, a: Pose, b: Pose) -> DrivePath | None:
+        """A path with any length in reverse, where no other leads on: by the headland if there is one."""
+        for connector in (self.headland_connector, self.connector):
+            path = None if connector is None else connector.connect_in_reverse(a, b)
+            if path is not None and not self.crosses_fence(path):
+                return path
+        return None
 
     def crosses_fence(self, path: DrivePath | None, *, fences_only: bool = False) -> bool:
         """Whether any part of the machine touches a fence, or an obstacle, on a path."""
@@ -221,14 +260,19 @@ class FieldJob:
         return math.remainder(bearing if swath_pass.direction > 0 else bearing + math.pi, 2.0 * math.pi)
 
     def estimate_entrance_time_s(self, first: SwathPass, last: SwathPass) -> float:
-        """Estimated seconds from the entrance to a first pass and from a last pass back; 0 without an entrance."""
+        """Estimated seconds from the entrance to a first pass and from a last pass back, as far as `entrance_ends` say;
+        0 without an entrance."""
         if self.entrance_lane is None:
             return 0.0
         end_poses = (
             (self.entrance_lane.inner_pose, self.get_entry_pose(first)),
             (self.get_exit_pose(last), self.entrance_lane.build_path_out().start),
         )
-        metres = sum(compute_shortest_m(np.array(a), np.array(b), self.driving_rules.radius_m) for a, b in end_poses)
+        metres = sum(
+            compute_shortest_m(np.array(a), np.array(b), self.driving_rules.radius_m)
+            for (a, b), counts in zip(end_poses, self.entrance_ends, strict=True)
+            if counts
+        )
         return metres / self.driving_rules.turn_speed_mps
 
     def estimate_turn_time_s(self, a: SwathPass, b: SwathPass) -> float:

@@ -18,11 +18,15 @@ Simulate = Callable[[Plan], SimulationRun]
 
 @dataclass(frozen=True)
 class RefinedPlan:
-    """A refined plan, its run if it was simulated, and a remark on what a reader would not expect of it."""
+    """A refined plan, its run if it was simulated, and a remark on what a reader would not expect of it.
+
+    `plan_after_headland` is the plan for headland passes that come first, where that is another.
+    """
 
     plan: Plan
     run: SimulationRun | None = None
     remark: str | None = None
+    plan_after_headland: Plan | None = None
 
 
 Refine = Callable[[FieldJob, Simulate, Tractor, Implement], RefinedPlan]

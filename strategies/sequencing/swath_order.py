@@ -15,7 +15,8 @@ from itertools import pairwise, product
 
 from fields.layout.swaths import Layout, Swath
 from strategies.program.field_job import FieldJob, SwathPass
-from strategies.sequencing.tour_search import Tour, sharpen_bound
+from strategies.sequencing.order_proof import PROOF_EFFORT
+from strategies.sequencing.tour_search import BOUND_TOLERANCE, Tour, sharpen_bound
 from strategies.sequencing.turn_table import TurnTable
 
 START_CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
@@ -253,6 +254,19 @@ def search_order(
     best = table.find_best_pass_order([place[swath] for swath in share], distinct, roughly=roughly, proven=proven)
     work_s = sum(swath.length_m for swath in share) / job.driving_rules.work_speed_mps
     return SearchedOrder([table.passes[p] for p in best.passes.tolist()], work_s + best.seconds, best)
+
+
+def prove_order(searched: SearchedOrder, table: TurnTable, effort: float = PROOF_EFFORT) -> SearchedOrder:
+    """A searched order improved and proven to a percent as far as `effort` goes: for orders that are kept.
+
+    `table` is that of the search. Takes up to some seconds where the search leaves more open.
+    """
+    tour = searched.tour
+    if tour.times is None or tour.gap_pct <= 100.0 * BOUND_TOLERANCE:
+        return searched
+    proven = table.prove_pass_order(tour, effort)
+    order = [table.passes[p] for p in proven.passes.tolist()]
+    return SearchedOrder(order, searched.seconds - tour.seconds + proven.seconds, proven)
 
 
 def compute_driven_time_s(order: PassOrder, job: FieldJob) -> float:

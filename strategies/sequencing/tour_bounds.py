@@ -3,8 +3,7 @@
 The bound is that of Held and Karp by subgradient steps on 1-trees ("The traveling-salesman problem and minimum spanning
 trees", Operations Research 18, 1970). One node that stands for start and end closes the open path through all swaths to
 a tour. Between two swaths the least seconds over directions and both ways round count, so the bound holds for every
-table. Prices per swath end are stronger: a tour visits each end of a swath once, a 1-tree may visit one of them twice
-and the other never.
+table; where one way round takes longer it is far too low (directed_bounds).
 
 The best order of few swaths comes from dynamic programming over the sets of swaths done (Bellman, Journal of the ACM 9,
 1962; Held and Karp, SIAM Journal 10, 1962). A state is a set of swaths and the pass driven last; n swaths have n 2^n
@@ -37,22 +36,17 @@ def compute_least_between_s(turns: Floats, first: Floats, last: Floats) -> Float
     return least_s
 
 
-def bound_by_swath_prices(between: Floats, enough: float) -> tuple[float, Floats]:
-    """A lower bound (s) on every order through n swaths, and its prices (n + 1,) of the swaths and of start and end.
+@compile_function
+def bound_by_swath_prices(between, enough):  # type: ignore[no-untyped-def]
+    """A lower bound (s) on every order through n swaths, by prices of the swaths and of start and end.
 
     `between` is from `compute_least_between_s`. Stops early at `enough`, seconds an order is known to take.
     """
-    bound, prices = _ascend_swath_prices(between, enough)
-    return float(bound), prices
-
-
-@compile_function
-def _ascend_swath_prices(between, enough):  # type: ignore[no-untyped-def]
     n = len(between) - 1
     price, degree = np.zeros(n + 1), np.zeros(n + 1)
     reach, parent, outside = np.empty(n), np.zeros(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     step = FIRST_STEP_SHARE * between[:n, :n].min()
-    best, best_prices = -np.inf, price.copy()
+    best = -np.inf
     for _ in range(MAX_ASCENT_STEPS):
         total, degree[:], near = 0.0, 0.0, 1
         for j in range(1, n):
@@ -87,9 +81,7 @@ def _ascend_swath_prices(between, enough):  # type: ignore[no-untyped-def]
         )
         degree[nearest] += 1.0
         degree[second_nearest] += 1.0
-        bound = total - 2.0 * price.sum()
-        if bound > best:
-            best, best_prices[:] = bound, price
+        best = max(best, total - 2.0 * price.sum())
         settled = True
         for j in range(n):
             if degree[j] != 2.0:
@@ -99,106 +91,7 @@ def _ascend_swath_prices(between, enough):  # type: ignore[no-untyped-def]
         for j in range(n):
             price[j] += step * (degree[j] - 2.0)
         step *= STEP_SHRINK
-    return best, best_prices
-
-
-def compute_between_ends_s(turns: Floats, first: Floats, last: Floats) -> Floats:
-    """Least seconds between ends of n swaths and the node of start and end, either way round (2 n + 1, 2 n + 1).
-
-    End 2 i + d is where pass 2 i + d of swath i leaves it; infinite between both ends of a swath.
-    """
-    n = len(first) // 2
-    enter = np.arange(2 * n) ^ 1
-    least_s = np.full((2 * n + 1, 2 * n + 1), np.inf)
-    least_s[:-1, :-1] = np.minimum(turns[:, enter], turns[:, enter].T)
-    least_s[-1, :-1] = least_s[:-1, -1] = np.minimum(first[enter], last)
-    for swath in range(n):
-        least_s[2 * swath : 2 * swath + 2, 2 * swath : 2 * swath + 2] = np.inf
-    return least_s
-
-
-def bound_by_end_prices(
-    turns: Floats, first: Floats, last: Floats, enough: float, prices: Floats | None = None
-) -> float:
-    """A lower bound (s) on every order, by prices per swath end; never below that of `bound_by_swath_prices`.
-
-    Stops early at `enough`, seconds an order is known to take. `prices` are those of `bound_by_swath_prices` if
-    already known;
-    the caller then has the bound that came with them.
-    """
-    bound = -np.inf
-    if prices is None:
-        bound, prices = bound_by_swath_prices(compute_least_between_s(turns, first, last), enough)
-        if bound >= enough or len(first) < 4:
-            return bound
-    return max(
-        bound, float(_ascend_end_prices(compute_between_ends_s(turns, first, last), np.repeat(prices[:-1], 2), enough))
-    )
-
-
-@compile_function
-def _find_nearest_ends(ends, price, i, j):  # type: ignore[no-untyped-def]
-    """The least seconds with prices between an end of swath i and one of swath j, and these two ends."""
-    best, p, q = np.inf, 2 * i, 2 * j
-    for end_i in range(2 * i, 2 * i + 2):
-        for end_j in range(2 * j, 2 * j + 2):
-            cost = ends[end_i, end_j] + price[end_i] + price[end_j]
-            if cost < best:
-                best, p, q = cost, end_i, end_j
-    return best, p, q
-
-
-@compile_function
-def _ascend_end_prices(ends, price, enough):  # type: ignore[no-untyped-def]
-    """The best bound of an ascent from prices (2 n,) of the ends; `ends` is from `compute_between_ends_s`."""
-    n = len(price) // 2
-    degree, outside = np.zeros(2 * n), np.empty(n, dtype=np.int64)
-    reach, near_end, far_end = np.empty(n), np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
-    step, best = FIRST_STEP_SHARE * ends[: 2 * n, : 2 * n].min(), -np.inf
-    for _ in range(MAX_ASCENT_STEPS):
-        total, degree[:], near = 0.0, 0.0, 1
-        for j in range(1, n):
-            reach[j], far_end[j], near_end[j] = _find_nearest_ends(ends, price, 0, j)
-            outside[j - 1] = j
-            if reach[j] < reach[near]:
-                near = j
-        for remaining in range(n - 1, 0, -1):
-            total += reach[near]
-            degree[near_end[near]] += 1.0
-            degree[far_end[near]] += 1.0
-            outside_count, last = 0, near
-            for k in range(remaining):
-                j = outside[k]
-                if j == last:
-                    continue
-                cost, p, q = _find_nearest_ends(ends, price, last, j)
-                if cost < reach[j]:
-                    reach[j], far_end[j], near_end[j] = cost, p, q
-                if not outside_count or reach[j] < reach[near]:
-                    near = j
-                outside[outside_count] = j
-                outside_count += 1
-        for j in range(n):
-            uses_second_end = ends[2 * n, 2 * j] + price[2 * j] > ends[2 * n, 2 * j + 1] + price[2 * j + 1]
-            near_end[j] = 2 * j + uses_second_end
-            reach[j] = ends[2 * n, near_end[j]] + price[near_end[j]]
-        for _ in range(2):
-            near = int(reach.argmin())
-            total += reach[near]
-            degree[near_end[near]] += 1.0
-            reach[near] = np.inf
-        best = max(best, total - price.sum())
-        settled = True
-        for j in range(2 * n):
-            settled = settled and degree[j] == 1.0
-            price[j] += step * (degree[j] - 1.0)
-        if settled or best >= enough:
-            break
-        step *= STEP_SHRINK
     return best
-
-
-Ints = npt.NDArray[np.int64]
 
 
 @compile_function

@@ -13,18 +13,14 @@ local search, Lourenco, Martin and Stutzle 2003).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.sequencing.tour_bounds import (
-    bound_by_end_prices,
-    bound_by_swath_prices,
-    compute_least_between_s,
-    find_best_order,
-)
+from strategies.sequencing.directed_bounds import bound_by_pass_prices
+from strategies.sequencing.tour_bounds import bound_by_swath_prices, compute_least_between_s, find_best_order
 from vehicle.jit import compile_function
 from vehicle.model.gnss import draw_uniform
 
@@ -44,6 +40,7 @@ NOWHERE: Any = np.int64(-1)
 NOT_REVERSED: Any = np.int64(0)  # how two runs are swapped: `_swap_runs`
 SECOND_REVERSED: Any = np.int64(2)
 KICK_BUDGET, MIN_KICKS = 500, 3  # kicks times swaths: a kick takes 1 ms for 20 swaths, 50 ms for 300
+MORE_KICKS_BUDGET, MAX_MORE_KICKS = 600_000, 300  # kicks times the square of the swaths, for an order that is kept
 
 
 @compile_function
@@ -292,36 +289,41 @@ def _choose_directions(order, turns, first, last):  # type: ignore[no-untyped-de
 
 def compute_order_seconds(order: Ints, turns: Floats, first: Floats, last: Floats) -> float:
     """Least seconds of an order of swaths over all directions."""
-    passes = _choose_directions(order, turns, first, last)
-    return float(first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]])
+    return TurnSeconds(turns, first, last).sum_order(_choose_directions(order, turns, first, last))
 
 
-@dataclass(frozen=True, eq=False)
-class BoundAscent:
-    """The input of a search and the prices of its bound, from which a better bound can be computed."""
+class TurnSeconds(NamedTuple):
+    """Seconds of the turns between the passes of n swaths (2 n, 2 n), before the first and after the last (2 n,)."""
 
     turns: Floats
     first: Floats
     last: Floats
-    prices: Floats
+
+    def sum_order(self, passes: Ints) -> float:
+        """Seconds of an order of passes (n,)."""
+        return float(self.first[passes[0]] + self.turns[passes[:-1], passes[1:]].sum() + self.last[passes[-1]])
 
 
 @dataclass(frozen=True, eq=False)
 class Tour:
     """Passes (n,) in order, the seconds of the paths between them, and a lower bound for every order.
 
-    `ascent` is set as long as `sharpen_bound` may find a better bound.
+    `times` are set as long as a better bound may be found from them.
     """
 
     passes: Ints
     seconds: float
     bound_s: float
-    ascent: BoundAscent | None = None
+    times: TurnSeconds | None = None
 
     @property
     def gap_pct(self) -> float:
         """By how much another order could be quicker at most, in percent of this one's seconds."""
         return 100.0 * max(0.0, 1.0 - self.bound_s / self.seconds) if self.seconds > MIN_GAIN_S else 0.0
+
+    def copy_with_bound(self, bound_s: float) -> Tour:
+        """The same with this bound if it is better."""
+        return replace(self, bound_s=min(max(self.bound_s, bound_s), self.seconds))
 
 
 def find_best_tour(
@@ -352,10 +354,7 @@ def find_best_tour(
     order, seconds = min(orders, key=lambda result: result[1])
     if not kicked:
         return Tour(_choose_directions(order, turns, first, last), float(seconds), 0.0)
-    bound, ascent = seconds, None
-    if len(order) > 1:
-        bound, prices = bound_by_swath_prices(between, seconds - MIN_GAIN_S)
-        ascent = BoundAscent(turns, first, last, prices)
+    bound = bound_by_swath_prices(between, seconds - MIN_GAIN_S) if len(order) > 1 else seconds
     enough = bound * (1.0 + BOUND_TOLERANCE)
     if seconds > enough and len(order) > 3:
         kicks = max(MIN_KICKS, KICK_BUDGET // len(order))
@@ -363,17 +362,29 @@ def find_best_tour(
     passes = _choose_directions(order, turns, first, last)
     if proven and seconds > enough and 3 < len(order) <= MAX_PROVEN_SWATHS:
         return _prove_best(turns, first, last, Tour(passes, float(seconds), float(bound)))
-    best = Tour(passes, float(seconds), float(min(bound, seconds)), ascent)
+    times = TurnSeconds(turns, first, last) if len(order) > 1 else None
+    best = Tour(passes, float(seconds), float(min(bound, seconds)), times)
     return sharpen_bound(best) if bounded else best
 
 
 def sharpen_bound(tour: Tour) -> Tour:
-    """The tour with a better bound if its own leaves a large gap; for many swaths this takes longer than the search."""
-    if tour.ascent is None or tour.seconds <= tour.bound_s * (1.0 + BOUND_TOLERANCE):
+    """The tour with a better bound if its own leaves a large gap: milliseconds, 0.2 s for 300 swaths."""
+    if tour.times is None or tour.seconds <= tour.bound_s * (1.0 + BOUND_TOLERANCE):
         return tour
-    ascent = tour.ascent
-    bound = bound_by_end_prices(ascent.turns, ascent.first, ascent.last, tour.seconds - MIN_GAIN_S, ascent.prices)
-    return Tour(tour.passes, tour.seconds, min(max(tour.bound_s, bound), tour.seconds))
+    return tour.copy_with_bound(bound_by_pass_prices(*tour.times, tour.seconds - MIN_GAIN_S).bound_s)
+
+
+def search_tour_again(tour: Tour, seed: int = 1) -> Tour:
+    """The tour after many more kicks, for an order that is kept: tenths of a second."""
+    if tour.times is None:
+        return tour
+    kicks = min(MAX_MORE_KICKS, MORE_KICKS_BUDGET // len(tour.passes) ** 2)
+    enough = tour.bound_s * (1.0 + BOUND_TOLERANCE)
+    between = compute_least_between_s(*tour.times)
+    order, seconds = search_tour(tour.passes // 2, *tour.times, kicks, enough, seed, between)
+    if seconds > tour.seconds - MIN_GAIN_S:
+        return tour
+    return Tour(_choose_directions(order, *tour.times), float(seconds), tour.bound_s, tour.times)
 
 
 def _prove_best(turns: Floats, first: Floats, last: Floats, best: Tour) -> Tour:
@@ -381,5 +392,5 @@ def _prove_best(turns: Floats, first: Floats, last: Floats, best: Tour) -> Tour:
     passes = find_best_order(turns, first, last, best.seconds - MIN_GAIN_S)
     if not len(passes):
         return Tour(best.passes, best.seconds, best.seconds)
-    seconds = float(first[passes[0]] + turns[passes[:-1], passes[1:]].sum() + last[passes[-1]])
+    seconds = TurnSeconds(turns, first, last).sum_order(passes)
     return Tour(passes, seconds, seconds)

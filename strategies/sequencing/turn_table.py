@@ -19,13 +19,15 @@ from fields.layout.swaths import Swath
 from strategies.path_planning.paths import Pose
 from strategies.path_planning.primitive_search import compute_shortest_m
 from strategies.program.field_job import FieldJob, SwathPass
-from strategies.sequencing.tour_search import MAX_PROVEN_SWATHS, UNREACHABLE_S, Tour, find_best_tour
+from strategies.sequencing.order_proof import prove_tour
+from strategies.sequencing.tour_search import MAX_PROVEN_SWATHS, UNREACHABLE_S, Tour, TurnSeconds, find_best_tour
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 NEAR_LINES = 10  # orders that are best turn over fewer lines; more only where a field is in pieces
 MAX_EXACT_ROUNDS = 13
+MAX_PROOF_ROUNDS = 3
 SEARCH_EFFORTS = ((False, False), (True, False), (True, True))
 """(kicked, proven): an order uses no estimates any more before the search takes more effort."""
 TIME_RESOLUTION_S = 1e-3  # times are rounded, so that no choice depends on rounding errors
@@ -81,11 +83,12 @@ class TurnTable:
     def estimate_start_end_s(self) -> Floats:
         """Seconds between the entrance and the beginning and the end of every pass (2, 2 n); 0 without an entrance.
 
-        With an entrance lane they are those of the shortest paths with the turning radius, and exact once computed.
+        With an entrance lane they are those of the shortest paths with the turning radius, exact once computed, and 0
+        at an end of the order that is not at the entrance.
         """
         entrance = self.job.layout.field.entrance
         if self.job.entrance_lane is not None:
-            return self._entrance_times_s
+            return np.where(np.array(self.job.entrance_ends)[:, None], self._entrance_times_s, 0.0)
         if entrance is None:
             return np.zeros((2, len(self.passes)))
         speed = self.job.driving_rules.turn_speed_mps
@@ -120,7 +123,8 @@ class TurnTable:
         """Compute the paths in and out that an order of passes uses; returns whether one was only estimated."""
         if self.job.entrance_lane is None:
             return False
-        estimated_ends = {(0, order[0]), (1, order[-1])} - self._exact_ends
+        ends = ((0, order[0]), (1, order[-1]))
+        estimated_ends = {end for end in ends if self.job.entrance_ends[end[0]]} - self._exact_ends
         for end, p in sorted(estimated_ends):
             a, b, lead_m = self._get_entrance_poses(self.passes[p])[end]
             path = self.job.find_path(a, b)
@@ -157,6 +161,23 @@ class TurnTable:
                     break  # the paths in and out are computed while the search is cheap
                 first, last = self.estimate_start_end_s()[:, rows]
         return replace(best, passes=rows[best.passes])
+
+    def prove_pass_order(self, found: Tour, effort: float) -> Tour:
+        """An order of `find_best_pass_order` improved and proven (order_proof), by times without estimates.
+
+        `effort` is that of order_proof.prove_tour. An order that uses estimates is not taken.
+        """
+        members = np.unique(found.passes // 2)
+        rows = (2 * members[:, None] + np.arange(2)).ravel()
+        start = np.searchsorted(rows, found.passes)
+        for _ in range(MAX_PROOF_ROUNDS):
+            first, last = self.estimate_start_end_s()[:, rows]
+            times = TurnSeconds(np.ascontiguousarray(self.seconds[np.ix_(rows, rows)]), first.copy(), last.copy())
+            proven = prove_tour(Tour(start, times.sum_order(start), 0.0, times), effort)
+            order = rows[proven.passes]
+            if not (self.compute_exact_times(order.tolist()) | self.compute_exact_start_end(order.tolist())):
+                return replace(proven, passes=order)
+        return found
 
 
 def _list_near_turns(passes: list[SwathPass], near_lines: int) -> Iterator[tuple[int, int]]:

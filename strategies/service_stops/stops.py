@@ -20,7 +20,7 @@ from itertools import accumulate, pairwise
 
 import shapely
 
-from strategies.headland.pass_legs import find_raised_path
+from strategies.headland.raised_paths import find_raised_path
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import DrivePath, Pose, make_straight_path, shift_pose_ahead
 from strategies.program.field_job import FieldJob

@@ -1,12 +1,13 @@
 """Orders of tracks beside proven and bounded ones: python -m tests.benchmarks.orders
 
 Table 1: n parallel tracks of equal length, a path through all of them, every turn an omega or a U in closed form: the
-proven optimum (a circuit model in which every arc is allowed; stated to two decimals) beside what the planner's search
-finds, with its own bound. Table 2: fleets on a field whose tracks are slanted and bent at their ends, turns by Dubins:
-the bound is (work + (n - m) x cheapest turn) / m. Table 3: the tracks of table 1 worked in loads, with ways along the
-lower headland to a depot on it after every load: one after another, the best that a circuit model found (proven for 12
-tracks), and what the planner's search finds. Table 4: 24 tracks in three loads, the order B* of Bochtis, Sorensen and
-Green (Decision Support Systems, 2012, doi 10.1016/j.dss.2011.12.005) beside ours by the same turns.
+proven optimum (a circuit model in which every arc is allowed; stated to two decimals, for small machines to three)
+beside what the planner's search finds and proves. Table 2: fleets on a field whose tracks are slanted and bent at their
+ends, turns by Dubins: the bound is (work + (n - m) x cheapest turn) / m. Table 3: the tracks of table 1 worked in
+loads, with ways along the lower headland to a depot on it after every load: one after another, the best that a circuit
+model found (proven for 12 tracks), and what the planner's search finds. Table 4: 24 tracks in three loads, the order B*
+of Bochtis, Sorensen and Green (Decision Support Systems, 2012, doi 10.1016/j.dss.2011.12.005) beside ours by the same
+turns.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.path_planning.primitives import MAX_PIECES, MAX_PRIMITIVES, add_forward_primitives
+from strategies.sequencing.order_proof import prove_tour
 from strategies.sequencing.swath_order import build_skip_pattern
 from strategies.sequencing.tour_search import UNREACHABLE_S, find_best_tour
 from strategies.service_stops.load_search import LoadOrderingTask, order_in_loads, split_into_loads
@@ -31,6 +33,8 @@ PROVEN = (
     (24, 9.0, 6.0, 577.68), (24, 9.0, 10.9, 942.40), (30, 3.0, 6.0, 579.65), (30, 6.0, 6.0, 564.00),
     (40, 4.5, 5.0, 754.89), (50, 3.0, 4.0, 679.09), (100, 3.0, 4.0, 1357.59),
 )  # fmt: skip
+SMALL = ((20, 0.9652, 1.9, 123.255), (44, 0.9652, 1.9, 269.905))
+"""Many narrow swaths of a small machine: 4 turning radii are as wide as 8 of them."""
 FLEETS = ((130, 3), (130, 5), (130, 10), (300, 3), (300, 5), (300, 10))
 IN_LOADS = ((12, 4, 0.0, 575.80, 485.04), (24, 8, 103.5, 1001.54, 744.37))
 """Tracks, tracks per load, metres of the depot along the headland; one after another, and the best known."""
@@ -65,20 +69,23 @@ def starts_for(n: int, width: float, radius: float) -> list[list[int]]:
 def proven_rows() -> None:
     """Print table 1."""
     print(f"{'n':>4} {'w m':>5} {'R m':>7} {'proven':>9} {'ours':>9} {'above %':>8} {'own gap %':>10} {'CPU s':>6}")
-    for n, width, radius, proven in PROVEN:
+    for n, width, radius, proven in (*PROVEN, *SMALL):
         turns, free = parallel(n, width, radius), np.zeros(2 * n)
         begun = time.process_time()
-        best = find_best_tour(turns, free, free, starts_for(n, width, radius))
+        best = prove_tour(find_best_tour(turns, free, free, starts_for(n, width, radius)))
         took = time.process_time() - begun
         above = 100.0 * (best.seconds / proven - 1.0)
-        print(f"{n:4} {width:5.1f} {radius:7.4f} {proven:9.2f} {best.seconds:9.2f} {above:8.3f} {best.gap_pct:10.3f} "
+        print(f"{n:4} {width:6.3f} {radius:7.4f} {proven:9.2f} {best.seconds:9.2f} {above:8.3f} {best.gap_pct:10.3f} "
               f"{took:6.2f}")  # fmt: skip
 
 
-def slanted(n: int) -> tuple[Floats, Floats]:
-    """Working seconds (n,) and turning seconds (2 n, 2 n) of n tracks whose ends are slanted and bent."""
+def slanted(n: int, per_swath_m: float = 0.75) -> tuple[Floats, Floats]:
+    """Working seconds (n,) and turning seconds (2 n, 2 n) of n tracks whose ends are slanted and bent.
+
+    In the west each track begins `per_swath_m` further on than the one before.
+    """
     i = np.arange(n)
-    west, east, north = 0.75 * i, 252.0 + 0.225 * i + 30.0 * np.sin(i / 9.0), WIDTH_M * i
+    west, east, north = per_swath_m * i, 252.0 + 0.225 * i + 30.0 * np.sin(i / 9.0), WIDTH_M * i
     out, kinds = np.empty((MAX_PRIMITIVES, MAX_PIECES, 3)), np.empty(MAX_PRIMITIVES, np.int64)
     turns = np.full((2 * n, 2 * n), UNREACHABLE_S)
     for a in range(n):
@@ -165,7 +172,7 @@ def loads_rows() -> None:
 
 if __name__ == "__main__":
     warm = np.zeros(10)
-    find_best_tour(parallel(5, 3.0, 4.0), warm, warm, [list(range(5))])
+    prove_tour(find_best_tour(parallel(5, 3.0, 4.0), warm, warm, [list(range(5))]))
     proven_rows()
     fleet_rows()
     loads_rows()

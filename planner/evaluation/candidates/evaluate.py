@@ -26,6 +26,7 @@ from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
 from planner.evaluation.candidates.time_bounds import build_speed_limits
 from planner.evaluation.candidates.variants import (
     OTHER_ORDER_REMARK,
+    build_for_headland_orders,
     build_for_reachable_job,
     check_formation_supply,
     find_service_conflict,
@@ -214,7 +215,9 @@ def _run_job(
 
     def build(job: FieldJob) -> RefinedPlan:
         refine = strategy.refine
-        return refine(job, simulate, context.tractor, context.implement) if refine else RefinedPlan(strategy.build(job))
+        if refine is None:
+            return build_for_headland_orders(strategy, job, context.request.headland_orders)
+        return refine(job, simulate, context.tractor, context.implement)
 
     check_formation_supply(job, strategy)
     solo_runs = SoloRuns(context, rehearsal)

@@ -20,7 +20,11 @@ from planner.evaluation.candidates.pruning import (
     relax_bound_for_corners,
 )
 from planner.evaluation.candidates.time_bounds import build_speed_limits, compute_earliest_finish_s, remove_gates
-from planner.evaluation.candidates.variants import build_for_reachable_job, iter_headland_variants
+from planner.evaluation.candidates.variants import (
+    build_for_headland_orders,
+    build_for_reachable_job,
+    iter_headland_variants,
+)
 from planner.evaluation.context import PlanningContext
 from planner.request.plan_request import SUREST
 from reports.common.plan_results import PlanResult, get_finished_field_s
@@ -138,15 +142,15 @@ def _iter_starts(context: PlanningContext, candidate: Candidate) -> Iterator[_Ca
         try:
             refined, reachable = build_for_reachable_job(
                 replace(job, corner=corner, turn_counts={}),
-                lambda job: RefinedPlan(_build_least_waiting_plan(strategy, job)),
+                lambda job: _build_least_waiting_plan(context, strategy, job),
             )
             yield _CandidateStart(context, reachable.job, refined)
         except StrategyError:
             continue
 
 
-def _build_least_waiting_plan(strategy: Strategy, job: FieldJob) -> Plan:
-    """A plan of a strategy; for one refined by simulation, the plan that waits least."""
+def _build_least_waiting_plan(context: PlanningContext, strategy: Strategy, job: FieldJob) -> RefinedPlan:
+    """The plan of a strategy; for one refined by simulation, the plan that waits least."""
     if strategy.refine is None:
-        return strategy.build(job)
-    return strategy.build_bound(job) if strategy.build_bound else remove_gates(strategy.build(job))
+        return build_for_headland_orders(strategy, job, context.request.headland_orders)
+    return RefinedPlan(strategy.build_bound(job) if strategy.build_bound else remove_gates(strategy.build(job)))

@@ -34,6 +34,21 @@ from vehicle.records import FINISHED, STANDING
 LEFT_OUT_TOLERANCE_M = 20.0  # of headland passes skipped: smaller differences do not decide
 
 
+def build_for_headland_orders(strategy: Strategy, job: FieldJob, orders: Sequence[str]) -> RefinedPlan:
+    """The plan of a job; with an entrance also that for headland passes that come first.
+
+    Several tractors share the headland, so their paths between it and their swaths are short anywhere: only one end of
+    each order is at the entrance. One tractor ends its passes where it began them.
+    """
+    if job.tractors == 1 or job.entrance_lane is None or not job.headland_passes:
+        return RefinedPlan(strategy.build(job))
+    plans = {
+        order: strategy.build(replace(job, entrance_ends=(order != HEADLAND_FIRST, order == HEADLAND_FIRST)))
+        for order in orders
+    }
+    return RefinedPlan(plans[orders[-1]], plan_after_headland=plans.get(HEADLAND_FIRST))
+
+
 def iter_headland_variants(
     context: PlanningContext, job: FieldJob, refined: RefinedPlan
 ) -> Iterator[list[RefinedPlan]]:
@@ -56,17 +71,20 @@ def iter_headland_variants(
             if not (passage.single_tractor and order == HEADLAND_FIRST)
         ]
         if orders:  # with one tractor on the headland first, the others would stand in its path
-            plans = _build_ordered_plans(job, refined.plan, passage, orders)
+            plans = _build_ordered_plans(job, refined, passage, orders)
             yield [RefinedPlan(plan, None, _describe_left_out(refined, plan)) for plan in plans]
 
 
-def _build_ordered_plans(job: FieldJob, plan: Plan, passage: HeadlandTransition, orders: Sequence[str]) -> list[Plan]:
+def _build_ordered_plans(
+    job: FieldJob, refined: RefinedPlan, passage: HeadlandTransition, orders: Sequence[str]
+) -> list[Plan]:
     """The plans of those orders that skip the least of the headland passes."""
     plans: list[Plan] = []
     refusal: StrategyError | None = None
     for order in orders:
+        plan = refined.plan_after_headland if order == HEADLAND_FIRST else None
         try:
-            plans.append(add_entrance(job, add_headland_passes(job, plan, order, passage)))
+            plans.append(add_entrance(job, add_headland_passes(job, plan or refined.plan, order, passage)))
         except StrategyError as error:
             refusal = refusal or error
     if refusal is not None and not plans:

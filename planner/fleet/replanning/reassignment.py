@@ -12,7 +12,7 @@ import shapely
 import shapely.ops
 
 from planner.fleet.model.timed_mission import TimedMission
-from strategies.headland.pass_legs import find_raised_path
+from strategies.headland.raised_paths import find_raised_path
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.path_planning.primitive_search import compute_shortest_m
 from strategies.program.field_job import FieldJob, SwathPass

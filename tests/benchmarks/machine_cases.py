@@ -1,0 +1,200 @@
+"""Cases of the benchmark of machines: a machine on a field, planned for one tractor and for a formation of two."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from typing import Any
+
+from fields.geometry.field import Field
+from planner.errors import HeadlandError
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.context import RADIUS_FACTOR, prepare_context
+from planner.request.option_texts import MPS_PER_KMH
+from planner.request.plan_request import PlanRequest
+from tests.benchmarks.machine_faults import (
+    find_faults,
+    measure_driven_km,
+    measure_longest_reverse_m,
+    measure_overhang_m,
+)
+from tests.benchmarks.machine_fields import Condition, build_field, measure_fit
+from vehicle.datasheet.build import build_tractor
+from vehicle.datasheet.sheet import Datasheet
+from vehicle.model.tractor import Tractor, load_tractor
+
+SOLO, FORMATION = "row-by-row-optimised", "row-by-row"
+FORMATION_TRACTORS = 2
+DATASHEETS: Mapping[str, Datasheet] = {
+    "r55": Datasheet(wheelbase_m=2.65, width_m=2.5, turning_radius_m=5.5, mass_kg=7000.0),
+    "r70": Datasheet(wheelbase_m=3.0, width_m=2.9, turning_radius_m=7.0, mass_kg=11000.0),
+}
+"""Tractors of 100 and 200 kW by their turning radius: 5.5 and 7.0 m."""
+TRACTORS = ("eg105", *DATASHEETS)
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A working width at a speed behind a tractor, and its operation."""
+
+    key: str
+    width_m: float
+    speed_kmh: float
+    tractor: str
+    operation: str = "till"
+
+    @property
+    def name(self) -> str:
+        """Key and tractor, as in the names of cases."""
+        return f"{self.key}@{self.tractor}"
+
+
+REFERENCE = Machine("3m5", 3.0, 5.0, "eg105")
+MACHINES = (
+    Machine("3m", 3.0, 15.0, "eg105"),
+    Machine("4m", 4.0, 12.0, "eg105", "sow"),
+    Machine("6m", 6.0, 10.0, "r55"),
+    Machine("9m", 9.0, 7.0, "r70", "harvest"),
+    Machine("12m", 12.0, 12.0, "r70", "sow"),
+    Machine("24m", 24.0, 10.0, "r55", "spray"),
+    Machine("36m", 36.0, 14.0, "r70", "spray"),
+)
+"""Ordinary machines, each with the tractor that usually pulls it."""
+
+
+@dataclass
+class Row:
+    """What came of a case. Of the formation only feasibility, reason, place and share worked are kept.
+
+    `cpu_s` is of the context and the plan of one tractor, `reference_cpu_s_per_km` that of 3 m at 5 km/h on the same
+    field. `fits` and `is_wide` say whether a plan and a formation are asked for. `where` and `formation_where` hold the
+    places of faults as sentences; `crash` is the last line of a traceback with its place.
+    """
+
+    case: str
+    parcel: str
+    area_ha: float
+    machine: str
+    condition: str
+    fits: bool
+    is_wide: bool
+    across_m: float
+    reachable_pct: float
+    feasible: bool = False
+    reason: str | None = None
+    crash: str | None = None
+    where: tuple[str, ...] = ()
+    remark: str | None = None
+    worked_pct: float | None = None
+    time_s: float | None = None
+    driven_km: float | None = None
+    cpu_s: float = 0.0
+    reference_cpu_s_per_km: float | None = None
+    excursion_m: float | None = None
+    overhang_m: float | None = None
+    longest_reverse_m: float | None = None
+    formation_feasible: bool | None = None
+    formation_reason: str | None = None
+    formation_where: tuple[str, ...] = ()
+    formation_worked_pct: float | None = None
+
+    @property
+    def worked_of_reachable_pct(self) -> float | None:
+        """Worked share of what the bar can reach, at most 100, as bent paths work more; None without a run."""
+        if self.worked_pct is None:
+            return None
+        return min(100.0, 100.0 * self.worked_pct / self.reachable_pct) if self.reachable_pct else 100.0
+
+    @property
+    def cpu_ratio(self) -> float | None:
+        """CPU per simulated kilometre against that of the reference; None without either."""
+        if not self.driven_km or not self.reference_cpu_s_per_km:
+            return None
+        return self.cpu_s / self.driven_km / self.reference_cpu_s_per_km
+
+    def to_values(self) -> dict[str, Any]:
+        """Plain values, for a file."""
+        return asdict(self) | {"cpu_ratio": self.cpu_ratio}
+
+
+@cache
+def get_tractor(key: str) -> Tractor:
+    """A tractor of TRACTORS."""
+    return build_tractor(key, DATASHEETS[key]) if key in DATASHEETS else load_tractor(key)
+
+
+def build_request(machine: Machine, tractors: int = 1) -> PlanRequest:
+    """The request of a machine."""
+    return PlanRequest(
+        width_m=machine.width_m,
+        speed_mps=machine.speed_kmh * MPS_PER_KMH,
+        operation=machine.operation,
+        tractors=(tractors,),
+    )
+
+
+def run_case(
+    parcel: Field, condition: Condition, machine: Machine, seed: int, with_formation: bool, reference: float | None
+) -> Row:
+    """Plan one machine on a parcel under a condition; a refusal is recorded, and so is any other exception."""
+    field = build_field(parcel, condition, seed)
+    return plan_field(field, f"{parcel.name}:{machine.name}:{condition}", machine, condition, with_formation, reference)
+
+
+def plan_field(
+    field: Field, case: str, machine: Machine, condition: Condition, with_formation: bool, reference: float | None
+) -> Row:
+    """Plan one machine on a field, with one tractor and, where there is room, with a formation of two."""
+    radius_m = RADIUS_FACTOR * get_tractor(machine.tractor).compute_smallest_radius_m(field.default_ground)
+    fit = measure_fit(field, machine.width_m, radius_m)
+    row = Row(
+        case=case,
+        parcel=field.name,
+        area_ha=round(field.area_ha, 2),
+        machine=machine.name,
+        condition=str(condition),
+        fits=fit.fits,
+        is_wide=fit.is_wide,
+        across_m=round(fit.across_m, 1),
+        reachable_pct=round(fit.reachable_pct, 2),
+        reference_cpu_s_per_km=reference,
+    )
+    begun = time.process_time()
+    try:
+        _plan_row(row, field, machine, with_formation and fit.is_wide)
+    except HeadlandError as refusal:
+        row.reason = str(refusal)
+    except Exception as fault:
+        last = traceback.extract_tb(fault.__traceback__)[-1]
+        row.crash = f"{type(fault).__name__}: {fault} ({last.filename.rsplit('/', 1)[-1]}:{last.lineno})"
+    row.cpu_s = row.cpu_s or time.process_time() - begun
+    return row
+
+
+def _plan_row(row: Row, field: Field, machine: Machine, with_formation: bool) -> None:
+    begun = time.process_time()
+    tractor, request = get_tractor(machine.tractor), build_request(machine)
+    context = prepare_context(request, field, tractor)
+    solo = simulate_candidate(context, Candidate(SOLO, 1))
+    row.cpu_s = time.process_time() - begun
+    result, run = solo.result, solo.run
+    row.feasible, row.reason, row.remark = result.feasible, result.reason, result.remark
+    row.worked_pct, row.time_s, row.excursion_m = result.worked_pct, result.time_s, result.excursion_m
+    if run is not None:
+        row.driven_km, row.longest_reverse_m = measure_driven_km(run), measure_longest_reverse_m(run)
+        row.overhang_m = measure_overhang_m(run, context)
+        row.where = () if row.feasible else tuple(map(str, find_faults(run, context)))
+    if with_formation:
+        side_by_side = simulate_candidate(context, Candidate(FORMATION, FORMATION_TRACTORS))
+        row.formation_feasible, row.formation_reason = side_by_side.result.feasible, side_by_side.result.reason
+        row.formation_worked_pct = side_by_side.result.worked_pct
+        if side_by_side.run is not None and not row.formation_feasible:
+            row.formation_where = tuple(map(str, find_faults(side_by_side.run, context)))
+
+
+def measure_reference(parcel: Field, condition: Condition, seed: int) -> Row:
+    """The same field planned with 3 m at 5 km/h."""
+    return run_case(parcel, condition, REFERENCE, seed, with_formation=False, reference=None)
