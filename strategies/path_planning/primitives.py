@@ -191,8 +191,8 @@ def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # 
     return count  # type: ignore[no-any-return]
 
 
-# Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change and per 1/m of curvature
-# by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
+# Places in the costs of a search: forward and reverse speed (m/s), seconds per direction change, seconds per 1/m of
+# curvature by which the wheels turn over in it, and the values of vehicle.control.speed_profile.DrivingLimits.
 COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
 COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
 COST_COUNT = 9

@@ -53,9 +53,10 @@ class DrivingRules:
     boxes: tuple[tuple[float, float, float], ...] = ((-1.8, 2.4, 1.0), (-2.7, -1.9, 1.4))
     limits: DrivingLimits = UNLIMITED
 
-    def get_path_speed_mps(self, gear: int) -> float:
+    def get_path_speed_mps(self, gear: float) -> float:
         """Largest speed on a turn or route in a gear; bends are driven more slowly (vehicle.control.speed_profile)."""
-        return self.turn_speed_mps if gear > 0 else self.reverse_speed_mps
+        speed_mps: float = self.turn_speed_mps if gear > 0 else self.reverse_speed_mps
+        return speed_mps
 
     @property
     def length_m(self) -> float:

@@ -25,7 +25,7 @@ from vehicle.jit import compile_function
 from vehicle.model.ground import GROUNDS
 from vehicle.model.tractor import Tractor
 
-# Times the lookahead of turns. Measured: S-bends of 4 to 10 m radius, and arcs of 4 to 6 m, are lost above 1.7 to 2 times.
+# Times the lookahead of turns. Measured: S-bends of 4 to 10 m radius, and arcs of 4 to 6 m, are lost from 1.7 on.
 STEERING_DISTANCE_FACTOR = 1.4
 TYRE_SHARE = 0.5  # of the side friction at which a front wheel slides
 BRAKE_SHARE = 0.8  # of the largest deceleration: the speed lags behind its target
@@ -104,7 +104,7 @@ def estimate_drive_s(points: Floats, speed_mps: float, limits: DrivingLimits) ->
     """Seconds on a polyline (n, 2) of one gear at up to a speed, entered and left at what its ends allow."""
     speeds = np.minimum(compute_speed_limits(points, limits), speed_mps)
     steps_m = np.hypot(*np.diff(points, axis=0).T)
-    return _sum_segment_times_s(steps_m, speeds, speed_mps, limits.deceleration_mps2)
+    return float(_sum_segment_times_s(steps_m, speeds, speed_mps, limits.deceleration_mps2))
 
 
 @compile_function
@@ -123,7 +123,7 @@ def compute_straight_time_s(length, speed, start_speed, end_speed, acceleration)
     """Seconds on a straight between two bends: speeding up to `speed` if it is long enough, and slowing down again."""
     top = math.sqrt(acceleration * length + 0.5 * (start_speed * start_speed + end_speed * end_speed))
     if top < speed:
-        return (2.0 * top - start_speed - end_speed) / acceleration
+        return (2.0 * top - start_speed - end_speed) / acceleration  # type: ignore[no-any-return]
     gained = (speed - start_speed) ** 2 + (speed - end_speed) ** 2
     return length / speed + gained / (2.0 * speed * acceleration)  # type: ignore[no-any-return]
 

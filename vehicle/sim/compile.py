@@ -33,8 +33,9 @@ def join_legs(points, sizes, begins, new_run, path, cumulative, ends, first, las
     ends of legs. A point that coincides with the one before it is skipped. Within a run a leg continues from the end
     of the leg before, so that distances along the path are those of the joined polyline.
 
-    Written are the first two columns of `path` (p, 3) and `cumulative` (p,), the distance from the start of the mission, and per leg in `ends`
-    the distance at its end, in `first` its first segment, and in `last` the last segment of its run.
+    Written are the first two columns of `path` (p, 3) and `cumulative` (p,), the distance from the start of the
+    mission, and per leg in `ends` the distance at its end, in `first` its first segment, and in `last` the last segment
+    of its run.
     """
     size, place, run_start = 0, 0, 0
     mission_m = 0.0
@@ -87,7 +88,7 @@ def compute_lateral_ease(tractor: Tractor) -> float:
     """The lateral error times speed (m2/s) up to which guidance corrects without weaving.
 
     Eq. 2.5 returns to a path at v sqrt(g / wheelbase) rad/s, with g the lateral gain. Wheels that have to swing by more
-    than their rate allows at this frequency come too late and make the tractor weave, at 12 km/h from errors of 0.4 m on.
+    than their rate allows at this frequency come late and make the tractor weave, at 12 km/h from errors of 0.7 m on.
     """
     gain = math.radians(tractor.guidance.lateral_gain_deg_per_m)
     if gain == 0.0:
@@ -246,7 +247,7 @@ def limit_runs(  # type: ignore[no-untyped-def]
 ) -> None:
     """Write the speed limits of each run of one gear to the third column of `path` (p, 3).
 
-    `first_segments`, `last_segments` and `grounds` (legs,) are those of the legs; `lateral` and `length` are per ground.
+    `first_segments`, `last_segments` and `grounds` (legs,) are of the legs; `lateral` and `length` are per ground.
     """
     leg = 0
     while leg < len(first_segments):
