@@ -25,7 +25,13 @@ from planner.evaluation.layout_choice import build_effort_rates, choose_quickest
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
-from planner.request.plan_request import MAX_TURN_SPEED_MPS, MIN_CLEARANCE_M, SOW, STANDING_CROP_OPERATIONS, PlanRequest
+from planner.request.plan_request import (
+    KEPT_GROUND_OPERATIONS,
+    MAX_TURN_SPEED_MPS,
+    MIN_CLEARANCE_M,
+    STANDING_CROP_OPERATIONS,
+    PlanRequest,
+)
 from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import DecisionCriteria, build_decision_criteria
@@ -156,7 +162,7 @@ class PlanningContext:
             headland_passes=self.headland_passes,
             rim_connector=rim_finder,
             corners=self.request.corners,
-            avoids_swaths=self.request.operation == SOW,
+            avoids_swaths=self.request.operation in KEPT_GROUND_OPERATIONS,
             avoids_unworked=self.request.operation in STANDING_CROP_OPERATIONS,
             obstacle_bends=self.obstacle_bends,
             fence=fence,

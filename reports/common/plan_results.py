@@ -36,6 +36,9 @@ class PlanResult:
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
         worked_pct, overlap_pct: shares of the field.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
+        over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
+            headland passes included, and the ground under wheels there. `over_finished_charged`: whether that ground
+            counts as missed in `finished_s` and `finished_cost`, as it does when sowing and spraying.
         outside_m, excursion_m: length of the guided path outside the boundary, and its largest distance from it.
         outside_outline_m: length driven with some part of tractor or implement outside.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
@@ -71,6 +74,9 @@ class PlanResult:
     finished_s: float | None = None
     finished_cost: float | None = None
     wheel_traffic_m2: float | None = None
+    over_finished_m: float | None = None
+    over_finished_m2: float | None = None
+    over_finished_charged: bool = False
     outside_m: float | None = None
     excursion_m: float | None = None
     outside_outline_m: float | None = None

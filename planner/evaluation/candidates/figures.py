@@ -17,7 +17,8 @@ from planner.evaluation.ground.coverage import (
     replace_infinite,
 )
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.wheel_traffic import measure_wheel_traffic_m2
+from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import compute_simulated_cost, compute_travel_cost
 from reports.common.plan_results import PlanResult, get_field_work_end_s
 from vehicle.missions.run import DONE, SimulationRun
@@ -42,7 +43,11 @@ def measure_candidate(
     if run.outcome != DONE:
         return PlanResult(strategy, tractors, turn_names, False, reason, collisions=len(run.contacts))
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
-    coverage = measure_coverage(run, context, swept)
+    traffic, is_charged = (
+        measure_finished_ground_traffic(run, context, swept),
+        context.request.operation in KEPT_GROUND_OPERATIONS,
+    )
+    coverage = replace(measure_coverage(run, context, swept), spoilt_m2=traffic.area_m2 if is_charged else 0.0)
     tractor_time = float(np.sum(run.finish_s))
     hourly, hiring = _compute_cost(context, run)
     figures = PlanResult(
@@ -61,6 +66,9 @@ def measure_candidate(
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
         wheel_traffic_m2=measure_wheel_traffic_m2(run, context, swept),
+        over_finished_m=traffic.length_m,
+        over_finished_m2=traffic.area_m2,
+        over_finished_charged=is_charged,
         outside_m=excursion.length_m,
         excursion_m=excursion.depth_m,
         outside_outline_m=measure_outline_excursion_m(run, context),
