@@ -41,6 +41,8 @@ class PlanResult:
             counts as missed in `finished_s` and `finished_cost`, as it does when sowing and spraying.
         outside_m, excursion_m: length of the guided path outside the boundary, and its largest distance from it.
         outside_outline_m: length driven with some part of tractor or implement outside.
+        overhang_m, beyond_overhang_m: the farthest that tractor or implement reach over an open edge, and the length
+            driven with more than is allowed.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
             gives the order.
         formation_pct: share of the length of all tracks that tractors drive side by side; None without a formation.
@@ -107,6 +109,8 @@ class PlanResult:
     bound_s: float | None = None
     refills: int | None = None
     refilling_s: float | None = None
+    overhang_m: float | None = None
+    beyond_overhang_m: float | None = None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:

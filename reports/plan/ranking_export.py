@@ -59,6 +59,8 @@ PLAN_KEYS = (
     "refilling_s",
     "over_finished_m",
     "over_finished_m2",
+    "overhang_m",
+    "beyond_overhang_m",
 )
 INTERVAL_KEYS = ("low", "high")
 UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")

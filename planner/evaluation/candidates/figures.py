@@ -16,6 +16,7 @@ from planner.evaluation.ground.coverage import (
     measure_outline_excursion_m,
     replace_infinite,
 )
+from planner.evaluation.ground.overhang import Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
@@ -50,6 +51,7 @@ def measure_candidate(
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=traffic.area_m2 if is_charged else 0.0)
     tractor_time = float(np.sum(run.finish_s))
     hourly, hiring = _compute_cost(context, run)
+    overhang = measure_overhang(run, context)
     figures = PlanResult(
         strategy=strategy,
         tractors=tractors,
@@ -72,6 +74,8 @@ def measure_candidate(
         outside_m=excursion.length_m,
         excursion_m=excursion.depth_m,
         outside_outline_m=measure_outline_excursion_m(run, context),
+        overhang_m=overhang.farthest_m,
+        beyond_overhang_m=overhang.beyond_m,
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=count_reversals(run),
@@ -79,13 +83,24 @@ def measure_candidate(
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         formation_pct=run.plan.notes.get("formation_pct"),
-        remark=candidate_run.remark,
+        remark=_join_overhang_remark(candidate_run.remark, overhang, context),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if context.supply is None else float(run.standing_s.sum()),
     )
     return _add_clock_times(figures, context, run, coverage)
+
+
+def _join_overhang_remark(remark: str | None, overhang: Overhang, context: PlanningContext) -> str | None:
+    """A remark, with a sentence on machines that reach farther over open edges than allowed."""
+    if not overhang.beyond_m:
+        return remark
+    edge_remark = (
+        f"tractor or implement reach up to {overhang.farthest_m:.1f} m over an open edge, and farther than allowed "
+        f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
+    )
+    return f"{remark}; {edge_remark}" if remark else edge_remark
 
 
 def _compute_cost(context: PlanningContext, run: SimulationRun) -> tuple[float, float]:
