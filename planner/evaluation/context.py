@@ -21,11 +21,16 @@ from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
 from fields.layout.options import replace_bearings
 from fields.layout.swaths import Layout, compute_free_space, compute_free_space_to_rim, compute_unworked_free_space
 from planner.errors import RequestError, attach_parameter, mark_parameter
-from planner.evaluation.layout_choice import choose_quickest_job_index, list_layouts
+from planner.evaluation.layout_choice import build_effort_rates, choose_quickest_job_index, list_layouts
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
-from planner.request.plan_request import MIN_CLEARANCE_M, SOW, STANDING_CROP_OPERATIONS, PlanRequest
+from planner.request.plan_request import (
+    KEPT_GROUND_OPERATIONS,
+    MIN_CLEARANCE_M,
+    STANDING_CROP_OPERATIONS,
+    PlanRequest,
+)
 from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import DecisionCriteria, build_decision_criteria
@@ -57,6 +62,7 @@ CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 
 SMALL_OBSTACLE_WIDTHS = 4.0  # working widths across: smaller obstacles are bypassed within a swath
 # Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
 GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
+INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that reach too far over an open edge
 FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
 OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
@@ -157,11 +163,12 @@ class PlanningContext:
             headland_passes=self.headland_passes,
             rim_connector=rim_finder,
             corners=self.request.corners,
-            avoids_swaths=self.request.operation == SOW,
+            avoids_swaths=self.request.operation in KEPT_GROUND_OPERATIONS,
             avoids_unworked=self.request.operation in STANDING_CROP_OPERATIONS,
             obstacle_bends=self.obstacle_bends,
             fence=fence,
             open_edge=self._build_open_edge(),
+            inner_connectors=self._build_inner_connectors(),
             careful_connectors=forward_finders,
             entrance_lane=self.gateway,
             supply=self.supply,
@@ -212,6 +219,21 @@ class PlanningContext:
         lines = shapely.difference(shapely.boundary(self.overhang_region), fences.buffer(FENCE_BESIDE_M))
         body = build_body(self.tractor, self.implement)
         return FenceChecker(lines, shapely.LineString(), body, min(OVERHANG_SPARE_M, 0.5 * self.request.overhang_m))
+
+    def _build_inner_connectors(self) -> tuple[Connector, ...]:
+        """Finders of turns beside the swaths that swing less far over open edges: farther inside, with wider arcs."""
+        outline = shapely.Polygon((self.layout.field.original_boundary or self.layout.field.boundary).exterior)
+        side_m = 0.5 * max(self.implement.width_m, self.tractor.width_m)
+        regions = [
+            shapely.intersection(self.beside_swaths, outline.buffer(-side_m - inside_m, join_style="mitre"))
+            for inside_m in INSIDE_EDGE_M
+        ]
+        return tuple(
+            self._get_connector(region, factor * self.driving_rules.radius_m, self.turn_kinds)
+            for region in regions
+            for factor in WIDE_TURN_FACTORS[:2]
+            if region.area > 0.0
+        )
 
     def _build_fence(self) -> tuple[FenceChecker | None, tuple[Connector, ...]]:
         """The fence and obstacle checker, and a finder of forward-only paths where reversing meets a fence."""
@@ -308,7 +330,11 @@ def prepare_context(
         return _complete_context(create, request, field, layout, obstacle_bends, turn_clock, free_space, reach)
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
-    contexts = [build_context(layout) for layout in list_layouts(request, field, headland_m, passing_m)]
+    turn_times = turn_clock.measure_best_times(
+        request.width_m, compute_available_turn_depth_m(headland_m, reach), list_allowed_kinds(request.turn)
+    )
+    rates = build_effort_rates(rules, turn_times)
+    contexts = [build_context(layout) for layout in list_layouts(request, field, headland_m, passing_m, rates)]
     context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts])]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))

@@ -230,6 +230,7 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "operation": request.operation,
         "headland_order": request.headland_order,
         "corners": request.corners,
+        "overhang_m": request.overhang_m,
         "no_headland": request.no_headland,
         "turn_speed_kmh": request.effective_turn_speed_mps / MPS_PER_KMH,
         "price_per_hour": request.price_per_hour,

@@ -36,8 +36,13 @@ class PlanResult:
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
         worked_pct, overlap_pct: shares of the field.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
+        over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
+            headland passes included, and the ground under wheels there. `over_finished_charged`: whether that ground
+            counts as missed in `finished_s` and `finished_cost`, as it does when sowing and spraying.
         outside_m, excursion_m: length of the guided path outside the boundary, and its largest distance from it.
         outside_outline_m: length driven with some part of tractor or implement outside.
+        overhang_m, beyond_overhang_m: the farthest that tractor or implement reach over an open edge, and the length
+            driven with more than is allowed.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
             gives the order.
         formation_pct: share of the length of all tracks that tractors drive side by side; None without a formation.
@@ -71,6 +76,9 @@ class PlanResult:
     finished_s: float | None = None
     finished_cost: float | None = None
     wheel_traffic_m2: float | None = None
+    over_finished_m: float | None = None
+    over_finished_m2: float | None = None
+    over_finished_charged: bool = False
     outside_m: float | None = None
     excursion_m: float | None = None
     outside_outline_m: float | None = None
@@ -101,6 +109,8 @@ class PlanResult:
     bound_s: float | None = None
     refills: int | None = None
     refilling_s: float | None = None
+    overhang_m: float | None = None
+    beyond_overhang_m: float | None = None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:

@@ -57,6 +57,10 @@ PLAN_KEYS = (
     "bound_s",
     "refills",
     "refilling_s",
+    "over_finished_m",
+    "over_finished_m2",
+    "overhang_m",
+    "beyond_overhang_m",
 )
 INTERVAL_KEYS = ("low", "high")
 UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.headland.pass_shares import HeadlandSegment
-from strategies.headland.raised_paths import find_quickest_turn, find_raised_path, has_overhang
+from strategies.headland.raised_paths import find_quickest_turn, find_raised_path
 from strategies.headland.strips import MIN_SIDE_M, HeadlandStrip, build_strips, cut_polyline, get_end_pose
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob
@@ -126,14 +126,14 @@ def _join_strips(
 def _connect_strips(job: FieldJob, last: HeadlandStrip, strip: HeadlandStrip) -> _Connection | None:
     """The path from one strip to the next, and both strips; where it is tight, their ends are trimmed for a turn."""
     first = next(_iter_trimmed_connections(job, last, strip, TRIMS_M), None)
-    if first is not None and not has_overhang(job, first[1]):
+    if first is not None and not job.has_overhang(first[1]):
         return first
     path = find_raised_path(job, get_end_pose(last.points, -1), get_end_pose(strip.points, 0))
     whole = None if path is None else (last, path, strip)
     if first is None:
         return whole
     options = [one for one in (whole, *_iter_trimmed_connections(job, last, strip, EDGE_TRIMS_M)) if one is not None]
-    clear = [one for one in options if not has_overhang(job, one[1]) and not job.crosses_fence(one[1])]
+    clear = [one for one in options if not job.has_overhang(one[1]) and not job.crosses_fence(one[1])]
     best = min(clear, key=lambda one: round(_compute_connection_cost_s(job, last, strip, one), 6), default=first)
     gain_s = _compute_connection_cost_s(job, last, strip, best) - _compute_connection_cost_s(job, last, strip, first)
     return best if gain_s <= MAX_EDGE_DETOUR_S else first

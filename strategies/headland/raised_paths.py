@@ -45,7 +45,7 @@ def find_raised_path(
     for candidate in candidates:
         if _is_followable(candidate):
             followable.append(candidate)
-            if not job.crosses_fence(candidate) and not has_overhang(job, candidate):
+            if not job.crosses_fence(candidate) and not job.has_overhang(candidate):
                 break
     path = _pick_clear_path(job, followable) or rim.connect_directly(a, b)
     if job.crosses_fence(path):
@@ -66,10 +66,10 @@ def find_quickest_turn(job: FieldJob, a: Pose, b: Pose) -> DrivePath | None:
     if turn is not None:
         timed.append((rim.compute_cost_s(turn), turn))
     path = _pick_clear_path(job, _sort_by_time(timed))
-    if path is None or not has_overhang(job, path):
+    if path is None or not job.has_overhang(path):
         return path
     wide = [pair for factor in WIDE_RADIUS_FACTORS for pair in _list_corner_paths(job, a, b, factor * radius_m)]
-    clear_paths = (one for one in _sort_by_time(wide) if not has_overhang(job, one) and not job.crosses_fence(one))
+    clear_paths = (one for one in _sort_by_time(wide) if not job.has_overhang(one) and not job.crosses_fence(one))
     return next(clear_paths, path)
 
 
@@ -98,12 +98,7 @@ def _pick_clear_path(job: FieldJob, paths: list[DrivePath]) -> DrivePath | None:
     clear_paths = [path for path in paths if not job.crosses_fence(path)]
     if not clear_paths:
         return next((path for path in paths if not job.crosses_fence(path, fences_only=True)), None)
-    return next((path for path in clear_paths if not has_overhang(job, path)), clear_paths[0])
-
-
-def has_overhang(job: FieldJob, path: DrivePath) -> bool:
-    """Whether any part of the machine reaches too far over an open edge on a path."""
-    return job.open_edge is not None and job.open_edge.has_path_contact(path)
+    return next((path for path in clear_paths if not job.has_overhang(path)), clear_paths[0])
 
 
 def _is_followable(path: DrivePath | None) -> TypeGuard[DrivePath]:

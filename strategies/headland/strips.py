@@ -22,7 +22,7 @@ from strategies.headland.corners import (
     compute_worked_reach_m,
 )
 from strategies.headland.pass_shares import HeadlandSegment
-from strategies.headland.raised_paths import find_quickest_turn, has_overhang
+from strategies.headland.raised_paths import find_quickest_turn
 from strategies.names import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.paths import DrivePath, Pose
@@ -200,7 +200,7 @@ def _build_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment, radius_m: 
         return None
     x, y, heading = get_end_pose(side.points, -1)
     path = build_corner_arc((x, y), heading, side.end_turn_rad, radius_m)
-    if not job.connector.fits(path) or has_overhang(job, path):
+    if not job.connector.fits(path) or job.has_overhang(path):
         return None
     is_inside = a.headland_pass.number > 1
     missed_m2 = compute_missed_m2(side.end_turn_rad, job.layout.width_m, radius_m, inside_round=is_inside)
@@ -213,7 +213,7 @@ def _compute_square_cost_s(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment
     side, rules = a.headland_pass.sides[a.side], job.driving_rules
     last, first = _find_working_extent_m(job, a)[1], _find_working_extent_m(job, b)[0]
     path = find_quickest_turn(job, _get_pose_at(a.line, last), _get_pose_at(b.line, first))
-    if path is None or has_overhang(job, path):
+    if path is None or job.has_overhang(path):
         return math.inf
     missed_m = _compute_whole_extent_m(job, a)[1] - last + first - _compute_whole_extent_m(job, b)[0]
     driven_s = (last - side.length_m - first) / rules.work_speed_mps + job.connector.costs.compute_time_s(path)

@@ -25,6 +25,7 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
 PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one across swaths
+EDGE_DETOUR_S = 60.0  # how much longer a turn may take that does not reach too far over an open edge
 MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
 DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
 
@@ -62,7 +63,7 @@ class DrivingRules:
     def length_m(self) -> float:
         """Length of tractor and implement together (m)."""
         rears, fronts, _ = zip(*self.boxes, strict=True)
-        return max(fronts) - min(rears)
+        return float(max(fronts) - min(rears))
 
     @property
     def max_reverse_m(self) -> float:
@@ -93,8 +94,8 @@ class FieldJob:
     where the paths from an entrance count. `jump` fixes the pattern of swaths, None leaves it to the strategy. The
     `reversed_tractors` drive their orders backwards, in strategies with swaths of their own. `headland_passes` are the
     passes of the headland; `corners` says how they turn: "square" (worked whole), "round", or "auto" (each corner as is
-    quicker with the missed ground finished). No part of a machine should reach over an `open_edge` on headland passes
-    and on the paths between them. Tractors enter and leave by the
+    quicker with the missed ground finished). No part of a machine should reach over an `open_edge`; turns that would
+    are driven by one of the `inner_connectors`, if that takes little longer. Tractors enter and leave by the
     `entrance_lane`; without one they stand where work begins and stay where it ends. `entrance_ends` says whether they
     come to an order of swaths from there, and go there from it, or from and to headland passes. `supply` is what every
     tractor carries, None for nothing.
@@ -121,6 +122,7 @@ class FieldJob:
     obstacle_bends: ObstacleBends = field(default_factory=ObstacleBends)
     fence: FenceChecker | None = None
     open_edge: FenceChecker | None = None
+    inner_connectors: tuple[Connector, ...] = ()
     careful_connectors: tuple[Connector, ...] = ()
     entrance_lane: EntranceLane | None = None
     entrance_ends: tuple[bool, bool] = (True, True)
@@ -140,7 +142,7 @@ class FieldJob:
         rules, swaths = self.driving_rules, self.layout.swaths
         turn_s = rules.turn_s[1] if len(rules.turn_s) > 1 else 0.0
         seconds = self.layout.total_length_m / rules.work_speed_mps + turn_s * len(swaths)
-        return seconds / (self.layout.total_length_m * self.layout.width_m) * 3
+        return seconds / (self.layout.total_length_m * self.layout.width_m)
 
     def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
         """The quickest drivable path from a to b, or None.
@@ -160,7 +162,7 @@ class FieldJob:
                     or path
                 )
             path = path or (self._choose_turn(a, b) if self.fence else None)
-            self.path_cache[a, b] = path or self._find_reversing_path(a, b)
+            self.path_cache[a, b] = self._move_off_open_edge(path, a, b) or self._find_reversing_path(a, b)
         return self.path_cache[a, b]
 
     def has_long_reverse(self, path: DrivePath | None) -> bool:
@@ -174,6 +176,20 @@ class FieldJob:
             if path is not None and not self.crosses_fence(path):
                 return path
         return None
+
+    def _move_off_open_edge(self, path: DrivePath | None, a: Pose, b: Pose) -> DrivePath | None:
+        """The path, or a turn farther inside if it reaches too far over an open edge and that takes little longer."""
+        if path is None or not self.has_overhang(path):
+            return path
+        turns = (connector.connect_directly(a, b) for connector in self.inner_connectors)
+        clear_turns = [turn for turn in turns if turn is not None and not self.has_overhang(turn)]
+        cost = self.connector.compute_cost_s
+        best = pick_quickest_inside(self.fence, list(clear_turns), cost)
+        return path if best is None or cost(best) > cost(path) + EDGE_DETOUR_S else best
+
+    def has_overhang(self, path: DrivePath) -> bool:
+        """Whether any part of the machine reaches too far over an open edge on a path."""
+        return self.open_edge is not None and self.open_edge.has_path_contact(path)
 
     def crosses_fence(self, path: DrivePath | None, *, fences_only: bool = False) -> bool:
         """Whether any part of the machine touches a fence, or an obstacle, on a path."""

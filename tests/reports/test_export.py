@@ -63,6 +63,10 @@ CONTRACT = [
     "bound_s",
     "refills",
     "refilling_s",
+    "over_finished_m",
+    "over_finished_m2",
+    "overhang_m",
+    "beyond_overhang_m",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]

@@ -68,7 +68,7 @@ def test_time_counts_speeds_and_direction_changes() -> None:
     path = DrivePath(
         (0, 0, 0), (PathSegment(6, 0.0, 1), PathSegment(3, 0.1, -1), PathSegment(2, 0.0, 1)), "switch-back"
     )
-    assert COSTS.compute_time_s(path) == pytest.approx((6 + 3 + 2) / 1 + 2 * 5)
+    assert COSTS.compute_time_s(path) == pytest.approx((6 + 2) / 2 + 3 / 1 + 2 * 5)
 
 
 def test_a_path_that_ends_in_reverse_is_charged_the_change_after_it() -> None:
@@ -342,7 +342,7 @@ def test_a_link_that_fits_is_never_told_to_point_away(places: list[float], headi
     assume(field.buffer(-0.01).contains(MultiPoint([places[:2], places[2:]])))
     edges, primitive = _list_boundary_edges(field), np.zeros((5, 3))
     poses = np.array([[*places[:2], headings[0]], [*places[2:], headings[1]]])
-    kind, speeds = find_fitting_forward(poses[0], poses[1], R, edges, 3, primitive), np.array([2.0, 2.0, 0.0, 0.0])
+    kind, speeds = find_fitting_forward(poses[0], poses[1], R, edges, 3, primitive), TurnCosts(2.0, 2.0, 0.0).speeds
     rooms, barrier = np.full((2, 4), UNKNOWN), np.full((1, 4), np.inf)
     seconds = compute_link_s(poses, 0, 1, rooms, barrier, R, speeds, edges, np.zeros((5, 3)))
     assert seconds == pytest.approx(primitive[:, 0].sum() / 2.0 if kind >= 0 else math.inf, abs=1e-9)
@@ -350,7 +350,7 @@ def test_a_link_that_fits_is_never_told_to_point_away(places: list[float], headi
 
 def rings(poses: list[Pose], joined: list[tuple[int, int]]) -> bool:
     """Whether rings lead from the first pose to the last, on an open field, where those between are so joined."""
-    count, no_edges, speeds = len(poses) - 2, np.empty((0, 4)), np.array([2.0, 2.0, 0.0, 0.0])
+    count, no_edges, speeds = len(poses) - 2, np.empty((0, 4)), TurnCosts(2.0, 2.0, 0.0).speeds
     after = [[j for i, j in joined if i == k] for k in range(count)]
     kept = (
         np.cumsum([0, *(len(each) for each in after)]),
@@ -435,7 +435,7 @@ def chain(poses: list[Pose], blocked: set[tuple[int, int]], limit_s: float = mat
     ]
     graph = np.arange(0, count * count + 1, count), np.tile(np.arange(count), count), np.array(steps)
     none = np.zeros(count + 1, np.int64), np.empty(0, np.int64), np.empty(0)
-    speeds, no_edges, nothing = np.array([2.0, 2.0, 0.0, 0.0]), np.empty((0, 4)), np.zeros(1)
+    speeds, no_edges, nothing = TurnCosts(2.0, 2.0, 0.0).speeds, np.empty((0, 4)), np.zeros(1)
     rooms = np.full((count, 4), UNKNOWN)
     found = find_quickest_chain(np.array(poses), rooms, nothing, nothing, graph, none, R, speeds, no_edges, limit_s)
     return [int(place) for place in found]

@@ -80,14 +80,14 @@ class TestPass:
 
 
 class TestWay:
-    def test_one_leg_per_gear_at_manoeuvring_speed(self, jobs: Any) -> None:
+    def test_one_leg_per_gear_at_the_speed_of_its_gear(self, jobs: Any) -> None:
         job = jobs.rectangle(4, reverse_speed_mps=0.8)
         path = DrivePath(
             (0, 0, 0), (PathSegment(6, 0.0, 1), PathSegment(4, 0.1, -1), PathSegment(5, 0.0, 1)), "switch-back"
         )
         legs = get_path_legs(job, path, job.layout.swaths[2])
         assert [leg.gear for leg in legs] == [1, -1, 1]
-        assert [leg.speed_mps for leg in legs] == [0.8] * 3
+        assert [leg.speed_mps for leg in legs] == [1.5, 0.8, 1.5]
         assert [leg.length_m for leg in legs] == pytest.approx([6, 4, 5], abs=1e-3)
         assert all(np.allclose(a.points[-1], b.points[0]) for a, b in pairwise(legs))
 

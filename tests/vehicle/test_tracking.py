@@ -25,9 +25,7 @@ SPEED = 5.0 / 3.6
 IMMEDIATE = SteeringParameters(dead_band_deg=0.0, switch_deg=180.0, rate_deg_per_s=1e4, lag_s=1.0 / 60.0)
 
 
-def offset_run(
-    tractor: Tractor, plan: Plan, offset: float, turn_deg: float = 0.0, eases: bool = True
-) -> SimulationRun:
+def offset_run(tractor: Tractor, plan: Plan, offset: float, turn_deg: float = 0.0, eases: bool = True) -> SimulationRun:
     """The plan with its first tractor moved to its left (m) and turned clockwise at the start."""
     world = World(plan, tractor, Implement())
     if not eases:

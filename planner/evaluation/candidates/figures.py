@@ -16,8 +16,10 @@ from planner.evaluation.ground.coverage import (
     measure_outline_excursion_m,
     replace_infinite,
 )
+from planner.evaluation.ground.overhang import Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.wheel_traffic import measure_wheel_traffic_m2
+from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import compute_simulated_cost, compute_travel_cost
 from reports.common.plan_results import PlanResult, get_field_work_end_s
 from vehicle.missions.run import DONE, SimulationRun
@@ -42,9 +44,14 @@ def measure_candidate(
     if run.outcome != DONE:
         return PlanResult(strategy, tractors, turn_names, False, reason, collisions=len(run.contacts))
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
-    coverage = measure_coverage(run, context, swept)
+    traffic, is_charged = (
+        measure_finished_ground_traffic(run, context, swept),
+        context.request.operation in KEPT_GROUND_OPERATIONS,
+    )
+    coverage = replace(measure_coverage(run, context, swept), spoilt_m2=traffic.area_m2 if is_charged else 0.0)
     tractor_time = float(np.sum(run.finish_s))
     hourly, hiring = _compute_cost(context, run)
+    overhang = measure_overhang(run, context)
     figures = PlanResult(
         strategy=strategy,
         tractors=tractors,
@@ -61,9 +68,14 @@ def measure_candidate(
         finished_s=coverage.extrapolate_to_field(run.duration_s),
         finished_cost=coverage.extrapolate_to_field(hourly) + hiring,
         wheel_traffic_m2=measure_wheel_traffic_m2(run, context, swept),
+        over_finished_m=traffic.length_m,
+        over_finished_m2=traffic.area_m2,
+        over_finished_charged=is_charged,
         outside_m=excursion.length_m,
         excursion_m=excursion.depth_m,
         outside_outline_m=measure_outline_excursion_m(run, context),
+        overhang_m=overhang.farthest_m,
+        beyond_overhang_m=overhang.beyond_m,
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=count_reversals(run),
@@ -71,13 +83,24 @@ def measure_candidate(
         collisions=len(run.contacts),
         order_gap_pct=run.plan.notes.get("order_gap_pct"),
         formation_pct=run.plan.notes.get("formation_pct"),
-        remark=candidate_run.remark,
+        remark=_join_overhang_remark(candidate_run.remark, overhang, context),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if context.supply is None else float(run.standing_s.sum()),
     )
     return _add_clock_times(figures, context, run, coverage)
+
+
+def _join_overhang_remark(remark: str | None, overhang: Overhang, context: PlanningContext) -> str | None:
+    """A remark, with a sentence on machines that reach farther over open edges than allowed."""
+    if not overhang.beyond_m:
+        return remark
+    edge_remark = (
+        f"tractor or implement reach up to {overhang.farthest_m:.1f} m over an open edge, and farther than allowed "
+        f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
+    )
+    return f"{remark}; {edge_remark}" if remark else edge_remark
 
 
 def _compute_cost(context: PlanningContext, run: SimulationRun) -> tuple[float, float]:

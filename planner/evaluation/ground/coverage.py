@@ -77,7 +77,8 @@ class Coverage:
 
     `largest_piece` is the largest piece of `unworked_ground` that an implement could work in one go (necks up to half a
     working width separate pieces); None without any. `cut_off_m2` of the unworked ground are cut off by obstacles: no
-    plan can work them, and none is charged for them.
+    plan can work them, and none is charged for them. `spoilt_m2` of the worked ground were driven over when finished,
+    and are charged like unworked ground.
     """
 
     field_m2: float
@@ -87,6 +88,7 @@ class Coverage:
     unworked_ground: shapely.Geometry
     largest_piece: UnworkedPiece | None
     cut_off_m2: float = 0.0
+    spoilt_m2: float = 0.0
 
     @cached_property
     def unworked_pieces(self) -> tuple[shapely.Polygon, ...]:
@@ -104,9 +106,9 @@ class Coverage:
         return 100.0 * self.overlap_m2 / self.field_m2
 
     def extrapolate_to_field(self, spent: float) -> float:
-        """Time or hourly cost for all reachable ground, with unworked ground at the plan's own rate."""
-        reachable_m2 = self.unworked_m2 - self.cut_off_m2
-        return spent * (1.0 + reachable_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
+        """Time or hourly cost for all reachable ground, with unworked and spoilt ground at the plan's own rate."""
+        charged_m2 = self.unworked_m2 - self.cut_off_m2 + self.spoilt_m2
+        return spent * (1.0 + charged_m2 / self.worked_m2) if self.worked_m2 > 0.0 else math.inf
 
 
 def compute_guided_path(run: SimulationRun, context: PlanningContext, tractor: int) -> Points:

@@ -1,6 +1,8 @@
-"""Wheel traffic: finished ground off the headland that wheels went over."""
+"""Wheel traffic: finished ground that wheels went over, off the headland and in all."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 import shapely
@@ -21,57 +23,104 @@ LONG_SPAN_ROWS = 200  # twenty seconds of driving are evaluated together
 SHORT_SPAN_ROWS = 20  # two seconds, where the ground is worked meanwhile
 
 
+@dataclass(frozen=True)
+class FinishedGroundTraffic:
+    """Driving with the implement up over ground that is finished: the metres driven, and the ground under wheels once.
+
+    Ground is finished once it is worked for the last time, on swaths and headland passes alike.
+    """
+
+    length_m: float
+    area_m2: float
+
+
 def measure_wheel_traffic_m2(run: SimulationRun, context: PlanningContext, swept: SweptArea) -> float:
     """Ground (m2) off the headland that wheels went over after it was finished, each place once.
 
     Wheels in front of a lowered implement do not count, as it works their tracks. Ground of headland passes does not
     count either: it is meant for turning.
     """
-    pressed = clip_area(unite_areas(_find_wheel_marks(run, context, swept)), context.layout.field.workable_region)
+    strips = np.flatnonzero(~swept.on_headland_pass)
+    marks, _ = _find_marks(run, context, swept, strips, wide=True)
+    pressed = clip_area(unite_areas(marks), context.layout.field.workable_region)
     headland_strips = swept.ground[swept.on_headland_pass]
     nearby = np.sort(shapely.STRtree(headland_strips).query(pressed, predicate="intersects"))
     return float(subtract_area(pressed, unite_areas(headland_strips[nearby])).area)
 
 
-def _find_wheel_marks(run: SimulationRun, context: PlanningContext, swept: SweptArea) -> Areas:
-    """Wheel marks on every strip off the headland after it was finished.
+def measure_finished_ground_traffic(
+    run: SimulationRun, context: PlanningContext, swept: SweptArea
+) -> FinishedGroundTraffic:
+    """Driving over finished ground, headland passes included.
 
-    Driving is evaluated in long spans, and in short ones where a strip is being worked at that time.
+    What is worked again later is not finished, and wheels in front of a lowered implement do not count.
+    """
+    strips = np.arange(len(swept.ground))
+    tyres, strip = _find_marks(run, context, swept, strips, wide=True)
+    axles, axle_strip = _find_marks(run, context, swept, strips, wide=False)
+    final_ground = _compute_final_ground(swept, np.unique(np.concatenate([strip, axle_strip])))
+    pressed = [clip_area(tyre, final_ground[number]) for tyre, number in zip(tyres, strip.tolist(), strict=True)]
+    driven = [
+        float(shapely.intersection(axle, final_ground[number]).length)
+        for axle, number in zip(axles, axle_strip.tolist(), strict=True)
+    ]
+    ground = clip_area(unite_areas(np.array(pressed, dtype=np.object_)), context.layout.field.workable_region)
+    return FinishedGroundTraffic(float(sum(driven)), float(ground.area))
+
+
+def _compute_final_ground(swept: SweptArea, strips: Rows) -> dict[int, shapely.Geometry]:
+    """The ground of some strips without what is worked again later, by number."""
+    strip, other = shapely.STRtree(swept.ground).query(swept.ground[strips], predicate="intersects")
+    is_later = swept.first[other] > swept.first[strips[strip]]
+    return {
+        number: subtract_area(swept.ground[number], unite_areas(swept.ground[np.sort(other[is_later & (strip == k)])]))
+        for k, number in enumerate(strips.tolist())
+    }
+
+
+def _find_marks(
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, strips: Rows, *, wide: bool
+) -> tuple[Areas, Rows]:
+    """What wheels left on every strip after it was swept, and the numbers of the strips.
+
+    Marks are as `wide` as tyres, or lines of the middle of the rear axle. Driving is evaluated in long spans, and in
+    short ones where a strip is being worked at that time.
     """
     spans = _find_raised_driving_spans(run, LONG_SPAN_ROWS)
-    tyres, number, strip = _compute_strip_marks(run, context, swept, spans)
+    marks, number, strip = _compute_strip_marks(run, context, swept, spans, strips, wide=wide)
     is_changing = (swept.first[strip] < spans[number, 2]) & (swept.last[strip] > spans[number, 1])
     changing_spans = np.unique(number[is_changing])
     is_unchanging = ~np.isin(number, changing_spans)
     short_spans = _cut_spans(spans[changing_spans], SHORT_SPAN_ROWS)
-    groups = [(tyres[is_unchanging], spans[number[is_unchanging], 1], strip[is_unchanging])]
+    groups = [(marks[is_unchanging], spans[number[is_unchanging], 1], strip[is_unchanging])]
     if len(short_spans):
-        tyres, number, strip = _compute_strip_marks(run, context, swept, short_spans)
-        groups.append((tyres, short_spans[number, 1], strip))
-    return np.concatenate([_clip_marks_to_finished(run, context, swept, *some) for some in groups])
+        marks, number, strip = _compute_strip_marks(run, context, swept, short_spans, strips, wide=wide)
+        groups.append((marks, short_spans[number, 1], strip))
+    clipped = [_clip_marks_to_finished(run, context, swept, *some) for some in groups]
+    return np.concatenate([some for some, _ in clipped]), np.concatenate([some for _, some in clipped])
 
 
 def _clip_marks_to_finished(
-    run: SimulationRun, context: PlanningContext, swept: SweptArea, tyres: Areas, row: Rows, strip: Rows
-) -> Areas:
-    """Tyre marks clipped to the parts of strips swept before a row of the record."""
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, marks: Areas, row: Rows, strip: Rows
+) -> tuple[Areas, Rows]:
+    """Marks clipped to the parts of strips swept before a row of the record, and the numbers of the strips."""
     before = swept.first[strip] < row
-    tyres, row, strip = tyres[before], row[before], strip[before]
-    return np.asarray(
-        shapely.intersection(tyres, _compute_swept_before(run, context, swept, strip, row)), dtype=np.object_
-    )
+    marks, row, strip = marks[before], row[before], strip[before]
+    clipped = shapely.intersection(marks, _compute_swept_before(run, context, swept, strip, row))
+    return np.asarray(clipped, dtype=np.object_), strip
 
 
 def _compute_strip_marks(
-    run: SimulationRun, context: PlanningContext, swept: SweptArea, spans: Rows
+    run: SimulationRun, context: PlanningContext, swept: SweptArea, spans: Rows, strips: Rows, *, wide: bool
 ) -> tuple[Areas, Rows, Rows]:
-    """Tyre marks on strips off the headland, with the number of the span and of the strip of each."""
-    lines, number = _build_wheel_lines(run, context.tractor, spans)
-    finished = np.flatnonzero(~swept.on_headland_pass)
-    crossing = np.unique(_match_marks_to_strips(swept.ground[finished], lines)[0])
-    tyres = shapely.buffer(lines[crossing], 0.5 * TYRE_WIDTH_M, cap_style="flat", join_style="round", quad_segs=2)
-    wheel, strip = _match_marks_to_strips(swept.ground[finished], tyres)
-    return tyres[wheel], number[crossing[wheel]], finished[strip]
+    """Marks on some strips, with the number of the span and of the strip of each."""
+    lines, number = _build_wheel_lines(run, context.tractor, spans, wide=wide)
+    crossing = np.unique(_match_marks_to_strips(swept.ground[strips], lines)[0])
+    marks = lines[crossing]
+    if wide:
+        marks = shapely.buffer(marks, 0.5 * TYRE_WIDTH_M, cap_style="flat", join_style="round", quad_segs=2)
+    wheel, strip = _match_marks_to_strips(swept.ground[strips], marks)
+    return marks[wheel], number[crossing[wheel]], strips[strip]
 
 
 def _match_marks_to_strips(strips: Areas, marks: Areas) -> tuple[Rows, Rows]:
@@ -116,10 +165,11 @@ def _cut_spans(spans: Rows, max_rows: int) -> Rows:
     return np.column_stack([tractor, first, np.minimum(first + max_rows, last)])
 
 
-def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Rows) -> tuple[Areas, Rows]:
-    """Paths of all wheels that moved in a span, and the number of the span."""
+def _build_wheel_lines(run: SimulationRun, tractor: Tractor, spans: Rows, *, wide: bool) -> tuple[Areas, Rows]:
+    """Paths of all wheels, or unless `wide` of the rear axle, that moved in a span, and the number of the span."""
     rows, owner = _list_span_rows(spans)
     wheels = _locate_wheels(run.record[rows, spans[owner, 0], REC_POSE], tractor)
+    wheels = wheels if wide else wheels[2:].mean(axis=0, keepdims=True)
     steps = np.hypot(*np.diff(wheels, axis=1).transpose(2, 0, 1)) * (owner[1:] == owner[:-1])
     has_moved = np.stack([np.bincount(owner[1:], each, len(spans)) for each in steps], axis=1) > STILL_M
     lines = np.empty((len(spans), len(wheels)), dtype=np.object_)

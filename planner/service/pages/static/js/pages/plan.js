@@ -17,7 +17,7 @@ const MORE = [
   ["margin", "Distance to obstacles and fences, m", "0.3"], ["entrance", "Entrance: LON,LAT", "of the file"], ["price_per_hour", "Price per tractor and hour", "40"],
   ["price_per_tractor", "Price per tractor brought", "0"], ["budget", "Budget", ""], ["refill", "Refill: headland, tender or LON,LAT", ""], ["seed", "Seed", "1"],
 ];
-const CHOICES = [["operation", "Work", ["till", "sow", "spray", "harvest", "mow"]], ["turn", "Turns", ["auto", "u", "omega", "switch-back"]], ["corners", "Corners", ["square", "round"]],
+const CHOICES = [["operation", "Work", ["till", "sow", "spray", "harvest", "mow"]], ["turn", "Turns", ["auto", "u", "omega", "switch-back"]], ["corners", "Corners", ["auto", "square", "round"]],
   ["objective", "Objective", ["", "fastest", "cheapest", "surest"]]];
 const NUMBERS = new Set(["width", "speed_kmh", "turn_speed_kmh", "headland", "bearing", "radius", "clearance", "margin", "price_per_hour", "price_per_tractor", "budget", "seed"]);
 
