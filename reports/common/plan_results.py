@@ -227,6 +227,9 @@ class DriverLeg:
         bearing_deg: direction worked in, clockwise from north.
         over_swaths, shape: of a turn, how many tracks it leads over, and "u", "omega", "switch-back" or "".
         for_tractors: numbers, from 1, of the tractors that are waited for.
+        reversing_m: metres of it in reverse.
+        over_finished: names of the tracks, and "headland", of finished ground that it leads over; `over_finished_m`:
+            metres on it.
         x_m, y_m: the place half way along it.
     """
 
@@ -245,6 +248,9 @@ class DriverLeg:
     shape: str = ""
     for_tractors: tuple[int, ...] = ()
     amount: float | None = None
+    reversing_m: float = 0.0
+    over_finished: tuple[str, ...] = ()
+    over_finished_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,11 +16,37 @@ from reports.common.wording import format_clock_at, format_duration, format_minu
 
 _COMPASS_POINTS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
 _MOST_NAMED_TRACTORS = 4  # if more tractors are waited for, only their number is shown
+_MOST_NAMED_TRACKS = 3  # if more finished tracks are crossed, only their number is shown
+_LEAST_REVERSING_M = 0.5
+_LONG_REVERSING_M = 10.0  # a switch-back or corner backs up by less, and says so by its name
 _TURN_NAMES = {"u": "U", "omega": "omega", "switch-back": "switch-back"}
 
 
 def describe_leg(leg: DriverLeg) -> str:
-    """A leg in a few words: ``track 14, northwards``, ``U over 2 tracks to track 16``."""
+    """A leg in a few words: ``track 14, northwards``, ``way to track 16, reversing 12 m, over finished track 3``."""
+    return ", ".join([_describe_purpose(leg), *_describe_reversing(leg), *_describe_finished_ground(leg)])
+
+
+def _describe_reversing(leg: DriverLeg) -> list[str]:
+    """How far a leg leads in reverse, where its name does not say that it does."""
+    is_named = leg.shape == "switch-back" and leg.kind in ("turn", "corner")
+    least_m = _LONG_REVERSING_M if is_named else _LEAST_REVERSING_M
+    return [f"reversing {format_number(leg.reversing_m, 0)} m"] if leg.reversing_m >= least_m else []
+
+
+def _describe_finished_ground(leg: DriverLeg) -> list[str]:
+    """The finished ground that a leg leads over."""
+    tracks = [name for name in leg.over_finished if name != "headland"]
+    places = ["headland"] if len(tracks) < len(leg.over_finished) else []
+    if len(tracks) > _MOST_NAMED_TRACKS:
+        places.insert(0, f"{len(tracks)} tracks")
+    elif tracks:
+        places.insert(0, f"track{'s' if len(tracks) > 1 else ''} {join_list(tracks)}")
+    return [f"over finished {' and '.join(places)}"] if places else []
+
+
+def _describe_purpose(leg: DriverLeg) -> str:
+    """What a leg is for."""
     if leg.kind == "wait":
         return f"wait{_describe_awaited_tractors(leg.for_tractors)}"
     if leg.kind == "refill":
@@ -87,6 +113,9 @@ STEP_KEYS = (
     "over_swaths",
     "shape",
     "for_tractors",
+    "reversing_m",
+    "over_finished",
+    "over_finished_m",
 )
 LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
 LEG_DECIMALS = 2
@@ -174,5 +203,8 @@ def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
         step.over_swaths,
         step.shape or None,
         list(step.for_tractors),
+        step.reversing_m,
+        list(step.over_finished),
+        step.over_finished_m,
     )
     return dict(zip(STEP_KEYS, values, strict=True))

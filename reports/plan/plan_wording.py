@@ -47,6 +47,7 @@ COLUMN_HELP = {
     "Waiting": "of all tractors together",
     "Worked %": "of the field",
     "Overlap %": "of the field, worked more than once",
+    "Driven over": "finished ground under wheels that drive over it, counted like unworked ground",
     "Clearance m": "smallest distance between two tractors, implements included",
     "In time %": "of the samples; a range (95 %) where they are few",
     "Paid": "mean of the samples",
@@ -294,9 +295,25 @@ def name_best_late_plan(ranking: PlanRanking) -> str:
     return "closest plan" if best is None or best.time_s is None or best.time_s <= min(times) else "best plan"
 
 
+def get_charged_traffic_m2(plan: PlanResult) -> float | None:
+    """The finished ground that wheels drive over, where it counts like unworked ground and is more than nothing."""
+    is_charged = plan.over_finished_charged and (plan.over_finished_m2 or 0.0) >= LEAST_UNWORKED_M2
+    return plan.over_finished_m2 if is_charged else None
+
+
+def _describe_charged_ground(plan: PlanResult) -> str | None:
+    """``the missed 141 m2 and the 83 m2 driven over``; None where a plan has neither."""
+    missed = None if plan.missed_m2 is None or format_unworked(plan) is None else format_area(plan.missed_m2)
+    driven_over = get_charged_traffic_m2(plan)
+    parts = [f"the missed {missed}"] if missed else []
+    parts += [] if driven_over is None else [f"the {format_area(driven_over)} driven over when finished"]
+    return " and ".join(parts) or None
+
+
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
-    """What it takes to finish the ground that a plan leaves, and where the largest piece of it is."""
-    if plan.missed_m2 is None or format_unworked(plan) is None:
+    """What it takes to finish the ground that a plan leaves or spoils, and where the largest piece left is."""
+    charged_ground = _describe_charged_ground(plan)
+    if charged_ground is None:
         return []
     sentences = []
     if plan.finished_s is not None:
@@ -308,8 +325,8 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
             plan.meets_deadline and ranking.allowed_s is not None and get_finished_field_end_s(plan) > ranking.allowed_s
         )
         late = ", too late for the deadline" if is_late else ""
-        sentences.append(f"Finishing the missed {format_area(plan.missed_m2)} adds {added}{done}{cost}{late}.")
-    if plan.largest_missed is not None:
+        sentences.append(f"Finishing {charged_ground} adds {added}{done}{cost}{late}.")
+    if plan.largest_missed is not None and format_unworked(plan) is not None:
         piece = plan.largest_missed
         sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
     return sentences

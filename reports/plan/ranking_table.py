@@ -32,6 +32,7 @@ from reports.plan.plan_wording import (
     describe_ranking,
     describe_simulated_effects,
     format_in_time_probability,
+    get_charged_traffic_m2,
     get_clearance_m,
     group_refusals,
     has_late_ground_loss,
@@ -59,6 +60,7 @@ class _ColumnFlags:
 
     has_deadline: bool
     has_unworked: bool
+    has_charged_traffic: bool
     has_probability: bool
     has_service_stops: bool
     has_risk: bool
@@ -69,6 +71,7 @@ def _find_column_flags(ranking: PlanRanking, plans: list[PlanResult]) -> _Column
     return _ColumnFlags(
         any(plan.meets_deadline is not None for plan in plans),
         any(plan.missed_m2 is not None for plan in plans),
+        any(get_charged_traffic_m2(plan) is not None for plan in plans),
         any(plan.finish_probability is not None for plan in plans),
         any(plan.refills is not None for plan in plans),
         any(plan.expected_cost is not None for plan in plans),
@@ -193,6 +196,15 @@ def _list_plan_columns(is_wide: bool, flags: _ColumnFlags) -> list[_PlanColumn]:
             place,
             _PlanColumn(
                 TableColumn("Unworked", "Un-\nworked", drop_order=4), lambda p: format_area_or_dash(p.missed_m2)
+            ),
+        )
+    if flags.has_charged_traffic:
+        place = [column.column.heading for column in columns].index("Overlap %")
+        columns.insert(
+            place,
+            _PlanColumn(
+                TableColumn("Driven over", "Driven\nover", drop_order=5),
+                lambda p: format_area_or_dash(get_charged_traffic_m2(p)),
             ),
         )
     if flags.has_probability:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,7 +28,7 @@ from strategies.path_planning.obstacle_avoidance import find_clear_parts
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import PATH_STEP_M
-from vehicle.missions.plan import HEADLAND_PASS, LegTask
+from vehicle.missions.plan import HEADLAND_PASS, MAX_JOINT_GAP_M, LegTask
 
 Points = npt.NDArray[np.float64]
 
@@ -69,7 +69,19 @@ def build_strips(job: FieldJob, share: Sequence[HeadlandSegment]) -> list[Headla
         strips += _bend_strip(
             job, HeadlandStrip(points, task, segment.length_m, arc_in is not None, arc_out is not None)
         )
-    return strips
+    return _part_cut_strips(strips)
+
+
+def _part_cut_strips(strips: list[HeadlandStrip]) -> list[HeadlandStrip]:
+    """The strips as joined only where they meet: obstacles may have cut off the arc between two."""
+    meet = [
+        a.joined_out and b.joined_in and math.dist(a.points[-1], b.points[0]) <= MAX_JOINT_GAP_M
+        for a, b in pairwise(strips)
+    ]
+    return [
+        replace(strip, joined_in=joined_in, joined_out=joined_out)
+        for strip, joined_in, joined_out in zip(strips, [False, *meet], [*meet, False], strict=False)
+    ]
 
 
 def _bend_strip(job: FieldJob, strip: HeadlandStrip) -> list[HeadlandStrip]:

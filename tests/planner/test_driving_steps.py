@@ -102,6 +102,18 @@ def test_a_stop_in_a_track_parts_it() -> None:
     ]  # fmt: skip
 
 
+def test_a_way_says_how_far_it_is_reversed_and_over_what() -> None:
+    # 40 m back along its own track, which is finished; the other tractor's track beside it is not touched.
+    points = np.array([(60.0, 0.0), (20.0, 0.0)])
+    back = Leg(points, 1.0, gear=-1, task=LegTask("way", 7))
+    plan = Plan((Mission((straight(0, 60, 0, 4), back)), Mission((straight(0, 60, 20, 9),))))
+    steps, _ = list_steps(simulate(plan, load_tractor("eg105"), Implement(width_m=3.0)), 3.0)
+    assert [step.kind for step in steps] == ["track", "way"]
+    assert (steps[0].reversing_m, steps[0].over_finished) == (0.0, ())
+    assert steps[1].reversing_m == pytest.approx(40.0, abs=3.0)
+    assert steps[1].over_finished == ("5",) and steps[1].over_finished_m == pytest.approx(40.0, abs=4.0)
+
+
 @pytest.mark.parametrize("kind", ["u", "omega", "switch-back"])
 def test_turns_are_called_as_they_were_planned(place: Any, kind: str) -> None:
     site = place(shapely.box(0, 0, 60, 100), no_headland=True)

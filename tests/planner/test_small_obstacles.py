@@ -100,6 +100,16 @@ def test_mirrored_it_takes_as_long(obstacle: Obstacle) -> None:
     assert time_s(True) == pytest.approx(time_s(False), rel=0.005)
 
 
+@pytest.mark.parametrize("x_m", [12.0, 20.0, 32.0])
+def test_a_side_cut_at_the_arc_of_a_round_corner_is_led_to(x_m: float) -> None:
+    """A tree just behind a corner leaves no room for its arc: a raised path leads on to what remains of the side."""
+    tree = Obstacle("tree", shapely.Point(x_m, 5.0), 1.5)
+    field = Field("tree", shapely.box(0.0, 0.0, 150.0, 110.0), obstacles=(tree,))
+    site = prepare_context(PlanRequest(width_m=6.0, corners="round", tractors=(1,), speed_mps=10.0 / 3.6), field)
+    result = simulate_candidate(site, Candidate("row-by-row", 1)).result
+    assert result.reason is None or "obstacle" in result.reason
+
+
 class NeverAsked(Executor):
     """Drives nothing."""
 

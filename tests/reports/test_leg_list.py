@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -18,7 +19,7 @@ from reports.plan.leg_list import (
 )
 
 KEYS = ["number", "words", "kind", "from_s", "seconds", "length_m", "swath", "headland_pass", "part", "bearing_deg",
-        "over_swaths", "shape", "for_tractors"]  # fmt: skip
+        "over_swaths", "shape", "for_tractors", "reversing_m", "over_finished", "over_finished_m"]  # fmt: skip
 
 
 def step(kind: str, number: int | None = None, part: str = "", *, at: float = 0.0, **more: object) -> DriverLeg:
@@ -50,6 +51,30 @@ WORDS = (
 @pytest.mark.parametrize(("one", "words"), [*zip(STEPS, WORDS, strict=True)])
 def test_words(one: DriverLeg, words: str) -> None:
     assert describe_leg(one) == words
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({"reversing_m": 12.4}, "way to track 14, reversing 12 m"),
+        ({"reversing_m": 0.2}, "way to track 14"),
+        ({"over_finished": ("3",)}, "way to track 14, over finished track 3"),
+        ({"over_finished": ("3", "4a", "headland")}, "way to track 14, over finished tracks 3 and 4a and headland"),
+        ({"over_finished": ("3", "4", "5", "6")}, "way to track 14, over finished 4 tracks"),
+        (
+            {"over_finished": ("headland",), "reversing_m": 7.0},
+            "way to track 14, reversing 7 m, over finished headland",
+        ),
+    ],
+)
+def test_a_way_says_how_and_over_what_it_leads(more: dict[str, object], words: str) -> None:
+    assert describe_leg(step("way", 14, **more)) == words
+
+
+def test_a_switch_back_says_only_a_long_reverse() -> None:
+    turn = step("turn", 3, over_swaths=1, shape="switch-back", reversing_m=6.0)
+    assert describe_leg(turn) == "switch-back over 1 track to track 3"
+    assert describe_leg(replace(turn, reversing_m=30.0)) == "switch-back over 1 track to track 3, reversing 30 m"
 
 
 def test_many_that_are_waited_for_are_counted() -> None:

@@ -36,9 +36,8 @@ from planner.evaluation.candidates.variants import (
 )
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
 from planner.evaluation.ground.contact_checks import find_obstacle_contact, measure_fence_crossing_m
-from planner.evaluation.ground.coverage import (
-    measure_excursion,
-)
+from planner.evaluation.ground.coverage import measure_excursion, measure_longest_reverse_m
+from planner.evaluation.ground.wheel_traffic import compute_charged_s
 from planner.evaluation.repair.path_deviation import (
     MAX_OFFSET_M,
     TurnDeviation,
@@ -53,7 +52,7 @@ from planner.evaluation.repair.turn_repair import (
     find_repairs,
     sum_excess_offset_m,
 )
-from planner.request.plan_request import MIN_CLEARANCE_M
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M
 from planner.risk.assessment import add_risk_estimate
 from planner.traffic.conflict_repair import Scheduler, resolve_conflicts
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
@@ -73,6 +72,7 @@ MAX_OFFSET_SHARE = 1.0 / 3.0  # of the working width: more leaves an unworked st
 MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 LOST_WIDTHS, LOST_M = 1.0, 2.5  # working widths and metres: a tractor starting farther off than both has lost its line
 MIN_GAIN_M = 0.02
+REVERSE_TOLERANCE_M = 0.5  # legs are rounded
 SAME_LINE_M = 1e-3
 
 
@@ -260,11 +260,18 @@ def _run_job(
         runs = simulate_promising_first(contenders, choices, simulate_choice, limits)
         feasible = [each for each in runs if each.reason is None]
         if feasible:
-            return min(feasible, key=lambda each: round(each.run.duration_s, 3))
+            return _choose_quickest_run(context, feasible)
         first = first or next(iter(runs), None)
         simulated_plans += [each.plan for each in contenders]
     assert first is not None  # a plan that cannot be built is refused
     return first if slower_pruned is None else replace(slower_pruned, was_simulated=True)
+
+
+def _choose_quickest_run(context: PlanningContext, candidate_runs: list[CandidateRun]) -> CandidateRun:
+    """The run that ends first, where finished ground is kept with what is driven over charged."""
+    if len(candidate_runs) == 1 or context.request.operation not in KEPT_GROUND_OPERATIONS:
+        return min(candidate_runs, key=lambda each: round(each.run.duration_s, 3))
+    return min(candidate_runs, key=lambda each: round(compute_charged_s(each.run, context), 3))
 
 
 def _build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
@@ -316,6 +323,9 @@ def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation:
             f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
             f"only {max(0.0, _compute_machine_gap_m(context)):.2f} m between machines"
         )
+    reverse_m = measure_longest_reverse_m(run)
+    if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
+        remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there; the list of legs says where")
     if loosened_count := run.plan.notes.get("loosened"):
         places = "one place" if loosened_count == 1 else f"{loosened_count} places"
         remarks.append(f"in {places} the order of tractors was changed to avoid a deadlock")

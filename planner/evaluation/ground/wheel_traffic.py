@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.coverage import measure_coverage
 from planner.evaluation.ground.overlays import Areas, clip_area, subtract_area, unite_areas
-from planner.evaluation.ground.swept_area import Points, Rows, SweptArea, compute_swept_between_rows
+from planner.evaluation.ground.swept_area import (
+    Points,
+    Rows,
+    SweptArea,
+    compute_swept_area,
+    compute_swept_between_rows,
+)
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Tractor
 from vehicle.records import REC_POSE
@@ -66,6 +73,13 @@ def measure_finished_ground_traffic(
     ]
     ground = clip_area(unite_areas(np.array(pressed, dtype=np.object_)), context.layout.field.workable_region)
     return FinishedGroundTraffic(float(sum(driven)), float(ground.area))
+
+
+def compute_charged_s(run: SimulationRun, context: PlanningContext) -> float:
+    """Seconds of a run with unworked ground, and finished ground that was driven over, worked at its own rate."""
+    swept = compute_swept_area(run, context)
+    spoilt_m2 = measure_finished_ground_traffic(run, context, swept).area_m2
+    return replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2).extrapolate_to_field(run.duration_s)
 
 
 def _compute_final_ground(swept: SweptArea, strips: Rows) -> dict[int, shapely.Geometry]:

@@ -47,12 +47,21 @@ def find_wider_turn(trial: TurnTrial, job: FieldJob) -> tuple[float | None, list
 
 
 def _iter_wider_turns(trial: TurnTrial, job: FieldJob) -> Iterator[DrivePath]:
-    """Turns between the same poses: those that keep to the headland first, of these the tightest first."""
+    """Turns between the same poses: those that keep to the headland first, of these the tightest first.
+
+    Those that reach too far over an open edge come last.
+    """
     a, b = _get_end_pose(trial.lead_legs[-1], -1), _get_end_pose(trial.next_leg, 0)
+    over_edge = []
     for finder in trial.context.wide_turn_finders:
         path = finder.connect_directly(a, b)
-        if path is not None and not job.crosses_fence(path):
+        if path is None or job.crosses_fence(path):
+            continue
+        if job.has_overhang(path):
+            over_edge.append(path)
+        else:
             yield path
+    yield from over_edge
 
 
 def _get_end_pose(leg: Leg, end: int) -> Pose:

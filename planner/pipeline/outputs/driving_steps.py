@@ -9,9 +9,11 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from reports.common.plan_results import DriverLeg
 from vehicle.missions.plan import (
@@ -41,6 +43,9 @@ MAX_TURN_M = 60.0  # a longer one is a route, whatever its shape
 MIN_U_TURN_RAD, MIN_BULB_RAD = math.radians(135.0), math.radians(225.0)  # a turn by less is no U; one by more is a bulb
 MIN_LENGTH_M = 1e-3
 
+MIN_CROSSED_M = 5.0  # on finished ground of one kind: less is the end of a turn
+HEADLAND = "headland"  # what finished headland passes are called, beside the names of tracks
+
 Rows = npt.NDArray[np.int64]
 
 
@@ -66,7 +71,55 @@ class _RecordSegment:
 def list_steps(run: SimulationRun, width_m: float) -> tuple[tuple[DriverLeg, ...], ...]:
     """The steps of every tractor in order; `width_m` is the width of the implement."""
     names = _StepNames(_find_split_lines(run.plan), width_m)
-    return tuple(tuple(_iter_steps(run, tractor, names)) for tractor in range(run.plan.tractors))
+    worked_ground = _list_worked_ground(run, names)
+    return tuple(tuple(_iter_steps(run, tractor, names, worked_ground)) for tractor in range(run.plan.tractors))
+
+
+@dataclass(frozen=True, eq=False)
+class _WorkedGround:
+    """Strips (n,) of work, the name of each, and the row of the record in which it was finished."""
+
+    strips: npt.NDArray[np.object_]
+    names: list[str]
+    finished_row: Rows
+
+
+def _list_worked_ground(run: SimulationRun, names: _StepNames) -> _WorkedGround:
+    """The ground of every leg of work."""
+    lines, labels, rows = list[shapely.LineString](), list[str](), list[int]()
+    for tractor, mission in enumerate(run.plan.missions):
+        leg_numbers = run.get_leg_numbers(tractor)
+        for number, leg in enumerate(mission.legs):
+            if leg.task.is_work and leg.task.number is not None:
+                lines.append(shapely.LineString(leg.points))
+                part = _name_part(leg.task, names.lettered_lines)
+                labels.append(HEADLAND if _is_on_headland(leg.task) else f"{leg.task.number + 1}{part}")
+                rows.append(int(np.searchsorted(leg_numbers, number, side="right")))
+    strips = shapely.buffer(np.array(lines, dtype=np.object_), 0.5 * names.width_m, cap_style="flat")
+    return _WorkedGround(strips, labels, np.array(rows, dtype=np.int64))
+
+
+def _measure_finished_crossing(
+    path: npt.NDArray[np.float64], row: int, worked_ground: _WorkedGround
+) -> tuple[tuple[str, ...], float]:
+    """Names of the finished ground that a path (t, 2) begun in a row leads over, and the metres on it.
+
+    Ground that is worked again later is not finished.
+    """
+    is_finished = worked_ground.finished_row <= row
+    line = shapely.LineString(path)
+    near = shapely.intersects(worked_ground.strips, line)
+    line = shapely.difference(line, shapely.union_all(worked_ground.strips[near & ~is_finished]))
+    metres: dict[str, float] = {}
+    for strip in np.flatnonzero(near & is_finished).tolist():
+        name = worked_ground.names[strip]
+        metres[name] = metres.get(name, 0.0) + float(shapely.intersection(line, worked_ground.strips[strip]).length)
+    crossed = sorted(
+        (name for name in metres if metres[name] >= min(MIN_CROSSED_M, 0.5 * sum(metres.values()))),
+        key=lambda name: (len(name), name),
+    )
+    total_m = math.fsum(metres.values())
+    return (tuple(crossed), total_m) if total_m >= MIN_CROSSED_M else ((), 0.0)
 
 
 def name_swaths(swath_keys: Iterable[tuple[int, int]]) -> tuple[str, ...]:
@@ -93,7 +146,9 @@ def _is_on_headland(task: LegTask) -> bool:
     return task.kind == HEADLAND_PASS
 
 
-def _iter_steps(run: SimulationRun, tractor: int, names: _StepNames) -> Iterator[DriverLeg]:
+def _iter_steps(
+    run: SimulationRun, tractor: int, names: _StepNames, worked_ground: _WorkedGround
+) -> Iterator[DriverLeg]:
     legs = run.plan.missions[tractor].legs
     groups = _number_leg_steps(legs)
     begun: set[int] = set()
@@ -115,6 +170,7 @@ def _iter_steps(run: SimulationRun, tractor: int, names: _StepNames) -> Iterator
             x_m=step.x_m,
             y_m=step.y_m,
             continues=segment.group in begun,
+            **_describe_drive(run, tractor, segment, named.kind, worked_ground),
         )
         begun.add(segment.group)
 
@@ -167,6 +223,23 @@ def _build_wait_step(run: SimulationRun, tractor: int, segment: _RecordSegment) 
     x, y = path[int(np.searchsorted(driven_m, 0.5 * driven_m[-1]))]
     seconds = float(run.time_s[last] - run.time_s[first])
     return DriverLeg(WAIT, None, "", float(run.time_s[first]), seconds, float(driven_m[-1]), float(x), float(y))
+
+
+def _describe_drive(
+    run: SimulationRun, tractor: int, segment: _RecordSegment, kind: str, worked_ground: _WorkedGround
+) -> dict[str, Any]:
+    """How much of a driven segment is in reverse, and over which finished ground it leads; nothing for work."""
+    if kind in (SWATH, HEADLAND_PASS):
+        return {}
+    last = min(segment.end_row, len(run.time_s) - 1)
+    path = run.get_poses(tractor)[segment.first_row : last + 1, :2]
+    gears = np.array([leg.gear for leg in run.plan.missions[tractor].legs])
+    gear = gears[run.get_leg_numbers(tractor)[segment.first_row : last]]
+    reversing_m = float(np.hypot(*np.diff(path, axis=0).T)[gear < 0].sum())
+    crossed, crossed_m = (
+        ((), 0.0) if len(path) < 2 else _measure_finished_crossing(path, segment.first_row, worked_ground)
+    )
+    return {"reversing_m": reversing_m, "over_finished": crossed, "over_finished_m": crossed_m}
 
 
 def _find_service_amount(run: SimulationRun, tractor: int, segment: _RecordSegment) -> float | None:
@@ -256,13 +329,14 @@ def _name_part(task: LegTask, lettered: frozenset[int]) -> str:
 
 
 def _compute_bearing_deg(legs: Sequence[Leg]) -> float | None:
-    """Direction from start to end, clockwise from north; None for a loop."""
+    """Direction of the middle half, clear of corners driven in a bend, clockwise from north; None for a loop."""
     begin, end = legs[0].points[0], legs[-1].points[-1]
-    east, north = (end - begin).tolist()
     length = sum(leg.length_m for leg in legs)
-    if math.hypot(east, north) < max(LOOP_SHARE * length, MIN_LENGTH_M):
+    if math.hypot(*(end - begin).tolist()) < max(LOOP_SHARE * length, MIN_LENGTH_M):
         return None
-    return math.degrees(math.atan2(east, north)) % 360.0
+    line = shapely.LineString(np.concatenate([leg.points for leg in legs]))
+    a, b = (line.interpolate(share, normalized=True) for share in (0.25, 0.75))
+    return math.degrees(math.atan2(b.x - a.x, b.y - a.y)) % 360.0
 
 
 def _classify_turn(legs: Sequence[Leg]) -> str:
