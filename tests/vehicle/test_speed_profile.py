@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -22,10 +23,11 @@ from vehicle.control.speed_profile import (
     estimate_drive_s,
 )
 from vehicle.missions.plan import HEADLAND_PASS, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor
 from vehicle.records import REC_SPEED
-from vehicle.sim.compile import compile_plan
+from vehicle.sim.compile import compile_plan, compute_point_speeds
 from vehicle.sim.world import World, simulate
 
 LIMITS = DrivingLimits(lateral_mps2=1.0, steering_mps=1.2, window_m=4.0, length_m=2.8, deceleration_mps2=0.5)
@@ -157,3 +159,14 @@ def test_experiments_may_drive_without_limits(eg105: Tractor, build: Any) -> Non
     plan = build.plan([build.arc((0.0, 0.0), 5.0, 0, 180)])
     assert np.isinf(compile_plan(plan, eg105, limits_speed=False).points[:, 2]).all()
     assert np.isfinite(compile_plan(plan, eg105).points[:, 2]).all()
+
+
+def test_a_plan_tells_the_speed_at_every_point(eg105: Tractor, build: Any) -> None:
+    legs = [build.leg((5.0, -40.0), (5.0, 0.0)), build.arc((0.0, 0.0), 5.0, 0, 180)]
+    plan = build.plan(legs)
+    speeds = compute_point_speeds(plan, eg105)[0]
+    assert [len(one) for one in speeds] == [len(leg.points) for leg in legs]
+    assert speeds[0][-1] == speeds[1][0] and max(speeds[0]) <= legs[0].speed_mps
+    document = json.loads(format_plan(plan, point_speeds=[speeds]))
+    assert [leg["speeds_mps"] for leg in document["tractors"][0]] == speeds
+    assert format_plan(parse_plan(json.dumps(document))) == format_plan(plan)

@@ -6,7 +6,7 @@ The text names its format version; an older Headland refuses a newer version.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -53,9 +53,12 @@ def format_plan(
     origin_m: tuple[float, float] = (0.0, 0.0),
     scenario: Mapping[str, Any] | None = None,
     ground: Mapping[str, Any] | None = None,
+    point_speeds: Sequence[Sequence[Sequence[float]]] | None = None,
 ) -> str:
     """The plan as JSON text, which parse_saved_plan reads back exactly; keywords as in SavedPlan.
 
+    `point_speeds` are the largest speeds (m/s) at the points of each leg of each tractor
+    (vehicle.sim.compile.compute_point_speeds), for tractors that do not compute them; reading ignores them.
     `scenario` and `ground` may hold numbers, texts, booleans, None, lists and dicts (tuples come back as lists).
     """
     content: dict[str, Any] = {
@@ -66,6 +69,9 @@ def format_plan(
         "notes": plan.notes,
         "tractors": [[_convert_leg(leg) for leg in mission.legs] for mission in plan.missions],
     }
+    for entries, speeds in zip(content["tractors"], point_speeds or (), strict=False):
+        for entry, leg_speeds in zip(entries, speeds, strict=True):
+            entry["speeds_mps"] = list(leg_speeds)
     if ground:
         content["ground"] = dict(ground)
     return json.dumps(content, indent=1, allow_nan=False)

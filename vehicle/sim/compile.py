@@ -265,6 +265,28 @@ def limit_runs(  # type: ignore[no-untyped-def]
         leg = last
 
 
+def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]]:
+    """The largest speed (m/s, down to 1 mm/s) at every point of every leg of every tractor: of the leg, or less in bends."""
+    program = compile_plan(plan, tractor)
+    speeds, number = [], 0
+    for mission in plan.missions:
+        mission_speeds = []
+        for leg in mission.legs:
+            row = program.legs[number]
+            run = slice(row["first_segment"], row["last_segment"] + 2)
+            along_m = row["end"] - leg.length_m + _measure_distances_m(leg.points)
+            limits = np.interp(along_m, program.cumulative[run], program.points[run, 2])
+            mission_speeds.append((np.floor(1e3 * np.minimum(limits, leg.speed_mps)) / 1e3).tolist())
+            number += 1
+        speeds.append(mission_speeds)
+    return speeds
+
+
+def _measure_distances_m(points: Array) -> Array:
+    """Distances (n,) along a polyline (n, 2)."""
+    return np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+
+
 def _resolve_leg_references(plan: Plan, states: Array, legs: Array) -> Array:
     """Resolve gates and follow orders to absolute legs and progress; returns the gate rows."""
     first_legs, ends = states["first_leg"].tolist(), legs["end"].tolist()

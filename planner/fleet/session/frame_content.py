@@ -23,7 +23,7 @@ from planner.fleet.model.tractor_state import TractorReport
 from planner.fleet.session.inbound_frames import StateFrame
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan
-from vehicle.sim.compile import compute_contact_boxes
+from vehicle.sim.compile import compute_contact_boxes, compute_point_speeds
 
 
 def build_report(state: StateFrame, plan: FleetPlan) -> TractorReport:
@@ -71,7 +71,9 @@ def compute_heading_deg(angle_rad: float) -> float:
 def describe_mission(plan: FleetPlan, number: int) -> dict[str, Any]:
     """The legs of a tractor as a saved plan of one tractor, without gates: releases replace them."""
     legs = tuple(drop_gates(leg) for leg in plan.timed_missions[number].legs)
-    text = format_plan(Plan((Mission(legs),)), crs=plan.saved.crs, origin_m=plan.saved.origin_m)
+    alone, saved = Plan((Mission(legs),)), plan.saved
+    speeds = compute_point_speeds(alone, plan.tractor)
+    text = format_plan(alone, crs=saved.crs, origin_m=saved.origin_m, point_speeds=speeds)
     document: dict[str, Any] = json.loads(text)
     return document
 

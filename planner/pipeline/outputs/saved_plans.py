@@ -22,6 +22,7 @@ from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names, resolve_tractor
+from vehicle.sim.compile import compute_point_speeds
 from vehicle.sim.world import World
 
 MACHINES_KEY = "machines"  # in the scenario of a farm's plan: its tractor and implement, value by value
@@ -144,6 +145,7 @@ def write_saved_plan(context: PlanningContext, plan: Plan) -> str:
         origin_m=field.origin_m,
         scenario=request_values,
         ground=_export_ground(context),
+        point_speeds=compute_point_speeds(plan, context.tractor),
     )
     return text + "\n"
 
