@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as member
 from functools import cached_property
@@ -22,6 +23,7 @@ from fields.geometry.open_edges import EdgeOverhang, compute_overhang_region
 FloatArray = npt.NDArray[np.float64]
 
 MIN_REPORTED_M2 = 1.0
+HOLE_NAME = "a hole of the field"
 MIN_WORKED_SHARE = 0.1  # of the ground; with less, the margin is too wide for the field
 FENCE_HALF_WIDTH_M = 0.001
 MIN_FENCE_MARGIN_M = 0.2  # error of the guidance, so that fences are never touched
@@ -148,6 +150,12 @@ class Field:
         return compute_overhang_region(outline, self.fences, self.edge_overhangs, overhang_m)
 
     @property
+    def obstacle_names(self) -> tuple[str, ...]:
+        """What sentences call the solid obstacles."""
+        names = [str(one)[0].lower() + str(one)[1:] for one in self.obstacles]
+        return (*[HOLE_NAME] * (len(self.solid_obstacles) - len(names)), *names)
+
+    @property
     def cut_off_m2(self) -> float:
         """Area of the parts that obstacles cut off, square metres."""
         return math.fsum(part.area for part in self.cut_off_parts)
@@ -157,7 +165,7 @@ class Field:
         """Largest connected area without obstacles and fences, margin 0, square metres."""
         if self.original_boundary is None:
             return float(self.boundary.area)
-        return float(compute_workable_ground(self.original_boundary, self._margin_obstacles, 0.0).boundary.area)
+        return float(compute_workable_ground(self.original_boundary, self._margin_obstacles).boundary.area)
 
     @property
     def _margin_obstacles(self) -> tuple[Obstacle, ...]:
@@ -165,13 +173,19 @@ class Field:
         return (*self.obstacles, *(Obstacle("fence", line, FENCE_HALF_WIDTH_M) for line in self.fences))
 
     def compute_ground_with_margin(
-        self, margin_m: float, max_small_m: float = 0.0, extra_margin_m: float = 0.0
+        self,
+        margin_m: float,
+        max_small_m: float = 0.0,
+        extra_margin_m: float = 0.0,
+        own_margins_m: Mapping[int, float] | None = None,
     ) -> Field:
         """The field reduced to the ground that may be worked, with a margin to obstacles, holes and fences.
 
         Obstacles less than `max_small_m` across stay within the boundary as `small_obstacles`. The boundary keeps
         `extra_margin_m` more from all others, as machines swing out in bends, and at least MIN_FENCE_MARGIN_M from
         fences. If obstacles divide the field, the largest part is kept, and a remark gives the area of the others.
+        `own_margins_m` are wider margins of single obstacles and fences, by their number: `solid_obstacles`, then
+        `fences`.
 
         Raises:
             FieldError: the margin is out of range or wider than the field, too little ground remains, or a fence has
@@ -183,7 +197,10 @@ class Field:
             return self
         fence_m = max(FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M - margin_m)
         obstacles = (*self.obstacles, *(Obstacle("fence", line, fence_m) for line in self.fences))
-        workable = compute_workable_ground(self.boundary, obstacles, margin_m, max_small_m, extra_margin_m)
+        margins_m = [margin_m] * (len(self.boundary.interiors) + len(obstacles))
+        for number, own_m in (own_margins_m or {}).items():
+            margins_m[number] = max(margin_m, own_m)
+        workable = compute_workable_ground(self.boundary, obstacles, margins_m, max_small_m, extra_margin_m)
         if workable.boundary.area < MIN_FIELD_AREA_M2:
             causes = "Obstacles and fences" if self.fences else "Obstacles"
             raise FieldError(

@@ -96,21 +96,32 @@ class WorkableGround:
 def compute_workable_ground(
     boundary: shapely.Polygon,
     obstacles: tuple[Obstacle, ...],
-    margin_m: float,
+    margins_m: Sequence[float] = (),
     max_small_m: float = 0.0,
     extra_margin_m: float = 0.0,
 ) -> WorkableGround:
-    """The ground of a field that remains with a margin round its holes and obstacles.
+    """The ground of a field that remains with a margin round each of its holes and obstacles, in this order.
 
-    An obstacle is small if it is less than `max_small_m` across and neither on the edge of the field nor within two
-    margins of a large one. The boundary keeps `extra_margin_m` more from large ones, unless too little would remain.
+    Without margins they are 0. An obstacle is small if it is less than `max_small_m` across and neither on the edge of
+    the field nor within two margins of a large one. The boundary keeps `extra_margin_m` more from large ones, unless
+    too little would remain.
     """
     outline = shapely.Polygon(boundary.exterior)
     shapes = [(shapely.Polygon(hole), 0.0) for hole in boundary.interiors]
     shapes += [(one.geometry, one.half_width_m) for one in obstacles]
-    buffered = [buffer_geometry(geometry, half_m + margin_m) for geometry, half_m in shapes]
+    margins_m = margins_m or [0.0] * len(shapes)
+    buffered = [
+        buffer_geometry(geometry, half_m + margin_m)
+        for (geometry, half_m), margin_m in zip(shapes, margins_m, strict=True)
+    ]
     blocked = _collect_polygons(shapely.union_all(buffered, grid_size=GRID_M))
-    small = [part for part in blocked if _is_small(part, outline, margin_m, max_small_m)]
+    tree = shapely.STRtree(buffered)
+    part_margins_m = [max(margins_m[number] for number in tree.query(part, "intersects")) for part in blocked]
+    small = [
+        part
+        for part, margin_m in zip(blocked, part_margins_m, strict=True)
+        if _is_small(part, outline, margin_m, max_small_m)
+    ]
     large = [part for part in blocked if not any(part is one for one in small)]
     parts = _collect_polygons(shapely.difference(outline, shapely.union_all(large, grid_size=GRID_M), grid_size=GRID_M))
     if not parts:

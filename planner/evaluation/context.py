@@ -12,18 +12,25 @@ from typing import Any
 import numpy as np
 import shapely
 
-from fields.documents.reader import read_field
-from fields.geometry.entrances import check_entrance, move_entrance_to_outline, set_entrance
+from fields.geometry.entrances import check_entrance, move_entrance_to_outline
 from fields.geometry.field import MIN_FENCE_MARGIN_M, Field
-from fields.geometry.field_lines import find_line_bearing_deg
 from fields.layout.bearings import find_handedness
 from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
 from fields.layout.options import replace_bearings
 from fields.layout.swaths import Layout, compute_free_space, compute_free_space_to_rim, compute_unworked_free_space
-from planner.errors import RequestError, attach_parameter, mark_parameter
+from planner.errors import RequestError, attach_parameter
+from planner.evaluation.context_inputs import (
+    add_travel,
+    choose_radius_m,
+    fill_in_default_names,
+    load_gnss_errors,
+    read_requested_field,
+    resolve_guidance_line,
+)
 from planner.evaluation.layout_choice import build_effort_rates, choose_quickest_job_index, list_layouts
+from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
 from planner.farm.settings import FarmTimes, Yard
-from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday, build_workday
+from planner.farm.workday import Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import (
     KEPT_GROUND_OPERATIONS,
@@ -51,13 +58,10 @@ from strategies.program.field_job import DrivingRules, FieldJob, find_starting_c
 from strategies.program.supply import Supply
 from strategies.program.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
-from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
-from vehicle.model.ground import list_ground_names
+from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 from vehicle.sim.compile import compute_contact_boxes
 
-# Planned turns are this much wider than full lock, so that guidance has something to correct with.
-RADIUS_FACTOR = 1.08
 CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
 SMALL_OBSTACLE_WIDTHS = 4.0  # working widths across: smaller obstacles are bypassed within a swath
 # Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
@@ -90,7 +94,7 @@ class PlanningContext:
     `headland_passes` are worked; in their corners the guided point may be anywhere in `rim_area`. `obstacle_bends`
     holds lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries,
     `cost_terms` the prices and `workday` the day of a farm (None without one). `path_finders` are shared by the layouts
-    compared.
+    compared. `layout_repairs` are what planning changed because plans could not be driven.
     """
 
     request: PlanRequest
@@ -112,6 +116,7 @@ class PlanningContext:
     cost_terms: CostTerms | None = None
     workday: Workday | None = None
     path_finders: ConnectorCache = member(default_factory=ConnectorCache)
+    layout_repairs: LayoutRepairs = member(default_factory=LayoutRepairs)
 
     def build_job(self, tractors: int) -> FieldJob:
         """A job for this many tractors; all jobs of a context share their cached paths and turns."""
@@ -244,23 +249,23 @@ class PlanningContext:
         guidance_margin_m = min(
             GUIDANCE_MARGIN_SHARE * max(self.request.margin_m, MIN_FENCE_MARGIN_M), MAX_GUIDANCE_MARGIN_M
         )
-        fences = shapely.union_all(field.fences)
-        if self.gateway is not None:
-            fences = shapely.difference(
-                fences, shapely.Point(self.gateway.edge_pose[:2]).buffer(self.gate_half_width_m)
-            )
-        obstacles = shapely.union_all([shape.boundary for shape in field.solid_obstacles])
+        gate = shapely.Point() if self.gateway is None else shapely.Point(self.gateway.edge_pose[:2])
+        gate = gate.buffer(self.gate_half_width_m)
+        fences = shapely.difference(shapely.union_all(field.fences), gate)
+        kept_off = [
+            shape.buffer(max(0.0, self.layout_repairs.margins_m.get(number, 0.0) - self.request.margin_m)).boundary
+            for number, shape in enumerate((*field.solid_obstacles, *field.fences))
+        ]
+        fence_count = len(field.fences)
+        obstacles = shapely.union_all(
+            [
+                *kept_off[: len(kept_off) - fence_count],
+                *shapely.difference(kept_off[len(kept_off) - fence_count :], gate),
+            ]
+        )
         fence = FenceChecker(fences, obstacles, body, guidance_margin_m)
         forward_kinds = tuple(kind for kind in self.turn_kinds if kind != "switch-back")
         return fence, (self._get_connector(self.free_space, radius, forward_kinds),) if forward_kinds else ()
-
-
-def _resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:
-    """The request with the bearing of the guidance line it names."""
-    if request.guidance_line is None:
-        return request
-    bearing_deg = find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
-    return replace(request, guidance_line=None, bearing_deg=bearing_deg)
 
 
 def prepare_context(
@@ -273,17 +278,19 @@ def prepare_context(
     supply: Supply | None = None,
     times: FarmTimes | None = None,
     yard: Yard | None = None,
+    layout_repairs: LayoutRepairs = NO_REPAIRS,
 ) -> PlanningContext:
     """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
 
     `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
     request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
-    the service point of the supply. Raises FieldError, VehicleError, StrategyError or RequestError.
+    the service point of the supply. `layout_repairs` are changes because plans could not be driven as asked.
+    Raises FieldError, VehicleError, StrategyError or RequestError.
     """
-    request = _fill_in_default_names(request, field, tractor)
+    request = fill_in_default_names(request, field, tractor)
     with attach_parameter("field"):
-        field = _read_field(request, field)
-        request = _resolve_guidance_line(request, field)
+        field = read_requested_field(request, field)
+        request = resolve_guidance_line(request, field)
     with attach_parameter("gnss_table"):
         position_errors = load_gnss_errors(request)
     with attach_parameter("tractor"):
@@ -292,22 +299,13 @@ def prepare_context(
         supply = locate_service_point(request, field, supply)
     with attach_parameter("farm"):
         workday = None if times is None else build_workday(field, request.start_s, times, yard or Yard())
-    cost_terms = _add_travel(cost_terms, workday)
+    cost_terms = add_travel(cost_terms, workday)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, uncertainty, cost_terms, workday)
     implement = (implement or Implement()).model_copy(update={"width_m": request.width_m})
-    radius_m = _choose_radius_m(request, tractor, field)
+    radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
-    headland_m = request.headland_m or compute_headland_m(request.turn, request.width_m, radius_m, reach)
-    with attach_parameter("entrance"):
-        check_entrance(field, headland_m)
-    if not request.no_headland:
-        field = move_entrance_to_outline(field)
-    with attach_parameter("field"):
-        swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
-        field = field.compute_ground_with_margin(
-            request.margin_m, SMALL_OBSTACLE_WIDTHS * request.width_m, max(0.0, swing_m)
-        )
+    field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach, layout_repairs)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
     create = partial(
@@ -322,6 +320,7 @@ def prepare_context(
         cost_terms=cost_terms,
         workday=workday,
         path_finders=ConnectorCache(),
+        layout_repairs=layout_repairs,
     )
     free_space = compute_free_space(field, reach.margin_m)
 
@@ -342,27 +341,29 @@ def prepare_context(
     return context
 
 
-def _read_field(request: PlanRequest, field: Field | str | Path | None) -> Field:
-    """The field of the request or the one that replaces it, with the entrance of the request."""
-    if not isinstance(field, Field):
-        name = request.field if field is None else str(field)
-        field = read_field(name, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
-    if request.entrance is not None:
-        field = set_entrance(field, request.entrance)
-    _check_ground_zones(field)
-    return field
-
-
-def _add_travel(cost_terms: CostTerms | None, workday: Workday | None) -> CostTerms | None:
-    """The prices of a farm with the travel and handling of its workday."""
-    if cost_terms is None or workday is None:
-        return cost_terms
-    return replace(
-        cost_terms,
-        road_km=2e-3 * workday.road_m,
-        road_s=workday.sum_duties_s(ROAD),
-        handling_s=workday.sum_duties_s(UNFOLD) + workday.sum_duties_s(FOLD),
-    )
+def _prepare_ground(
+    request: PlanRequest,
+    field: Field,
+    tractor: Tractor,
+    implement: Implement,
+    radius_m: float,
+    reach: TurnReach,
+    layout_repairs: LayoutRepairs,
+) -> tuple[Field, float]:
+    """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
+    headland_m = request.headland_m or compute_headland_m(request.turn, request.width_m, radius_m, reach)
+    if request.headland_m is None:
+        headland_m += layout_repairs.extra_passes * request.width_m
+    with attach_parameter("entrance"):
+        check_entrance(field, headland_m)
+    if not request.no_headland:
+        field = move_entrance_to_outline(field)
+    with attach_parameter("field"):
+        swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
+        field = field.compute_ground_with_margin(
+            request.margin_m, SMALL_OBSTACLE_WIDTHS * request.width_m, max(0.0, swing_m), layout_repairs.margins_m
+        )
+    return field, headland_m
 
 
 def _build_base_rules(
@@ -459,57 +460,3 @@ def _build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[
         (ends["tail"] - guided_point_m, ends["nose"] - guided_point_m, ends["half_width"]),
         (ends["tool_tail"] - guided_point_m, ends["tool_front"] - guided_point_m, ends["tool_half_width"]),
     )
-
-
-def _fill_in_default_names(
-    request: PlanRequest, field: Field | str | Path | None, tractor: Tractor | str | Path | None
-) -> PlanRequest:
-    """The request with the names of the field and tractor that replace its own."""
-
-    def choose_name(override: Field | Tractor | str | Path | None, requested_name: str) -> str:
-        return (
-            requested_name
-            if override is None
-            else override.name
-            if isinstance(override, Field | Tractor)
-            else str(override)
-        )
-
-    return replace(request, field=choose_name(field, request.field), tractor=choose_name(tractor, request.tractor))
-
-
-def load_gnss_errors(request: PlanRequest) -> Table:
-    """The table of position errors of a request; raises VehicleError for a file that holds none."""
-    if not request.gnss:
-        return NO_ERROR
-    return load_default_error_table() if request.gnss_table is None else load_error_table(request.gnss_table)
-
-
-def _check_ground_zones(field: Field) -> None:
-    """Refuse ground zones of unknown kinds: a field file may hold them, but no plan can use them."""
-    for zone in field.ground_zones:
-        if zone.name not in list_ground_names():
-            raise RequestError(
-                f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
-                f"{', '.join(list_ground_names())}."
-            )
-
-
-def _choose_radius_m(request: PlanRequest, tractor: Tractor, field: Field) -> float:
-    ground = field.default_ground
-    min_radius_m = tractor.compute_smallest_radius_m(ground)
-    if request.radius_m is None:
-        return RADIUS_FACTOR * min_radius_m
-    if request.radius_m < min_radius_m:
-        raise RequestError(
-            f"A turning radius ({mark_parameter('radius_m')}) of {request.radius_m:g} m is tighter than {tractor.name} "
-            f"can drive on {ground} ({min_radius_m:.2f} m); use {min_radius_m:.2f} m or more."
-        )
-    west, south, east, north = field.boundary.bounds
-    diagonal_m = math.hypot(east - west, north - south)
-    if request.radius_m > diagonal_m:
-        raise RequestError(
-            f"A turning radius ({mark_parameter('radius_m')}) of {request.radius_m:g} m has no room on field "
-            f"{field.name!r}, {diagonal_m:.0f} m across; use a smaller one, {min_radius_m:.2f} m or more."
-        )
-    return request.radius_m

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from fields.geometry.field import Field
-from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.candidates.incumbents import find_incumbents, order_candidates
+from planner.evaluation.candidates.incumbents import order_candidates
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_run_picture
+from planner.pipeline.plan_repairs import CandidateEvaluations, find_working_changes, repair_refused
 from planner.pipeline.ranking import check_margin, list_candidates, rank_plans
-from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, iter_outcomes, pack_context
+from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
-from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult, build_merit_sort_key
+from reports.common.plan_results import PlanDrive, PlanRanking
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
@@ -67,7 +68,8 @@ def plan(
     its implement carries. `executor` simulates the candidates, by default in fresh processes on all cores; the result
     does not depend on it. `progress` is called with (done, total). Raises HeadlandError for a request that cannot be
     planned. A candidate that cannot be driven is ranked last with its reason; one that cannot win is pruned with its
-    lower bound, except on small fields and with `simulate_all`.
+    lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
+    they are planned again with repairs of the layout (planner.pipeline.plan_repairs).
     """
     candidates = list_candidates(request)
     if executor is None:
@@ -87,35 +89,49 @@ def plan(
                 with_pictures=with_pictures,
                 simulate_all=simulate_all,
             )
-    context = prepare_context(request, field, tractor, implement, uncertainty, cost_terms, supply, times, yard)
+    prepare = partial(
+        prepare_context,
+        field=field,
+        tractor=tractor,
+        implement=implement,
+        uncertainty=uncertainty,
+        cost_terms=cost_terms,
+        supply=supply,
+        times=times,
+        yard=yard,
+    )
+    context = prepare(request)
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
+    evaluations = CandidateEvaluations(request, candidates, executor, progress, with_pictures)
     packed_context = pack_context(context)
-    results: dict[int, PlanResult] = {}
-    pictures: dict[int, PlanDrive] = {}
-    plans: dict[int, Plan] = {}
-    best: TaskOutcome | None = None
     for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
-        incumbents = find_incumbents(results)
-        task_arguments = [
-            (packed_context, candidates[index], with_pictures, incumbents.get(candidates[index].tractors))
-            for index in wave
-        ]
-        for position, outcome in iter_outcomes(executor, task_arguments, progress, len(results), len(candidates)):
-            results[wave[position]] = outcome.result
-            if outcome.picture is not None:
-                pictures[wave[position]] = outcome.picture
-            if outcome.run is not None:
-                plans[wave[position]] = outcome.run.plan
-                best = _choose_better(best, outcome, request.time_limit_s)
+        evaluations.evaluate_wave(context, packed_context, wave)
+    layout_repairs = repair_refused(evaluations, prepare)
+    return _build_result(context, evaluations, find_working_changes(evaluations, prepare, layout_repairs), cost_terms)
+
+
+def _build_result(
+    context: PlanningContext,
+    evaluations: CandidateEvaluations,
+    changes: Sequence[str],
+    cost_terms: CostTerms | None,
+) -> PlanningResult:
+    """The answer from the outcomes of all candidates; the context is that of the best plan."""
+    candidates, results = evaluations.candidates, evaluations.results
+    if evaluations.best is not None:
+        best_key = evaluations.best.result.strategy, evaluations.best.result.tractors
+        context = evaluations.get_context(best_key)[0]
     ranking = add_machine_names(rank_plans(context, [results[index] for index in range(len(candidates))]), cost_terms)
+    ranking = replace(ranking, changes=tuple(changes))
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
-    pictures_by_plan = {keys[index]: pictures[index] for index in sorted(pictures)}
-    plans_by_key = {keys[index]: plans[index] for index in sorted(plans)}
-    best = _find_best_outcome(ranking, candidates, packed_context, best)
+    pictures_by_plan = {keys[index]: evaluations.pictures[index] for index in sorted(evaluations.pictures)}
+    plans_by_key = {keys[index]: evaluations.plans[index] for index in sorted(evaluations.plans)}
+    best = _find_best_outcome(ranking, evaluations)
     if best is None or best.run is None:
         return PlanningResult(context, ranking, None, pictures_by_plan, plans_by_key)
-    if not with_pictures:
-        best_key = best.result.strategy, best.result.tractors
+    best_key = best.result.strategy, best.result.tractors
+    context = evaluations.get_context(best_key)[0]
+    if not evaluations.with_pictures:
         pictures_by_plan = {best_key: build_run_picture(context, best.run, best.result)}
     if context.criteria is not None:
         check_and_shares = check_best_plan(best.run, context.tractor, context.implement, context.criteria)
@@ -137,22 +153,12 @@ def add_machine_names(ranking: PlanRanking, cost_terms: CostTerms | None) -> Pla
     return replace(ranking, scenario={**ranking.scenario, **names})
 
 
-def _choose_better(best: TaskOutcome | None, outcome: TaskOutcome, time_limit_s: float | None) -> TaskOutcome:
-    """The outcome of more merit; the earlier one if they are equal."""
-    if best is None:
-        return outcome
-    keys = [build_merit_sort_key(each.result, time_limit_s) for each in (outcome, best)]
-    return outcome if keys[0] < keys[1] else best
-
-
-def _find_best_outcome(
-    ranking: PlanRanking, candidates: list[Candidate], packed_context: bytes, best: TaskOutcome | None
-) -> TaskOutcome | None:
+def _find_best_outcome(ranking: PlanRanking, evaluations: CandidateEvaluations) -> TaskOutcome | None:
     """The outcome of the best plan; simulated again if only the final comparison has made it the best."""
-    plan = ranking.best
+    plan, best = ranking.best, evaluations.best
     if plan is None or best is None or (best.result.strategy, best.result.tractors) == (plan.strategy, plan.tractors):
         return best
     best_candidate = next(
-        each for each in candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
+        each for each in evaluations.candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
     )
-    return evaluate_task(packed_context, best_candidate)
+    return evaluate_task(evaluations.get_context((plan.strategy, plan.tractors))[1], best_candidate)

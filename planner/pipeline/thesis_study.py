@@ -6,7 +6,8 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
 from planner.evaluation.candidates.evaluate import Candidate
-from planner.evaluation.context import RADIUS_FACTOR, PlanningContext, prepare_context
+from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.pipeline.executors import create_executor
 from planner.pipeline.worker_tasks import Progress, iter_outcomes, pack_context
 from planner.request.plan_request import PlanRequest

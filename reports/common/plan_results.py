@@ -25,6 +25,22 @@ class UnworkedPiece:
     lat: float | None = None
 
 
+OBSTACLE, FENCE, OUTLINE, NO_PATH = "obstacle", "fence", "outline", "no path"
+
+
+@dataclass(frozen=True)
+class PlanFault:
+    """Why and where a plan cannot be driven: a kind above, and the place in metres of the field.
+
+    `number` is that of the obstacle (Field.solid_obstacles, then fences) that is touched.
+    """
+
+    kind: str
+    number: int | None
+    x_m: float
+    y_m: float
+
+
 @dataclass(frozen=True)
 class PlanResult:
     """One plan. Values that were not simulated are None; `reason` says why, or why the plan is infeasible.
@@ -56,6 +72,7 @@ class PlanResult:
         paid_cost, expected_cost: mean costs of the samples, the latter with losses on late ground and its standard
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
+        faults: places where an infeasible plan touches something, leaves the field, or finds no path.
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
     """
 
@@ -109,6 +126,7 @@ class PlanResult:
     bound_s: float | None = None
     refills: int | None = None
     refilling_s: float | None = None
+    faults: tuple[PlanFault, ...] = ()
     overhang_m: float | None = None
     beyond_overhang_m: float | None = None
 
@@ -167,6 +185,7 @@ class PlanRanking:
         cut_off_m2: ground that obstacles cut off from the field that is worked.
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
         money_sentences: what the costs include.
+        changes: of a request without a plan, the smallest changes that were found to work.
     """
 
     field_name: str
@@ -190,6 +209,7 @@ class PlanRanking:
     field_start: str | None = None
     money_sentences: tuple[str, ...] = ()
     field_allowed_s: float | None = None
+    changes: tuple[str, ...] = ()
 
     @property
     def best(self) -> PlanResult | None:

@@ -353,7 +353,19 @@ def _explain_no_plan(ranking: PlanRanking) -> str:
         return "No plan was tried: allow at least one strategy, turn and number of tractors."
     first = group_refusals(ranking.plans)[0]
     figures = " (figures of the first)" if first.has_similar_reasons else ""
-    return f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
+    sentence = (
+        f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
+    )
+    return f"{sentence} {_describe_changes(ranking)}"
+
+
+def _describe_changes(ranking: PlanRanking) -> str:
+    """What was tried without success, and what was found to work."""
+    tried = "Driving slower there and wider margins did not help." if ranking.plans[0].faults else ""
+    found = (
+        f"Found to work: {' or '.join(ranking.changes)}." if ranking.changes else "Slower and narrower did not help."
+    )
+    return " ".join(each for each in (tried, found) if each)
 
 
 def _describe_refused_count(count: int, first: RefusalGroup) -> str:

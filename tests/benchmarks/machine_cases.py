@@ -12,7 +12,8 @@ from typing import Any
 from fields.geometry.field import Field
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import RADIUS_FACTOR, prepare_context
+from planner.evaluation.context import prepare_context
+from planner.evaluation.context_inputs import RADIUS_FACTOR
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from tests.benchmarks.machine_faults import (

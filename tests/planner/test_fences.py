@@ -17,12 +17,12 @@ from planner.evaluation.candidates.evaluate import Candidate, _find_fault, compu
 from planner.evaluation.context import PlanningContext, build_body, prepare_context
 from planner.evaluation.ground.contact_checks import (
     ObstacleIntrusionCheck,
-    find_obstacle_contact,
-    measure_fence_crossing_m,
 )
+from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.ground.unworked_area import find_unworked_areas
 from planner.evaluation.repair.path_deviation import MAX_OUTSIDE_M, find_turn_deviations
 from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import FENCE, OBSTACLE
 from strategies.path_planning.collision_check import CHECK_STEP_M, FenceChecker, MachineBody
 from strategies.path_planning.paths import DrivePath, PathSegment, make_straight_path, merge_segments
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
@@ -50,19 +50,29 @@ def standing(site: PlanningContext, *poses: tuple[float, float, float]) -> Simul
     return SimulationRun(plan, DONE, 0.1 * np.arange(len(rows)), rows, np.array([1.0]), (), math.inf)
 
 
+def find_deepest_m(run: SimulationRun, site: PlanningContext) -> float:
+    """How far a run reaches over fences."""
+    return max((place.depth_m for place in find_contact_places(run, site) if place.kind == FENCE), default=0.0)
+
+
+def name_touched(run: SimulationRun, site: PlanningContext) -> list[str]:
+    """The obstacles that a run touches."""
+    return [place.name for place in find_contact_places(run, site) if place.kind == OBSTACLE]
+
+
 class TestMeasured:
     def test_how_far_by_hand(self) -> None:
         """With its nose 2.42 m ahead of the centre of mass a tractor 2 m before a fence is 0.42 m over it."""
         site = fenced(SOUTH, EAST)
         nose = compute_contact_boxes(site.tractor, site.implement)["nose"]
-        assert measure_fence_crossing_m(standing(site, (118.0, 30.0, 0.0)), site) == pytest.approx(nose - 2.0)
-        assert measure_fence_crossing_m(standing(site, (120.0 - nose - 0.01, 30.0, 0.0)), site) == 0.0
+        assert find_deepest_m(standing(site, (118.0, 30.0, 0.0)), site) == pytest.approx(nose - 2.0)
+        assert find_deepest_m(standing(site, (120.0 - nose - 0.01, 30.0, 0.0)), site) == 0.0
 
     def test_an_open_side_and_the_gate_are_no_fence(self) -> None:
         site = fenced(SOUTH)
-        assert measure_fence_crossing_m(standing(site, (119.0, 30.0, 0.0)), site) == 0.0
-        assert measure_fence_crossing_m(standing(site, (60.0, 0.0, math.pi / 2)), site) == 0.0
-        assert measure_fence_crossing_m(standing(site, (80.0, 0.0, math.pi / 2)), site) > 1.0
+        assert find_deepest_m(standing(site, (119.0, 30.0, 0.0)), site) == 0.0
+        assert find_deepest_m(standing(site, (60.0, 0.0, math.pi / 2)), site) == 0.0
+        assert find_deepest_m(standing(site, (80.0, 0.0, math.pi / 2)), site) > 1.0
 
     def test_a_plan_across_a_fence_is_not_feasible(self) -> None:
         """Planned as if there were none, turns reach over the edge; held against a fence there, that is the reason."""
@@ -72,7 +82,7 @@ class TestMeasured:
             replace(site, layout=replace(site.layout, field=edge)), Candidate("split-field", 1)
         ).result
         assert not result.feasible and result.reason is not None
-        assert "crosses the fence by 0." in result.reason and result.reason.endswith("keep a wider margin")
+        assert "crosses the fence by 0." in result.reason and " at (" in result.reason
 
 
 class TestPlanned:
@@ -82,7 +92,7 @@ class TestPlanned:
         site = fenced(*lines, no_headland=no_headland)
         driven = simulate_candidate(site, Candidate("split-field", 1))
         assert driven.run is not None and driven.result.feasible
-        assert measure_fence_crossing_m(driven.run, site) == 0.0
+        assert find_deepest_m(driven.run, site) == 0.0
         least = 80.0 if no_headland else 95.0
         assert driven.result.worked_pct is not None and driven.result.worked_pct > least
 
@@ -166,8 +176,8 @@ def test_what_is_touched_is_named() -> None:
 
     pole = Obstacle("pole", shapely.Point(60, 30), 0.25, "P7")
     site = prepare_context(PlanRequest(no_headland=True), Field("f", BOX, obstacles=(pole,)))
-    assert find_obstacle_contact(standing(site, (58.0, 30.0, 0.0)), site) == "obstacle 'P7' (pole)"
-    assert find_obstacle_contact(standing(site, (57.0, 30.0, 0.0)), site) is None
+    assert name_touched(standing(site, (58.0, 30.0, 0.0)), site) == ["obstacle 'P7' (pole)"]
+    assert name_touched(standing(site, (57.0, 30.0, 0.0)), site) == []
 
 
 def with_pond() -> PlanningContext:
@@ -189,8 +199,8 @@ def test_how_far_over_a_pond_by_hand_and_no_plan_is_feasible_that_touches_it() -
     beside = np.array([[59.0, 20.0 - half + 0.3, 0.0]])
     assert check.measure_intrusion_m(beside) == pytest.approx(0.3)
     assert (
-        "touches a hole of the field" in (_find_fault(site, over, None) or "")
-        and _find_fault(site, clear, None) is None
+        "touches a hole of the field" in (_find_fault(site, over, find_contact_places(over, site), None) or "")
+        and _find_fault(site, clear, find_contact_places(clear, site), None) is None
     )
 
 

@@ -185,10 +185,10 @@ def test_a_round_begun_aside_is_told_and_one_far_off_is_lost(slanted: Any) -> No
     assert run is not None
     kinds = [leg.task.kind for leg in run.plan.missions[0].legs]
     side, swath = (TurnDeviation(0, kinds.index(kind), 2.0) for kind in (HEADLAND_PASS, SWATH))
-    assert _find_fault(slanted, run, side) is None and _find_fault(slanted, run, swath) is None
+    assert _find_fault(slanted, run, (), side) is None and _find_fault(slanted, run, (), swath) is None
     assert "headland pass starts 2.00 m beside its line" in _list_remarks(slanted, run, side)[0]
     assert _list_remarks(slanted, run, TurnDeviation(0, side.leg, 0.9)) == []
-    assert "has lost its line" in (_find_fault(slanted, run, TurnDeviation(0, swath.leg, 3.2)) or "")
+    assert "has lost its line" in (_find_fault(slanted, run, (), TurnDeviation(0, swath.leg, 3.2)) or "")
 
 
 def test_an_annexe_behind_a_neck_is_left_out_and_told(place: Any) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -35,8 +35,8 @@ from planner.evaluation.candidates.variants import (
     list_service_variants,
 )
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
-from planner.evaluation.ground.contact_checks import find_obstacle_contact, measure_fence_crossing_m
-from planner.evaluation.ground.coverage import measure_excursion, measure_longest_reverse_m
+from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place
+from planner.evaluation.ground.coverage import measure_longest_reverse_m
 from planner.evaluation.ground.wheel_traffic import compute_charged_s
 from planner.evaluation.repair.path_deviation import (
     MAX_OFFSET_M,
@@ -44,6 +44,7 @@ from planner.evaluation.repair.path_deviation import (
     find_turn_deviations,
     get_worst_offset_m,
 )
+from planner.evaluation.repair.place_repair import describe_slowed_places, slow_at_places
 from planner.evaluation.repair.turn_repair import (
     RepairedTurns,
     apply_repaired_turns,
@@ -56,10 +57,10 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M
 from planner.risk.assessment import add_risk_estimate
 from planner.traffic.conflict_repair import Scheduler, resolve_conflicts
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from reports.common.plan_results import PlanResult
+from reports.common.plan_results import NO_PATH, PlanFault, PlanResult
 from strategies.formations.grouping import StartCorner
 from strategies.formations.leftover import rank_start_corners
-from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.errors import NoPathError, StrategyError
 from strategies.program.field_job import FieldJob
 from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
 from strategies.registry import STRATEGIES
@@ -67,9 +68,7 @@ from vehicle.missions.plan import HEADLAND_PASS, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
 
-MAX_OUTSIDE_M = 0.5
 MAX_OFFSET_SHARE = 1.0 / 3.0  # of the working width: more leaves an unworked strip
-MAX_FENCE_CROSSING_M = 0.02  # the thickness of wire
 LOST_WIDTHS, LOST_M = 1.0, 2.5  # working widths and metres: a tractor starting farther off than both has lost its line
 MIN_GAIN_M = 0.02
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
@@ -108,8 +107,13 @@ def simulate_candidate(
     try:
         outcome = _run_unless_pruned(context, candidate, incumbent)
     except StrategyError as refusal:
-        turn = context.request.turn
-        return CandidateEvaluation(PlanResult(candidate.strategy, candidate.tractors, turn, False, str(refusal)), None)
+        faults = (_locate_missing_path(refusal),) if isinstance(refusal, NoPathError) else ()
+        return CandidateEvaluation(
+            PlanResult(
+                candidate.strategy, candidate.tractors, context.request.turn, False, str(refusal), faults=faults
+            ),
+            None,
+        )
     if isinstance(outcome, PrunedCandidate):
         return CandidateEvaluation(build_pruned_result(outcome, context, candidate.strategy, candidate.tractors), None)
     result, area_ha = (
@@ -120,6 +124,12 @@ def simulate_candidate(
         add_risk_estimate(result, outcome.run, context.tractor, context.implement, area_ha, context.criteria),
         outcome.run,
     )
+
+
+def _locate_missing_path(refusal: NoPathError) -> PlanFault:
+    """Where no path leads on: at the end of the first of the swaths named."""
+    x_m, y_m = refusal.swaths[0].end_m
+    return PlanFault(NO_PATH, None, x_m, y_m)
 
 
 def run_candidate(context: PlanningContext, candidate: Candidate) -> CandidateRun:
@@ -225,7 +235,7 @@ def _run_job(
     limits = PruningLimits(
         build_speed_limits(context.tractor, context.implement, context.driving_rules.radius_m), solo_runs
     )
-    refined, reachable = build_for_reachable_job(job, build)
+    refined, reachable = build_for_reachable_job(job, build, context.layout_repairs)
     job, refined = reachable.job, replace(refined, remark=_join_remarks(refined.remark, reachable.remark))
     first: CandidateRun | None = None
     slower_pruned: PrunedCandidate | None = None
@@ -302,12 +312,22 @@ def _run_plan(
     repaired_turns: RepairedTurns | None = None,
 ) -> CandidateRun:
     repairs = strategy.max_repairs
+    places: tuple[ContactPlace, ...] = ()
     run, reason = _simulate_without_conflicts(refined, simulate, repairs, schedule)
     if reason is None:
         run, worst_deviation = _repair_turns(context, refined.plan, run, simulate, repairs, schedule, repaired_turns)
-        reason = _find_fault(context, run, worst_deviation) or find_service_conflict(run, job)
-    remarks = [] if reason else _list_remarks(context, run, worst_deviation)
-    return CandidateRun(run, reason, _name_main_turns(job), _join_remarks(refined.remark, *remarks))
+        run, places, slowed = slow_at_places(
+            run, context, lambda plan: resolve_conflicts(plan, simulate, repairs, schedule)
+        )
+        reason = _find_fault(context, run, places, worst_deviation) or find_service_conflict(run, job)
+    remarks = [] if reason else [*_list_remarks(context, run, worst_deviation), describe_slowed_places(slowed)]
+    return CandidateRun(
+        run,
+        reason,
+        _name_main_turns(job),
+        _join_remarks(refined.remark, *remarks),
+        tuple(place.fault for place in places),
+    )
 
 
 def _join_remarks(*remarks: str | None) -> str | None:
@@ -317,7 +337,7 @@ def _join_remarks(*remarks: str | None) -> str | None:
 
 def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation: TurnDeviation | None) -> list[str]:
     """Remarks on what a reader would not expect of the run of a feasible plan."""
-    remarks = []
+    remarks = context.layout_repairs.describe(context.layout.field)
     if run.min_clearance_m < context.request.clearance_m:
         remarks.append(
             f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
@@ -409,24 +429,23 @@ def _repair_turns(
     return run, max(deviations, key=lambda deviation: deviation.offset_m, default=None)
 
 
-def _find_fault(context: PlanningContext, run: SimulationRun, worst_deviation: TurnDeviation | None) -> str | None:
+def _find_fault(
+    context: PlanningContext,
+    run: SimulationRun,
+    places: Sequence[ContactPlace],
+    worst_deviation: TurnDeviation | None,
+) -> str | None:
     """Why a plan that was driven to its end is still not feasible, or None.
 
-    `worst_deviation` is that of the swath or headland side that started farthest beside its line. Where the headland is
-    worked, the ground missed there is measured and charged, and only a tractor that has lost its line is refused.
+    `places` are where it touches something or leaves the field, `worst_deviation` is that of the swath or headland side
+    that started farthest beside its line. Where the headland is worked, the ground missed there is measured and
+    charged, and only a tractor that has lost its line is refused.
     """
     if run.contacts:
         time, first, second = run.contacts[0]
         return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
-    outside_m = measure_excursion(run, context).depth_m
-    if outside_m >= MAX_OUTSIDE_M:
-        return f"a path leaves the field by {outside_m:.2f} m, more than {MAX_OUTSIDE_M} m"
-    crossed_m = measure_fence_crossing_m(run, context)
-    if crossed_m > MAX_FENCE_CROSSING_M:
-        machine = "a tractor or its implement crosses the fence"
-        return f"{machine} by {crossed_m:.2f} m; use a deeper headland or keep a wider margin"
-    if obstacle := find_obstacle_contact(run, context):
-        return f"a tractor or its implement touches {obstacle}; use a deeper headland or keep a wider margin"
+    if places:
+        return describe_worst_place(places, context)
     width = context.layout.width_m
     if (
         worst_deviation is not None

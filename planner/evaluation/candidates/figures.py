@@ -21,18 +21,22 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.costs import compute_simulated_cost, compute_travel_cost
-from reports.common.plan_results import PlanResult, get_field_work_end_s
+from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
 from vehicle.missions.run import DONE, SimulationRun
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateRun:
-    """The last run of a candidate, why it is not feasible (None if it is), its kinds of turns and its remark."""
+    """The last run of a candidate, why it is not feasible (None if it is), its kinds of turns and its remark.
+
+    `faults` are the places where it touches something or leaves the field.
+    """
 
     run: SimulationRun
     reason: str | None
     turns: str
     remark: str | None
+    faults: tuple[PlanFault, ...] = ()
 
 
 def measure_candidate(
@@ -88,6 +92,7 @@ def measure_candidate(
         headland_s=measure_headland_phase_s(run),
         refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if context.supply is None else float(run.standing_s.sum()),
+        faults=candidate_run.faults,
     )
     return _add_clock_times(figures, context, run, coverage)
 

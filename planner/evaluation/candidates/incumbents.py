@@ -143,6 +143,7 @@ def _iter_starts(context: PlanningContext, candidate: Candidate) -> Iterator[_Ca
             refined, reachable = build_for_reachable_job(
                 replace(job, corner=corner, turn_counts={}),
                 lambda job: _build_least_waiting_plan(context, strategy, job),
+                context.layout_repairs,
             )
             yield _CandidateStart(context, reachable.job, refined)
         except StrategyError:

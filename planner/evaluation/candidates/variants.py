@@ -16,6 +16,7 @@ import shapely
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Swath
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.layout_repairs import LayoutRepairs
 from strategies.headland.entrance_legs import add_entrance
 from strategies.headland.plan_passes import (
     HEADLAND_TRANSITIONS,
@@ -206,6 +207,7 @@ def find_service_conflict(run: SimulationRun, job: FieldJob) -> str | None:
 
 MAX_LEFT_OUT_SHARE = 0.1  # of the length of all swaths: if more cannot be reached, the field is refused
 MAX_TRIES = 8
+MAX_SKIPS = 60  # with repairs that skip whatever cannot be reached
 Built = TypeVar("Built")
 
 
@@ -243,8 +245,8 @@ class ReachableJob:
         )
 
 
-def restrict_to_reachable(job: FieldJob) -> ReachableJob:
-    """The job on the connected part of the ground that holds most of the swaths."""
+def restrict_to_reachable(job: FieldJob, max_left_out_share: float = MAX_LEFT_OUT_SHARE) -> ReachableJob:
+    """The job on the connected part of the ground that holds most of the swaths, unless too much lies outside it."""
     parts = [part for part in shapely.get_parts(job.connector.free).tolist() if isinstance(part, shapely.Polygon)]
     reachable = ReachableJob(job)
     if len(parts) < 2 or not job.layout.swaths:
@@ -257,7 +259,7 @@ def restrict_to_reachable(job: FieldJob) -> ReachableJob:
         for n in range(len(parts))
     ]
     main_part = max(range(len(parts)), key=lambda n: round(length[n], 3))
-    if math.fsum(length) - length[main_part] > MAX_LEFT_OUT_SHARE * math.fsum(length):
+    if math.fsum(length) - length[main_part] > max_left_out_share * math.fsum(length):
         return reachable
     for swath, part in zip(job.layout.swaths, part_of_swath, strict=True):
         reachable = reachable if part == main_part else reachable.drop_swath(swath)
@@ -282,16 +284,22 @@ def _find_nearest_part(parts: list[shapely.Polygon], line: shapely.Geometry) -> 
     )
 
 
-def build_for_reachable_job(job: FieldJob, build: Callable[[FieldJob], Built]) -> tuple[Built, ReachableJob]:
-    """The result of `build` for the job without short pieces that cannot be reached; raises StrategyError."""
-    reachable = restrict_to_reachable(job)
+def build_for_reachable_job(
+    job: FieldJob, build: Callable[[FieldJob], Built], layout_repairs: LayoutRepairs
+) -> tuple[Built, ReachableJob]:
+    """The result of `build` for the job without short pieces that cannot be reached; raises StrategyError.
+
+    With repairs that skip whatever cannot be reached, the pieces may be as long as they are.
+    """
+    max_share, max_tries = (1.0, MAX_SKIPS) if layout_repairs.skips_unreachable else (MAX_LEFT_OUT_SHARE, MAX_TRIES)
+    reachable = restrict_to_reachable(job, max_share)
     whole_m = job.layout.total_length_m
-    for _ in range(MAX_TRIES):
+    for _ in range(max_tries):
         try:
             return build(reachable.job), reachable
         except NoPathError as error:
             shortest = min(error.swaths, key=lambda track: (round(track.length_m, 3), track.line, track.piece))
-            if reachable.left_out_swaths_m + shortest.length_m > MAX_LEFT_OUT_SHARE * whole_m:
+            if reachable.left_out_swaths_m + shortest.length_m > max_share * whole_m:
                 raise
             reachable = reachable.drop_swath(shortest)
     return build(reachable.job), reachable

@@ -8,14 +8,12 @@ import shapely
 
 from planner.evaluation.context import PlanningContext, build_body
 from vehicle.jit import compile_function
-from vehicle.missions.run import SimulationRun
 
 CHECK_ROW_STEP = 2  # rows of the 10 Hz record between checks: under half a metre of driving
 TOLERANCE_M = 1e-6
 MIN_OVERLAP_M = 0.01  # thinner overlaps do not count
 MAX_PARTS = 50  # parts of a shape that are compared with poses one by one
 BATCH_SIZE = 100_000  # poses checked together: their points take ten times the memory
-HOLE_NAME = "a hole of the field"
 Points = npt.NDArray[np.float64]
 Boxes = npt.NDArray[np.object_]
 
@@ -54,9 +52,12 @@ class FenceIntrusionCheck:
 class ObstacleIntrusionCheck:
     """How far a tractor or its implement is over the obstacles and holes of a field."""
 
-    def __init__(self, context: PlanningContext) -> None:
+    def __init__(self, context: PlanningContext, obstacle: shapely.Geometry | None = None) -> None:
+        """Of one obstacle, or of all of the field."""
         self._context = context
-        self._obstacle_area = shapely.union_all(context.layout.field.solid_obstacles)
+        self._obstacle_area = shapely.union_all(
+            context.layout.field.solid_obstacles if obstacle is None else [obstacle]
+        )
         self._core = self._obstacle_area.buffer(-MIN_OVERLAP_M)
         shapely.prepare(self._core)
 
@@ -78,42 +79,19 @@ class ObstacleIntrusionCheck:
         return max(over, _measure_post_depth_m(boxes, self._obstacle_area))
 
 
-def measure_fence_crossing_m(run: SimulationRun, context: PlanningContext) -> float:
-    """The farthest (m) that anything reaches over a fence in a run; 0 for never."""
-    check = FenceIntrusionCheck(context)
-    return max(
-        check.measure_intrusion_m(run.get_poses(tractor)[::CHECK_ROW_STEP]) for tractor in range(run.plan.tractors)
-    )
-
-
-def find_obstacle_contact(run: SimulationRun, context: PlanningContext) -> str | None:
-    """The name of an obstacle that a box of tractor or implement touches; None without contact."""
-    field = context.layout.field
-    names = [str(one)[0].lower() + str(one)[1:] for one in field.obstacles]
-    holes = [HOLE_NAME] * (len(field.solid_obstacles) - len(names))
-    cores = [shape.buffer(-MIN_OVERLAP_M) for shape in field.solid_obstacles]
-    paths = [run.get_poses(tractor)[::CHECK_ROW_STEP] for tractor in range(run.plan.tractors)]
-    paths = [
-        poses[find_poses_within_reach(poses, shapely.bounds(cores), _compute_reach_m(context))]
-        for poses in paths
-        if cores
-    ]
-    for core, name in zip(cores, [*holes, *names], strict=True):
-        shapely.prepare(core)
-        if any(shapely.intersects(core, _build_boxes_within_reach(poses, context, core)).any() for poses in paths):
-            return name
-    return None
-
-
 def _build_boxes_within_reach(poses: Points, context: PlanningContext, shape: shapely.Geometry) -> Boxes:
     """Boxes of tractor and implement at the poses where they could touch a shape."""
+    return place_boxes_at(poses[_find_poses_in_shape_reach(poses, context, shape)], context)
+
+
+def place_boxes_at(poses: Points, context: PlanningContext) -> Boxes:
+    """The boxes of tractor and implement at poses (t, 3) of the centre of mass, one after another for each pose."""
     body, axle_m = build_body(context.tractor, context.implement), context.tractor.rear_axle_m
-    poses = poses[_find_poses_in_shape_reach(poses, context, shape)]
     ahead = np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
     return body.place_boxes(np.column_stack([poses[:, :2] - axle_m * ahead, poses[:, 2]]))
 
 
-def _compute_reach_m(context: PlanningContext) -> float:
+def compute_reach_m(context: PlanningContext) -> float:
     """The farthest point (m) of tractor and implement from the centre of mass."""
     return build_body(context.tractor, context.implement).reach_m + context.tractor.rear_axle_m
 
@@ -136,7 +114,7 @@ def _find_poses_in_shape_reach(
     poses: Points, context: PlanningContext, shape: shapely.Geometry
 ) -> npt.NDArray[np.bool_]:
     """Which of the poses (t,) may have a box of tractor or implement touching a shape."""
-    reach_m, parts = _compute_reach_m(context), shapely.get_parts(shape)
+    reach_m, parts = compute_reach_m(context), shapely.get_parts(shape)
     is_near: npt.NDArray[np.bool_] = find_poses_within_reach(
         poses, shapely.bounds(parts if len(parts) <= MAX_PARTS else [shape]), reach_m
     )

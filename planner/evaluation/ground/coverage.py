@@ -226,6 +226,12 @@ def measure_excursion(run: SimulationRun, context: PlanningContext) -> Excursion
     return Excursion(length, depth)
 
 
+def measure_outside_m(poses: Points, context: PlanningContext) -> Points:
+    """How far (t,) the guided point is outside the field at poses (t, 3) of the centre of mass; 0 inside."""
+    boundary = context.layout.field.region_without_obstacles
+    return np.asarray(shapely.distance(shapely.points(locate_antenna(poses, context)), boundary))
+
+
 def measure_outline_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
     """Metres driven with some part of a tractor or its implement outside the field, or over an obstacle."""
     boxes = compute_contact_boxes(context.tractor, context.implement)

@@ -132,6 +132,13 @@ def _continues_same_work(leg: Leg, next_leg: Leg) -> bool:
     return leg.task == next_leg.task and leg.task.is_work and leg.gear == next_leg.gear and next_leg.stand_s == 0.0
 
 
+def cut_leg_between(leg: Leg, first_m: float, last_m: float) -> Leg:
+    """The part of a leg between two distances along it, of which the first may be 0 and the last its length."""
+    length_m = leg.length_m
+    part = leg if last_m >= length_m else _cut_leg(leg, last_m)
+    return part if first_m <= 0.0 else _cut_leg(part, first_m - min(last_m, length_m))
+
+
 def _cut_leg(leg: Leg, metres: float) -> Leg:
     """The first `metres` of a leg, or its last if negative."""
     if leg.length_m <= abs(metres):

@@ -12,7 +12,8 @@ import shapely
 
 from fields.text_files import read_text
 from planner.errors import RequestError, attach_parameter
-from planner.evaluation.context import PlanningContext, load_gnss_errors
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.context_inputs import load_gnss_errors
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates

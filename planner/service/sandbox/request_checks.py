@@ -39,7 +39,7 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     from fields.errors import attach_parameter
     from fields.geometry.field_lines import find_line_bearing_deg
     from fields.layout.swaths import check_width
-    from planner.evaluation.context import load_gnss_errors
+    from planner.evaluation.context_inputs import load_gnss_errors
     from planner.request.service_points import locate_service_point
     from planner.risk.assessment import build_decision_criteria
 

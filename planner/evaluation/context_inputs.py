@@ -1,0 +1,107 @@
+"""What a request names, resolved: its field, tractor, guidance line, position errors and turning radius."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+from fields.documents.reader import read_field
+from fields.geometry.entrances import set_entrance
+from fields.geometry.field import Field
+from fields.geometry.field_lines import find_line_bearing_deg
+from planner.errors import RequestError, mark_parameter
+from planner.farm.workday import FOLD, ROAD, UNFOLD, Workday
+from planner.request.plan_request import PlanRequest
+from planner.risk.costs import CostTerms
+from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_error_table
+from vehicle.model.ground import list_ground_names
+from vehicle.model.tractor import Tractor
+
+# Planned turns are this much wider than full lock, so that guidance has something to correct with.
+RADIUS_FACTOR = 1.08
+
+
+def fill_in_default_names(
+    request: PlanRequest, field: Field | str | Path | None, tractor: Tractor | str | Path | None
+) -> PlanRequest:
+    """The request with the names of the field and tractor that replace its own."""
+
+    def choose_name(override: Field | Tractor | str | Path | None, requested_name: str) -> str:
+        return (
+            requested_name
+            if override is None
+            else override.name
+            if isinstance(override, Field | Tractor)
+            else str(override)
+        )
+
+    return replace(request, field=choose_name(field, request.field), tractor=choose_name(tractor, request.tractor))
+
+
+def read_requested_field(request: PlanRequest, field: Field | str | Path | None) -> Field:
+    """The field of the request or the one that replaces it, with the entrance of the request."""
+    if not isinstance(field, Field):
+        name = request.field if field is None else str(field)
+        field = read_field(name, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+    if request.entrance is not None:
+        field = set_entrance(field, request.entrance)
+    _check_ground_zones(field)
+    return field
+
+
+def resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:
+    """The request with the bearing of the guidance line it names."""
+    if request.guidance_line is None:
+        return request
+    bearing_deg = find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
+    return replace(request, guidance_line=None, bearing_deg=bearing_deg)
+
+
+def _check_ground_zones(field: Field) -> None:
+    """Refuse ground zones of unknown kinds: a field file may hold them, but no plan can use them."""
+    for zone in field.ground_zones:
+        if zone.name not in list_ground_names():
+            raise RequestError(
+                f"The field has a ground zone of {zone.name!r}, which is unknown; use one of: "
+                f"{', '.join(list_ground_names())}."
+            )
+
+
+def load_gnss_errors(request: PlanRequest) -> Table:
+    """The table of position errors of a request; raises VehicleError for a file that holds none."""
+    if not request.gnss:
+        return NO_ERROR
+    return load_default_error_table() if request.gnss_table is None else load_error_table(request.gnss_table)
+
+
+def choose_radius_m(request: PlanRequest, tractor: Tractor, field: Field) -> float:
+    ground = field.default_ground
+    min_radius_m = tractor.compute_smallest_radius_m(ground)
+    if request.radius_m is None:
+        return RADIUS_FACTOR * min_radius_m
+    if request.radius_m < min_radius_m:
+        raise RequestError(
+            f"A turning radius ({mark_parameter('radius_m')}) of {request.radius_m:g} m is tighter than {tractor.name} "
+            f"can drive on {ground} ({min_radius_m:.2f} m); use {min_radius_m:.2f} m or more."
+        )
+    west, south, east, north = field.boundary.bounds
+    diagonal_m = math.hypot(east - west, north - south)
+    if request.radius_m > diagonal_m:
+        raise RequestError(
+            f"A turning radius ({mark_parameter('radius_m')}) of {request.radius_m:g} m has no room on field "
+            f"{field.name!r}, {diagonal_m:.0f} m across; use a smaller one, {min_radius_m:.2f} m or more."
+        )
+    return request.radius_m
+
+
+def add_travel(cost_terms: CostTerms | None, workday: Workday | None) -> CostTerms | None:
+    """The prices of a farm with the travel and handling of its workday."""
+    if cost_terms is None or workday is None:
+        return cost_terms
+    return replace(
+        cost_terms,
+        road_km=2e-3 * workday.road_m,
+        road_s=workday.sum_duties_s(ROAD),
+        handling_s=workday.sum_duties_s(UNFOLD) + workday.sum_duties_s(FOLD),
+    )

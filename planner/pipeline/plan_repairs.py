@@ -1,0 +1,161 @@
+"""Candidates evaluated in waves, and those that could not be driven planned again with wider margins at the
+obstacles that were touched, with more headland, or without what cannot be reached.
+
+Where nothing helps, the smallest change of the request that works is found by trying.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field, replace
+
+from planner.errors import HeadlandError
+from planner.evaluation.candidates.evaluate import Candidate
+from planner.evaluation.candidates.incumbents import find_incumbents
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.layout_repairs import LayoutRepairs
+from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, pack_context
+from planner.request.option_texts import MPS_PER_KMH
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
+from vehicle.missions.plan import Plan
+
+MAX_REPAIR_ROUNDS = 8
+SPEED_SHARES, WIDTH_SHARES = (0.75, 0.5, 0.35), (0.75, 0.5, 0.35)
+MIN_TRIED_KMH, MIN_TRIED_WIDTH_M = 2.0, 0.5
+Prepare = Callable[..., PlanningContext]
+"""`prepare_context` with all inputs but the request, as `request`, and the repairs, as `layout_repairs`."""
+
+
+@dataclass(eq=False)
+class CandidateEvaluations:
+    """Candidates and what came of them: results, pictures, plans, and the packed context each was planned in."""
+
+    request: PlanRequest
+    candidates: Sequence[Candidate]
+    executor: Executor
+    progress: Progress | None = None
+    with_pictures: bool = False
+    results: dict[int, PlanResult] = field(default_factory=dict)
+    pictures: dict[int, PlanDrive] = field(default_factory=dict)
+    plans: dict[int, Plan] = field(default_factory=dict)
+    contexts: dict[int, tuple[PlanningContext, bytes]] = field(default_factory=dict)
+    best: TaskOutcome | None = None
+
+    def evaluate_wave(self, context: PlanningContext, packed_context: bytes, wave: Sequence[int]) -> list[TaskOutcome]:
+        """Evaluate candidates in a context; of one evaluated before, the first result stays unless this one works."""
+        incumbents = find_incumbents(self.results)
+        task_arguments = [
+            (
+                packed_context,
+                self.candidates[index],
+                self.with_pictures,
+                incumbents.get(self.candidates[index].tractors),
+            )
+            for index in wave
+        ]
+        outcomes: dict[int, TaskOutcome] = {}
+        done_before = sum(index not in wave for index in self.results)
+        for position, outcome in iter_outcomes(
+            self.executor, task_arguments, self.progress, done_before, len(self.candidates)
+        ):
+            outcomes[position] = outcome
+            if wave[position] not in self.results or outcome.result.feasible:
+                self._keep_outcome(wave[position], outcome, (context, packed_context))
+        return [outcomes[position] for position in sorted(outcomes)]
+
+    def _keep_outcome(self, index: int, outcome: TaskOutcome, context: tuple[PlanningContext, bytes]) -> None:
+        self.results[index], self.contexts[index] = outcome.result, context
+        if outcome.picture is not None:
+            self.pictures[index] = outcome.picture
+        if outcome.run is not None:
+            self.plans[index] = outcome.run.plan
+            self.best = _choose_better(self.best, outcome, self.request.time_limit_s)
+
+    def get_context(self, key: tuple[str, int]) -> tuple[PlanningContext, bytes]:
+        """The context in which a strategy with a number of tractors was planned, and the same packed."""
+        keys = [(candidate.strategy, candidate.tractors) for candidate in self.candidates]
+        return self.contexts[keys.index(key)]
+
+    def list_refused(self) -> list[int]:
+        """Candidates of numbers of tractors without a feasible plan that may be repaired, the fewest tractors first."""
+        feasible_counts = {result.tractors for result in self.results.values() if result.feasible}
+        refused = [
+            index for index, result in self.results.items() if result.tractors not in feasible_counts and result.faults
+        ]
+        return sorted(refused, key=lambda index: (self.candidates[index].tractors, index))
+
+
+def _choose_better(best: TaskOutcome | None, outcome: TaskOutcome, time_limit_s: float | None) -> TaskOutcome:
+    """The outcome of more merit; the earlier one if they are equal."""
+    if best is None:
+        return outcome
+    keys = [build_merit_sort_key(each.result, time_limit_s) for each in (outcome, best)]
+    return outcome if keys[0] < keys[1] else best
+
+
+def repair_refused(evaluations: CandidateEvaluations, prepare: Prepare) -> LayoutRepairs:
+    """Plan candidates that touch something, leave the field or find no path again; returns the last repairs.
+
+    Of a number of tractors without a plan the first candidate is tried with one change after another; with the changes
+    that help, the others are planned too.
+    """
+    layout_repairs = LayoutRepairs()
+    last_faults = {index: evaluations.results[index].faults for index in evaluations.list_refused()}
+    for _ in range(MAX_REPAIR_ROUNDS):
+        refused = [index for index in evaluations.list_refused() if last_faults.get(index)]
+        if not refused:
+            break
+        extended = layout_repairs.extend(last_faults[refused[0]], evaluations.request.margin_m)
+        if extended == layout_repairs:
+            last_faults[refused[0]] = ()
+            continue
+        try:
+            context = prepare(request=evaluations.request, layout_repairs=extended)
+        except HeadlandError:
+            break
+        layout_repairs, packed_context = extended, pack_context(context)
+        for wave in (refused[:1], refused[1:]):
+            outcomes = evaluations.evaluate_wave(context, packed_context, wave)
+            last_faults |= {index: outcome.result.faults for index, outcome in zip(wave, outcomes, strict=True)}
+            if wave == refused[:1] and not outcomes[0].result.feasible:
+                break
+    return layout_repairs
+
+
+def find_working_changes(
+    evaluations: CandidateEvaluations, prepare: Prepare, layout_repairs: LayoutRepairs
+) -> tuple[str, ...]:
+    """The smallest changes of a request without a plan that make its first candidate work, in words."""
+    if any(result.feasible for result in evaluations.results.values()):
+        return ()
+    request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
+    changes = []
+    for options in (_iter_slower(request), _iter_narrower(request)):
+        for text, changed in options:
+            try:
+                context = prepare(request=changed, layout_repairs=layout_repairs)
+                ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), candidate)], None)
+            except HeadlandError:
+                continue
+            if outcome.result.feasible:
+                changes.append(text)
+                break
+    return tuple(changes)
+
+
+def _iter_slower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+    """The request at lower working speeds, in whole km/h."""
+    for share in SPEED_SHARES:
+        speed_kmh = round(share * request.speed_mps / MPS_PER_KMH)
+        if speed_kmh >= MIN_TRIED_KMH:
+            yield f"drive {speed_kmh} km/h", replace(request, speed_mps=speed_kmh * MPS_PER_KMH)
+
+
+def _iter_narrower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+    """The request with narrower implements, in half metres."""
+    for share in WIDTH_SHARES:
+        width_m = round(2.0 * share * request.width_m) / 2.0
+        if MIN_TRIED_WIDTH_M <= width_m < request.width_m:
+            yield f"use an implement of {width_m:g} m", replace(request, width_m=width_m)
