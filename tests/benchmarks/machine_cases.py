@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Any
 
 from fields.geometry.field import Field
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import prepare_context
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import RADIUS_FACTOR
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.planning import PlanningResult, plan
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from tests.benchmarks.machine_faults import (
@@ -72,7 +74,7 @@ class Row:
 
     `cpu_s` is of the context and the plan of one tractor, `reference_cpu_s_per_km` that of 3 m at 5 km/h on the same
     field. `fits` and `is_wide` say whether a plan and a formation are asked for. `where` and `formation_where` hold the
-    places of faults as sentences; `crash` is the last line of a traceback with its place.
+    places of faults as sentences, `changes` what would work instead, `crash` the last line of a traceback with its place.
     """
 
     case: str
@@ -89,6 +91,7 @@ class Row:
     crash: str | None = None
     where: tuple[str, ...] = ()
     remark: str | None = None
+    changes: tuple[str, ...] = ()
     worked_pct: float | None = None
     time_s: float | None = None
     driven_km: float | None = None
@@ -176,26 +179,35 @@ def plan_field(
 
 
 def _plan_row(row: Row, field: Field, machine: Machine, with_formation: bool) -> None:
+    """Plan as a user would, with all repairs; a plan that is refused all the same is driven once more to say where."""
     begun = time.process_time()
-    tractor, request = get_tractor(machine.tractor), build_request(machine)
-    context = prepare_context(request, field, tractor)
-    solo = simulate_candidate(context, Candidate(SOLO, 1))
+    answer = _plan(field, machine, SOLO, 1)
     row.cpu_s = time.process_time() - begun
-    result, run = solo.result, solo.run
+    result, context, run = answer.ranking.plans[0], answer.context, answer.run
     row.feasible, row.reason, row.remark = result.feasible, result.reason, result.remark
+    row.changes = answer.ranking.changes
     row.worked_pct, row.time_s, row.excursion_m = result.worked_pct, result.time_s, result.excursion_m
     if run is not None:
         row.driven_km, row.longest_reverse_m = measure_driven_km(run), measure_longest_reverse_m(run)
         row.overhang_m = measure_overhang_m(run, context)
-        row.where = () if row.feasible else tuple(map(str, find_faults(run, context)))
+    else:
+        row.where = _locate_faults(context, SOLO, 1)
     if with_formation:
-        side_by_side = simulate_candidate(context, Candidate(FORMATION, FORMATION_TRACTORS))
-        row.formation_feasible, row.formation_reason = side_by_side.result.feasible, side_by_side.result.reason
-        row.formation_worked_pct = side_by_side.result.worked_pct
-        if side_by_side.run is not None and not row.formation_feasible:
-            row.formation_where = tuple(map(str, find_faults(side_by_side.run, context)))
+        answer = _plan(field, machine, FORMATION, FORMATION_TRACTORS)
+        result = answer.ranking.plans[0]
+        row.formation_feasible, row.formation_reason = result.feasible, result.reason
+        row.formation_worked_pct = result.worked_pct
+        if not result.feasible:
+            row.formation_where = _locate_faults(answer.context, FORMATION, FORMATION_TRACTORS)
 
 
-def measure_reference(parcel: Field, condition: Condition, seed: int) -> Row:
-    """The same field planned with 3 m at 5 km/h."""
-    return run_case(parcel, condition, REFERENCE, seed, with_formation=False, reference=None)
+def _plan(field: Field, machine: Machine, strategy: str, tractors: int) -> PlanningResult:
+    """One candidate planned in this process."""
+    request = replace(build_request(machine, tractors), strategies=(strategy,))
+    return plan(request, field=field, tractor=get_tractor(machine.tractor), executor=SerialExecutor())
+
+
+def _locate_faults(context: PlanningContext, strategy: str, tractors: int) -> tuple[str, ...]:
+    """Where a plan fails before any repair of the layout; nothing where it cannot be driven at all."""
+    run = simulate_candidate(context, Candidate(strategy, tractors)).run
+    return () if run is None else tuple(map(str, find_faults(run, context)))

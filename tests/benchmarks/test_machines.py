@@ -133,10 +133,10 @@ def build_run() -> tuple[SimulationRun, Any]:
     legs = tuple(
         Leg(line, 2.0, gear, task=task) for line, gear, task in zip(points, (1, -1, -1, 1, -1), tasks, strict=True)
     )
-    x = np.concatenate([np.linspace(*line[:, 0], 10) for line in points])
+    x = np.concatenate([np.linspace(line[0, 0], line[1, 0], 10) for line in points])
     record = np.zeros((50, 1, 7))
     record[:, 0, 0], record[:, 0, 1], record[:, 0, 4], record[:, 0, 5] = x, 2.0, 2.0, np.repeat(np.arange(5), 10)
-    run = SimulationRun(Plan((Mission(legs),)), DONE, 0.1 * np.arange(50), record, np.array([5.0]), (), math.inf)
+    run = SimulationRun(Plan((Mission(legs),)), DONE, np.linspace(0.0, 4.9, 50), record, np.array([5.0]), (), math.inf)
     field = Field("field", shapely.box(-50.0, 0.0, 150.0, 50.0))
     context = SimpleNamespace(
         tractor=load_tractor("eg105"), implement=Implement(width_m=6.0), layout=SimpleNamespace(field=field)
