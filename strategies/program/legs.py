@@ -18,6 +18,7 @@ from vehicle.missions.plan import DRIVE_IN, ROUTE, SWATH, TURN, Leg, LegTask, Mi
 
 PATH_STEP_M = 0.25
 MIN_LEG_M = 0.05
+MIN_STEP_M = 1e-3  # of a path: no leg begins with a shorter one, which would give it no direction
 
 
 def make_swath_task(kind: str, swath: Swath) -> LegTask:
@@ -92,6 +93,7 @@ def add_wait_points(legs: Sequence[Leg], every_m: float) -> list[Leg]:
         distances_m = np.concatenate(([0.0], np.cumsum(steps_m)))
         parts = max(1, round(distances_m[-1] / every_m)) if leg.gear > 0 else 1
         cuts = np.searchsorted(distances_m, distances_m[-1] * np.arange(1, parts) / parts)
+        cuts = cuts[steps_m[np.minimum(cuts, len(steps_m) - 1)] > MIN_STEP_M]
         for a, b in pairwise([0, *sorted(set(cuts.tolist()) - {0, len(distances_m) - 1}), len(distances_m) - 1]):
             may_wait = leg.may_wait if a == 0 and split_legs and split_legs[-1].gear != leg.gear else True
             part = replace(leg, points=leg.points[a : b + 1], may_wait=may_wait)

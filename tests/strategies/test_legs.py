@@ -158,3 +158,12 @@ def test_parts_between_stops_are_as_long_as_they_measure() -> None:
     parts = add_wait_points([whole, Leg(np.array([[0.0, 0.0], [1.0, 2.0]]), 1.0, gear=-1)], 7.0)
     assert len(parts) == round(whole.length_m / 7.0) + 1
     assert [part.length_m for part in parts] == [Leg(part.points, 1.0).length_m for part in parts]
+
+
+def test_no_place_to_wait_is_put_before_a_step_without_direction() -> None:
+    """An arc and a straight may meet in two points a rounding apart, just where the path would be parted."""
+    leg = Leg(np.array([[0.0, 0.0], [5.0, 0.0], [5.0 + 1e-8, 0.0], [10.0, 0.0]]), 1.0)
+    for every_m in (3.0, 5.0):
+        parts = add_wait_points([leg], every_m)
+        assert [part.fault for part in parts] == [None] * len(parts)
+        assert sum(part.length_m for part in parts) == pytest.approx(10.0)
