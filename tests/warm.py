@@ -55,6 +55,7 @@ seconds = np.ones((12, 12))
 order_in_loads(LoadOrderingTask(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
 routes.connect(begin, end)
 onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
+routes._find_lattice_route(begin, end)
 second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
 here = Path.cwd()
 for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):

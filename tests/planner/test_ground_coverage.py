@@ -23,7 +23,14 @@ from planner.evaluation.ground.coverage import (
     replace_infinite,
 )
 from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.wheel_traffic import SHORT_SPAN_ROWS, TYRE_WIDTH_M, measure_wheel_traffic_m2
+from planner.evaluation.ground.wheel_traffic import (
+    SHORT_SPAN_ROWS,
+    TYRE_WIDTH_M,
+    FinishedGroundTraffic,
+    compute_charged_s,
+    measure_finished_ground_traffic,
+    measure_wheel_traffic_m2,
+)
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
@@ -323,6 +330,44 @@ class TestTrampled:
         with pytest.MonkeyPatch.context() as patched:
             patched.setattr("planner.evaluation.ground.wheel_traffic.LONG_SPAN_ROWS", SHORT_SPAN_ROWS)
             assert found == pytest.approx(measure_wheel_traffic_m2(run, small_site, swept), rel=0.02, abs=0.05)
+
+
+class TestOverFinished:
+    """The same crossing: metres of it, and ground under wheels, on ground worked for the last time."""
+
+    SWATH, ONCE = TestTrampled.SWATH, TestTrampled.ONCE
+    crossing, waiting, run = TestTrampled.crossing, TestTrampled.waiting, TestTrampled.run
+
+    def over_finished(self, site: Any, run: SimulationRun) -> FinishedGroundTraffic:
+        return measure_finished_ground_traffic(run, site, compute_swept_area(run, site))
+
+    @pytest.mark.parametrize("kind", [SWATH, HEADLAND_PASS])
+    def test_a_headland_pass_counts_as_a_swath_does(self, small_site: Any, kind: str) -> None:
+        found = self.over_finished(small_site, self.run(small_site, self.crossing(30.0), kind=kind))
+        assert (found.area_m2, found.length_m) == (pytest.approx(self.ONCE, rel=1e-6), pytest.approx(3.0, rel=1e-6))
+
+    def test_metres_count_every_time_and_ground_once(self, small_site: Any) -> None:
+        twice = self.crossing(30.0)[::2] + self.crossing(30.0)[::-2]
+        found = self.over_finished(small_site, self.run(small_site, twice))
+        assert (found.area_m2, found.length_m) == (pytest.approx(self.ONCE, rel=1e-6), pytest.approx(6.0, rel=1e-6))
+
+    def test_before_it_is_worked_it_is_not_finished(self, small_site: Any) -> None:
+        found = self.over_finished(small_site, self.run(small_site, self.crossing(30.0), before=True))
+        assert found == FinishedGroundTraffic(0.0, 0.0)
+
+    def test_what_is_worked_again_later_was_not_finished(self, small_site: Any) -> None:
+        # The second tractor crosses the swath with its implement up, then works back over its own wheel marks.
+        across = self.crossing(30.0, count=15)
+        again = across + [(*pose[:3], True) for pose in across[::-1]]
+        found = self.over_finished(small_site, self.run(small_site, again))
+        assert found.area_m2 == pytest.approx(0.0, abs=1e-6) and found.length_m == pytest.approx(0.0, abs=1e-6)
+
+    def test_it_is_charged_like_missed_ground(self, small_site: Any) -> None:
+        run = self.run(small_site, self.crossing(30.0))
+        worked_m2 = 50.0 * 3.0
+        missed_and_spoilt_m2 = AREA - worked_m2 + self.ONCE
+        seconds = run.duration_s * (1.0 + missed_and_spoilt_m2 / worked_m2)
+        assert compute_charged_s(run, small_site) == pytest.approx(seconds, rel=1e-6)
 
 
 class TestOutlineOutside:
