@@ -79,9 +79,9 @@ def _build_headland_legs(job: FieldJob, share: Sequence[HeadlandSegment]) -> Hea
     tractor takes any path there is, however near the edge of the field; if there is none, the next side is left out.
     """
     driven_strips: list[tuple[HeadlandStrip, DrivePath | None]] = []
-    unworked_m = 0.0
+    unworked_m, is_last_left_out = 0.0, False
     for strip in build_strips(job, share):
-        if not driven_strips or strip.joined_in:
+        if not driven_strips or (strip.joined_in and not is_last_left_out):
             driven_strips.append((strip, None))
             continue
         connection = _connect_strips(job, driven_strips[-1][0], strip)
@@ -95,6 +95,7 @@ def _build_headland_legs(job: FieldJob, share: Sequence[HeadlandSegment]) -> Hea
                 job, get_end_pose(driven_strips[-1][0].points, -1), get_end_pose(strip.points, 0), allow_rim=True
             )
             connection = None if path is None else (driven_strips[-1][0], path, strip)
+        is_last_left_out = connection is None
         if connection is None:
             unworked_m += strip.length_m
             continue

@@ -127,13 +127,19 @@ def _is_free(job: FieldJob, pose: Pose) -> bool:
 def _find_paths_with_straights(job: FieldJob, rim: Connector, a: Pose, b: Pose) -> Iterator[DrivePath]:
     """Paths after a straight back from a and before one to b, the shortest straights first.
 
-    If no path leads from one of these places to the other, none does from a few metres farther back either.
+    If no path leads from one of these places to the other, none does from a few metres farther back either. Paths that
+    reverse far come last.
     """
+    reversing_paths: list[DrivePath] = []
     for lead, tail in _find_backed_up_ends(job, rim, a, b):
         path = _find_path_between(job, lead, tail)
         if path is None:
-            return
-        yield path
+            break
+        if job.has_long_reverse(path):
+            reversing_paths.append(path)
+        else:
+            yield path
+    yield from reversing_paths
 
 
 def _find_path_between(job: FieldJob, lead: DrivePath, tail: DrivePath) -> DrivePath | None:
