@@ -338,21 +338,23 @@ SWATH_HALF_WIDTH = 0.55  # of the width: neighbouring swaths overlap, so that th
 
 
 def compute_free_space(field: Field, margin_m: float) -> shapely.Geometry:
-    """Where the guided point may be: the field shrunk by a margin, obstacles included; may be empty or in parts."""
+    """Where the guided point may be: the field shrunk by a margin, obstacles included; may be empty or in parts.
+
+    Corners that point inwards are passed in an arc: with sharp ones a neck is closed that leaves the margin on either
+    side.
+    """
     open_ground = (
         shapely.difference(field.boundary, shapely.union_all(field.small_obstacles))
         if field.small_obstacles
         else field.boundary
     )
-    return open_ground.buffer(-margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    return open_ground.buffer(-margin_m)
 
 
 def compute_free_space_to_rim(field: Field, margin_m: float, rim_m: float) -> shapely.Geometry:
     """The field shrunk by `rim_m` only, but with the margin of `compute_free_space` round obstacles."""
     rings = [shapely.Polygon(hole) for hole in field.boundary.interiors]
-    blocked = [
-        ring.buffer(margin_m, join_style="mitre", mitre_limit=MITRE_LIMIT) for ring in (*rings, *field.small_obstacles)
-    ]
+    blocked = [ring.buffer(margin_m) for ring in (*rings, *field.small_obstacles)]
     outline = shapely.Polygon(field.boundary.exterior).buffer(-rim_m, join_style="mitre")
     return shapely.difference(outline, shapely.union_all(blocked))
 

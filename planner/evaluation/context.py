@@ -70,9 +70,8 @@ INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that
 FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
 OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
-# Times the planned radius or half the machine: in a bend the wheels turn while the implement works.
-BEND_RADIUS_FACTOR = 2.0
-BEND_SPEED_MPS = 5.0 * MPS_PER_KMH  # at higher working speeds bends round obstacles are wider in proportion
+# Times the planned radius or half the machine: a tighter bend is driven more slowly, but leaves less ground.
+BEND_RADIUS_FACTOR = 1.1
 _CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations")
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
@@ -442,9 +441,8 @@ def _bend_around_obstacles(
         return layout, ObstacleBends()
     boxes = compute_contact_boxes(tractor, implement)
     guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
-    speed_factor = max(1.0, request.speed_mps / BEND_SPEED_MPS)
     rules = BendRules(
-        BEND_RADIUS_FACTOR * max(radius_m * speed_factor, reach.margin_m),
+        BEND_RADIUS_FACTOR * max(radius_m, reach.margin_m),
         reach.margin_m,
         max(boxes["nose"], boxes["tool_front"]) - guided_point_m,
         guided_point_m - min(boxes["tail"], boxes["tool_tail"]),
