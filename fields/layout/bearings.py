@@ -23,6 +23,10 @@ EDGES_PER_BATCH = 1000
 """Edges compared with all others at a time, to limit memory."""
 MAX_DIRECTIONS = 24
 """Directions tried, or twice as many with equally long edges; a curve has one per vertex."""
+FAN_DEG = 2.5
+"""Step of the directions tried between those of edges, counted from the longest edge."""
+MAX_FANS = 4
+"""Equally long edges that have a fan each; an outline with more of them looks the same from each."""
 
 
 def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
@@ -49,6 +53,24 @@ def list_candidate_bearings(boundary: shapely.Polygon) -> list[float]:
             alive &= ~((difference < PARALLEL_RAD) | ((difference < MERGE_RAD) & shorter))
     angles: list[float] = angle[chosen].tolist()
     return angles + [one for one in _find_rectangle_directions(boundary) if not _is_nearly_parallel(one, angles)]
+
+
+def list_trial_bearings(boundary: shapely.Polygon) -> list[float]:
+    """The candidate bearings, and between them a fan of directions every FAN_DEG, counted from the longest edge.
+
+    With several longest edges, each has its fan, so that the set turns and mirrors with the field.
+
+    Returns:
+        mathematical angles in radians in [0, pi), those of `list_candidate_bearings` first.
+    """
+    angles = list_candidate_bearings(boundary)
+    edge_angle, length = _measure_edge_directions(boundary)
+    longest = sorted(set(np.round(edge_angle[length >= length.max() * (1.0 - TIE_TOLERANCE)], 9).tolist()))
+    step = math.radians(FAN_DEG)
+    for first in longest if len(longest) <= MAX_FANS else longest[:1]:
+        fan = [(first + step * k) % math.pi for k in range(round(math.pi / step))]
+        angles += [angle for angle in fan if float(_compute_angle_between(angles, angle).min()) > 0.25 * step]
+    return angles
 
 
 def _measure_edge_directions(boundary: shapely.Polygon) -> tuple[FloatArray, FloatArray]:

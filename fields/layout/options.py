@@ -11,9 +11,10 @@ import numpy.typing as npt
 import shapely
 
 from fields.errors import FieldError, mark_parameter
-from fields.layout.bearings import list_candidate_bearings
-from fields.layout.cells import CELL_COST_M, Cell, RegionPart, divide_region, estimate_costs_m
-from fields.layout.parallel_lines import TURN_COST_M, PatternRules, compute_axes, fill_region
+from fields.geometry.field import Field
+from fields.layout.bearings import list_candidate_bearings, list_trial_bearings
+from fields.layout.cells import PLAIN_RATES, Cell, EffortRates, RegionPart, divide_region, estimate_costs_m
+from fields.layout.parallel_lines import PatternRules, compute_axes, fill_region
 from fields.layout.swaths import (
     Layout,
     Swath,
@@ -28,51 +29,87 @@ from fields.text_files import count_noun
 
 FloatArray = npt.NDArray[np.float64]
 
-MAX_COST_RATIO = 1.02  # to the cheapest bearing: within this, another one may still be quicker
-MAX_BEARINGS = 3
 MIN_DIFFERENCE_RAD = math.radians(5.0)  # closer bearings give much the same swaths
+CLOSE_RAD = math.radians(1.0)  # closer ones are the same
+MAX_COST_RATIO = 1.1  # to the cheapest bearing by estimate: others are not laid
+MAX_LAID_BEARINGS, MAX_LAID_SWATHS = 16, 240  # laid to choose among: few swaths allow many bearings
+MIN_LAID_BEARINGS = 4
 MIN_SWATH_LENGTH_M = 5.0
 
 
-def estimate_layout_cost_m(layout: Layout) -> float:
-    """Estimated cost of swaths as a driving length (m): their length, a turn for each, the way to every cell."""
-    return layout.total_length_m + TURN_COST_M * len(layout.swaths) + CELL_COST_M * (len(layout.cells) - 1)
+def estimate_layout_cost_m(layout: Layout, rates: EffortRates = PLAIN_RATES) -> float:
+    """Estimated cost of swaths as a driving length (m): their length, a turn for each, the way to every cell.
+
+    Half a turn belongs to every end, the cheapest that leads to an end on the same side of its cell.
+    """
+    turns_m = [
+        _estimate_cell_turns_m([swath for swath in layout.swaths if swath.cell_number == cell.number], cell, rates)
+        for cell in layout.cells
+    ]
+    return layout.total_length_m + math.fsum(turns_m) + rates.cell_m * (len(layout.cells) - 1)
 
 
-def list_layout_alternatives(base_layout: Layout) -> list[Layout]:
+def _estimate_cell_turns_m(swaths: Sequence[Swath], cell: Cell, rates: EffortRates) -> float:
+    """Metres that could be worked during the turns of one cell."""
+    if len(swaths) < 2:
+        return rates.turn_m * len(swaths)
+    along = compute_axes(cell.bearing_rad)[0]
+    lines = np.array([swath.line for swath in swaths])
+    apart = np.abs(lines[:, None] - lines[None, :])
+    turns_m = np.array((np.inf, *rates.turns_m, np.inf))[np.minimum(apart, len(rates.turns_m) + 1)]
+    total_m = 0.0
+    for ends in ([swath.start_m for swath in swaths], [swath.end_m for swath in swaths]):
+        station = np.array(ends) @ along
+        costs = turns_m + rates.offset * np.abs(station[:, None] - station[None, :])
+        cheapest = costs.min(axis=1)
+        total_m += 0.5 * float(np.where(np.isfinite(cheapest), cheapest, rates.turn_m).sum())
+    return total_m
+
+
+def find_cheapest_bearing_deg(field: Field, region: shapely.Geometry, width_m: float, rates: EffortRates) -> float:
+    """The bearing (degrees clockwise from north) that seems cheapest for swaths over a region of a field."""
+    angles = np.array(list_trial_bearings(field.boundary))
+    return _convert_to_bearing_deg(
+        float(angles[np.round(estimate_costs_m(region, angles, width_m, rates), 3).argmin()])
+    )
+
+
+def list_layout_alternatives(base_layout: Layout, rates: EffortRates = PLAIN_RATES) -> list[Layout]:
     """A layout by `lay_swaths` with headland passes and its alternatives, the cheapest by estimate first.
 
-    The alternatives have other bearings of nearly the same cost, and cells if these seem cheaper than any single
-    bearing.
+    The alternatives have other bearings, and cells if these seem cheaper than any single bearing. Bearings are first
+    compared by the edges of the ground alone, and only promising ones are laid.
     """
-    field, width_m, headland_passes = base_layout.field, base_layout.width_m, base_layout.headland_passes
-    angles = np.array([normalise_bearing(angle) for angle in list_candidate_bearings(field.boundary)])
-    cost = np.round(estimate_costs_m(base_layout.inner_region, angles, width_m), 3)
-    chosen = [base_layout.bearing_rad]
-    for place in np.argsort(cost, kind="stable").tolist():
-        difference_rad = min(abs(math.remainder(angles[place] - other, math.pi)) for other in chosen)
-        if (
-            cost[place] <= MAX_COST_RATIO * cost.min()
-            and difference_rad > MIN_DIFFERENCE_RAD
-            and len(chosen) < MAX_BEARINGS
-        ):
-            chosen.append(float(angles[place]))
-    alternatives = [
-        lay_swaths(
-            field,
-            width_m,
-            0.0,
-            _convert_to_bearing_deg(angle),
-            headland_passes=headland_passes,
-            min_spacing_m=base_layout.min_spacing_m,
-        )
-        for angle in chosen[1:]
-    ]
-    options = [base_layout, *alternatives]
-    parts = divide_region(base_layout.inner_region, angles, width_m)
+    field, width_m, region = base_layout.field, base_layout.width_m, base_layout.inner_region
+    angles = np.array([normalise_bearing(angle) for angle in list_trial_bearings(field.boundary)])
+    cost = np.round(estimate_costs_m(region, angles, width_m, rates), 3)
+    options = [base_layout]
+    laid_swaths = len(base_layout.swaths)
+    for angle in _list_promising_bearings(base_layout.bearing_rad, angles, cost):
+        is_enough = laid_swaths >= MAX_LAID_SWATHS and len(options) >= MIN_LAID_BEARINGS
+        if is_enough or len(options) >= MAX_LAID_BEARINGS:
+            break
+        cells = _cover_cells(base_layout, [(region, angle)])
+        if cells:
+            options.append(_assemble_layout(base_layout, cells))
+            laid_swaths += len(options[-1].swaths)
+    parts = divide_region(region, angles[: len(list_candidate_bearings(field.boundary))], width_m, rates)
     if len({part.bearing_rad for part in parts}) > 1:
         options.append(lay_cell_swaths(base_layout, parts))
-    return sorted(options, key=lambda option: round(estimate_layout_cost_m(option), 3))
+    return sorted(options, key=lambda option: round(estimate_layout_cost_m(option, rates), 3))
+
+
+def _list_promising_bearings(first: float, angles: FloatArray, cost: FloatArray) -> list[float]:
+    """Bearings (radians) other than the first, by cost: first those that differ from all before, then close ones."""
+    ranked = [
+        float(angles[k]) for k in np.argsort(cost, kind="stable").tolist() if cost[k] <= MAX_COST_RATIO * cost.min()
+    ]
+    chosen = [first]
+    for gap_rad in (MIN_DIFFERENCE_RAD, CLOSE_RAD):
+        for angle in ranked:
+            if min(abs(math.remainder(angle - other, math.pi)) for other in chosen) > gap_rad:
+                chosen.append(angle)
+    return chosen[1:]
 
 
 def _convert_to_bearing_deg(bearing_rad: float) -> float:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -11,112 +13,164 @@ import shapely
 
 from fields.errors import FieldError
 from fields.geometry.field import Field
-from fields.layout.options import estimate_layout_cost_m, list_layout_alternatives
+from fields.layout.cells import CELL_COST_M, PLAIN_RATES, EffortRates
+from fields.layout.headland_passes import compute_inner_region
+from fields.layout.options import estimate_layout_cost_m, find_cheapest_bearing_deg, list_layout_alternatives
+from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
 from planner.request.plan_request import SOW, PlanRequest
 from strategies.headland.pass_legs import get_headland_legs
 from strategies.headland.pass_shares import share_headland
-from strategies.program.field_job import FieldJob
+from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.sequencing.swath_order import search_order
 from strategies.sequencing.turn_table import TurnTable
 
 MAX_HEADLAND_PASSES = 50
 MAX_SEARCHED_SWATHS = 125  # with more swaths the estimate decides instead of a search
-MAX_COMPARED_SWATHS = 250  # in all layouts compared together: the last layouts are dropped
+MAX_COMPARED_SWATHS = 300  # in all layouts compared together: the last layouts are dropped
 MAX_TIMED_LINES = 4  # turns over more lines are estimated for the comparison
-MIN_GAIN = 0.01  # of the time: a smaller gain is uncertain and not worth another bearing or headland pass
+PROMISING, PROMISING_SWATHS = (3, 6), 120  # layouts inside one number of passes: more if they have few swaths
+DEEPER, DEEPER_SWATHS = (2, 4), 60  # inside more passes than turns need
+DEEPER_FROM_ONE_PASS = 2  # more passes tried where turns need one only, else one more
+MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS = 0.03, 1.0
+"""Layouts whose estimated effort is a share above the least are not compared; the fewer swaths, the more it errs."""
+MIN_GAIN = 0.002  # of the time: a smaller gain is not worth another bearing or headland pass
 EXTRA_PASS_CHARGE = 0.01  # of the time, for one more headland pass: corners take longer than the comparison knows
-MAX_EFFORT_RATIO = 1.005  # layouts with a higher estimated effort, relative to the plain one, are not compared
 GRID_M = 1e-6
+CELL_TURNS = CELL_COST_M / TURN_COST_M
 
 
-def list_layouts(request: PlanRequest, field: Field, headland_m: float, spacing_m: float = 0.0) -> list[Layout]:
-    """The layouts to compare, first the plain one: one bearing, and as many headland passes as the headland takes.
+def build_effort_rates(rules: DrivingRules, turn_times: Sequence[float | None]) -> EffortRates:
+    """What driving off work costs, from simulated seconds over 0, 1, 2 ... lines (None where no turn fits)."""
+    turns_m = tuple(math.inf if seconds is None else seconds * rules.work_speed_mps for seconds in turn_times[1:])
+    if not any(map(math.isfinite, turns_m)):
+        turns_m = (rules.turn_s[-1] * rules.work_speed_mps,)
+    return EffortRates(turns_m, CELL_TURNS * min(turns_m), rules.work_speed_mps / rules.turn_speed_mps)
+
+
+def list_layouts(
+    request: PlanRequest, field: Field, headland_m: float, spacing_m: float = 0.0, rates: EffortRates = PLAIN_RATES
+) -> list[Layout]:
+    """The layouts to compare, most promising first: first those inside as many passes as the headland takes.
 
     Bearing and headland of the request, if given, hold for every layout; with both given, or without headland passes,
     there is only one. Swaths are at least `spacing_m` apart so that machines can pass each other, as far as the working
-    width allows. Raises FieldError if no swath fits.
+    width allows. `rates` are those of turns. Raises FieldError if no swath fits.
     """
     width, bearing = request.width_m, request.bearing_deg
     if request.no_headland:
         return [lay_swaths(field, width, headland_m, bearing)]
-    plain_layout = _build_plain_layout(request, field, headland_m, spacing_m)
-    layouts = [plain_layout]
-    if bearing is None:
-        options = (option for option in _list_alternative_layouts(request, plain_layout) if option is not plain_layout)
-        layouts += [
-            option
-            for option in options
-            if estimate_layout_cost_m(option) <= MAX_EFFORT_RATIO * estimate_layout_cost_m(plain_layout)
-        ][:1]
-    if len(plain_layout.swaths) > MAX_SEARCHED_SWATHS:
-        return [layouts[_find_cheapest([estimate_layout_cost_m(layout) for layout in layouts])]]
-    if request.headland_m is None and plain_layout.headland_passes < MAX_HEADLAND_PASSES:
-        layouts += _build_deeper_layout(request, field, plain_layout.headland_passes + 1, spacing_m)
+    plain = _build_plain_layout(request, field, headland_m, spacing_m, rates)
+    layouts = _list_promising_layouts(request, plain, rates, PROMISING, PROMISING_SWATHS)
+    if min(len(layout.swaths) for layout in layouts) > MAX_SEARCHED_SWATHS:
+        return layouts[:1]
+    if request.headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
+        least_m = _estimate_effort_m(layouts[0], rates)
+        for more in range(1, 1 + (DEEPER_FROM_ONE_PASS if plain.headland_passes == 1 else 1)):
+            deeper = _build_deeper_layouts(request, field, plain.headland_passes + more, spacing_m, rates)
+            layouts += [one for one in deeper if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
     cumulative_swaths = accumulate(len(layout.swaths) for layout in layouts)
-    return [layout for layout, swaths in zip(layouts, cumulative_swaths, strict=True) if swaths <= MAX_COMPARED_SWATHS]
+    return [
+        layout
+        for place, (layout, swaths) in enumerate(zip(layouts, cumulative_swaths, strict=True))
+        if not place or swaths <= MAX_COMPARED_SWATHS
+    ]
 
 
-def _build_plain_layout(request: PlanRequest, field: Field, headland_m: float, spacing_m: float) -> Layout:
-    """One bearing, inside as many headland passes as the headland takes and the field has room for."""
+def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
+    """Estimated effort as a driving length (m), headland passes included, but not their corners."""
+    ring_m = 0.5 * (layout.field.boundary.length + layout.inner_region.length)
+    return estimate_layout_cost_m(layout, rates) + layout.headland_passes * ring_m
+
+
+def _lay_plain(
+    request: PlanRequest, field: Field, passes: int, depth_m: float, spacing_m: float, rates: EffortRates
+) -> Layout:
+    """The layout with the bearing of the request, or the one that seems cheapest."""
     width, bearing = request.width_m, request.bearing_deg
+    region = compute_inner_region(field, passes * width)
+    lay = partial(lay_swaths, field, width, depth_m, headland_passes=passes, min_spacing_m=spacing_m)
+    if bearing is None and not region.is_empty:
+        with suppress(FieldError):  # a little ground may take a swath in some bearings only
+            return lay(bearing_deg=find_cheapest_bearing_deg(field, region, width, rates))
+    return lay(bearing_deg=bearing)
+
+
+def _build_plain_layout(
+    request: PlanRequest, field: Field, headland_m: float, spacing_m: float, rates: EffortRates
+) -> Layout:
+    """One bearing, inside as many headland passes as the headland takes and the field has room for."""
+    width = request.width_m
     max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
     for count in range(max_passes, 1, -1):
         try:
             depth = headland_m if count == max_passes else count * width
-            return lay_swaths(field, width, depth, bearing, headland_passes=count, min_spacing_m=spacing_m)
+            return _lay_plain(request, field, count, depth, spacing_m, rates)
         except FieldError:
             if request.headland_m is not None:
                 raise
-    return lay_swaths(field, width, width, bearing, headland_passes=1, min_spacing_m=spacing_m)
+    return _lay_plain(request, field, 1, width, spacing_m, rates)
 
 
-def _build_deeper_layout(request: PlanRequest, field: Field, headland_passes: int, spacing_m: float) -> list[Layout]:
-    """The most promising layout inside this many headland passes; none if no swath fits."""
-    width = request.width_m
+def _build_deeper_layouts(
+    request: PlanRequest, field: Field, headland_passes: int, spacing_m: float, rates: EffortRates
+) -> list[Layout]:
+    """The most promising layouts inside this many headland passes; none if no swath fits."""
     try:
-        plain = lay_swaths(
-            field,
-            width,
-            headland_passes * width,
-            request.bearing_deg,
-            headland_passes=headland_passes,
-            min_spacing_m=spacing_m,
-        )
+        plain = _lay_plain(request, field, headland_passes, headland_passes * request.width_m, spacing_m, rates)
     except FieldError:
         return []
-    return _list_alternative_layouts(request, plain)[:1] if request.bearing_deg is None else [plain]
+    return _list_promising_layouts(request, plain, rates, DEEPER, DEEPER_SWATHS)
 
 
-def _list_alternative_layouts(request: PlanRequest, plain: Layout) -> list[Layout]:
-    """The alternatives to a plain layout; no cells when sowing, as turns of one cell would cross the next."""
-    return [one for one in list_layout_alternatives(plain) if request.operation != SOW or len(one.cells) == 1]
+def _compute_limit_m(layout: Layout, least_m: float) -> float:
+    """The effort up to which a layout may still be the quickest if the least is `least_m`."""
+    return (1.0 + max(MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS / len(layout.swaths))) * least_m
+
+
+def _list_promising_layouts(
+    request: PlanRequest, plain: Layout, rates: EffortRates, counts: tuple[int, int], swaths: int
+) -> list[Layout]:
+    """A plain layout and its alternatives, the most promising first; only itself if its bearing is given.
+
+    There are no cells when sowing, as turns of one cell would cross the next.
+    """
+    if request.bearing_deg is not None:
+        return [plain]
+    layouts = [one for one in list_layout_alternatives(plain, rates) if request.operation != SOW or len(one.cells) == 1]
+    least_m = _estimate_effort_m(layouts[0], rates)
+    count = min(max(counts[0], swaths // len(layouts[0].swaths)), counts[1])
+    return [one for one in layouts[:count] if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
 
 
 def choose_quickest_job_index(jobs: Sequence[FieldJob]) -> int:
-    """Index of the job that one tractor finishes soonest; the first one if others gain little."""
+    """Index of the job that one tractor finishes soonest; the first one if others gain little.
+
+    The headland passes are timed once for each number of them.
+    """
     if len(jobs) == 1:
         return 0
-    extra_passes = [job.layout.headland_passes > jobs[0].layout.headland_passes for job in jobs]
-    return _find_cheapest(
-        [
-            estimate_single_tractor_s(job) * (1.0 + EXTRA_PASS_CHARGE * more)
-            for job, more in zip(jobs, extra_passes, strict=True)
-        ]
-    )
-
-
-def _find_cheapest(costs: list[float]) -> int:
-    """Index of the lowest cost; 0 if it is hardly below the first."""
+    headlands: dict[int, tuple[float, float]] = {}
+    costs: list[float] = []
+    for job in jobs:
+        passes = job.layout.headland_passes
+        if passes not in headlands:
+            headlands[passes] = _estimate_headland_s(job)
+        extra_passes = max(0, passes - jobs[0].layout.headland_passes)
+        costs.append(_estimate_time_s(job, *headlands[passes]) * (1.0 + EXTRA_PASS_CHARGE * extra_passes))
     best = min(range(len(costs)), key=lambda place: (round(costs[place], 1), place))
     return best if costs[best] < (1.0 - MIN_GAIN) * costs[0] else 0
 
 
 def estimate_single_tractor_s(job: FieldJob) -> float:
     """Seconds one tractor needs for the field: best order, headland passes, and missed ground at the same rate."""
+    return _estimate_time_s(job, *_estimate_headland_s(job))
+
+
+def _estimate_time_s(job: FieldJob, headland_s: float, unreached_m: float) -> float:
+    """As `estimate_single_tractor_s`, with the seconds of the headland and the metres of it that are not reached."""
     swaths = list(job.layout.swaths)
     order = search_order(swaths, job, TurnTable(job, swaths, MAX_TIMED_LINES), roughly=True)
-    headland_s, unreached_m = _estimate_headland_s(job)
     worked_m2 = _compute_worked_m2(job) - unreached_m * job.layout.width_m
     return (order.seconds + headland_s) * job.layout.field.area_m2 / worked_m2
 

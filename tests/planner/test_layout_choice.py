@@ -46,7 +46,7 @@ def test_the_choice_holds_when_it_is_driven(in_cells: PlanningContext, one_beari
     assert with_cells.feasible and without.feasible
     assert with_cells.finished_s is not None and without.finished_s is not None
     assert with_cells.finished_s < without.finished_s
-    assert with_cells.worked_pct is not None and with_cells.worked_pct > 99.0
+    assert with_cells.worked_pct is not None and with_cells.worked_pct > 98.0  # the tips of round corners stay
 
 
 def test_headings_are_those_of_the_cells(in_cells: PlanningContext) -> None:
