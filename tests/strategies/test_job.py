@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import Polygon, box
+from shapely import LineString, Polygon, box
 
 from fields import Field
 from strategies.path_planning.collision_check import FenceChecker, MachineBody
@@ -105,6 +105,39 @@ class TestWay:
     def test_is_none_where_nothing_fits(self, jobs: Any) -> None:
         job = replace(jobs.rectangle(3), connector=Connector(box(0, 0, 2, 2), 4.3, jobs.rectangle(3).connector.costs))
         assert job.find_path((1.0, 1.0, 0.0), (50.0, 1.0, 0.0)) is None
+
+
+class TestReverse:
+    """A job in the driver's rules: 5.1 m of machine, so at most 10.2 m in reverse where another path leads on."""
+
+    def find_path(self, jobs: Any, free: Any, a: Any, b: Any, headland: Any = None) -> tuple[FieldJob, Any]:
+        job = jobs.rectangle(3)
+        connector, beside = (
+            None if region is None else Connector(region, 4.3, job.connector.costs, max_reverse_m=10.2)
+            for region in (free, headland)
+        )
+        job = replace(job, connector=connector, headland_connector=beside, avoids_swaths=True, path_cache={})
+        return job, job.find_path(a, b)
+
+    def test_the_limit_is_two_machine_lengths(self, jobs: Any) -> None:
+        rules = jobs.rectangle(3).driving_rules
+        assert (rules.length_m, rules.max_reverse_m) == (pytest.approx(5.1), pytest.approx(10.2))
+
+    def test_far_only_where_nothing_else_leads(self, jobs: Any) -> None:
+        job, path = self.find_path(jobs, box(0, 0, 200, 0.4), (150.0, 0.2, 0.0), (50.0, 0.2, 0.0))
+        assert path is not None and path.reverse_m >= 100.0 and job.has_long_reverse(path)
+
+    def test_round_the_headland_rather_than_far_back(self, jobs: Any) -> None:
+        field = box(0, 0, 120, 120)
+        band = field.difference(box(12, 12, 108, 108))
+        job, path = self.find_path(jobs, field, (100.0, 6.0, 0.0), (50.0, 6.0, 0.0), band)
+        assert path is not None and not job.has_long_reverse(path)
+        assert all(band.buffer(0.02).covers(LineString(points)) for _, points in path.sample(0.25))
+
+    def test_across_the_field_rather_than_far_back_along_the_headland(self, jobs: Any) -> None:
+        lane = box(0, 0, 200, 0.4)
+        job, path = self.find_path(jobs, box(0, 0, 200, 60), (150.0, 0.2, 0.0), (50.0, 0.2, 0.0), lane)
+        assert path is not None and not job.has_long_reverse(path)
 
 
 BEND = Polygon([(0, 0), (90, 0), (90, 40), (45, 44), (40, 90), (0, 90)], [box(18, 15, 26, 24).exterior.coords])
