@@ -1,0 +1,64 @@
+"""Sowing and spraying: ways by the headland and forwards, and what is driven over all the same is told and charged."""
+
+from typing import Any
+
+import pytest
+import shapely
+
+from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.coverage import measure_longest_reverse_m
+from strategies.program.field_job import SwathPass
+
+# An L and a field whose swaths end at 45 degrees.
+ELL = shapely.Polygon([(0, 0), (220, 0), (220, 90), (90, 90), (90, 220), (0, 220)])
+SLANTED = shapely.Polygon([(0, 0), (260, 0), (410, 150), (150, 150)])
+
+
+@pytest.fixture(scope="module")
+def sown(place: Any) -> tuple[PlanningContext, CandidateEvaluation]:
+    site = place(ELL, no_headland=False, operation="sow", width_m=4.0, speed_mps=3.0)
+    return site, simulate_candidate(site, Candidate("interleaved", 2))
+
+
+def test_no_long_way_is_driven_in_reverse(sown: tuple[PlanningContext, CandidateEvaluation]) -> None:
+    site, found = sown
+    assert found.run is not None and found.result.feasible
+    assert measure_longest_reverse_m(found.run) <= site.driving_rules.max_reverse_m + 0.5
+    assert "reversing" not in (found.result.remark or "")
+
+
+def test_what_is_driven_over_is_charged_like_missed_ground(sown: tuple[PlanningContext, CandidateEvaluation]) -> None:
+    _, found = sown
+    plan = found.result
+    assert plan.over_finished_charged
+    area_m2, time_s = ELL.area, plan.time_s or 0.0
+    missed_m2, spoilt_m2 = plan.missed_m2 or 0.0, plan.over_finished_m2 or 0.0
+    assert spoilt_m2 > 0.0 and (plan.over_finished_m or 0.0) > 0.0
+    expected_s = time_s * (1.0 + (missed_m2 + spoilt_m2) / (area_m2 - missed_m2))
+    assert plan.finished_s == pytest.approx(expected_s, rel=1e-6)
+
+
+def test_tillage_is_told_and_not_charged(place: Any) -> None:
+    site = place(shapely.box(0, 0, 60, 120), no_headland=False, width_m=4.0)
+    plan = simulate_candidate(site, Candidate("split-field", 1)).result
+    assert not plan.over_finished_charged and plan.over_finished_m2 is not None
+    missed_m2 = plan.missed_m2 or 0.0
+    assert plan.finished_s == pytest.approx((plan.time_s or 0.0) * (1.0 + missed_m2 / (7200.0 - missed_m2)), rel=1e-6)
+
+
+@pytest.mark.parametrize("width_m", [12.0, 24.0])
+def test_slanted_ends_do_not_block_the_headland(place: Any, width_m: float) -> None:
+    # One pass of headland: the corners of the swaths reach far into it, and it still leads all the way round.
+    site = place(SLANTED, no_headland=False, operation="sow", width_m=width_m, headland_m=width_m, bearing_deg=90.0)
+    beside = [part for part in shapely.get_parts(site.beside_swaths) if part.area > width_m]
+    assert site.layout.headland_passes == 1 and len(beside) == 1
+    job = site.build_job(1)
+    first, last = site.layout.swaths[0], site.layout.swaths[-1]
+    for direction in (1, -1):
+        path = job.find_path(
+            job.get_exit_pose(SwathPass(first, direction)), job.get_entry_pose(SwathPass(last, -direction))
+        )
+        assert path is not None and not job.has_long_reverse(path)
+        ways = [shapely.LineString(points) for _, points in path.sample(0.25)]
+        assert all(site.beside_swaths.buffer(0.6).covers(way) for way in ways)
