@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from strategies.headland.corner_choice import cut_polyline, get_end_pose
 from strategies.headland.pass_shares import HeadlandSegment
 from strategies.headland.raised_paths import find_quickest_turn, find_raised_path
-from strategies.headland.strips import MIN_SIDE_M, HeadlandStrip, build_strips, cut_polyline, get_end_pose
+from strategies.headland.strips import MIN_SIDE_M, HeadlandStrip, build_strips
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import add_wait_points, build_path_legs
