@@ -348,7 +348,7 @@ def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool) 
 def _render_plan_outputs(
     result: PlanningResult, html: Path | None, png: Path | None, save: Path | None
 ) -> list[tuple[Path, OutputContent]]:
-    """Files of the best plan; prints on standard error that there is none or that it is late."""
+    """Files of the best plan, or of the field where no plan works; prints on standard error where a plan is lacking."""
     from planner.cli.common.terminal import print_sentence
     from reports.common.wording import format_duration
     from reports.plan.plan_wording import name_best_late_plan
@@ -361,16 +361,23 @@ def _render_plan_outputs(
         print_sentence(f"No plan meets the deadline; the {label} misses it by {format_duration(late_s)}.", err=True)
     elif result.ranking.unmet_sentence is not None:
         print_sentence(result.ranking.unmet_sentence, err=True)
+    field_picture = None
     if drive is None and (html or png or save):
-        print_sentence("No plan is feasible, so there is no map and no plan to save.", err=True)
+        from planner.pipeline.outputs.pictures import build_refused_picture
+
+        field_picture = build_refused_picture(result.context, result.ranking)
+        shown = "; the map shows the field and where plans fail" if html or png else ""
+        print_sentence(f"No plan is feasible, so there is no plan to save{shown}.", err=True)
     if html:
         from reports.plan.ranking_page import render_plan_page
 
-        results.append((html, render_plan_page(result.ranking, drive, result.pictures)))
-    if png and drive:
+        results.append((html, render_plan_page(result.ranking, drive, result.pictures, field_picture)))
+    if png:
         from reports.plan.map_figure import draw_plan_map, render_png
 
-        results.append((png, render_png(draw_plan_map(drive, result.ranking.field_name))))
+        shown_drive = drive or field_picture
+        assert shown_drive is not None
+        results.append((png, render_png(draw_plan_map(shown_drive, result.ranking.field_name))))
     if save and result.run:
         from planner.pipeline.outputs.saved_plans import write_saved_plan
 

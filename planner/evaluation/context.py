@@ -14,6 +14,7 @@ import shapely
 
 from fields.geometry.entrances import check_entrance, move_entrance_to_outline
 from fields.geometry.field import MIN_FENCE_MARGIN_M, Field
+from fields.geometry.field_parts import cut_field_part
 from fields.layout.bearings import find_handedness
 from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
 from fields.layout.options import replace_bearings
@@ -304,6 +305,9 @@ def prepare_context(
     implement = (implement or Implement()).model_copy(update={"width_m": request.width_m})
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
+    if request.part is not None:
+        with attach_parameter("field"):
+            field = cut_field_part(field, request.margin_m, 2.0 * reach.margin_m, request.part)
     field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach, layout_repairs)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)

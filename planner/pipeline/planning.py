@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import shapely
+
 from fields.geometry.field import Field
+from fields.geometry.field_parts import list_field_parts
+from planner.errors import HeadlandError
 from planner.evaluation.candidates.incumbents import order_candidates
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_run_picture
 from planner.pipeline.plan_repairs import CandidateEvaluations, find_working_changes, repair_refused
-from planner.pipeline.ranking import check_margin, list_candidates, rank_plans
+from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
-from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanRanking
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
+
+SINGLE_STRATEGY = "row-by-row"
+_WITHOUT_RISK: dict[str, Any] = dict.fromkeys(("deadline_s", "rain", "objective", "budget", "samples"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +114,55 @@ def plan(
     for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
         evaluations.evaluate_wave(context, packed_context, wave)
     layout_repairs = repair_refused(evaluations, prepare)
-    return _build_result(context, evaluations, find_working_changes(evaluations, prepare, layout_repairs), cost_terms)
+    changes = find_working_changes(evaluations, prepare, layout_repairs)
+    result = _build_result(context, evaluations, changes, cost_terms)
+
+    def plan_part(part_request: PlanRequest) -> PlanRanking:
+        return plan(
+            part_request,
+            field=field,
+            tractor=tractor,
+            implement=implement,
+            supply=supply,
+            executor=executor,
+        ).ranking
+
+    return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
+
+
+def _iter_part_plans(
+    result: PlanningResult, plan_part: Callable[[PlanRequest], PlanRanking]
+) -> Iterator[FieldPartPlan]:
+    """The further parts of a divided field, planned on their own with the strategy and tractors of the best plan."""
+    context, best = result.context, result.ranking.best
+    request, field = context.request, context.layout.field
+    if best is None or request.part is not None:
+        return
+    width_m = max(context.implement.width_m, context.tractor.width_m)
+    for part in list_field_parts(field, request.margin_m, width_m)[1:]:
+        alike = replace(
+            request, part=part.number, strategies=(best.strategy,), tractors=(best.tractors,), **_WITHOUT_RISK
+        )
+        single = replace(alike, strategies=(SINGLE_STRATEGY,), tractors=(1,))
+        own_plan, reason = None, None
+        for part_request in (alike, single):
+            try:
+                ranking = plan_part(part_request)
+                own_plan, reason = ranking.best, next((each.reason for each in ranking.plans), None)
+            except HeadlandError as refusal:
+                reason = str(refusal)
+            if own_plan is not None:
+                break
+        assert part.neck is not None  # only the largest part has none
+        ground = shapely.point_on_surface(part.region)
+        yield FieldPartPlan(
+            part.number,
+            locate_piece(field, part.region.area, ground.x, ground.y),
+            locate_piece(field, 0.0, part.neck.x_m, part.neck.y_m),
+            part.neck.width_m,
+            own_plan,
+            None if own_plan is not None else reason,
+        )
 
 
 def _build_result(

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fields.geometry.field import Field
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
@@ -21,7 +22,13 @@ from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
 from planner.risk.costs import describe_prices
-from reports.common.plan_results import PlanRanking, PlanResult, build_time_sort_key, get_finished_field_s
+from reports.common.plan_results import (
+    PlanRanking,
+    PlanResult,
+    UnworkedPiece,
+    build_time_sort_key,
+    get_finished_field_s,
+)
 from strategies.registry import STRATEGIES
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
@@ -203,11 +210,18 @@ def add_coverage_remark(result: PlanResult) -> PlanResult:
 
 def add_piece_location(result: PlanResult, context: PlanningContext) -> PlanResult:
     """The result with longitude and latitude of its largest missed piece if the field has a coordinate system."""
-    piece, field = result.largest_missed, context.layout.field
-    if piece is None or field.crs is None:
+    piece = result.largest_missed
+    if piece is None:
         return result
-    ((lon, lat),) = field.to_wgs84([(piece.x_m, piece.y_m)]).tolist()
-    return replace(result, largest_missed=replace(piece, lon=lon, lat=lat))
+    return replace(result, largest_missed=locate_piece(context.layout.field, piece.m2, piece.x_m, piece.y_m))
+
+
+def locate_piece(field: Field, area_m2: float, x_m: float, y_m: float) -> UnworkedPiece:
+    """A piece of ground with longitude and latitude if the field has a coordinate system."""
+    if field.crs is None:
+        return UnworkedPiece(area_m2, x_m, y_m)
+    ((lon, lat),) = field.to_wgs84([(x_m, y_m)]).tolist()
+    return UnworkedPiece(area_m2, x_m, y_m, lon, lat)
 
 
 def export_request(context: PlanningContext) -> dict[str, Any]:

@@ -277,6 +277,11 @@ class PlanRequest:
         OptionHelp("Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file.", FIELD),
         OptionTextForm(str, partial(parse_number_pair, parameter="entrance")),
     ] = None
+    part: Annotated[
+        Count | None,
+        OptionHelp("Plan only this part of a field that ditches or narrow necks divide; 1 is the largest.", FIELD),
+        NumberLimits(low=1),
+    ] = None
     crs: Annotated[
         str | None, OptionHelp("Coordinate system of a file that names none, such as EPSG:25832.", FIELD)
     ] = None

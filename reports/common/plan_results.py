@@ -169,6 +169,22 @@ def build_merit_sort_key(plan: PlanResult, allowed_s: float | None = None) -> tu
 
 
 @dataclass(frozen=True)
+class FieldPartPlan:
+    """A part of a field beyond what the plans of a ranking reach: its ground, how it is cut off, its own plan.
+
+    `neck` is the narrowest place on the widest way there (its area is 0), `neck_width_m` its width; 0 where there is no
+    way at all. `plan` is None where no plan works, for the `reason`.
+    """
+
+    number: int
+    ground: UnworkedPiece
+    neck: UnworkedPiece
+    neck_width_m: float
+    plan: PlanResult | None
+    reason: str | None = None
+
+
+@dataclass(frozen=True)
 class PlanRanking:
     """All plans of a request, best first, infeasible ones last.
 
@@ -185,6 +201,7 @@ class PlanRanking:
         cut_off_m2: ground that obstacles cut off from the field that is worked.
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
         money_sentences: what the costs include.
+        parts: further parts of a divided field, each with a plan of its own.
         changes: of a request without a plan, the smallest changes that were found to work.
     """
 
@@ -210,6 +227,7 @@ class PlanRanking:
     money_sentences: tuple[str, ...] = ()
     field_allowed_s: float | None = None
     changes: tuple[str, ...] = ()
+    parts: tuple[FieldPartPlan, ...] = ()
 
     @property
     def best(self) -> PlanResult | None:
@@ -310,6 +328,7 @@ class PlanDrive:
         steps: the legs of each tractor, in order.
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
+        fault_places: places (x, y) where plans cannot be driven.
     """
 
     title: str
@@ -333,6 +352,7 @@ class PlanDrive:
     steps: tuple[tuple[DriverLeg, ...], ...] = ()
     cut_off: tuple[UnworkedPiece, ...] = ()
     worked_pct: float | None = None
+    fault_places: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import math
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
@@ -203,6 +203,14 @@ def draw_scale_and_north(axes: Axes, box: MapExtent) -> None:
 
 
 _HASH_SALT = "headland"
+_FAULT_LOOK: dict[str, Any] = {
+    "markersize": 16,
+    "markerfacecolor": "none",
+    "markeredgecolor": palette.UNWORKED_COLOUR,
+    "markeredgewidth": 2.5,
+    "linestyle": "none",
+    "zorder": 9,
+}
 _LETTERS_PER_INCH, _TITLE_INCHES, _EDGE_INCHES = (
     11.0,
     0.24,
@@ -224,7 +232,8 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
 
     Tracks and headland passes have their numbers, cells their outline, number and bearing, worked legs their direction
     and number, as many as have room. Leg lists are beside or below the map where they fit. Unworked ground is hatched,
-    its largest piece has its area. A drive without tractors shows the field and its swaths.
+    its largest piece has its area. A drive without tractors shows the field and its swaths. Places that cannot be
+    driven are ringed.
 
     Raises:
         ReportError: the drive cannot be drawn.
@@ -244,6 +253,8 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
     if drive.entrance is not None:
         axes.plot(*drive.entrance, marker="v", color=INK_COLOUR, markersize=8, linestyle="none", zorder=6)
     draw_cells_and_labels(axes, drive, box.size)
+    for place in drive.fault_places:
+        axes.plot(*place, marker="o", **_FAULT_LOOK)
     draw_scale_and_north(axes, box)
     _write_title_and_lists(figure, drive, sheet)
     return figure
@@ -455,6 +466,8 @@ def _build_legend_entries(drive: PlanDrive) -> list[Artist]:
         handles.append(Patch(facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", label="obstacles"))
     if drive.fences:
         handles.append(Line2D([], [], color=INK_COLOUR, linewidth=2.2, linestyle=(0, (2, 1)), label="fences"))
+    if drive.fault_places:
+        handles.append(Line2D([], [], marker="o", label="cannot be driven", **{**_FAULT_LOOK, "markersize": 9}))
     if drive.unworked:
         handles.append(Patch(facecolor="none", edgecolor=palette.UNWORKED_COLOUR, hatch="/////", label="not worked"))
     return handles

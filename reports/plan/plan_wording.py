@@ -10,6 +10,7 @@ from datetime import timedelta
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.plan_results import (
+    FieldPartPlan,
     PlanRanking,
     PlanResult,
     UnworkedPiece,
@@ -236,9 +237,24 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     else:
         sentences = [*_list_advice(ranking), f"Best plan: {result}.", *details]
         sentences += _describe_deadline(ranking, best, best_is_cheapest)
-    if ranking.cut_off_m2:
+    sentences += [_describe_part(part) for part in ranking.parts]
+    if ranking.cut_off_m2 and not ranking.parts:
         sentences.append(f"Obstacles cut off {format_area(ranking.cut_off_m2)} of the field, which no plan works.")
     return sentences + _describe_other_plans(ranking, best, cheapest, best_is_cheapest)
+
+
+def _describe_part(part: FieldPartPlan) -> str:
+    """Where a part of the field is, what cuts it off, what would pass, and its own plan."""
+    way = "no way leads there within the field"
+    if part.neck_width_m > 0.0:
+        place = format_ground_place(part.neck)
+        way = f"the way there is {part.neck_width_m:.1f} m wide at {place}; narrower machines would pass"
+    own = f"On its own no plan works: {(part.reason or '').rstrip('.')}."
+    if part.plan is not None:
+        worked = "" if part.plan.worked_pct is None else f", {part.plan.worked_pct:.1f} % worked"
+        time = format_duration(part.plan.time_s)
+        own = f"Planned on its own (part {part.number}) it takes {time}{worked}; tractors go round by road."
+    return f"{format_area(part.ground.m2)} at {format_ground_place(part.ground)} are cut off: {way}. {own}"
 
 
 def _describe_other_plans(

@@ -7,7 +7,7 @@ import io
 import json
 from typing import Any
 
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisTableRow
+from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult, ThesisTableRow
 from reports.common.rendering import make_json_safe
 from reports.plan.plan_wording import get_clearance_m
 
@@ -74,7 +74,9 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
     the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
     amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
-    (a sentence), ``currency``, ``samples`` and ``unmet`` (a sentence where no plan meets the rain or the budget).
+    (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
+    ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) and ``changes``
+    (found to work where no plan does).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
@@ -90,8 +92,25 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "currency": ranking.currency,
             "samples": ranking.samples,
             "unmet": ranking.unmet_sentence,
+            "parts": [_build_part_entry(part) for part in ranking.parts],
+            "changes": list(ranking.changes),
         }
     )
+
+
+def _build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
+    """A part of the field that is cut off, with its own plan."""
+    places = {
+        name: {key: make_json_safe(getattr(place, key), EXPORT_DECIMALS) for key in UNWORKED_PIECE_KEYS}
+        for name, place in (("ground", part.ground), ("neck", part.neck))
+    }
+    return {
+        "number": part.number,
+        **places,
+        "neck_width_m": round(part.neck_width_m, 2),
+        "plan": None if part.plan is None else build_plan_entry(part.plan),
+        "reason": part.reason,
+    }
 
 
 def _build_entry_with_cells(plan: PlanResult, ranking: PlanRanking) -> dict[str, Any]:

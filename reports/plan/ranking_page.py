@@ -128,14 +128,18 @@ _SERVICE_STOP_COLUMNS = (
 
 
 def render_plan_page(
-    ranking: PlanRanking, drive: PlanDrive | None, drives: Mapping[PlanKey, PlanDrive] | None = None
+    ranking: PlanRanking,
+    drive: PlanDrive | None,
+    drives: Mapping[PlanKey, PlanDrive] | None = None,
+    field_picture: PlanDrive | None = None,
 ) -> str:
     """The page as HTML text.
 
     Headline in plain words, map with a slider through time (when a drive is given), time per tractor, time
     against number of tractors, every plan in a table that sorts, what was refused and why, and the assumptions.
     `drive` is that of the best plan; `drives` adds others by strategy and number of tractors, which a reader can
-    choose for the map. Paths are thinned so that the page stays below two megabytes for all but huge tables.
+    choose for the map. Without a plan `field_picture` shows the field and where plans fail. Paths are thinned so that
+    the page stays below two megabytes for all but huge tables.
 
     Raises:
         ReportError: a drive cannot be drawn.
@@ -143,7 +147,17 @@ def render_plan_page(
     shown = _choose_drives(ranking, drive, drives or {})
     for plan_drive in shown.values():
         check_drive(plan_drive)
-    return render_template("plan.html.j2", _build_page_content(ranking, shown))
+    content = _build_page_content(ranking, shown)
+    content["picture"] = None if field_picture is None else _draw_inline_picture(field_picture, ranking.field_name)
+    return render_template("plan.html.j2", content)
+
+
+def _draw_inline_picture(drive: PlanDrive, field_name: str) -> str:
+    """A map without time as SVG for a page."""
+    from reports.plan.map_figure import draw_plan_map, render_svg
+
+    text = render_svg(draw_plan_map(drive, field_name))
+    return text[text.index("<svg") :]
 
 
 def _choose_drives(

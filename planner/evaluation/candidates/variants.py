@@ -245,8 +245,8 @@ class ReachableJob:
         )
 
 
-def restrict_to_reachable(job: FieldJob, max_left_out_share: float = MAX_LEFT_OUT_SHARE) -> ReachableJob:
-    """The job on the connected part of the ground that holds most of the swaths, unless too much lies outside it."""
+def restrict_to_reachable(job: FieldJob) -> ReachableJob:
+    """The job on the connected part of the ground that holds most of the swaths; others are planned on their own."""
     parts = [part for part in shapely.get_parts(job.connector.free).tolist() if isinstance(part, shapely.Polygon)]
     reachable = ReachableJob(job)
     if len(parts) < 2 or not job.layout.swaths:
@@ -259,8 +259,6 @@ def restrict_to_reachable(job: FieldJob, max_left_out_share: float = MAX_LEFT_OU
         for n in range(len(parts))
     ]
     main_part = max(range(len(parts)), key=lambda n: round(length[n], 3))
-    if math.fsum(length) - length[main_part] > max_left_out_share * math.fsum(length):
-        return reachable
     for swath, part in zip(job.layout.swaths, part_of_swath, strict=True):
         reachable = reachable if part == main_part else reachable.drop_swath(swath)
     reachable_passes: list[HeadlandPass] = [
@@ -292,14 +290,14 @@ def build_for_reachable_job(
     With repairs that skip whatever cannot be reached, the pieces may be as long as they are.
     """
     max_share, max_tries = (1.0, MAX_SKIPS) if layout_repairs.skips_unreachable else (MAX_LEFT_OUT_SHARE, MAX_TRIES)
-    reachable = restrict_to_reachable(job, max_share)
-    whole_m = job.layout.total_length_m
+    reachable = restrict_to_reachable(job)
+    whole_m, restricted_m = job.layout.total_length_m, reachable.left_out_swaths_m
     for _ in range(max_tries):
         try:
             return build(reachable.job), reachable
         except NoPathError as error:
             shortest = min(error.swaths, key=lambda track: (round(track.length_m, 3), track.line, track.piece))
-            if reachable.left_out_swaths_m + shortest.length_m > max_share * whole_m:
+            if reachable.left_out_swaths_m - restricted_m + shortest.length_m > max_share * whole_m:
                 raise
             reachable = reachable.drop_swath(shortest)
     return build(reachable.job), reachable

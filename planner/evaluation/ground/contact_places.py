@@ -126,8 +126,8 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
                 continue
             boxes = place_boxes_at(poses[near_rows], context).reshape(len(near_rows), -1)
             touching_rows = near_rows[shapely.intersects(core, boxes).any(axis=1)]
-            check = ObstacleIntrusionCheck(context, field.solid_obstacles[number]) if len(touching_rows) else None
-            for group in _split_rows(touching_rows) if check else ():
+            check = ObstacleIntrusionCheck(context, field.solid_obstacles[number])
+            for group in _split_rows(touching_rows):
                 depths_m = [check.measure_intrusion_m(poses[[row]]) for row in group]
                 deepest = int(np.argmax(depths_m))
                 yield _build_place(

@@ -24,6 +24,7 @@ from vehicle.missions.run import SimulationRun
 SLOW_FACTORS = (0.6, 0.36)  # times the speed driven at the place
 MAX_ROUNDS = 4
 MIN_SPEED_MPS = 0.4
+MAX_SLOW_SHARE = 0.9  # of the driven speed: less is not worth cutting legs
 MIN_GAIN_M = 0.01  # in the sum of all depths
 LEAD_M, TAIL_M = 6.0, 3.0  # driven slowly before and behind a place; braking comes before
 BRAKING_MPS2 = 0.35
@@ -108,7 +109,7 @@ def _find_slow_span(
     around = poses[max(0, place.first_row - SPEED_ROWS) : place.last_row + SPEED_ROWS, :2]
     driven_mps = float(np.hypot(*np.diff(around, axis=0).T).max(initial=0.0)) / step_s
     speed_mps = max(MIN_SPEED_MPS, factor * driven_mps)
-    if speed_mps >= driven_mps:
+    if speed_mps >= MAX_SLOW_SHARE * driven_mps:
         return None
     first_m, last_m = (_locate_row_m(run, place.tractor, row, context) for row in (place.first_row, place.last_row))
     braking_m = (driven_mps**2 - speed_mps**2) / (2.0 * BRAKING_MPS2)

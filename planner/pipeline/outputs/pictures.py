@@ -21,7 +21,15 @@ from planner.evaluation.ground.coverage import compute_guided_path, measure_cove
 from planner.evaluation.ground.overlays import GRID_M
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
-from reports.common.plan_results import CellOutline, HeadlandPassLine, PlanDrive, PlanResult, Points, UnworkedPiece
+from reports.common.plan_results import (
+    CellOutline,
+    HeadlandPassLine,
+    PlanDrive,
+    PlanRanking,
+    PlanResult,
+    Points,
+    UnworkedPiece,
+)
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.paths import Pose
 from strategies.program.field_job import SwathPass
@@ -73,6 +81,13 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         steps=list_steps(run, context.layout.width_m),
         worked_pct=result.worked_pct,
     )
+
+
+def build_refused_picture(context: PlanningContext, ranking: PlanRanking) -> PlanDrive:
+    """The field with its layout, where no plan works: the places where plans fail are marked."""
+    places = {(round(one.x_m, 1), round(one.y_m, 1)) for plan in ranking.plans for one in plan.faults}
+    picture = build_field_picture(context, f"{context.layout.field.name}: no plan works")
+    return replace(picture, fault_places=tuple(sorted(places)))
 
 
 def _list_service_seconds_by_tractor(context: PlanningContext, run: SimulationRun) -> dict[str, tuple[float, ...]]:

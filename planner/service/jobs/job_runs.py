@@ -10,6 +10,7 @@ from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.pipeline.diagnosis import diagnose, diagnose_demo
 from planner.pipeline.executors import create_executor
+from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import PlanningResult
 from planner.pipeline.planning import plan as simulate_all
@@ -175,10 +176,11 @@ def _write_plan_results(planned: PlanningResult) -> Iterator[ResultFile]:
     drive = None if best is None else planned.pictures[best.strategy, best.tractors]
     yield build_json_file("result.json", format_ranking_json(ranking))
     yield build_csv_file("result.csv", format_ranking_csv(ranking))
-    yield build_html_file("page.html", render_plan_page(ranking, drive, planned.pictures))
+    field_picture = None if drive is not None else build_refused_picture(planned.context, ranking)
+    yield build_html_file("page.html", render_plan_page(ranking, drive, planned.pictures, field_picture))
     yield build_json_file("maps.json", format_maps_json(ranking, drive, planned.pictures))
-    if drive is not None:
-        yield build_png_file("map.png", render_png(draw_plan_map(drive, ranking.field_name)))
+    if (picture := drive or field_picture) is not None:
+        yield build_png_file("map.png", render_png(draw_plan_map(picture, ranking.field_name)))
     if best is not None and planned.run is not None:
         yield build_json_file("plan.json", write_saved_plan(planned.context, planned.run.plan))
     for (strategy, tractors), legs in planned.plans.items():

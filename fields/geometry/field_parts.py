@@ -1,0 +1,141 @@
+"""The parts of a field between which a machine cannot drive: divided by obstacles, or by necks narrower than it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import shapely
+from shapely.geometry.polygon import orient
+
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.field import Field
+from fields.geometry.obstacles import compute_workable_ground
+
+MITRE_LIMIT = 2.0
+NECK_TOLERANCE_M = 0.05  # of the width of a neck
+MIN_PART_SHARE, MIN_PART_M2 = 0.01, 300.0  # smaller parts are not listed
+LINK_REACH_M = 100.0  # from the shortest line between two parts to the middle of the neck
+GRID_M = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Neck:
+    """The narrowest place on the widest way between two parts: its width (m, 0 without a way) and where it is."""
+
+    width_m: float
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class FieldPart:
+    """A part of a field: its number from 1, the largest first, its ground, and the neck to part 1, None for that."""
+
+    number: int
+    region: shapely.Polygon
+    neck: Neck | None = None
+
+
+def list_field_parts(field: Field, margin_m: float, width_m: float) -> tuple[FieldPart, ...]:
+    """The parts of a field for machines of a width, with a margin to obstacles; only one if nothing divides it.
+
+    A part is where the middle of a machine can be, and half its width around it. Small parts are left out.
+    """
+    ground = _build_ground(field, margin_m)
+    half_m = 0.5 * width_m
+    cores = _list_polygons(_shrink(ground, half_m))
+    regions = [_grow(core, half_m, ground) for core in cores]
+    least_m2 = max(MIN_PART_M2, MIN_PART_SHARE * field.area_m2)
+    pairs = [(core, region) for core, region in zip(cores, regions, strict=True) if region.area >= least_m2]
+    pairs.sort(key=lambda pair: (-round(pair[1].area, 3), pair[1].bounds))
+    return tuple(
+        FieldPart(number, region, None if number == 1 else find_neck(ground, pairs[0][0], core, half_m))
+        for number, (core, region) in enumerate(pairs, start=1)
+    )
+
+
+def cut_field_part(field: Field, margin_m: float, width_m: float, number: int) -> Field:
+    """The field reduced to one of its parts, without an entrance that is not on it.
+
+    Raises FieldError if the field has no part of this number.
+    """
+    parts = list_field_parts(field, margin_m, width_m)
+    if not 1 <= number <= len(parts):
+        noun = "only one part" if len(parts) == 1 else f"{len(parts)} parts"
+        raise FieldError(
+            f"The field '{field.name}' has {noun} for machines {width_m:g} m wide, so there is no part "
+            f"({mark_parameter('part')}) {number}; use 1 to {len(parts)}."
+        )
+    if len(parts) == 1:
+        return field
+    region = parts[number - 1].region
+    is_reached = field.entrance is not None and region.dwithin(shapely.Point(field.entrance), 1.0)
+    obstacles = tuple(one for one in field.obstacles if one.shape.dwithin(region, width_m))
+    fences = tuple(
+        part
+        for fence in field.fences
+        for part in shapely.get_parts(fence.intersection(region.buffer(margin_m + 1.0))).tolist()
+        if isinstance(part, shapely.LineString) and part.length > 1.0
+    )
+    return replace(
+        field,
+        name=f"{field.name}, part {number}",
+        boundary=region,
+        entrance=field.entrance if is_reached else None,
+        obstacles=obstacles,
+        fences=fences,
+    )
+
+
+def find_neck(ground: shapely.Geometry, main_core: shapely.Polygon, core: shapely.Polygon, half_m: float) -> Neck:
+    """The neck between two cores that lie apart in the ground shrunk by `half_m`, by bisecting how far it is shrunk."""
+    ends = [shapely.point_on_surface(one) for one in (main_core, core)]
+    low_m, high_m = 0.0, half_m
+    if not _is_joined(ground, ends):
+        nearest = shapely.shortest_line(*(_find_piece(_list_polygons(ground), end) for end in ends))
+        return Neck(0.0, *nearest.interpolate(0.5, normalized=True).coords[0])
+    while high_m - low_m > 0.5 * NECK_TOLERANCE_M:
+        middle_m = 0.5 * (low_m + high_m)
+        low_m, high_m = (middle_m, high_m) if _is_joined(_shrink(ground, middle_m), ends) else (low_m, middle_m)
+    apart = _shrink(ground, high_m)
+    link = shapely.difference(_shrink(ground, low_m), apart.buffer(2.0 * (high_m - low_m)))
+    nearest = shapely.shortest_line(*(_find_piece(_list_polygons(apart), end) for end in ends))
+    links = [part for part in _list_polygons(link) if part.dwithin(nearest, LINK_REACH_M)]
+    place = nearest.interpolate(0.5, normalized=True)
+    if links:
+        place = shapely.point_on_surface(min(links, key=lambda part: part.distance(place)))
+    return Neck(2.0 * low_m, place.x, place.y)
+
+
+def _build_ground(field: Field, margin_m: float) -> shapely.Geometry:
+    """All ground outside obstacles and their margins, in as many pieces as it has."""
+    boundary = field.original_boundary or field.boundary
+    margins_m = [margin_m] * (len(boundary.interiors) + len(field.obstacles))
+    workable = compute_workable_ground(boundary, field.obstacles, margins_m)
+    return shapely.union_all([workable.margin_boundary, *workable.cut_off_parts], grid_size=GRID_M)
+
+
+def _shrink(ground: shapely.Geometry, distance_m: float) -> shapely.Geometry:
+    return ground.buffer(-distance_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+
+
+def _grow(core: shapely.Polygon, distance_m: float, ground: shapely.Geometry) -> shapely.Polygon:
+    """The core with everything around it that lies in the ground, in one piece."""
+    grown = core.buffer(distance_m, join_style="mitre", mitre_limit=MITRE_LIMIT)
+    parts = _list_polygons(shapely.intersection(grown, ground, grid_size=GRID_M))
+    return orient(max(parts, key=lambda part: part.area), 1.0)
+
+
+def _list_polygons(shape: shapely.Geometry) -> list[shapely.Polygon]:
+    return [part for part in shapely.get_parts(shape).tolist() if isinstance(part, shapely.Polygon)]
+
+
+def _find_piece(pieces: list[shapely.Polygon], place: shapely.Point) -> shapely.Polygon:
+    """The piece that holds a place, or is nearest to it."""
+    return min(pieces, key=lambda piece: piece.distance(place))
+
+
+def _is_joined(ground: shapely.Geometry, ends: list[shapely.Point]) -> bool:
+    """Whether two places lie in the same piece of the ground."""
+    pieces = _list_polygons(ground)
+    return _find_piece(pieces, ends[0]) is _find_piece(pieces, ends[1])
