@@ -119,9 +119,10 @@ def _iter_obstacle_places(run: SimulationRun, context: PlanningContext) -> Itera
         poses = run.get_poses(tractor)
         reach_m = compute_reach_m(context)
         rows = rows[find_poses_within_reach(poses[rows], shapely.bounds(cores), reach_m)]
+        points = shapely.points(poses[rows, :2])  # made once: they take longer than the distances
         for number, core in enumerate(cores):
             shapely.prepare(core)
-            near_rows = rows[shapely.dwithin(core, shapely.points(poses[rows, :2]), reach_m)]
+            near_rows = rows[shapely.dwithin(core, points, reach_m)]
             if not len(near_rows):
                 continue
             boxes = place_boxes_at(poses[near_rows], context).reshape(len(near_rows), -1)
