@@ -74,7 +74,7 @@ class Row:
 
     `cpu_s` is of the context and the plan of one tractor, `reference_cpu_s_per_km` that of 3 m at 5 km/h on the same
     field. `fits` and `is_wide` say whether a plan and a formation are asked for. `where` and `formation_where` hold the
-    places of faults as sentences, `changes` what would work instead, `crash` the last line of a traceback with its place.
+    places of faults as sentences, `changes` what would work instead, `crash` the last line of a traceback.
     """
 
     case: str

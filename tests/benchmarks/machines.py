@@ -71,7 +71,7 @@ def iter_rows(options: argparse.Namespace) -> Iterator[Row]:
     """The cases of the command line, the reference of a field before its machines."""
     machines = choose_machines(options.machines, options.tractors)
     parcels = draw_parcels(options.folder, options.parcels, options.seed, options.from_ha, options.to_ha)
-    for number, parcel in enumerate(parcels):
+    for number, parcel in list(enumerate(parcels))[options.start :]:
         for condition in choose_conditions(number, options.conditions):
             first = run_case(parcel, condition, REFERENCE, options.seed, with_formation=False, reference=None)
             per_km = first.cpu_s / first.driven_km if first.feasible and first.driven_km else None
@@ -232,6 +232,7 @@ def parse_options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?")
     parser.add_argument("--parcels", type=int, default=8)
+    parser.add_argument("--start", type=int, default=0, help="begin with this one of the parcels drawn, from 0")
     parser.add_argument("--seed", type=int, default=1, help="draws parcels, obstacles, fences and entrances")
     parser.add_argument("--machines", default="", help="some of 3m5,3m,4m,6m,9m,12m,24m,36m, with @tractor if need be")
     parser.add_argument("--tractors", choices=("usual", "all"), default="usual")
