@@ -72,6 +72,12 @@ class FarmImplement(FileSection):
     speed_kmh: float | None = define_number(
         None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h at work", "the option --speed-kmh"
     )
+    min_speed_kmh: float | None = define_number(
+        None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h, the least it works well at", "no limit"
+    )
+    max_speed_kmh: float | None = define_number(
+        None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h, the most it works well at", "no limit"
+    )
     turn_speed_kmh: float | None = define_number(None, MIN_SPEED_KMH, MAX_SPEED_KMH, "km/h in turns", "the option")
     capacity: float | None = define_number(None, 0.001, 1e6, "l or kg when full", "it carries nothing")
     rate_per_m2: float | None = define_number(None, 1e-9, 1e3, "l or kg per m2 worked", "it carries nothing")
@@ -91,6 +97,12 @@ class FarmImplement(FileSection):
     def speed_mps(self) -> float | None:
         """Working speed in m/s, None if the plan decides."""
         return None if self.speed_kmh is None else self.speed_kmh * MPS_PER_KMH
+
+    @property
+    def speed_limits_mps(self) -> tuple[float | None, float | None]:
+        """Least and greatest working speed in m/s, None without."""
+        least, greatest = self.min_speed_kmh, self.max_speed_kmh
+        return least and least * MPS_PER_KMH, greatest and greatest * MPS_PER_KMH
 
     @property
     def turn_speed_mps(self) -> float | None:

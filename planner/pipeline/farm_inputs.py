@@ -160,6 +160,8 @@ def _list_farm_values(
         "width_m": farm_implement.width_m,
         "speed_mps": farm_implement.speed_mps,
         "turn_speed_mps": farm_implement.turn_speed_mps,
+        "min_speed_mps": farm_implement.speed_limits_mps[0],
+        "max_speed_mps": farm_implement.speed_limits_mps[1],
         "operation": farm_implement.operation,
         "headland_order": farm_implement.headland,
         "tractors": None if farm_tractor is None else tuple(range(1, farm_tractor.count + 1)),

@@ -175,6 +175,22 @@ class PlanRequest:
         OptionTextForm(float, convert_kmh_to_mps),
         _SPEED("turn speed"),
     ] = None
+    min_speed_mps: Annotated[
+        Number | None,
+        OptionHelp(
+            "Least working speed of the implement, km/h; a remark tells where bends are slower.",
+            MACHINES,
+            from_farm=True,
+        ),
+        OptionTextForm(float, convert_kmh_to_mps),
+        _SPEED("least working speed"),
+    ] = None
+    max_speed_mps: Annotated[
+        Number | None,
+        OptionHelp("Greatest working speed of the implement, km/h.", MACHINES, from_farm=True),
+        OptionTextForm(float, convert_kmh_to_mps),
+        _SPEED("greatest working speed"),
+    ] = None
     price_per_hour: Annotated[
         Number, OptionHelp("Price of one tractor for one hour.", COSTS, from_farm=True), _PRICE
     ] = 40.0
@@ -292,6 +308,7 @@ class PlanRequest:
 
     def __post_init__(self) -> None:
         check_option_limits(self)
+        _check_speeds(self)
         _check_fleet(self)
         _check_headland(self)
         _check_bearings(self)
@@ -359,6 +376,21 @@ class FarmChoice:
         str | None, OptionHelp("The implement of the farm file, by name; by default the first that fits.", MACHINES)
     ] = None
     simulate_all: Annotated[bool, OptionHelp("Simulate and show every plan, however slow.", OUTPUT, name="all")] = False
+
+
+def _check_speeds(request: PlanRequest) -> None:
+    for name, speed_mps, wording in (
+        ("min_speed_mps", request.min_speed_mps, "least"),
+        ("max_speed_mps", request.max_speed_mps, "greatest"),
+    ):
+        too_much = 0.0 if speed_mps is None else speed_mps - request.speed_mps
+        if too_much > 0.0 if wording == "least" else too_much < 0.0:
+            raise RequestError(
+                f"The working speed ({mark_parameter('speed_mps')}) is {request.speed_mps / MPS_PER_KMH:.3g} km/h, and "
+                f"the {wording} of the implement ({mark_parameter(name)}) is {speed_mps / MPS_PER_KMH:.3g} km/h; change "
+                "one of them.",
+                parameter="speed_mps",
+            )
 
 
 def _check_fleet(request: PlanRequest) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.missions.plan import LEAVE, Plan
-from vehicle.records import REC_LEG, REC_POSE, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
+from vehicle.records import REC_LEG, REC_POSE, REC_SPEED, REC_STATUS, REVERSING, STANDING, TURNING, WAITING, WORKING
 
 DONE, CONFLICT, STALL, TIMEOUT = "done", "conflict", "stall", "timeout"
 
@@ -82,6 +82,13 @@ class SimulationRun:
         """Time per tractor in a status of vehicle.records (tractors,)."""
         step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
         return np.asarray((self.record[:, :, REC_STATUS] == status).sum(axis=0) * step)
+
+    def sum_slow_work_m(self, speed_mps: float) -> float:
+        """Metres of all tractors worked more slowly than at a speed."""
+        speeds = np.abs(self.record[:, :, REC_SPEED])
+        is_slow = (self.record[:, :, REC_STATUS] == WORKING) & (speeds < speed_mps)
+        step = float(self.time_s[1] - self.time_s[0]) if len(self.time_s) > 1 else 0.0
+        return float(speeds[is_slow].sum() * step)
 
     @property
     def standing_s(self) -> npt.NDArray[np.float64]:

@@ -71,6 +71,7 @@ from vehicle.sim.incremental import IncrementalSimulator
 MAX_OFFSET_SHARE = 1.0 / 3.0  # of the working width: more leaves an unworked strip
 LOST_WIDTHS, LOST_M = 1.0, 2.5  # working widths and metres: a tractor starting farther off than both has lost its line
 MIN_GAIN_M = 0.02
+SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
 SAME_LINE_M = 1e-3
 
@@ -346,6 +347,9 @@ def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation:
     reverse_m = measure_longest_reverse_m(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
         remarks.append(f"reversing {reverse_m:.0f} m, as nothing else leads there; the list of legs says where")
+    slow_m = run.sum_slow_work_m((context.request.min_speed_mps or 0.0) - SPEED_TOLERANCE_MPS)
+    if slow_m > MIN_SLOW_M:
+        remarks.append(f"bends and starts are worked more slowly than the implement asks for, {slow_m:.0f} m in all")
     if loosened_count := run.plan.notes.get("loosened"):
         places = "one place" if loosened_count == 1 else f"{loosened_count} places"
         remarks.append(f"in {places} the order of tractors was changed to avoid a deadlock")
