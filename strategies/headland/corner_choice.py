@@ -66,10 +66,13 @@ def _compute_whole_extent_m(job: FieldJob, segment: HeadlandSegment) -> tuple[fl
 def _pull_off_edge_m(job: FieldJob, segment: HeadlandSegment, distance_m: float, direction: int) -> float:
     """The place nearest to one on a side, in a direction along it, where nothing reaches too far over an open edge (m).
 
-    The place itself where nothing is gained within two lengths of the machine or half the side.
+    The place itself where nothing is gained within two lengths of the machine or half the side. A short side may be
+    left altogether.
     """
     assert job.open_edge is not None
-    room_m = min(2.0 * job.open_edge.body.reach_m, 0.5 * segment.headland_pass.sides[segment.side].length_m)
+    room_m, side_m = 2.0 * job.open_edge.body.reach_m, segment.headland_pass.sides[segment.side].length_m
+    if side_m > SHORT_SIDE_RADII * job.driving_rules.radius_m:
+        room_m = min(room_m, 0.5 * side_m)
     for step in range(int(room_m / PULL_BACK_STEP_M) + 1):
         pulled_m = distance_m + direction * step * PULL_BACK_STEP_M
         if not job.open_edge.has_pose_contact(_get_pose_at(segment.line, pulled_m)):
