@@ -379,18 +379,19 @@ class FarmChoice:
 
 
 def _check_speeds(request: PlanRequest) -> None:
-    for name, speed_mps, wording in (
-        ("min_speed_mps", request.min_speed_mps, "least"),
-        ("max_speed_mps", request.max_speed_mps, "greatest"),
-    ):
-        too_much = 0.0 if speed_mps is None else speed_mps - request.speed_mps
-        if too_much > 0.0 if wording == "least" else too_much < 0.0:
-            raise RequestError(
-                f"The working speed ({mark_parameter('speed_mps')}) is {request.speed_mps / MPS_PER_KMH:.3g} km/h, and "
-                f"the {wording} of the implement ({mark_parameter(name)}) is {speed_mps / MPS_PER_KMH:.3g} km/h; change "
-                "one of them.",
-                parameter="speed_mps",
-            )
+    speed_mps, least_mps, greatest_mps = request.speed_mps, request.min_speed_mps, request.max_speed_mps
+    if least_mps is not None and speed_mps < least_mps:
+        _refuse_speed(speed_mps, "least", "min_speed_mps", least_mps)
+    if greatest_mps is not None and speed_mps > greatest_mps:
+        _refuse_speed(speed_mps, "greatest", "max_speed_mps", greatest_mps)
+
+
+def _refuse_speed(speed_mps: float, wording: str, name: str, limit_mps: float) -> None:
+    raise RequestError(
+        f"The working speed ({mark_parameter('speed_mps')}) is {speed_mps / MPS_PER_KMH:.3g} km/h, and the {wording} of "
+        f"the implement ({mark_parameter(name)}) is {limit_mps / MPS_PER_KMH:.3g} km/h; change one of them.",
+        parameter="speed_mps",
+    )
 
 
 def _check_fleet(request: PlanRequest) -> None:

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from vehicle.control.speed_profile import compute_straight_time_s
+from vehicle.control.speed_profile import STEERING_DISTANCE_FACTOR, compute_straight_time_s
 from vehicle.jit import compile_function
 
 ROUTE, U, OMEGA, SWITCH_BACK = 0, 1, 2, 3
@@ -196,15 +196,25 @@ def add_reverse_straight_primitives(a, b, radius, out, kinds, count) -> int:  # 
 COST_FORWARD, COST_REVERSE, COST_CUSP, COST_SWING = 0, 1, 2, 3
 COST_LATERAL, COST_STEERING, COST_WINDOW, COST_LENGTH, COST_ACCELERATION = 4, 5, 6, 7, 8
 COST_COUNT = 9
-SLOW_WINDOWS = 2.0  # steering distances driven slowly where two curvatures meet
+SLOW_WINDOWS = 3.0  # steering distances driven slowly where two curvatures meet
 
 
 @compile_function
-def _compute_piece_speed(primitive, piece, costs) -> float:  # type: ignore[no-untyped-def]
-    """Largest speed on a segment by its gear and its curvature."""
-    speed = costs[COST_REVERSE] if primitive[piece, 2] < 0.0 else costs[COST_FORWARD]
-    bend = abs(primitive[piece, 1])
-    return speed if bend == 0.0 else min(speed, math.sqrt(costs[COST_LATERAL] / bend))  # type: ignore[no-any-return]
+def _compute_reached_curvature(primitive, piece, costs) -> float:  # type: ignore[no-untyped-def]
+    """The curvature a tractor reaches on a segment: less than planned on one shorter than the steering distance."""
+    length, window = primitive[piece, 0], costs[COST_WINDOW]
+    return primitive[piece, 1] if length >= window else primitive[piece, 1] * length / window  # type: ignore[no-any-return]
+
+
+@compile_function
+def _compute_piece_speed(bend, gear, costs) -> float:  # type: ignore[no-untyped-def]
+    """Largest speed at a curvature in a gear."""
+    speed = costs[COST_REVERSE] if gear < 0.0 else costs[COST_FORWARD]
+    if bend == 0.0:
+        return speed  # type: ignore[no-any-return]
+    wheel = math.atan(costs[COST_LENGTH] * abs(bend))
+    returning = costs[COST_STEERING] / (STEERING_DISTANCE_FACTOR * wheel)
+    return min(speed, math.sqrt(costs[COST_LATERAL] / abs(bend)), returning)  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -231,8 +241,8 @@ def compute_drive_time_s(primitive, costs) -> float:  # type: ignore[no-untyped-
     for piece in range(len(primitive)):
         if primitive[piece, 0] <= SNAP:
             continue
-        own = _compute_piece_speed(primitive, piece, costs)
-        bend, direction = primitive[piece, 1], primitive[piece, 2]
+        bend, direction = _compute_reached_curvature(primitive, piece, costs), primitive[piece, 2]
+        own = _compute_piece_speed(bend, direction, costs)
         if direction != gear:
             seconds += costs[COST_CUSP] + costs[COST_SWING] * abs(bend - curvature)
         else:

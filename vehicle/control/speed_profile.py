@@ -1,12 +1,13 @@
 """How fast a path can be driven: limits by its bends, the steering system, the tyres and the brakes.
 
-Three rules, each for a place on a path of curvature k (1/m):
+Four rules, each for a place on a path of curvature k (1/m) with the wheels at an angle d (rad):
 
     bend      v <= sqrt(a / |k|)            a: lateral acceleration that load, comfort and tyres allow
     steering  v <= rate * W / |change|      the wheels turn by `change` (rad) within the steering distance W
-    brakes    v^2 <= v_next^2 + 2 b d       b: deceleration, d: distance to the next place
+    return    v <= rate * W / (f |d|)       the wheels could be straight again within the lookahead of turns, W / f
+    brakes    v^2 <= v_next^2 + 2 b s       b: deceleration, s: distance to the next place
 
-and one for a tractor that is off its path (compute_correction_speed).
+A tractor that is off its path is limited by the angle its wheels then have or are told (compute_correction_speed).
 
 Guidance looks ahead and so smooths what a path asks for at once. Curvature is therefore the mean over W, which is in
 proportion to the lookahead of turns; a step of curvature becomes a ramp of length W, which leaves the path by k W^2/24.
@@ -55,7 +56,10 @@ class DrivingLimits:
 
     def compute_bend_speed_mps(self, curvature: float) -> float:
         """Largest speed on a long arc (closed form); infinite on a straight."""
-        return math.sqrt(self.lateral_mps2 / abs(curvature)) if curvature else math.inf
+        if not curvature:
+            return math.inf
+        return_mps = self.steering_mps / (STEERING_DISTANCE_FACTOR * math.atan(self.length_m * abs(curvature)))
+        return min(math.sqrt(self.lateral_mps2 / abs(curvature)), return_mps)
 
     def compute_change_speed_mps(self, before: float, after: float) -> float:
         """Largest speed where an arc of one curvature (1/m) meets one of another; infinite where they are the same."""
@@ -129,11 +133,13 @@ def compute_straight_time_s(length, speed, start_speed, end_speed, acceleration)
 
 
 @compile_function
-def compute_bend_limit(curvature: float, change: float, lateral: float, steering: float) -> float:
-    """Largest speed (m/s) at a curvature (1/m) where the wheels turn by `change` (rad) within the steering distance."""
+def compute_bend_limit(curvature: float, wheel: float, change: float, lateral: float, steering: float) -> float:
+    """Largest speed (m/s) at a curvature (1/m), with the wheels at an angle and turning by `change` (rad) within the
+    steering distance.
+    """
     limit = MAX_LIMIT_MPS
     if curvature != 0.0:
-        limit = min(limit, math.sqrt(lateral / abs(curvature)))
+        limit = min(math.sqrt(lateral / abs(curvature)), steering / (STEERING_DISTANCE_FACTOR * abs(wheel)))
     if change > 0.0:
         limit = min(limit, steering / change)
     return max(limit, MIN_LIMIT_MPS)
@@ -195,7 +201,7 @@ def limit_by_bends(points, distances, lateral, length, steering, window, limits)
         ahead = math.atan(length[k] * (angles[3] - angles[2]) / window)
         wheel = math.atan(length[k] * here)
         change = abs(wheel - behind) + abs(ahead - wheel)
-        limits[k] = own_limits[k] = compute_bend_limit(here, change, lateral[k], steering)
+        limits[k] = own_limits[k] = compute_bend_limit(here, wheel, change, lateral[k], steering)
     for k in range(count):
         later = k + 1
         while later < count and distances[later] - distances[k] <= 0.5 * window:

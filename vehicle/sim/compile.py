@@ -266,7 +266,7 @@ def limit_runs(  # type: ignore[no-untyped-def]
 
 
 def compute_point_speeds(plan: Plan, tractor: Tractor) -> list[list[list[float]]]:
-    """The largest speed (m/s, down to 1 mm/s) at every point of every leg of every tractor: of the leg, or less in bends."""
+    """The largest speed (m/s, down to 1 mm/s) at every point of every leg of every tractor: that of the leg or less."""
     program = compile_plan(plan, tractor)
     speeds, number = [], 0
     for mission in plan.missions:

@@ -8,6 +8,7 @@ later repair may start from that), or a fleet of tractors that were driven alone
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,6 +20,7 @@ from vehicle.control.speed_profile import BRAKE_SHARE, STEERING_DISTANCE_FACTOR
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor
+from vehicle.sim.compile import LOOKAHEAD_SWING_RAD
 from vehicle.sim.simulated_plan import (
     SimulatedPlan,
     SoloRun,
@@ -242,9 +244,9 @@ class IncrementalSimulator:
         braking_m = fastest * fastest / (2.0 * BRAKE_SHARE * self.tractor.speed.max_acceleration_mps2)
         steering_m = STEERING_DISTANCE_FACTOR * guidance.turn_lookahead_m
         stop_m = braking_m + steering_m + 1.0 + 2.0 * ARRIVAL_TOLERANCE_M
-        aim_m = (
-            max(guidance.lookahead_m, guidance.turn_lookahead_m) + abs(self.tractor.antenna_forward_m) + AIM_MARGIN_M
-        )
+        ahead_m = fastest * LOOKAHEAD_SWING_RAD / math.radians(self.tractor.steering.rate_deg_per_s)
+        lookahead_m = max(guidance.lookahead_m, guidance.turn_lookahead_m, ahead_m)
+        aim_m = lookahead_m + abs(self.tractor.antenna_forward_m) + AIM_MARGIN_M
         return max(stop_m, aim_m)
 
 
