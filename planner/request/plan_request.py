@@ -388,8 +388,8 @@ def _check_speeds(request: PlanRequest) -> None:
 
 def _refuse_speed(speed_mps: float, wording: str, name: str, limit_mps: float) -> None:
     raise RequestError(
-        f"The working speed ({mark_parameter('speed_mps')}) is {speed_mps / MPS_PER_KMH:.3g} km/h, and the {wording} of "
-        f"the implement ({mark_parameter(name)}) is {limit_mps / MPS_PER_KMH:.3g} km/h; change one of them.",
+        f"The working speed ({mark_parameter('speed_mps')}) is {speed_mps / MPS_PER_KMH:.3g} km/h, and the {wording} "
+        f"of the implement ({mark_parameter(name)}) is {limit_mps / MPS_PER_KMH:.3g} km/h; change one of them.",
         parameter="speed_mps",
     )
 
