@@ -48,7 +48,7 @@ def of(site: PlanningContext, name: str, tractors: int) -> CandidateEvaluation:
 
 
 def test_square_corners_leave_next_to_nothing(rectangle: Any) -> None:
-    site = rectangle()
+    site = rectangle(corners="square", overhang_m=5.0)
     evaluation = of(site, "split-field", 1)
     assert evaluation.result.feasible and evaluation.run is not None
     assert planned_strips(site, evaluation.run).intersection(site.layout.field.boundary).area >= 0.995 * 7200
@@ -59,7 +59,7 @@ def test_square_corners_leave_next_to_nothing(rectangle: Any) -> None:
 def test_round_corners_leave_what_is_said(rectangle: Any) -> None:
     """Three corners of the outermost round are driven round; where it begins, it ends, and that one is whole."""
     outermost = shapely.box(0, 0, 120, 60).difference(shapely.box(3, 3, 117, 57))
-    site = rectangle(corners="round")
+    site = rectangle(corners="round", overhang_m=5.0)
     evaluation = of(site, "split-field", 1)
     assert evaluation.result.feasible and evaluation.run is not None
     swept = planned_strips(site, evaluation.run)
@@ -73,7 +73,7 @@ def test_round_corners_leave_what_is_said(rectangle: Any) -> None:
 @pytest.mark.parametrize("name", sorted(STRATEGIES))
 @pytest.mark.parametrize("tractors", [2, 3])
 def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: int) -> None:
-    site = rectangle()
+    site = rectangle(corners="square", overhang_m=5.0)
     result, run = (evaluation := of(site, name, tractors)).result, evaluation.run
     assert result.feasible, result.reason
     assert run is not None and run.outcome == DONE and run.contacts == ()

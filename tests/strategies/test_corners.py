@@ -55,6 +55,25 @@ def test_round_corners_miss_what_is_said(degrees: float, width: float, radius: f
     assert missed.area == pytest.approx(compute_missed_m2(turn, width, radius), rel=0.1)
 
 
+@given(width=st.floats(2, 6), radius=st.floats(3.5, 8))
+@settings(max_examples=40, deadline=None)
+def test_a_round_pass_outside_takes_part_of_the_tip(width: float, radius: float) -> None:
+    """Both arcs turn by a right angle with the same radius; the centre of the outer one is the origin."""
+    assume(radius <= 2.9 * width)  # else the outer bar leaves the very corner
+    inner_end, outer_end = radius - 0.5 * width, radius + 0.5 * width
+    band = (
+        shapely.Point(0, 0)
+        .buffer(outer_end, quad_segs=256)
+        .difference(shapely.Point(0, 0).buffer(inner_end, quad_segs=256))
+    )
+    tip = shapely.box(-width, -width, inner_end, inner_end).difference(
+        shapely.Point(-width, -width).buffer(outer_end, quad_segs=256)
+    )
+    assert tip.area == pytest.approx(compute_missed_m2(math.pi / 2, width, radius), rel=1e-3)
+    missed = tip.difference(band.intersection(shapely.box(0, 0, outer_end, outer_end)))
+    assert missed.area == pytest.approx(compute_missed_m2(math.pi / 2, width, radius, inside_round=True), rel=1e-3)
+
+
 @given(
     x=st.floats(-20, 20),
     y=st.floats(-20, 20),

@@ -12,6 +12,7 @@ from fields.geometry.field import MIN_FENCE_MARGIN_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.overlays import GRID_M, extract_polygons
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
+from strategies.names import SQUARE_CORNERS
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
 
 MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
@@ -157,11 +158,11 @@ def _sort_pieces(ground: shapely.Geometry) -> tuple[shapely.Polygon, ...]:
 
 def _estimate_corner_loss_m2(context: PlanningContext) -> float:
     """Ground (m2) missed at rounded corners of headland passes; corners without room for the arc are not rounded."""
-    if context.request.corners != "round":
+    if context.request.corners == SQUARE_CORNERS:
         return 0.0
     radius_m = context.driving_rules.radius_m
     return sum(
-        compute_missed_m2(side.end_turn_rad, context.layout.width_m, radius_m)
+        compute_missed_m2(side.end_turn_rad, context.layout.width_m, radius_m, inside_round=one.number > 1)
         for one in context.headland_passes
         for side, after in zip(one.sides, (*one.sides[1:], one.sides[0]), strict=True)
         if side.end_turn_rad > 0.0

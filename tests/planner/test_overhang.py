@@ -1,0 +1,150 @@
+"""Corners by what is quicker, and how far machines reach over open edges: as planned, and as measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
+from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.context import PlanningContext, build_body, prepare_context
+from planner.evaluation.ground.overhang import measure_overhang
+from planner.request.plan_request import PlanRequest
+from reports.common.plan_results import PlanResult
+from strategies.headland.pass_legs import get_headland_legs
+from strategies.headland.pass_shares import share_headland
+from strategies.program.field_job import FieldJob
+from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
+from vehicle.sim.world import simulate
+
+RECTANGLE = shapely.box(0, 0, 150, 90)
+CHAMFERED = shapely.Polygon([(6, 0), (150, 0), (150, 90), (0, 90), (0, 6)])
+
+
+def work(site: PlanningContext) -> PlanResult:
+    return simulate_candidate(site, Candidate("split-field", 1)).result
+
+
+def list_legs(job: FieldJob) -> tuple[Leg, ...]:
+    """The legs of all headland passes, driven by one tractor."""
+    legs = get_headland_legs(job, share_headland(job, outside_in=True)[0])
+    assert legs is not None
+    return legs.legs
+
+
+@pytest.fixture(scope="module")
+def lay(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]:
+    """A field of an outline, its headland worked."""
+    return lambda outline=RECTANGLE, **options: place(outline, no_headland=False, **options)
+
+
+@pytest.mark.parametrize("outline", [RECTANGLE, CHAMFERED])
+@pytest.mark.parametrize("width_m", [3.0, 6.0])
+def test_auto_is_no_slower_than_either(lay: Any, outline: shapely.Polygon, width_m: float) -> None:
+    """With the missed ground finished; auto drives every corner one of both ways, or past a short side."""
+    auto, square, rounded = (work(lay(outline, width_m=width_m, corners=one)) for one in ("auto", "square", "round"))
+    assert auto.feasible and square.feasible and rounded.feasible
+    times_s = [one.finished_s or math.inf for one in (auto, square, rounded)]
+    assert times_s[0] <= 1.005 * min(times_s[1:]) and times_s[0] <= times_s[1] + 1.0
+
+
+def test_a_dear_tip_makes_a_corner_square(lay: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With missed ground at a thousand times its charge no corner is round, as with corners asked for square."""
+    site = lay()
+    rate = site.build_job(1).finishing_rate_s_per_m2
+    monkeypatch.setattr(FieldJob, "finishing_rate_s_per_m2", 1000.0 * rate)
+    jobs = (replace(site.build_job(1), corners=one, headland_leg_cache={}) for one in ("auto", "square"))
+    auto, square = map(list_legs, jobs)
+    assert len(auto) == len(square)
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(auto, square, strict=True))
+
+
+def test_a_cheap_tip_is_left(lay: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(FieldJob, "finishing_rate_s_per_m2", 0.0)
+    auto, square = (sum(leg.gear < 0 for leg in list_legs(lay(corners=one).build_job(1))) for one in ("auto", "square"))
+    assert auto < square
+
+
+def test_the_charge_is_that_of_the_plan(lay: Any) -> None:
+    """Within a fifth of what the plan itself is charged for missed ground, seconds by worked square metres."""
+    site = lay()
+    result = work(site)
+    assert result.time_s and result.worked_pct
+    own_rate = result.time_s / (0.01 * result.worked_pct * RECTANGLE.area)
+    assert site.build_job(1).finishing_rate_s_per_m2 == pytest.approx(own_rate, rel=0.25)
+
+
+@pytest.mark.parametrize("corners", ["auto", "square", "round"])
+def test_nothing_reaches_farther_than_asked(lay: Any, corners: str) -> None:
+    """As planned and driven; the guidance errs by some centimetres."""
+    loose, tight = (work(lay(corners=corners, overhang_m=metres)) for metres in (5.0, 0.5))
+    assert tight.feasible and (tight.overhang_m or 0.0) <= 0.7 and (tight.beyond_overhang_m or 0.0) < 2.0
+    assert (loose.overhang_m or 0.0) > 1.0 and loose.beyond_overhang_m == 0.0
+
+
+def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
+    """Where nothing reaches as far as allowed, square corners are those of any larger overhang."""
+    far, farther = (list_legs(lay(corners="square", overhang_m=metres).build_job(1)) for metres in (8.0, 80.0))
+    assert len(far) == len(farther)
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(far, farther, strict=True))
+
+
+def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
+    site = lay(shapely.Polygon([(0, 0), (150, 0), (0, 60)]), corners="square", overhang_m=9.0)
+    evaluation = simulate_candidate(site, Candidate("split-field", 1))
+    assert "open edge" not in (evaluation.result.remark or "") and evaluation.run is not None
+    strict = replace(site, request=replace(site.request, overhang_m=0.2))
+    result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none", None))
+    assert (result.beyond_overhang_m or 0.0) > 1.0
+    assert f"reach up to {result.overhang_m:.1f} m over an open edge" in (result.remark or "")
+
+
+def drive_straight(site: PlanningContext, from_x: float, to_x: float, y: float) -> Plan:
+    line = np.array([(from_x, y), (to_x, y)])
+    return Plan((Mission((Leg(line, 1.0, task=LegTask(ROUTE)),)),))
+
+
+def test_measured_by_hand(lay: Any) -> None:
+    """A tractor stops with its guided point 1 m inside the east edge: its nose is over it by what it leads, less 1."""
+    site = lay(overhang_m=0.5)
+    boxes = build_body(site.tractor, site.implement)
+    nose_m = max(front for _, front, _ in boxes.boxes) - boxes.guide_m
+    run = simulate(drive_straight(site, 100.0, 149.0, 45.0), site.tractor, site.implement)
+    measured = measure_overhang(run, site)
+    assert measured.farthest_m == pytest.approx(nose_m - 1.0, abs=0.15)
+    assert measured.beyond_m == pytest.approx(nose_m - 1.0 - 0.5, abs=0.3)
+
+
+def test_nothing_outside_is_nothing(lay: Any) -> None:
+    site = lay()
+    run = simulate(drive_straight(site, 40.0, 110.0, 45.0), site.tractor, site.implement)
+    measured = measure_overhang(run, site)
+    assert (measured.farthest_m, measured.beyond_m) == (0.0, 0.0)
+
+
+def test_mirrored_fields_are_driven_alike(lay: Any) -> None:
+    mirrored = shapely.Polygon([(-x, y) for x, y in CHAMFERED.exterior.coords])
+    here, there = (list_legs(lay(outline, bearing_deg=90.0).build_job(1)) for outline in (CHAMFERED, mirrored))
+    assert sum(leg.length_m for leg in here) == pytest.approx(sum(leg.length_m for leg in there), rel=1e-3)
+    assert [leg.gear for leg in here] == [leg.gear for leg in there]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["denmark", "netherlands", "sweden"])
+@pytest.mark.parametrize("machine", [(3.0, 15.0), (6.0, 10.0), (12.0, 12.0)])
+def test_samples_at_ordinary_speeds(name: str, machine: tuple[float, float]) -> None:
+    width_m, speed_kmh = machine
+    auto, square, rounded = (
+        work(prepare_context(PlanRequest(field=name, width_m=width_m, speed_mps=speed_kmh / 3.6, corners=one)))
+        for one in ("auto", "square", "round")
+    )
+    assert auto.feasible, auto.reason
+    times_s = [one.finished_s for one in (square, rounded) if one.feasible and one.finished_s]
+    assert (auto.finished_s or math.inf) <= 1.005 * min(times_s)
+    assert (auto.beyond_overhang_m or 0.0) < 20.0
