@@ -65,14 +65,9 @@ def measure_finished_ground_traffic(
     strips = np.arange(len(swept.ground))
     tyres, strip = _find_marks(run, context, swept, strips, wide=True)
     axles, axle_strip = _find_marks(run, context, swept, strips, wide=False)
-    final_ground = _compute_final_ground(swept, np.unique(np.concatenate([strip, axle_strip])))
-    pressed = [clip_area(tyre, final_ground[number]) for tyre, number in zip(tyres, strip.tolist(), strict=True)]
-    driven = [
-        float(shapely.intersection(axle, final_ground[number]).length)
-        for axle, number in zip(axles, axle_strip.tolist(), strict=True)
-    ]
-    ground = clip_area(unite_areas(np.array(pressed, dtype=np.object_)), context.layout.field.workable_region)
-    return FinishedGroundTraffic(float(sum(driven)), float(ground.area))
+    pressed, driven = _remove_worked_again(swept, tyres, strip), _remove_worked_again(swept, axles, axle_strip)
+    ground = clip_area(unite_areas(pressed), context.layout.field.workable_region)
+    return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground.area))
 
 
 def compute_charged_s(run: SimulationRun, context: PlanningContext) -> float:
@@ -82,14 +77,19 @@ def compute_charged_s(run: SimulationRun, context: PlanningContext) -> float:
     return replace(measure_coverage(run, context, swept), spoilt_m2=spoilt_m2).extrapolate_to_field(run.duration_s)
 
 
-def _compute_final_ground(swept: SweptArea, strips: Rows) -> dict[int, shapely.Geometry]:
-    """The ground of some strips without what is worked again later, by number."""
-    strip, other = shapely.STRtree(swept.ground).query(swept.ground[strips], predicate="intersects")
-    is_later = swept.first[other] > swept.first[strips[strip]]
-    return {
-        number: subtract_area(swept.ground[number], unite_areas(swept.ground[np.sort(other[is_later & (strip == k)])]))
-        for k, number in enumerate(strips.tolist())
-    }
+def _remove_worked_again(swept: SweptArea, marks: Areas, strip: Rows) -> Areas:
+    """The marks on strips without what is worked again after these, by any strip."""
+    mark, other = shapely.STRtree(swept.ground).query(marks, predicate="intersects")
+    is_later = swept.first[other] > swept.first[strip[mark]]
+    mark, other = mark[is_later], other[is_later]
+    order = np.lexsort((other, mark))
+    mark, other = mark[order], other[order]
+    place = np.arange(len(mark)) - np.searchsorted(mark, mark)
+    remaining = marks.copy()
+    for number in range(int(place.max(initial=-1)) + 1):
+        pairs = place == number
+        remaining[mark[pairs]] = shapely.difference(remaining[mark[pairs]], swept.ground[other[pairs]])
+    return remaining
 
 
 def _find_marks(
