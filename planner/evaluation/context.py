@@ -382,7 +382,7 @@ def _build_base_rules(
         boxes=_build_outline_boxes(tractor, implement),
         ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
         limits=build_driving_limits(tractor, ground),
-    )
+    ).scale_spacing()
 
 
 def _complete_context(

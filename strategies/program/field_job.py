@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ PLAIN_TURN_S = 40.0  # a quicker turn in the headland is not compared with one a
 EDGE_DETOUR_S = 60.0  # how much longer a turn may take that does not reach too far over an open edge
 MAX_REVERSE_LENGTHS = 2.0  # lengths of tractor and implement that one manoeuvre may be driven in reverse
 DETOUR_FACTOR, DETOUR_S = 1.25, 5.0  # how much longer a path round swaths may take than one across: factor, seconds
+THESIS_MACHINE_M = 5.0  # length of tractor and implement that rows 10 m apart are for
 
 
 @dataclass(frozen=True)
@@ -64,6 +65,12 @@ class DrivingRules:
         """Length of tractor and implement together (m)."""
         rears, fronts, _ = zip(*self.boxes, strict=True)
         return float(max(fronts) - min(rears))
+
+    def scale_spacing(self) -> DrivingRules:
+        """The same with the distances between tractors shortened for machines shorter than that of the thesis."""
+        share = min(1.0, self.length_m / THESIS_MACHINE_M)
+        spacing_m = {key: share * getattr(self, key) for key in ("gap_m", "stagger_m", "hold_back_m", "ahead_m")}
+        return replace(self, **spacing_m)
 
     @property
     def max_reverse_m(self) -> float:

@@ -1,0 +1,17 @@
+"""A mower on a small field: its order is proven to a percent, and far quicker than one swath after another."""
+
+from tests.benchmarks.small_machines import plan, prepare
+
+
+def test_a_mower_skips_swaths_and_comes_back() -> None:
+    planned = plan(prepare("trapezium"))
+    assert planned.feasible and planned.order_gap_pct is not None and planned.order_gap_pct <= 1.0
+    in_sequence = plan(prepare("trapezium", turn="omega", no_headland=True), in_sequence=True)
+    assert in_sequence.feasible and planned.finished_s is not None and in_sequence.finished_s is not None
+    assert planned.finished_s < 0.8 * in_sequence.finished_s
+
+
+def test_tractors_of_a_short_machine_keep_shorter_distances() -> None:
+    rules = prepare("rectangle", turn="u").driving_rules
+    assert 3.0 < rules.length_m < 3.6
+    assert rules.gap_m == 2.0 * rules.length_m and rules.hold_back_m == 1.6 * rules.length_m
