@@ -24,6 +24,7 @@ from strategies.headland.pass_shares import share_headland
 from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.sequencing.swath_order import search_order
 from strategies.sequencing.turn_table import TurnTable
+from vehicle.control.speed_profile import estimate_drive_s
 
 MAX_HEADLAND_PASSES = 50
 MAX_SEARCHED_SWATHS = 125  # with more swaths the estimate decides instead of a search
@@ -80,7 +81,7 @@ def list_layouts(
 def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
     """Estimated effort as a driving length (m), headland passes included, but not their corners."""
     ring_m = 0.5 * (layout.field.boundary.length + layout.inner_region.length)
-    return estimate_layout_cost_m(layout, rates) + layout.headland_passes * ring_m
+    return float(estimate_layout_cost_m(layout, rates) + layout.headland_passes * ring_m)
 
 
 def _lay_plain(
@@ -180,7 +181,8 @@ def _estimate_headland_s(job: FieldJob) -> tuple[float, float]:
     shift = get_headland_legs(job, share_headland(job, outside_in=True, begin=job.layout.field.entrance)[0])
     if shift is None:
         return 0.0, math.fsum(headland_pass.length_m for headland_pass in job.headland_passes)
-    driven_s = math.fsum(leg.length_m / leg.speed_mps for leg in shift.legs)
+    limits = job.connector.costs.limits
+    driven_s = math.fsum(estimate_drive_s(leg.points, leg.speed_mps, limits) for leg in shift.legs)
     gear_changes = sum(a.gear != b.gear for a, b in pairwise(shift.legs))
     return driven_s + gear_changes * job.connector.costs.cusp_s, shift.unworked_m
 

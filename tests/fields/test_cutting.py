@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError, Layout, lay_swaths
-from fields.layout.cells import CELL_COST_M, divide_region, estimate_costs_m
+from fields.layout.cells import CELL_COST_M, EffortRates, divide_region, estimate_costs_m
 from fields.layout.options import estimate_layout_cost_m, list_layout_alternatives, replace_bearings
 from fields.layout.parallel_lines import TURN_COST_M
 
@@ -44,6 +44,12 @@ class TestCosts:
         leaning = shapely.Polygon([(0, 0), (240, 0), (300, 60), (60, 60)])
         assert estimate_costs_m(leaning, BOTH[:1], 3.0) == pytest.approx([20 * (240 + 3.0 + TURN_COST_M)])
 
+    def test_rates_are_those_given(self) -> None:
+        """The leaning parallelogram again: turns of 80 m, and 3 m off between neighbours cost 6 m more in each turn."""
+        leaning = shapely.Polygon([(0, 0), (240, 0), (300, 60), (60, 60)])
+        rates = EffortRates((100.0, 80.0), offset=2.0)
+        assert estimate_costs_m(leaning, BOTH[:1], 3.0, rates) == pytest.approx([20 * (240 + 3.0 + 6.0 + 80.0)])
+
     @given(turn=st.floats(0, 360), name=st.sampled_from(sorted(SHAPES)))
     def test_turns_with_the_region(self, turn: float, name: str) -> None:
         other = affinity.rotate(SHAPES[name], turn, origin=(7, -3))
@@ -74,6 +80,15 @@ class TestDivided:
     @pytest.mark.parametrize("shape", [shapely.box(0, 0, 100, 60), shapely.Point(0, 0).buffer(80)])
     def test_convex_is_not_cut(self, shape: shapely.Polygon) -> None:
         assert len(divide_region(shape, np.linspace(-1.5, 1.5, 9), 3.0)) == 1
+
+    def test_a_neck_is_cut_across(self) -> None:
+        """Two rectangles at an angle, joined by a lane of 20 m: each keeps its own direction."""
+        second = affinity.translate(affinity.rotate(shapely.box(-100, -40, 100, 40), 50), 100, 190)
+        joined = shapely.union_all([shapely.box(0, 0, 200, 80), second, shapely.box(90, 70, 110, 150)])
+        bearings = np.array([EAST, NORTH, math.radians(50)])
+        first, other = divide_region(joined, bearings, 3.0)[:2]
+        assert {first.bearing_rad, other.bearing_rad} == {EAST, math.radians(50)}
+        assert min(first.region.area, other.region.area) > 200 * 80 - 1
 
     def test_parts_of_a_region_may_differ(self) -> None:
         apart = shapely.union_all([shapely.box(0, 0, 240, 30), shapely.box(300, 0, 330, 240)])
@@ -111,6 +126,12 @@ class TestLayouts:
         assert estimate_layout_cost_m(best) == pytest.approx(
             estimate_layout_cost_m(plain) - (74 - 28) * TURN_COST_M + CELL_COST_M, abs=1.0
         )
+
+    def test_a_turn_costs_what_leads_to_the_nearest_end(self) -> None:
+        """20 lines of 102 m inside three passes; over one line 90 m, over two 30: every swath has one two lines on."""
+        layout = lay_swaths(Field("r", shapely.box(0, 0, 120, 78)), 3.0, 0.0, 90.0, headland_passes=3)
+        assert estimate_layout_cost_m(layout, EffortRates((90.0, 30.0))) == pytest.approx(20 * (102 + 30))
+        assert estimate_layout_cost_m(layout, EffortRates((90.0,))) == pytest.approx(20 * (102 + 90))
 
     @pytest.mark.parametrize("name", SHAPES)
     def test_cells_cover_the_region_and_tracks_run_in_theirs(self, name: str) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from fields import Field, FieldError, Layout, lay_swaths, list_sample_names, read_field
-from fields.layout.bearings import list_candidate_bearings
+from fields.layout.bearings import FAN_DEG, list_candidate_bearings, list_trial_bearings
 from fields.layout.parallel_lines import find_line_chords, space_lines
 
 
@@ -319,6 +319,21 @@ class TestParts:
             math.degrees(angle) for angle in list_candidate_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)]))
         )
         assert found == pytest.approx([0.0, 90.0, 180.0 - math.degrees(math.atan2(30, 40))])
+
+    @pytest.mark.parametrize(("turn_deg", "hand"), [(0.0, -1), (23.7, 1), (141.0, -1)])
+    def test_trial_bearings_turn_and_mirror_with_the_field(self, turn_deg: float, hand: int) -> None:
+        shape = shapely.Polygon([(0, 0), (200, 10), (190, 75), (70, 70), (64, 210), (5, 205)])
+        moved = affinity.rotate(affinity.scale(shape, hand, 1.0, origin=(0, 0)), turn_deg, origin=(0, 0))
+        before, after = (np.array(list_trial_bearings(one)) for one in (shape, moved))
+        expected = hand * before + math.radians(turn_deg)
+        apart = np.abs((after[:, None] - expected[None, :] + 1.0) % math.pi - 1.0)
+        assert len(after) == len(before) and apart.min(axis=0).max() < 1e-6 and apart.min(axis=1).max() < 1e-6
+
+    def test_no_direction_is_far_from_a_trial_bearing(self) -> None:
+        angles = np.array(list_trial_bearings(shapely.Polygon([(0, 0), (40, 0), (0, 30)])))
+        every = np.radians(np.arange(0.0, 180.0, 0.1))
+        apart = np.abs((every[:, None] - angles[None, :] + 0.5 * math.pi) % math.pi - 0.5 * math.pi)
+        assert np.degrees(apart.min(axis=1).max()) <= 0.75 * FAN_DEG
 
     def test_candidates_of_a_curve_are_limited(self) -> None:
         circle = shapely.Point(0, 0).buffer(400, quad_segs=200)

@@ -9,8 +9,14 @@ import shapely
 from fields import Field, lay_swaths
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
 from planner.evaluation.context import PlanningContext, prepare_context
-from planner.evaluation.layout_choice import MIN_GAIN, estimate_single_tractor_s, list_layouts
+from planner.evaluation.layout_choice import (
+    MIN_GAIN,
+    build_effort_rates,
+    estimate_single_tractor_s,
+    list_layouts,
+)
 from planner.request.plan_request import PlanRequest
+from strategies.program.field_job import DrivingRules
 from strategies.registry import STRATEGIES
 
 L = Field("L", shapely.Polygon([(0, 0), (120, 0), (120, 55), (50, 55), (50, 140), (0, 140)]))
@@ -93,6 +99,33 @@ class TestAskedFor:
 
     def test_both_asked_for_leave_one_layout(self) -> None:
         assert len(list_layouts(PlanRequest(no_headland=False, headland_m=9.0, bearing_deg=0.0), L, 9.0)) == 1
+
+
+def test_turns_cost_the_work_that_could_be_done_meanwhile() -> None:
+    """At 4 m/s a turn of 20 s costs 80 m; one that does not fit is not taken. A metre off at 1 m/s costs four."""
+    rules = DrivingRules(4.0, 1.0, 1.0, radius_m=4.0, tool_m=1.0, turn_s=(0.0, 50.0))
+    rates = build_effort_rates(rules, (0.0, None, 20.0))
+    assert rates.turns_m == (math.inf, 80.0) and rates.turn_m == 80.0 and rates.offset == 4.0
+    assert build_effort_rates(rules, (0.0, None)).turn_m == 200.0
+
+
+def test_few_swaths_are_compared_in_more_ways() -> None:
+    """At 24 m a headland of one pass is enough; two and three are compared as well."""
+    field = Field("wide", shapely.Polygon([(0, 0), (420, 0), (380, 260), (40, 230)]))
+    layouts = list_layouts(PlanRequest(width_m=24.0), field, 22.0)
+    assert {layout.headland_passes for layout in layouts} == {1, 2, 3}
+    assert len({round(layout.bearing_deg, 3) for layout in layouts if layout.headland_passes == 1}) >= 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("width_m", "radius_m"), [(3.0, None), (12.0, 6.0)])
+def test_no_bearing_by_hand_is_quicker(width_m: float, radius_m: float | None) -> None:
+    field = Field("f", shapely.Polygon([(0, 0), (230, 15), (205, 120), (120, 105), (95, 230), (20, 210)]))
+    chosen, *by_hand = (
+        estimate_single_tractor_s(site_on(field, width_m=width_m, radius_m=radius_m, bearing_deg=bearing).build_job(1))
+        for bearing in (None, *range(0, 180, 15))
+    )
+    assert chosen <= 1.005 * min(by_hand)
 
 
 def test_many_tracks_are_laid_by_estimate() -> None:
