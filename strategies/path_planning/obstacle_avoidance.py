@@ -47,6 +47,11 @@ class BendRules:
     nose_m: float
     tail_m: float
 
+    @property
+    def turning_room_m(self) -> float:
+        """Room between an obstacle and the end of a line that is cut there, to turn aside."""
+        return self.radius_m + self.nose_m + self.tail_m
+
 
 @dataclass(frozen=True)
 class Bend:
@@ -329,13 +334,15 @@ class ObstacleBends:
 def bend_swaths(layout: Layout, bender: LineBender, tool_m: float) -> tuple[Layout, ObstacleBends]:
     """The swaths as they can be driven among the obstacles of a bender, in either direction.
 
-    A pass is driven `tool_m` past the end of its swath. A swath that cannot be bent in both directions ends one
-    headland before the obstacle and continues one headland behind it. Raises StrategyError if no swath is left.
+    A pass is driven `tool_m` past the end of its swath. A swath that cannot be bent in both directions ends before the
+    obstacle, with room to turn aside or that of a headland if it is less, and continues as far behind it. Raises
+    StrategyError if no swath is left.
     """
     swaths: list[Swath] = []
     bent_lines: dict[Point, BentLine] = {}
+    room_m = min(layout.headland_m, bender.rules.turning_room_m)
     for swath in layout.swaths:
-        for piece in _cut_swath(swath, bender, tool_m, layout.headland_m, bent_lines):
+        for piece in _cut_swath(swath, bender, tool_m, room_m, bent_lines):
             number = swaths[-1].piece + 1 if swaths and swaths[-1].line == swath.line else 0
             swaths.append(replace(piece, piece=number))
     if not swaths:
@@ -352,9 +359,8 @@ def find_clear_parts(points: Points, bender: LineBender) -> list[tuple[Points, f
     if bent_line is None and not blocked_spans:
         return None
     driven_line = bent_line or polyline.apply_bends([])
-    room_m = bender.rules.radius_m + bender.rules.nose_m + bender.rules.tail_m
     clear_spans = (
-        list(_find_clear_spans(blocked_spans, polyline.length_m, room_m))
+        list(_find_clear_spans(blocked_spans, polyline.length_m, bender.rules.turning_room_m))
         if blocked_spans
         else [(0.0, polyline.length_m)]
     )

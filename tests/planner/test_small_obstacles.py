@@ -61,12 +61,16 @@ def test_no_track_is_interrupted_and_nothing_is_touched(no_headland: bool) -> No
 
 
 def test_a_pole_where_no_bend_fits_cuts_the_track(place: Any) -> None:
-    """The pole stands 2 to 5 m inside the end of a track; with 11 m of headland the track begins 11 m behind it."""
+    """The pole stands 2 to 5 m inside the end of a track; the track begins behind it with the room to turn aside: the
+    radius of a bend, the nose and the tail, less than the 11 m of headland."""
     site = site_with(AT_END, headland_m=11.0)
     usual = {swath.start_m[0] for swath in site_with(headland_m=11.0).layout.swaths}
     ends = sorted({round(x, 3) for swath in site.layout.swaths for x in (swath.start_m[0], swath.end_m[0])})
     assert len(usual) == 1 and len(ends) == 3
-    assert ends[1] == pytest.approx(13 + 0.25 + 0.3 + 11.0, abs=0.01)
+    assert site.obstacle_bends.bender is not None
+    rules = site.obstacle_bends.bender.rules
+    assert ends[1] == pytest.approx(13 + 0.25 + 0.3 + rules.radius_m + rules.nose_m + rules.tail_m, abs=0.01)
+    assert ends[1] < 13 + 0.25 + 0.3 + 11.0
     driven = simulate_candidate(site, Candidate("split-field", 1))
     assert driven.run is not None and driven.result.feasible
     assert nearest_m(driven.run, site, AT_END.shape) > 0.0
