@@ -7,6 +7,3 @@ STRATEGY_NAMES = (
     "split-field",
     "interleaved",
 )
-
-AUTO_CORNERS, SQUARE_CORNERS, ROUND_CORNERS = CORNERS = "auto", "square", "round"
-"""How headland passes turn at corners: worked whole, in an arc, or each as is quicker."""

@@ -41,8 +41,8 @@ from planner.request.validation import (
     raise_request_errors,
 )
 from strategies.headland.work_order import HEADLAND_FIRST, HEADLAND_LAST, HEADLAND_ORDERS
-from strategies.names import AUTO_CORNERS, CORNERS, STRATEGY_NAMES
-from strategies.path_planning.turn_kinds import TURN_KINDS
+from strategies.names import STRATEGY_NAMES
+from strategies.path_planning.turn_kinds import AUTO_CORNERS, CORNERS, TURN_KINDS
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
 DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1

@@ -20,8 +20,8 @@ from strategies.headland.corners import (
 )
 from strategies.headland.pass_shares import HeadlandSegment
 from strategies.headland.raised_paths import find_quickest_turn
-from strategies.names import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.path_planning.paths import DrivePath, Pose
+from strategies.path_planning.turn_kinds import ROUND_CORNERS, SQUARE_CORNERS
 from strategies.program.field_job import FieldJob
 
 Points = npt.NDArray[np.float64]

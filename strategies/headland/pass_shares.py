@@ -17,7 +17,7 @@ import shapely
 
 from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
 from strategies.headland.corners import find_corner_paths
-from strategies.names import SQUARE_CORNERS
+from strategies.path_planning.turn_kinds import SQUARE_CORNERS
 from strategies.program.field_job import FieldJob
 
 Point = tuple[float, float]

@@ -12,12 +12,12 @@ import numpy.typing as npt
 
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout, Swath
-from strategies.names import AUTO_CORNERS
 from strategies.path_planning.collision_check import FenceChecker, pick_quickest_inside
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, make_pose, measure_longest_reverse_m
 from strategies.path_planning.primitive_search import compute_shortest_m
+from strategies.path_planning.turn_kinds import AUTO_CORNERS
 from strategies.program.supply import Supply
 from vehicle.control.speed_profile import UNLIMITED, DrivingLimits
 

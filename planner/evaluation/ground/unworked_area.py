@@ -12,8 +12,8 @@ from fields.geometry.field import MIN_FENCE_MARGIN_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.overlays import GRID_M, extract_polygons
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
-from strategies.names import SQUARE_CORNERS
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
+from strategies.path_planning.turn_kinds import SQUARE_CORNERS
 
 MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
