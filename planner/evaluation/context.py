@@ -47,6 +47,7 @@ from planner.traffic.trajectories import TrajectoryCache
 from strategies.headland.pass_shares import reverse_pass
 from strategies.path_planning.collision_check import FenceChecker, MachineBody
 from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
+from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.obstacle_avoidance import BendRules, LineBender, ObstacleBends, bend_swaths
 from strategies.path_planning.paths import EntranceLane, build_entrance_lane
 from strategies.path_planning.turns import (
@@ -64,7 +65,8 @@ from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 from vehicle.sim.compile import compute_contact_boxes
 
 CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
-SMALL_OBSTACLE_WIDTHS = 4.0  # working widths across: smaller obstacles are bypassed within a swath
+# Working widths across: smaller obstacles are bypassed within a swath; the next lower where that leaves no swath.
+SMALL_OBSTACLE_WIDTHS = (4.0, 1.0, 0.0)
 # Planned paths leave this share of the margin to fences for errors of guidance, and at most so much.
 GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M = 0.8, 0.3
 INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that reach too far over an open edge
@@ -308,15 +310,11 @@ def prepare_context(
     if request.part is not None:
         with attach_parameter("field"):
             field = cut_field_part(field, request.margin_m, 2.0 * reach.margin_m, request.part)
-    field, headland_m = _prepare_ground(request, field, tractor, implement, radius_m, reach, layout_repairs)
-    rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
-    turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
     create = partial(
         PlanningContext,
         request=request,
         tractor=tractor,
         implement=implement,
-        costs=turn_clock.measure_reversal_costs(),
         position_errors=position_errors,
         criteria=criteria,
         supply=supply,
@@ -325,6 +323,31 @@ def prepare_context(
         path_finders=ConnectorCache(),
         layout_repairs=layout_repairs,
     )
+    refusal: StrategyError | None = None
+    has_obstacles = bool(field.obstacles or field.boundary.interiors)
+    for small_widths in SMALL_OBSTACLE_WIDTHS if has_obstacles else SMALL_OBSTACLE_WIDTHS[:1]:
+        try:
+            context = _lay_out_field(create, field, radius_m, reach, small_widths)
+        except StrategyError as error:  # every swath has a small obstacle that it cannot be bent round
+            refusal = refusal or error
+            continue
+        check_capacity(supply, context.layout)
+        return context
+    assert refusal is not None  # laid out, or refused
+    raise refusal
+
+
+def _lay_out_field(
+    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, small_widths: float
+) -> PlanningContext:
+    """The context of the quickest layout; obstacles less than `small_widths` working widths across are bypassed."""
+    request, tractor, implement = (create.keywords[name] for name in ("request", "tractor", "implement"))
+    field, headland_m = _prepare_ground(
+        request, field, tractor, implement, radius_m, reach, create.keywords["layout_repairs"], small_widths
+    )
+    rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
+    turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
+    create = partial(create, costs=turn_clock.measure_reversal_costs())
     free_space = compute_free_space(field, reach.margin_m)
 
     def build_context(base_layout: Layout) -> PlanningContext:
@@ -340,7 +363,6 @@ def prepare_context(
     context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts])]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
-    check_capacity(supply, context.layout)
     return context
 
 
@@ -352,6 +374,7 @@ def _prepare_ground(
     radius_m: float,
     reach: TurnReach,
     layout_repairs: LayoutRepairs,
+    small_widths: float,
 ) -> tuple[Field, float]:
     """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
     headland_m = request.headland_m or compute_headland_m(request.turn, request.width_m, radius_m, reach)
@@ -364,7 +387,7 @@ def _prepare_ground(
     with attach_parameter("field"):
         swing_m = build_body(tractor, implement).compute_swing_m(radius_m) + SWING_MARGIN_M - reach.margin_m
         field = field.compute_ground_with_margin(
-            request.margin_m, SMALL_OBSTACLE_WIDTHS * request.width_m, max(0.0, swing_m), layout_repairs.margins_m
+            request.margin_m, small_widths * request.width_m, max(0.0, swing_m), layout_repairs.margins_m
         )
     return field, headland_m
 
