@@ -133,7 +133,7 @@ def test_tracks_only_leaves_the_headland(place: Any) -> None:
 @pytest.mark.parametrize("name", ["netherlands", "sweden"])
 @pytest.mark.parametrize("tractors", [1, 2, 3])
 def test_samples_are_worked_whole(name: str, tractors: int) -> None:
-    site = prepare_context(PlanRequest(field=name, no_headland=False, corners="square"))
+    site = prepare_context(PlanRequest(field=name, no_headland=False, corners="square", overhang_m=5.0))
     result = of(site, "split-field", tractors).result
     assert result.feasible, result.reason
     assert (result.worked_pct or 0.0) > 99.0 and (result.excursion_m or 0.0) < 0.5
