@@ -215,9 +215,8 @@ def _build_detour_job(context: PlanningContext, blocked: shapely.Geometry) -> Fi
     """A field job whose paths avoid the blocked area."""
 
     def build_connector(region: shapely.Geometry) -> Connector:
-        return Connector(
-            shapely.difference(region, blocked), context.driving_rules.radius_m, context.costs, context.turn_kinds
-        )
+        rules, free = context.driving_rules, shapely.difference(region, blocked)
+        return Connector(free, rules.radius_m, context.costs, context.turn_kinds, rules.max_reverse_m)
 
     headland, rim = (
         None if region.is_empty else build_connector(region) for region in (context.beside_swaths, context.rim_area)
