@@ -32,8 +32,8 @@ FloatArray = npt.NDArray[np.float64]
 MIN_DIFFERENCE_RAD = math.radians(5.0)  # closer bearings give much the same swaths
 CLOSE_RAD = math.radians(1.0)  # closer ones are the same
 MAX_COST_RATIO = 1.1  # to the cheapest bearing by estimate: others are not laid
-MAX_LAID_BEARINGS, MAX_LAID_SWATHS = 16, 240  # laid to choose among: few swaths allow many bearings
-MIN_LAID_BEARINGS = 4
+MAX_LAID_BEARINGS, MAX_LAID_SWATHS = 16, 160  # laid to choose among: few swaths allow many bearings
+MIN_LAID_BEARINGS = 3
 MIN_SWATH_LENGTH_M = 5.0
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,9 @@ class TurnTimer:
     implement: Implement
     driving_rules: DrivingRules
     ground: str
+    _best_times: dict[tuple[Any, ...], tuple[float | None, ...]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     def build_mission(self, path: DrivePath) -> Mission:
         """A straight swath, the turn, another straight swath."""
@@ -69,6 +73,13 @@ class TurnTimer:
 
         None where no turn of these kinds fits a headland that leaves `depth_m` for it.
         """
+        key = width_m, depth_m, kinds
+        if key not in self._best_times:
+            self._best_times[key] = self._measure_best_times(*key)
+        return self._best_times[key]
+
+    def _measure_best_times(self, width_m: float, depth_m: float, kinds: tuple[str, ...]) -> tuple[float | None, ...]:
+        """As `measure_best_times`, which keeps the times: layouts compared share them."""
         times: list[float | None] = [0.0]
         max_lines = math.ceil(2.0 * self.driving_rules.radius_m / width_m) + 1
         for lines in range(1, max_lines + 1):
