@@ -89,7 +89,7 @@ class TestPlanned:
     @pytest.mark.parametrize("no_headland", [True, False])
     @pytest.mark.parametrize("lines", [(ALL_ROUND,), (EAST,)], ids=["all round", "one end"])
     def test_nothing_crosses(self, no_headland: bool, lines: Any) -> None:
-        site = fenced(*lines, no_headland=no_headland)
+        site = fenced(*lines, no_headland=no_headland, corners="square")
         driven = simulate_candidate(site, Candidate("split-field", 1))
         assert driven.run is not None and driven.result.feasible
         assert find_deepest_m(driven.run, site) == 0.0
