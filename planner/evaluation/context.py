@@ -359,7 +359,15 @@ def _lay_out_field(
         request.width_m, compute_available_turn_depth_m(headland_m, reach), list_allowed_kinds(request.turn)
     )
     rates = build_effort_rates(rules, turn_times)
-    contexts = [build_context(layout) for layout in list_layouts(request, field, headland_m, passing_m, rates)]
+    contexts: list[PlanningContext] = []
+    refusals: list[StrategyError] = []
+    for layout in list_layouts(request, field, headland_m, passing_m, rates):
+        try:
+            contexts.append(build_context(layout))
+        except StrategyError as refusal:  # obstacles leave no swath of this layout, but may of another
+            refusals.append(refusal)
+    if not contexts:
+        raise refusals[0]
     context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts])]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
