@@ -28,6 +28,7 @@ Ints = npt.NDArray[np.int64]
 NEAR_LINES = 10  # orders that are best turn over fewer lines; more only where a field is in pieces
 MAX_EXACT_ROUNDS = 13
 MAX_PROOF_ROUNDS = 3
+MIN_PROOF_GAIN = 0.005  # of the seconds between swaths: where an order ends matters more to what follows than less
 SEARCH_EFFORTS = ((False, False), (True, False), (True, True))
 """(kicked, proven): an order uses no estimates any more before the search takes more effort."""
 TIME_RESOLUTION_S = 1e-3  # times are rounded, so that no choice depends on rounding errors
@@ -165,19 +166,35 @@ class TurnTable:
     def prove_pass_order(self, found: Tour, effort: float) -> Tour:
         """An order of `find_best_pass_order` improved and proven (order_proof), by times without estimates.
 
-        `effort` is that of order_proof.prove_tour. An order that uses estimates is not taken.
+        `effort` is that of order_proof.prove_tour. Estimates that an improved order uses are computed; in the last
+        round only turns that are computed are used, as there is always a next one whose estimate is too good.
         """
         members = np.unique(found.passes // 2)
         rows = (2 * members[:, None] + np.arange(2)).ravel()
-        start = np.searchsorted(rows, found.passes)
-        for _ in range(MAX_PROOF_ROUNDS):
-            first, last = self.estimate_start_end_s()[:, rows]
-            times = TurnSeconds(np.ascontiguousarray(self.seconds[np.ix_(rows, rows)]), first.copy(), last.copy())
-            proven = prove_tour(Tour(start, times.sum_order(start), 0.0, times), effort)
-            order = rows[proven.passes]
-            if not (self.compute_exact_times(order.tolist()) | self.compute_exact_start_end(order.tolist())):
-                return replace(proven, passes=order)
-        return found
+        start = best = np.searchsorted(rows, found.passes)
+        bound_s = found.bound_s
+        for round_number in range(MAX_PROOF_ROUNDS):
+            times, is_last = self._get_times(rows), round_number == MAX_PROOF_ROUNDS - 1
+            if is_last:
+                is_exact = self.is_exact[np.ix_(rows, rows)]
+                times = times._replace(turns=np.where(is_exact, times.turns, UNREACHABLE_S))
+            proven = prove_tour(Tour(best, times.sum_order(best), 0.0, times), effort)
+            bound_s = bound_s if is_last else max(bound_s, proven.bound_s)
+            order = rows[proven.passes].tolist()
+            has_estimates = self.compute_exact_times(order) | self.compute_exact_start_end(order)
+            best = min(best, proven.passes, key=self._get_times(rows).sum_order)
+            if not has_estimates:
+                break
+        times = self._get_times(rows)
+        if times.sum_order(start) <= (1.0 + MIN_PROOF_GAIN) * times.sum_order(best):
+            best = start
+        seconds = times.sum_order(best)
+        return Tour(rows[best], seconds, min(bound_s, seconds), times)
+
+    def _get_times(self, rows: Ints) -> TurnSeconds:
+        """The seconds between the passes in some rows."""
+        first, last = self.estimate_start_end_s()[:, rows]
+        return TurnSeconds(np.ascontiguousarray(self.seconds[np.ix_(rows, rows)]), first.copy(), last.copy())
 
 
 def _list_near_turns(passes: list[SwathPass], near_lines: int) -> Iterator[tuple[int, int]]:
