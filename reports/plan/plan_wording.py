@@ -10,6 +10,7 @@ from datetime import timedelta
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.plan_results import (
+    NO_PATH,
     FieldPartPlan,
     PlanRanking,
     PlanResult,
@@ -376,12 +377,16 @@ def _explain_no_plan(ranking: PlanRanking) -> str:
 
 
 def _describe_changes(ranking: PlanRanking) -> str:
-    """What was tried without success, and what was found to work."""
-    tried = "Driving slower there and wider margins did not help." if ranking.plans[0].faults else ""
-    found = (
-        f"Found to work: {' or '.join(ranking.changes)}." if ranking.changes else "Slower and narrower did not help."
-    )
-    return " ".join(each for each in (tried, found) if each)
+    """What was tried without success, and what was found to work; empty where nothing could be tried."""
+    kinds = {fault.kind for plan in ranking.plans for fault in plan.faults}
+    tried = ""
+    if kinds:
+        tried = " Driving slower there and wider margins did not help."
+    if kinds == {NO_PATH}:
+        tried = " One more headland pass did not help."
+    if ranking.changes:
+        return f"{tried} Found to work: {' or '.join(ranking.changes)}."
+    return f"{tried} Neither did driving slower everywhere or a narrower implement." if kinds else ""
 
 
 def _describe_refused_count(count: int, first: RefusalGroup) -> str:

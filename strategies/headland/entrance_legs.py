@@ -12,7 +12,7 @@ from itertools import pairwise
 
 from strategies.headland.plan_passes import WAIT_POINT_STEP_M, renumber_gates
 from strategies.headland.raised_paths import find_raised_path
-from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.errors import NoPathFromError, StrategyError
 from strategies.path_planning.paths import DrivePath, EntranceLane, Pose, join_paths, make_straight_path
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import add_wait_points, build_path_legs, make_mission
@@ -80,9 +80,10 @@ def _find_entrance_path(job: FieldJob, gate: EntranceLane, pose: Pose, *, outwar
 
 
 def _build_no_path_error(job: FieldJob, pose: Pose, description: str) -> StrategyError:
-    return StrategyError(
+    return NoPathFromError(
         f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from {description} "
-        f"(at {pose[0]:.0f}, {pose[1]:.0f} m) inside the field; use a wider headland or another entrance."
+        f"(at {pose[0]:.0f}, {pose[1]:.0f} m) inside the field; use a wider headland or another entrance.",
+        pose[:2],
     )
 
 

@@ -16,7 +16,7 @@ from strategies.headland.pass_legs import HeadlandLegs, get_headland_legs
 from strategies.headland.pass_shares import HeadlandSegment, share_headland
 from strategies.headland.raised_paths import find_raised_path
 from strategies.headland.work_order import HEADLAND_FIRST
-from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.errors import NoPathFromError
 from strategies.path_planning.paths import Pose
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import add_wait_points, build_path_legs, make_mission
@@ -209,9 +209,10 @@ def _join_headland(
     path = find_raised_path(job, a, b, allow_rim=True, keep_to_headland=transition.keeps_to_headland)
     if path is None:
         origin_name, goal_name = ("headland", "tracks") if first else ("tracks", "headland")
-        raise StrategyError(
+        raise NoPathFromError(
             f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from the {origin_name} to the "
-            f"{goal_name} (at {a[0]:.0f}, {a[1]:.0f} m) inside the field; use a wider headland."
+            f"{goal_name} (at {a[0]:.0f}, {a[1]:.0f} m) inside the field; use a wider headland.",
+            a[:2],
         )
     task = (mission if first else headland_legs).legs[0].task
     path_legs = add_wait_points(

@@ -18,6 +18,14 @@ def build_too_many_error(tractors: int, swaths: int) -> StrategyError:
     return StrategyError(f"{tractors} tractors are more than the {advice}, or a bearing with more and shorter tracks.")
 
 
+class NoPathFromError(StrategyError):
+    """No path leads on from a `place` (x, y)."""
+
+    def __init__(self, sentence: str, place: tuple[float, float]) -> None:
+        super().__init__(sentence)
+        self.place = place
+
+
 class NoPathError(StrategyError):
     """No path leads between two `swaths`."""
 

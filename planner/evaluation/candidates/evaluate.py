@@ -60,7 +60,7 @@ from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_pla
 from reports.common.plan_results import NO_PATH, PlanFault, PlanResult
 from strategies.formations.grouping import StartCorner
 from strategies.formations.leftover import rank_start_corners
-from strategies.path_planning.errors import NoPathError, StrategyError
+from strategies.path_planning.errors import NoPathError, NoPathFromError, StrategyError
 from strategies.program.field_job import FieldJob
 from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
 from strategies.registry import STRATEGIES
@@ -108,7 +108,7 @@ def simulate_candidate(
     try:
         outcome = _run_unless_pruned(context, candidate, incumbent)
     except StrategyError as refusal:
-        faults = (_locate_missing_path(refusal),) if isinstance(refusal, NoPathError) else ()
+        faults = (_locate_missing_path(refusal),) if isinstance(refusal, NoPathError | NoPathFromError) else ()
         return CandidateEvaluation(
             PlanResult(
                 candidate.strategy, candidate.tractors, context.request.turn, False, str(refusal), faults=faults
@@ -127,9 +127,9 @@ def simulate_candidate(
     )
 
 
-def _locate_missing_path(refusal: NoPathError) -> PlanFault:
-    """Where no path leads on: at the end of the first of the swaths named."""
-    x_m, y_m = refusal.swaths[0].end_m
+def _locate_missing_path(refusal: NoPathError | NoPathFromError) -> PlanFault:
+    """Where no path leads on: at the place named, or at the end of the first of the swaths."""
+    x_m, y_m = refusal.place if isinstance(refusal, NoPathFromError) else refusal.swaths[0].end_m
     return PlanFault(NO_PATH, None, x_m, y_m)
 
 
