@@ -373,7 +373,7 @@ def _explain_no_plan(ranking: PlanRanking) -> str:
     sentence = (
         f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
     )
-    return f"{sentence} {_describe_changes(ranking)}"
+    return f"{sentence}{_describe_changes(ranking)}"
 
 
 def _describe_changes(ranking: PlanRanking) -> str:
