@@ -96,13 +96,14 @@ class WorkingArc:
     """An arc from one side to another with the implement down, and what it costs.
 
     It leaves the first side `leave_m` before its end and joins the other `join_m` after its beginning. The costs (s)
-    are less those of the parts of the sides that it stands for.
+    are less those of the parts of the sides that it stands for, with the ground finished that it misses.
     """
 
     path: DrivePath
     leave_m: float
     join_m: float
     cost_s: float
+    missed_m2: float
 
 
 def choose_arc(job: FieldJob, a: HeadlandSegment, b: HeadlandSegment) -> WorkingArc | None:
@@ -186,7 +187,7 @@ def _build_arc(
         return None
     driven_s = job.connector.costs.compute_time_s(path) - (leave_m + join_m) / job.driving_rules.work_speed_mps
     missed_m2 = _compute_arc_missed_m2(job, a, b, path, turn_rad)
-    return WorkingArc(path, leave_m, join_m, driven_s + missed_m2 * job.finishing_rate_s_per_m2)
+    return WorkingArc(path, leave_m, join_m, driven_s + missed_m2 * job.finishing_rate_s_per_m2, missed_m2)
 
 
 def _compute_arc_missed_m2(

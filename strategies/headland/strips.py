@@ -23,15 +23,16 @@ from strategies.headland.corner_choice import (
 )
 from strategies.headland.pass_shares import HeadlandSegment
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
+from strategies.path_planning.turn_kinds import AUTO_CORNERS
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import PATH_STEP_M
 from vehicle.missions.plan import HEADLAND_PASS, MAX_JOINT_GAP_M, LegTask
 
 Points = npt.NDArray[np.float64]
 
+MAX_MISSED_SHARE = 0.005  # of the field, by round corners of headland passes
+MISSED_GROUND_PRICES = (1.0, 3.0, 9.0, 27.0, 81.0)  # times what missed ground is charged in the ranking
 MIN_SIDE_M = 2.0  # a shorter side is worked by the corners at its ends
-ARC_RADIUS_FACTORS = (1.0, 1.15, 1.35, 1.7)  # times the planned radius: wider arcs swing out less
-PULL_BACK_STEP_M = 0.25  # steps in which the end of a side is pulled back into the field
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +48,7 @@ class HeadlandStrip:
 
 def build_strips(job: FieldJob, share: Sequence[HeadlandSegment]) -> list[HeadlandStrip]:
     """The segments of a share as they are driven; those that their corners already work are left out."""
-    segments, arcs = _join_by_arcs(job, share)
+    segments, arcs = _join_by_worthwhile_arcs(job, share)
     strips = []
     for index, segment in enumerate(segments):
         arc_in, arc_out = arcs[index - 1] if index else None, arcs[index]
@@ -66,6 +67,24 @@ def build_strips(job: FieldJob, share: Sequence[HeadlandSegment]) -> list[Headla
             job, HeadlandStrip(points, task, segment.length_m, arc_in is not None, arc_out is not None)
         )
     return _part_cut_strips(strips)
+
+
+def _join_by_worthwhile_arcs(
+    job: FieldJob, share: Sequence[HeadlandSegment]
+) -> tuple[list[HeadlandSegment], list[WorkingArc | None]]:
+    """As `_join_by_arcs`, at the lowest price of missed ground at which the corners do not miss more than may be.
+
+    Where all together would matter, the corners are square that miss most for the time they save.
+    """
+    pass_m = math.fsum(headland_pass.length_m for headland_pass in job.headland_passes)
+    share_of_passes = math.fsum(segment.length_m for segment in share) / max(pass_m, MIN_SIDE_M)
+    allowed_m2 = MAX_MISSED_SHARE * min(share_of_passes, 1.0) * job.layout.field.area_m2
+    prices = MISSED_GROUND_PRICES if job.corners == AUTO_CORNERS else (1.0,)
+    for price in prices:
+        segments, arcs = _join_by_arcs(replace(job, missed_ground_price=price), share)
+        if math.fsum(arc.missed_m2 for arc in arcs if arc is not None) <= allowed_m2:
+            break
+    return segments, arcs
 
 
 def _join_by_arcs(

@@ -142,14 +142,18 @@ class FieldJob:
     block_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     leg_cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
     turn_counts: dict[str, int] = field(default_factory=dict)
+    missed_ground_price: float = 1.0
 
     @property
     def finishing_rate_s_per_m2(self) -> float:
-        """Estimated seconds by which a plan is charged for missed ground (s/m2): its own rate on swaths and turns."""
+        """Estimated seconds by which a plan is charged for missed ground (s/m2): its own rate on swaths and turns.
+
+        Times `missed_ground_price`, by which corners of headland passes are compared where much would be missed.
+        """
         rules, swaths = self.driving_rules, self.layout.swaths
         turn_s = rules.turn_s[1] if len(rules.turn_s) > 1 else 0.0
         seconds = self.layout.total_length_m / rules.work_speed_mps + turn_s * len(swaths)
-        return seconds / (self.layout.total_length_m * self.layout.width_m)
+        return self.missed_ground_price * seconds / (self.layout.total_length_m * self.layout.width_m)
 
     def find_path(self, a: Pose, b: Pose) -> DrivePath | None:
         """The quickest drivable path from a to b, or None.
