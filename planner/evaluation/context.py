@@ -18,7 +18,13 @@ from fields.geometry.field_parts import cut_field_part
 from fields.layout.bearings import find_handedness
 from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
 from fields.layout.options import replace_bearings
-from fields.layout.swaths import Layout, compute_free_space, compute_free_space_to_rim, compute_unworked_free_space
+from fields.layout.swaths import (
+    Layout,
+    check_width,
+    compute_free_space,
+    compute_free_space_to_rim,
+    compute_unworked_free_space,
+)
 from planner.errors import RequestError, attach_parameter
 from planner.evaluation.context_inputs import (
     add_travel,
@@ -33,12 +39,7 @@ from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
-from planner.request.plan_request import (
-    KEPT_GROUND_OPERATIONS,
-    MIN_CLEARANCE_M,
-    STANDING_CROP_OPERATIONS,
-    PlanRequest,
-)
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M, STANDING_CROP_OPERATIONS, PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import DecisionCriteria, build_decision_criteria
@@ -345,6 +346,7 @@ def _lay_out_field(
     field, headland_m = _prepare_ground(
         request, field, tractor, implement, radius_m, reach, create.keywords["layout_repairs"], small_widths
     )
+    check_width(field, request.width_m)
     rules = _build_base_rules(request, tractor, implement, radius_m, reach, field.default_ground)
     turn_clock = TurnTimer(tractor, implement, rules, field.default_ground)
     create = partial(create, costs=turn_clock.measure_reversal_costs())
