@@ -69,14 +69,13 @@ def test_between_two_arcs_the_wheels_get_the_steering_distance() -> None:
 
 
 def test_a_clothoid_is_limited_by_its_rate_of_curvature() -> None:
-    growth = 0.02  # 1/m2
-    lengths = np.arange(0.0, 12.0, STEP_M)
-    headings = 0.5 * math.pi + 0.5 * growth * (lengths + 0.5 * STEP_M) ** 2
+    growth, middle_m = 0.01, 20.0  # 1/m2; it bends to the right before the middle and to the left after it
+    lengths = np.arange(0.0, 2.0 * middle_m, STEP_M)
+    headings = 0.5 * math.pi + 0.5 * growth * (lengths + 0.5 * STEP_M - middle_m) ** 2
     line = np.concatenate(([[0.0, 0.0]], np.cumsum(STEP_M * np.column_stack([np.cos(headings), np.sin(headings)]), 0)))
-    gentle = DrivingLimits(1e6, LIMITS.steering_mps, LIMITS.window_m, LIMITS.length_m, 1e6)
-    ends = (math.atan(gentle.length_m * growth * (6.0 + side * gentle.window_m)) for side in (1.0, -1.0))
-    expected = gentle.steering_mps / abs(float(np.subtract(*ends)))
-    assert find_limit(line, 6.0, gentle) == pytest.approx(expected, rel=0.03)
+    free = DrivingLimits(1e6, LIMITS.steering_mps, LIMITS.window_m, LIMITS.length_m, 1e6)
+    swing = 2.0 * math.atan(free.length_m * growth * free.window_m)
+    assert find_limit(line, middle_m, free) == pytest.approx(free.steering_mps / swing, rel=0.03)
 
 
 def test_straights_are_free_and_bends_are_braked_for() -> None:

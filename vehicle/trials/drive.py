@@ -342,6 +342,8 @@ class _TrialSetup:
         steps_per_tick = max(1, round(1.0 / (self.tractors[0].guidance.rate_hz * dt)))
         rows_by_tractor = np.empty((-(-steps // record_every), len(self.bodies), len(TRACE_COLUMNS)))
         models = np.array([build_model_record(tractor, Implement()) for tractor in self.tractors])
+        # The experiments drive by Eq. 2.5 as printed: no more lookahead and no less correction at speed.
+        models["lookahead_s"], models["lateral_ease"] = 0.0, math.inf
         rows = run_trials(
             steps,
             dt,

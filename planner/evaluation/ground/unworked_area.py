@@ -12,8 +12,9 @@ from fields.geometry.field import MIN_FENCE_MARGIN_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.overlays import GRID_M, extract_polygons
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
+from strategies.headland.strips import MAX_MISSED_SHARE
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
-from strategies.path_planning.turn_kinds import SQUARE_CORNERS
+from strategies.path_planning.turn_kinds import AUTO_CORNERS, SQUARE_CORNERS
 
 MIN_AREA_M2 = 1.0  # a smaller area of one reason is not listed
 SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
@@ -157,14 +158,19 @@ def _sort_pieces(ground: shapely.Geometry) -> tuple[shapely.Polygon, ...]:
 
 
 def _estimate_corner_loss_m2(context: PlanningContext) -> float:
-    """Ground (m2) missed at rounded corners of headland passes; corners without room for the arc are not rounded."""
+    """Ground (m2) missed at rounded corners of headland passes; corners without room for the arc are not rounded.
+
+    Where corners are chosen one by one it is at most the share of the field that they may miss.
+    """
     if context.request.corners == SQUARE_CORNERS:
         return 0.0
     radius_m = context.driving_rules.radius_m
-    return sum(
+    missed_m2 = sum(
         compute_missed_m2(side.end_turn_rad, context.layout.width_m, radius_m, inside_round=one.number > 1)
         for one in context.headland_passes
         for side, after in zip(one.sides, (*one.sides[1:], one.sides[0]), strict=True)
         if side.end_turn_rad > 0.0
         and 2.0 * compute_tangent_m(side.end_turn_rad, radius_m) <= min(side.length_m, after.length_m)
     )
+    is_limited = context.request.corners == AUTO_CORNERS
+    return min(missed_m2, MAX_MISSED_SHARE * context.layout.field.area_m2) if is_limited else missed_m2
