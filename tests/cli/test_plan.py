@@ -200,13 +200,13 @@ def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_
 
 BEGINS = """
 import sys
-import planner.pipeline.planning as planning
+import planner.pipeline.plan_repairs as plan_repairs
 from planner.cli.main import main
-iter_outcomes = planning.iter_outcomes
+iter_outcomes = plan_repairs.iter_outcomes
 def told(*arguments):
     print("simulating", file=sys.stderr, flush=True)
     return iter_outcomes(*arguments)
-planning.iter_outcomes = told
+plan_repairs.iter_outcomes = told
 main()
 """
 """The command, which says on standard error that it begins to simulate."""
