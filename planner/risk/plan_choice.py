@@ -231,7 +231,7 @@ def _describe_certainty(plan: PlanFigures, limit_text: str, objective: str) -> s
 def _describe_cost(plan: PlanFigures, unit: str) -> str:
     """The expected cost, and what is paid of it if ground may be late."""
     if abs(plan.expected - plan.paid) < MIN_AMOUNT:
-        return f"{format_price(plan.paid)}{unit}"
+        return f"{format_price(plan.expected)}{unit}"
     return f"{format_price(plan.expected)}{unit} expected ({format_price(plan.paid)}{unit} paid)"
 
 
