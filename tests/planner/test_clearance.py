@@ -66,6 +66,6 @@ def test_a_clearance_that_neighbouring_tracks_do_not_leave_is_told(place: Any) -
     assert result.remark is not None and f"come within {result.min_clearance_m:.2f} m of each other" in result.remark
     assert "some tracks leave only 0.30 m between machines" in result.remark
     alone = simulate_candidate(
-        place(FIELD, (0.0, 0.0), tractors=(1,), clearance_m=3.0), Candidate("split-field", 1)
+        place(FIELD, (0.0, 0.0), tractors=(1,), clearance_m=3.0, overhang_m=1.0), Candidate("split-field", 1)
     ).result
     assert alone.remark is None
