@@ -172,7 +172,8 @@ def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path)
     plain = best()
     assert best("--speed-kmh", "8")["time_s"] < plain["time_s"]
     assert best("--width", "4")["time_s"] < plain["time_s"]
-    assert best("--headland", "14")["worked_pct"] < plain["worked_pct"]
+    assert best("--headland", "14")["time_s"] != plain["time_s"]
+    assert best("--no-headland")["worked_pct"] < plain["worked_pct"]
     assert best("--bearing", "90")["time_s"] != plain["time_s"]
     assert best("--turn", "omega", "--headland", "14")["turn"].split("+")[0] in ("omega", "u")
     assert best("--tractor", "mr1000a")["time_s"] != plain["time_s"]
