@@ -1,12 +1,20 @@
 """Field files that cannot be planned: one clear sentence, exit status 2, and nothing touched."""
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+import shapely
 
+from fields import Field
+from fields.geometry.obstacles import Obstacle
+from planner.errors import RequestError
+from planner.evaluation.context import prepare_context
+from planner.pipeline.ranking import check_margin
+from planner.request.plan_request import PlanRequest
 from tests.cli.refusals import SQUARE, assert_refused, feature, ring
 
 FIELD_FILES = [
@@ -95,12 +103,24 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
     assert_refused(told, "--margin) of 45 m is too wide for field 'plot'", "leaves 50", "of 6000 m2")
 
 
-def test_a_margin_that_leaves_no_room_for_any_plan(headland: Callable[..., Any], folder: Path) -> None:
+def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Callable[..., Any], folder: Path) -> None:
     """A pole in the middle of 60 m with a margin of 29 m leaves a neck of 0.75 m on either side of it."""
     pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
     options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     outcome = _with(headland, folder, "plan", [feature(SQUARE), pole], *options)
-    assert_refused(outcome, "--margin) of 29 m leaves 5", "no plan works there", "smaller margin")
+    told = " ".join(outcome.out.split())
+    assert outcome.status == 0 and "cannot be reached and are skipped" in told and "are cut off: the way" in told
+    (worked_pct,) = {int(share) for share in re.findall(r"works only (\d+) % of the field", told)}
+    assert worked_pct < 50
+
+
+def test_a_margin_is_to_blame_where_no_plan_works() -> None:
+    """The same pole and margin: 55 % of the field is left, too much to refuse a plan but enough to explain none."""
+    field = Field("plot", shapely.box(0, 0, 100, 60), obstacles=(Obstacle("pole", shapely.Point(50, 30), 0.25),))
+    context = prepare_context(PlanRequest(field="plot", margin_m=29.0, no_headland=True), field)
+    check_margin(context, feasible=True)
+    with pytest.raises(RequestError, match=r"margin_m\) of 29 m leaves 5\d %.*no plan works there.*smaller margin"):
+        check_margin(context, feasible=False)
 
 
 def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
