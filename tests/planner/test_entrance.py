@@ -27,7 +27,7 @@ from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane
 from strategies.program.strategy_record import RefinedPlan
 from strategies.registry import STRATEGIES
 from strategies.sequencing.turn_table import TurnTable
-from vehicle.missions.plan import ENTER, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan, parse_saved_plan
 from vehicle.missions.run import DONE
 from vehicle.model.tractor import Implement, load_tractor
@@ -201,7 +201,9 @@ class TestPlan:
         assert run is not None
         for steps in list_steps(run, 3.0):
             words = [describe_leg(step) for step in steps if step.kind != "wait"]
-            assert words[0].startswith("from the entrance to round 1") and "to the entrance" in words[-1]
+            works = next(step for step in steps if step.kind in (SWATH, HEADLAND_PASS))
+            what = f"{'track' if works.kind == SWATH else 'round'} {works.number}"
+            assert words[0].startswith(f"from the entrance to {what}") and "to the entrance" in words[-1]
             assert sum("entrance" in each for each in words if not each.startswith("on to")) == 2
 
     def test_saved_and_driven_again_it_is_the_same(self) -> None:
