@@ -11,7 +11,7 @@ from planner.task_logs.example_logs import DDI_COLUMNS, encode_records
 from tests.fields.farm_files import METRE_EAST, METRE_NORTH, place
 
 WIDTH_M, WORK_MPS, TURN_MPS = 6.0, 2.0, 1.0
-TRACK_M, STOP_S, TURN_S = 100, 20, 10
+TRACK_M, STOP_S, TURN_S = 100, 20, 20
 TRACKS = 3
 
 _NAMED = "".join(f'<DLV A="{name}" B="" C="DET-1"/>' for name in DDI_COLUMNS)
@@ -19,7 +19,7 @@ HEADER = f'<TIM A="" D="4"><PTN A="" B="" D=""/>{_NAMED}</TIM>'
 
 
 def drive() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Three tracks of 100 m north and south, 6 m apart, at 2 m/s and once a second; half circles of 10 s between them.
+    """Three tracks of 100 m north and south, 6 m apart, at 2 m/s and once a second; half circles of 20 s between them.
 
     After the first half of the second track the machine stands for 20 s, at work. Seconds (n,), metres (n, 2), state.
     """

@@ -80,8 +80,8 @@ def test_what_is_true_of_the_runs_is_learnt(runs: Path, farm: Path) -> None:
     speed = learnt["implements.mower.speed_kmh"]
     assert speed.value == pytest.approx(3.6 * WORK_MPS, abs=0.01) and speed.low == speed.high == speed.value
     assert len(speed.runs) == 6 and speed.done == "added"
-    # Six runs of 190 s with one stop of 20 s each: 6 / (6 x 170 s) an hour.
-    assert learnt["uncertainty.stops_per_hour"].value == pytest.approx(3600.0 / 170.0, rel=1e-3)
+    # Six runs of 210 s with one stop of 20 s each: 6 / (6 x 190 s) an hour.
+    assert learnt["uncertainty.stops_per_hour"].value == pytest.approx(3600.0 / 190.0, rel=1e-3)
     assert learnt["uncertainty.stop_s"].value == 20.0
     assert "Too few events to learn turn_more_cv." in lesson.notes
     assert learnt["uncertainty.turn_cv"].value == 0.0

@@ -35,7 +35,7 @@ def headland(capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
 def test_a_table_and_two_files_a_run(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
     status, out, err = headland("logs", "import", taskdata, "-o", tmp_path / "new" / "runs")
     assert (status, err) == (0, "")
-    for word in ("TLG00001", "2026-05-04", "Long acre", "0:03:10", "0.18"):
+    for word in ("TLG00001", "2026-05-04", "Long acre", "0:03:30", "0.18"):
         assert word in out, out
     assert len(list((tmp_path / "new" / "runs").iterdir())) == 2
 
