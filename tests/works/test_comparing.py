@@ -115,7 +115,9 @@ def test_the_truth_of_the_example_comes_back(driven: tuple[Path, Path, ExampleTa
     assert b.by_kind_s[WORKING] == pytest.approx(a.by_kind_s[WORKING] / EXAMPLE_PACE, rel=0.02)
     assert b.by_kind_s[TURNING] == pytest.approx(a.by_kind_s[TURNING] / EXAMPLE_PACE, rel=0.05)
     assert (a.turns, a.lifts) == (b.turns, b.lifts)
-    assert b.active_m == pytest.approx(a.active_m, rel=0.005)
+    # Once a second each end of a track is half a second late in the mean; what begins there may be slower than work.
+    assert b.working_mps is not None and b.lifts is not None
+    assert b.active_m == pytest.approx(a.active_m, abs=0.5 * b.working_mps * b.lifts)
 
 
 def test_ground_is_the_same_where_the_same_lines_were_driven(found: PlanComparison) -> None:
