@@ -44,7 +44,13 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
     file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
     scenario = PlanRequest(
-        field=str(file), local=True, width_m=3.0, tractors=(3,), strategies=("split-field",), entrance=(0.0, 0.0)
+        field=str(file),
+        local=True,
+        width_m=3.0,
+        tractors=(3,),
+        strategies=("split-field",),
+        entrance=(0.0, 0.0),
+        corners="square",
     )
     site = prepare_context(scenario)
     run = simulate_candidate(site, Candidate("split-field", 3)).run
