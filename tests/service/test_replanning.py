@@ -41,6 +41,16 @@ FIELD = {
 
 @pytest.fixture(scope="module")
 def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    return plan_three(tmp_path_factory, (0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def plan_without_entrance(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
+    """At 0.35 of it, tractor 1 must wait for tractor 2 if the third has failed."""
+    return plan_three(tmp_path_factory, None)
+
+
+def plan_three(tmp_path_factory: pytest.TempPathFactory, entrance: tuple[float, float] | None) -> FleetPlan:
     file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
     file.write_text(json.dumps(FIELD), encoding="utf-8")
     scenario = PlanRequest(
@@ -49,7 +59,7 @@ def plan(tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
         width_m=3.0,
         tractors=(3,),
         strategies=("split-field",),
-        entrance=(0.0, 0.0),
+        entrance=entrance,
         corners="square",
     )
     site = prepare_context(scenario)
@@ -188,52 +198,54 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
     assert manager.compute_total_worked_m() == pytest.approx(plan.worked_m)
 
 
-def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(plan: FleetPlan) -> None:
-    manager = at(plan, 0.3)
+def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(plan_without_entrance: FleetPlan) -> None:
+    manager = at(plan_without_entrance, 0.35)
     manager.mark_failed("anna", 2, 1.0)
     with pytest.raises(
-        FleetManagerError, match="have to wait on legs already being driven: pause tractor 2 and replan"
+        FleetManagerError, match="have to wait on legs already being driven: pause tractor 1 and replan"
     ):
         replan_remaining_work(extract_remaining_work(manager, [], 100.0))
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = replan_remaining_work(rest).plan
-    state = manager.states[1]
-    (gate,) = made.timed_missions[1].legs[state.leg].gates
-    assert gate.tractor == 0 and state.leg < state.base_end
+    state = manager.states[0]
+    (gate,) = made.timed_missions[0].legs[state.leg].gates
+    assert gate.tractor == 1 and state.leg < state.base_end
     assert not any(gate.tractor == 2 for course in made.timed_missions for leg in course.legs for gate in leg.gates)
     check_proposal_still_fits(rest, manager, made)
     manager.adopt_plan("anna", made, 101.0, rest.excluded)
     manager.resume_tractors("anna", None, 103.0)
     manager.take_outputs()
     manager.update_fleet(103.2)
-    assert state.holds == {WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[0].holds
-    assert manager.find_awaited_legs(1) == [(gate.tractor, gate.leg)]
-    assert 0.0 < manager.finish_in_s[0] < manager.finish_in_s[1] < math.inf
+    assert state.holds == {WAITS_FOR_PLAN} and state.standing_ordered and not manager.states[1].holds
+    assert manager.find_awaited_legs(0) == [(gate.tractor, gate.leg)]
+    assert 0.0 < manager.finish_in_s[1] < manager.finish_in_s[0] < math.inf
     kept = FleetManager(manager.plan, FleetRules())
     restore_progress(kept, json.loads(json.dumps(capture_progress(manager, 103.2, 0.0))), 0.0, 0.0)
     kept.update_fleet(0.2)
-    assert kept.states[1].holds == {WAITS_FOR_PLAN, SERVICE_RESTARTED}
+    assert kept.states[0].holds == {WAITS_FOR_PLAN, SERVICE_RESTARTED}
     kept.resume_tractors("anna", None, 1.0)
     kept.update_fleet(1.2)
-    assert kept.states[1].holds == {WAITS_FOR_PLAN}, "a restart does not let it go"
-    manager.states[0].leg, manager.states[0].leg_m = gate.leg, gate.after_m + 0.1
+    assert kept.states[0].holds == {WAITS_FOR_PLAN}, "a restart does not let it go"
+    manager.states[1].leg, manager.states[1].leg_m = gate.leg, gate.after_m + 0.1
     manager.update_fleet(103.4)
-    assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(1) == []
+    assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(0) == []
 
 
-def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_gone_on(plan: FleetPlan) -> None:
-    manager = at(plan, 0.3)
+def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_gone_on(
+    plan_without_entrance: FleetPlan,
+) -> None:
+    manager = at(plan_without_entrance, 0.35)
     manager.mark_failed("anna", 2, 1.0)
     stand(manager)
     rest = extract_remaining_work(manager, [], 100.0)
     made = replan_remaining_work(rest).plan
-    moving = replace(manager.states[1].report, speed_mps=1.0)  # type: ignore[type-var]
-    manager.states[1].report = moving
-    with pytest.raises(FleetManagerError, match="Tractor 2 already drives where the new plan makes it wait"):
+    moving = replace(manager.states[0].report, speed_mps=1.0)  # type: ignore[type-var]
+    manager.states[0].report = moving
+    with pytest.raises(FleetManagerError, match="Tractor 1 already drives where the new plan makes it wait"):
         manager.adopt_plan("anna", made, 101.0, rest.excluded)
-    manager.states[1].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
-    with pytest.raises(FleetManagerError, match=r"Tractor 2 was to wait where it stood and has moved 3\.0 m"):
+    manager.states[0].report = replace(moving, speed_mps=0.0, x_m=moving.x_m + 3.0)
+    with pytest.raises(FleetManagerError, match=r"Tractor 1 was to wait where it stood and has moved 3\.0 m"):
         check_proposal_still_fits(rest, manager, made)
 
 
