@@ -24,7 +24,7 @@ from planner.risk.costs import compute_simulated_cost, compute_travel_cost
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
 from vehicle.missions.run import DONE, SimulationRun
 
-MIN_TOLD_BEYOND_M = 5.0  # less driving beyond the allowed overhang is in the results, but no remark
+MIN_BEYOND_M = 5.0  # less driving beyond the allowed overhang is in the results, but no remark
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,7 @@ def measure_candidate(
 
 def _join_overhang_remark(remark: str | None, overhang: Overhang, context: PlanningContext) -> str | None:
     """A remark, with a sentence on machines that reach farther over open edges than allowed for a while."""
-    if overhang.beyond_m < MIN_TOLD_BEYOND_M:
+    if overhang.beyond_m < MIN_BEYOND_M:
         return remark
     edge_remark = (
         f"tractor or implement reach up to {overhang.farthest_m:.1f} m over an open edge, and farther than allowed "
