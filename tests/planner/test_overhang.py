@@ -148,6 +148,7 @@ def test_samples_at_ordinary_speeds(name: str, machine: tuple[float, float]) -> 
         for one in ("auto", "square", "round")
     )
     assert auto.feasible, auto.reason
-    times_s = [one.finished_s for one in (square, rounded) if one.feasible and one.finished_s]
-    assert (auto.finished_s or math.inf) <= 1.005 * min(times_s)
+    others_s = [one.finished_s for one in (square, rounded) if one.feasible and one.finished_s]
+    auto_s, misses_less = auto.finished_s or math.inf, auto.worked_pct > rounded.worked_pct + 0.2
+    assert auto_s <= 1.005 * (max(others_s) if misses_less else min(others_s))
     assert (auto.beyond_overhang_m or 0.0) < 20.0
