@@ -55,6 +55,7 @@ def run(room: Path) -> Run:
 
     def start(code: str = CODE, **environment: str) -> tuple[str, str]:
         whole = {**os.environ, "PYTHONPATH": str(room), "NUMBA_CACHE_DIR": str(room / "kept"), **environment}
+        whole["PYTHONDONTWRITEBYTECODE"] = "1"  # its bytecode is taken as fresh after a change within one second
         words = [sys.executable, "-W", "error", "-c", code]
         done = subprocess.run(words, capture_output=True, text=True, env=whole, timeout=120, cwd=room, check=True)
         return done.stdout.strip(), done.stderr
