@@ -189,3 +189,11 @@ class TestBlame:
         with pytest.raises(HeadlandError, match=r"none|nowhere") as caught:
             ask()
         assert caught.value.parameter == parameter
+
+
+@pytest.mark.parametrize("limits", [{"min_speed_mps": 2.0}, {"max_speed_mps": 1.0}])
+def test_a_working_speed_outside_what_the_implement_does_is_refused(limits: dict[str, float]) -> None:
+    with pytest.raises(RequestError, match="of the implement") as refusal:
+        PlanRequest(speed_mps=1.5, **limits)
+    assert refusal.value.parameter == "speed_mps"
+    assert PlanRequest(speed_mps=1.5, min_speed_mps=1.5, max_speed_mps=1.5).speed_mps == 1.5

@@ -54,18 +54,6 @@ class DrivingLimits:
     length_m: float
     deceleration_mps2: float
 
-    def compute_bend_speed_mps(self, curvature: float) -> float:
-        """Largest speed on a long arc (closed form); infinite on a straight."""
-        if not curvature:
-            return math.inf
-        return_mps = self.steering_mps / (STEERING_DISTANCE_FACTOR * math.atan(self.length_m * abs(curvature)))
-        return min(math.sqrt(self.lateral_mps2 / abs(curvature)), return_mps)
-
-    def compute_change_speed_mps(self, before: float, after: float) -> float:
-        """Largest speed where an arc of one curvature (1/m) meets one of another; infinite where they are the same."""
-        change = abs(math.atan(self.length_m * after) - math.atan(self.length_m * before))
-        return self.steering_mps / change if change else math.inf
-
 
 UNLIMITED = DrivingLimits(1e9, 1e9, 0.0, 1.0, 1e9)
 """Every bend at any speed: for distances, and where a time is compared without limits."""
