@@ -192,7 +192,7 @@ class TestBlame:
 
 
 @pytest.mark.parametrize("limits", [{"min_speed_mps": 2.0}, {"max_speed_mps": 1.0}])
-def test_a_working_speed_outside_what_the_implement_does_is_refused(limits: dict[str, float]) -> None:
+def test_a_working_speed_outside_what_the_implement_does_is_refused(limits: dict[str, Any]) -> None:
     with pytest.raises(RequestError, match="of the implement") as refusal:
         PlanRequest(speed_mps=1.5, **limits)
     assert refusal.value.parameter == "speed_mps"
