@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import inspect
 import io
 import os
 import re
@@ -33,6 +34,7 @@ from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
+from reports.common.language import ENGLISH, choose_language, get_language, set_language, translate
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the help
@@ -47,7 +49,9 @@ class CommandGroup(TyperGroup):
     """All commands; usage errors of typer become one sentence, like every other refusal."""
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
-        """As typer does, with usage errors converted."""
+        """As typer does, with usage errors converted and help in the language of the user."""
+        set_language(choose_language(os.environ))
+        _translate_help(self)
         with _convert_usage_errors():
             return super().make_context(*arguments, **options)
 
@@ -55,6 +59,17 @@ class CommandGroup(TyperGroup):
         """As typer does, with usage errors converted."""
         with _convert_usage_errors():
             return super().invoke(ctx)
+
+
+def _translate_help(command: Any) -> None:
+    """Put the texts of a command, its options and its subcommands in the language in use."""
+    if get_language() == ENGLISH:
+        return
+    for described in (command, *command.params):
+        if getattr(described, "help", None):
+            described.help = translate(inspect.cleandoc(described.help))
+    for subcommand in getattr(command, "commands", {}).values():
+        _translate_help(subcommand)
 
 
 @contextlib.contextmanager

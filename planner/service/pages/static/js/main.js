@@ -2,6 +2,7 @@
 import { put, note, heading, button, speak } from "./dom.js";
 import { ServiceError } from "./api.js";
 import { startTheme } from "./palette.js";
+import { startLanguage, translate } from "./language.js";
 
 const ROUTES = [
   [/^\/?$/, "overview", "overview"],
@@ -23,7 +24,7 @@ let close = () => {}, turn = 0;
 
 const shell = {
   title(words) {
-    document.title = `${words} \u2013 Headland`;
+    document.title = `${translate(words)} \u2013 Headland`;
     speak(words);
   },
 };
@@ -79,5 +80,6 @@ function trouble(box, error) {
 }
 
 startTheme(document.getElementById("theme"));
+await startLanguage(document.getElementById("language"));
 window.addEventListener("hashchange", () => show());
 show(true);
