@@ -38,6 +38,7 @@ from reports.common.language import ENGLISH, choose_language, get_language, set_
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the help
+EXAMPLE = "Example: "
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
 
 
@@ -67,9 +68,20 @@ def _translate_help(command: Any) -> None:
         return
     for described in (command, *command.params):
         if getattr(described, "help", None):
-            described.help = translate(inspect.cleandoc(described.help))
+            described.help = "\n\n".join(translate_paragraph(each) for each in split_paragraphs(described.help))
     for subcommand in getattr(command, "commands", {}).values():
         _translate_help(subcommand)
+
+
+def split_paragraphs(text: str) -> list[str]:
+    """The paragraphs of a help text, each in one line."""
+    return [" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n")]
+
+
+def translate_paragraph(paragraph: str) -> str:
+    """A paragraph in the language in use; the command of an example stays."""
+    word, colon, command = paragraph.partition(EXAMPLE)
+    return f"{translate(EXAMPLE)}{command}" if colon and not word else translate(paragraph)
 
 
 @contextlib.contextmanager

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import inspect
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -26,8 +25,8 @@ NO_TEXT = re.compile(
 """Strings of scripts that name fonts, media, methods, headers, selectors or drawings."""
 OWN_NAMES = frozenset(
     (
-        "Accept", "AgOpenGPS", "Deutsch", "EPSG:25832", "English", "Español", "Feature", "FeatureCollection", "Français",
-        "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point", "Polygon", "Shapefile",
+        "Accept", "AgOpenGPS", "Deutsch", "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
+        "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point", "Polygon", "Shapefile",
     )
 )  # fmt: skip
 """Names that are the same in every language."""
@@ -98,7 +97,7 @@ def _iter_help_texts() -> Iterator[str]:
     """Help of all commands and options."""
     import typer.main
 
-    from planner.cli.main import app
+    from planner.cli.main import EXAMPLE, app, split_paragraphs
 
     waiting: list[Any] = [typer.main.get_command(app)]
     while waiting:
@@ -106,7 +105,8 @@ def _iter_help_texts() -> Iterator[str]:
         waiting.extend(getattr(command, "commands", {}).values())
         for described in (command, *command.params):
             if getattr(described, "help", None):
-                yield inspect.cleandoc(described.help)
+                paragraphs = split_paragraphs(described.help)
+                yield from (EXAMPLE if each.startswith(EXAMPLE) else each for each in paragraphs)
 
 
 def _iter_page_texts() -> Iterator[str]:
