@@ -26,7 +26,8 @@ NO_TEXT = re.compile(
 OWN_NAMES = frozenset(
     (
         "Accept", "AgOpenGPS", "Deutsch", "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
-        "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point", "Polygon", "Shapefile",
+        "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point",
+        "Polygon", "Shapefile",
     )
 )  # fmt: skip
 """Names that are the same in every language."""
