@@ -382,7 +382,7 @@ def _describe_changes(ranking: PlanRanking) -> str:
     tried = ""
     if kinds:
         tried = " Driving slower there and wider margins did not help."
-    if kinds == {NO_PATH}:
+    if kinds == {NO_PATH} and not any("headland pass" in change for change in ranking.changes):
         tried = " One more headland pass did not help."
     if ranking.changes:
         return f"{tried} Found to work: {' or '.join(ranking.changes)}."
