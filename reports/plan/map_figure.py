@@ -357,7 +357,7 @@ def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayo
     """Title, legend and leg lists."""
     edge = _EDGE_INCHES / layout.width
     figure.suptitle(
-        _escape_figure_formula("\n".join(layout.title)),
+        escape_figure_formula("\n".join(layout.title)),
         x=edge,
         y=1.0 - 0.5 * _EDGE_INCHES / layout.height,
         ha="left",
@@ -381,7 +381,7 @@ def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayo
         figure.text(
             (left_edge + column * _LIST_INCHES) / layout.width,
             top / layout.height,
-            _escape_figure_formula(text),
+            escape_figure_formula(text),
             ha="left",
             va="top",
             fontsize=_LIST_POINTS,
@@ -486,6 +486,6 @@ def _build_legend_marker(marker: str, label: str, face: str) -> Line2D:
     )
 
 
-def _escape_figure_formula(text: str) -> str:
+def escape_figure_formula(text: str) -> str:
     """Text that matplotlib does not read as a formula."""
     return text.replace("$", r"\$")

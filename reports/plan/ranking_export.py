@@ -172,14 +172,15 @@ def format_study_json(study: FleetStudy) -> str:
     """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
     return _format_json(
         {
-            "tables": {name: [_build_study_row(row) for row in rows] for name, rows in study.tables.items()},
+            "tables": {name: [build_study_row(row) for row in rows] for name, rows in study.tables.items()},
             "claims": [{"claim": claim.claim, "holds": claim.holds, "why": claim.why} for claim in study.claims],
             "assumptions": list(study.assumptions),
         }
     )
 
 
-def _build_study_row(row: ThesisTableRow) -> dict[str, Any]:
+def build_study_row(row: ThesisTableRow) -> dict[str, Any]:
+    """One row of a table of the study."""
     return {
         "tractors": row.tractors,
         "thesis_s": row.thesis_s,
