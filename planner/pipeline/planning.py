@@ -156,15 +156,9 @@ def plan(
         yard=yard,
     )
     if executor is None:
+        how: dict[str, Any] = {"progress": progress, "with_pictures": with_pictures, "simulate_all": simulate_all}
         with create_executor(len(candidates)) as executor:
-            return plan(
-                request,
-                executor=executor,
-                progress=progress,
-                with_pictures=with_pictures,
-                simulate_all=simulate_all,
-                **prepare.keywords,
-            )
+            return plan(request, executor=executor, **how, **prepare.keywords)
     context = prepare(request)
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
     evaluations = CandidateEvaluations(request, candidates, executor, progress, with_pictures)
