@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
+from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alignment
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     compute_anchored_errors,
     compute_horizon_errors,
-    fit_rigid_motion,
     simulate_instruments,
     split_pieces,
     sum_squared_errors_by_run,
@@ -68,7 +67,7 @@ def diagnose(
     if use_driven_size:
         machine = scale_to_logs(parsed_logs, machine, ground)
     refuse_other_vehicle(parsed_logs, machine, ground)
-    return _add_plan_gain(diagnose_logs(parsed_logs, machine, ground, progress), machine)
+    return _explain_logs(parsed_logs, machine, ground, progress)
 
 
 def diagnose_demo(
@@ -89,9 +88,14 @@ def diagnose_demo(
         machine = resolve_tractor(tractor)
     with attach_parameter("hide"):
         hidden = draw_hidden_effect(seed, machine, hidden_effect)
-    return _add_plan_gain(
-        diagnose_logs(simulate_demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine
-    ), hidden
+    return _explain_logs(simulate_demo_logs(hidden, machine, ground, seed), machine, ground, progress), hidden
+
+
+def _explain_logs(logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None) -> Diagnosis:
+    """Diagnose logs; add what their replay shows, and the change of a plan."""
+    diagnosis = diagnose_logs(logs, machine, ground, progress)
+    evidence = build_evidence(logs, machine, diagnosis.tractor, ground)
+    return _add_plan_gain(replace(diagnosis, evidence=evidence), machine)
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
@@ -174,7 +178,7 @@ def _measure_lateral_cm(context: PlanningContext, run: SimulationRun) -> float:
     return 100.0 * float(np.sqrt(np.mean(cross**2)))
 
 
-ALIGNMENT_S, SEGMENT_S = 5.0, 5.0
+SEGMENT_S = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,14 +222,3 @@ def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -
         for rows in split_pieces(segment.time, SEGMENT_S)
     )
     return ReplayedSegment(segment, antenna @ turn.T + shift, wheel, speed, parts)
-
-
-def compute_log_alignment(
-    segment: DriveSegment, antenna: Array, heading: Array, seconds: float = ALIGNMENT_S
-) -> tuple[Array, Array]:
-    """Return rotation (2, 2) and shift (2,) that align the first seconds of the simulation with the measurement."""
-    rows = max(int(np.searchsorted(segment.time, seconds)), 2)
-    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
-    angle, *middles = fit_rigid_motion(0, rows, segment.east, segment.north, segment.heading, x, y, heading)
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    return turn, np.array(middles[:2]) - turn @ np.array(middles[2:])
