@@ -63,6 +63,10 @@ def fake_app() -> FastAPI:
     def me() -> dict[str, Any]:
         return {"name": "office", "rights": ["operate", "plan", "read"], "fleet": None, "tractor": None}
 
+    @app.get("/api/v1/background")
+    def background() -> dict[str, Any]:
+        return {"kind": "none", "attribution": "", "least_zoom": 0, "most_zoom": 0, "tile_px": 256, "bounds_deg": None}
+
     _fleets(app, made)
     _files(app, made)
     _jobs(app, made)

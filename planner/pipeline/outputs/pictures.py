@@ -61,6 +61,8 @@ def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
         obstacles=_outline_obstacles(layout.field),
         fences=tuple(np.asarray(fence.coords)[:, :2] for fence in layout.field.fences),
         cut_off=tuple(_build_cut_off_piece(part) for part in layout.field.cut_off_parts),
+        crs=layout.field.crs,
+        origin_m=layout.field.origin_m,
     )
 
 

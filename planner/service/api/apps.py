@@ -29,10 +29,11 @@ from planner.request.parameter_names import strip_unit
 from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
-from planner.service.api import administration, job_routes, monitoring
+from planner.service.api import administration, background_routes, job_routes, monitoring
 from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, views_router
 from planner.service.api.monitoring import ConnectionMetrics, FleetMetrics, JobMetrics, ServiceMetrics, find_version
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
+from planner.service.backgrounds.map_background import MapBackground
 from planner.service.fleets import fleet_routes, fleet_socket, twin_routes
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.fleets.fleet_socket import PendingConnections
@@ -162,6 +163,7 @@ def list_back_office_routers() -> list[APIRouter]:
         job_routes.exports_router,
         all_jobs_router,
         views_router,
+        background_routes.background_router,
     ]
     return [
         *parts,
@@ -211,6 +213,7 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
 def _set_up_back_office_state(app: FastAPI) -> None:
     app.state.supervisor = WorkerSupervisor(app.state.settings, app.state.store)
     app.state.views = OneTimeViews()
+    app.state.background = MapBackground(app.state.settings)
 
 
 def _add_routers(app: FastAPI, routers: Sequence[APIRouter], documented_routers: Sequence[APIRouter] = ()) -> None:
@@ -303,6 +306,7 @@ async def _run_office(app: FastAPI) -> AsyncIterator[None]:
     finally:
         if sweep_task is not None:
             sweep_task.cancel()
+        await app.state.background.close()
         await asyncio.to_thread(app.state.supervisor.stop)
 
 

@@ -24,12 +24,12 @@ export function socketUrl(path) {
   return url;
 }
 
-async function ask(method, path, body = null, headers = {}) {
+async function ask(method, path, body = null, headers = {}, cache = "no-store") {
   const secret = token.get();
   if (secret) headers.Authorization = `Bearer ${secret}`;
   let answer;
   try {
-    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache: "no-store", credentials: "same-origin" });
+    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache, credentials: "same-origin" });
   } catch {
     throw new ServiceError("The service does not answer; check that it is still running.", 0);
   }
@@ -49,6 +49,11 @@ const json = async (answer) => (answer.status === 204 ? null : answer.json());
 export const get = async (path) => json(await ask("GET", path));
 export const text = async (path) => (await ask("GET", path)).text();
 export const bytes = async (path) => (await ask("GET", path)).blob();
+/** A picture, which the browser may keep; null where there is none. */
+export async function picture(path) {
+  const answer = await ask("GET", path, null, {}, "default");
+  return answer.status === 204 ? null : createImageBitmap(await answer.blob());
+}
 export const remove = async (path) => json(await ask("DELETE", path));
 export const post = async (path, body = {}) =>
   json(await ask("POST", path, JSON.stringify(body), { "Content-Type": "application/json" }));

@@ -3,9 +3,9 @@
 import { MapView } from "./map.js";
 import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
-import { polygon, line, hatch, tractor, word } from "./layers.js";
+import { polygon, line, hatch, tractor, word, soil, edge } from "./layers.js";
 
-const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6, NEAR_M = 2000;
+const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6, NEAR_M = 2000, GROUND_M = 150;
 
 // Fleets whose metres are of the same grid; local metres are a grid of their own.
 const gridOf = (live) => live.scene.crs ?? `local ${live.id}`;
@@ -89,6 +89,8 @@ export class LiveMap {
       return [live, { group: there[k].group, shift: [east, north], box: moved(boxes[k], [east, north]) }];
     }));
     this.layout = { key, at };
+    // In metres of each fleet; some ground round the field is seen too.
+    this.view.setGrounds(shown.map((live, k) => ({ crs: live.scene.crs, origin: live.origin, box: grown(boxes[k], GROUND_M), shift: at.get(live).shift })));
     return at;
   }
 
@@ -170,16 +172,17 @@ export class LiveMap {
   }
 }
 
+const grown = ([west, south, east, north], by) => [west - by, south - by, east + by, north + by];
 const moved = (box, [x, y]) => [box[0] + x, box[1] + y, box[2] + x, box[3] + y];
 
 export function drawGround(ctx, view, scene, between = null) {
-  polygon(ctx, view, scene.rings, colours.field);
+  soil(ctx, view, scene.rings);
   between?.(ctx);
   if (scene.obstacles?.length) {
     for (const ring of scene.obstacles) polygon(ctx, view, [ring], colours.obstacle, colours.edge, 1);
     hatch(ctx, view, scene.obstacles, colours.ink);
   }
-  polygon(ctx, view, scene.rings, null, colours.edge, 1.5);
+  edge(ctx, view, scene.rings);
   for (const ring of scene.fence ?? []) line(ctx, view, [...ring, ring[0]], colours.line, 1, [2, 6]);
 }
 

@@ -7,6 +7,7 @@ import { StripChart } from "../charts.js";
 import { Camera } from "../camera.js";
 import { remotePanel } from "../remote.js";
 import { alarmList, stopAll, refusals, connectionOf, waitsWords } from "../board.js";
+import { mapLegend, LIVE } from "../legend.js";
 import { colours } from "../palette.js";
 import { age, capital, kmh, legWords, number as figure, span, timeOfDay, DASH } from "../words.js";
 
@@ -34,7 +35,7 @@ export async function open(main, shell, [id, text]) {
   put(main, el("p", { class: "small" }, el("a", { href: `#/fleet/${part(id)}` }, `\u2039 ${live.name}`)), head, said, doubt,
     el("div", { class: "board" },
       el("div", { class: "stack map-box" },
-        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Follow it"), el("span", { class: "small soft" }, "dashed outline: its twin"))),
+        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Follow it"), mapLegend(LIVE))),
         figures),
       el("div", { class: "stack side" },
         el("section", { class: "panel" }, el("h2", {}, "Camera"), camera.node),
