@@ -16,6 +16,7 @@ from planner.service.errors import NotFoundError, ServiceError
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobRequest, PlanJobRequest
 from planner.service.store.file_table import SUFFIXES_BY_KIND
 from planner.service.store.service_store import Store
+from vehicle.identification.logs.reader import SAMPLE_LOG
 from vehicle.model.tractor import list_tractor_names
 
 DAY_FILE = "day/day.toml"
@@ -67,6 +68,10 @@ class InputCollector:
         """The name of a built-in tractor, or the path of an uploaded one."""
         return name if name in list_tractor_names() else self.add_file("tractor", name, parameter)
 
+    def add_log(self, name: str) -> str:
+        """The name of the log of Headland, or the path of an uploaded one."""
+        return name if name == SAMPLE_LOG else self.add_file("log", name, "logs")
+
     def add_day(self, text: str) -> None:
         """The text of a day, and the files that it names."""
         sha256 = self._store.blobs.put_bytes(text.encode())
@@ -112,7 +117,7 @@ def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], I
                 request.farm if request.farm == EXAMPLE_FARM else collector.add_file("farm", request.farm, "farm")
             )
     elif isinstance(request, DiagnosisJobRequest):
-        values["logs"] = [collector.add_file("log", name, "logs") for name in request.logs]
+        values["logs"] = [collector.add_log(name) for name in request.logs]
         values["tractor"] = collector.add_tractor(request.tractor, "tractor")
     return values, collector.inputs
 
@@ -146,6 +151,20 @@ def _is_farm_tractor(store: Store, farm: str | None, tractor: str) -> bool:
     if farm is None or any(mark in tractor for mark in PATH_CHARACTERS):
         return False
     return _strip_suffix("tractor", tractor) not in uploaded_names
+
+
+def list_tractor_users(store: Store, name: str) -> list[str]:
+    """The farms and fleets that name an uploaded tractor, in words: "the farm 'own'"."""
+    users = []
+    for farm in store.list_files("farm"):
+        try:
+            values = parse_toml(store.blobs.read_bytes(farm.sha256).decode("utf-8-sig"))
+        except (ValueError, RecursionError):
+            continue
+        if any(_strip_suffix("tractor", file) == name for _, file in _list_farm_tractors(values)):
+            users.append(f"the farm {farm.name!r}")
+    fleets = [each.name for each in store.list_fleets() if name in each.progress.get("mended", {}).values()]
+    return users + [f"the fleet {each!r}" for each in fleets]
 
 
 def _strip_suffix(kind: str, name: str) -> str:
