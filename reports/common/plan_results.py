@@ -65,6 +65,7 @@ class PlanResult(ShownResult):
             gives the order.
         formation_pct: share of the length of all tracks that tractors drive side by side; None without a formation.
         headland_passes, headland_s: passes worked, and seconds from the first tractor on one to the last off it.
+        headland_order: whether they are worked "first" or "last"; None without any.
         done_s: end of field work, seconds after the start by the clock: with the path from the entrance, without the
             path back; on a farm with breaks, road and preparation. `finished_done_s`: the same of the finished field.
         ready_s, home_s, transport_s: on a farm, when field work can begin, when all are back in the yard, and tractor
@@ -136,6 +137,7 @@ class PlanResult(ShownResult):
     p50_done_s: float | None = None
     p95_done_s: float | None = None
     fuel_l: float | None = None
+    headland_order: str | None = None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:
