@@ -7,10 +7,12 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+import reports.day.notebook  # noqa: F401  # how a day is shown
 from fields.documents.reader import read_field
 from fields.errors import attach_parameter
 from fields.geometry.field import Field
@@ -35,7 +37,7 @@ from planner.day.formulation import (
     get_field_uncertainty,
     sample_fleet_day,
 )
-from planner.day.input_file import YARD, DayFile, get_fleet_machines
+from planner.day.input_file import YARD, DayFile, get_fleet_machines, load_day
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
@@ -140,7 +142,7 @@ CACHE_FAILED = "Field times could not be cached, so the next run simulates them 
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PreparedDay:
     """A day after reading and checking, before simulation. `road_km` (n + 1, n + 1) has the yard last."""
 
@@ -205,7 +207,7 @@ def _find_sun_place(places: Sequence[DayPlace]) -> tuple[float, float] | None:
 
 
 def plan_day(
-    prepared: PreparedDay,
+    day: PreparedDay | str | Path,
     *,
     cache: FieldTimeCache | None = None,
     executor: Executor | None = None,
@@ -215,8 +217,17 @@ def plan_day(
 ) -> DayResult:
     """Simulate missing field times, assign fields to fleets, and estimate probabilities by Monte Carlo.
 
+    Example:
+
+        day = planner.plan_day("day.toml")  # a file as headland day new writes it
+        day                                 # in a notebook: advice, work over time, the jobs
+        day.to_pandas()                     # a row per job: start_s, end_s, p95_end_s, cost
+        day.save("day.html")                # the page; also .json, .csv and .png
+
+    `day` is a day file or a prepared day. Returns a DayResult: `jobs`, `unworked_fields`, `fleets`, `cost`, `advice`.
     The result depends neither on the executor nor on the cache. `progress` is called with (done, all) field times.
     """
+    prepared = day if isinstance(day, PreparedDay) else prepare_day(*load_day(day))
     table, is_cached = compute_field_times(
         prepared.tasks, cache or FieldTimeCache(None), executor or SerialExecutor(), progress
     )

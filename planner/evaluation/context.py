@@ -87,7 +87,7 @@ RIM_DEPTH_M = 0.3  # in corners of headland passes the guided point stays this f
 MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlanningContext:
     """Field, layout, tractor, implement and driving rules; made once per request.
 

@@ -21,6 +21,7 @@ from reports.common.rendering import ReportError, render_template
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
     from pandas import DataFrame
 
 MOST_SUMMARY_CHARS = 280
@@ -130,18 +131,23 @@ def create_axes(figure_inches: tuple[float, float] = FIGURE_INCHES) -> Axes:
 
 
 def encode_picture(draw: Draw, figure_inches: tuple[float, float] = FIGURE_INCHES) -> str:
-    """A drawing as PNG in base64, as sharp as MOST_PICTURE_BYTES allows.
+    """A drawing on axes of a figure as PNG in base64."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=figure_inches, layout="constrained", facecolor="white")
+    draw(figure.add_subplot())
+    return encode_figure(figure)
+
+
+def encode_figure(figure: Figure) -> str:
+    """A figure as PNG in base64, as sharp as MOST_PICTURE_BYTES allows.
 
     A map has few colours, so a palette of PICTURE_COLOURS makes the picture a third as large.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from PIL import Image
 
-    figure = Figure(figsize=figure_inches, layout="constrained", facecolor="white")
-    canvas = FigureCanvasAgg(figure)
-    draw(figure.add_subplot())
-    content = b""
+    canvas, content = FigureCanvasAgg(figure), b""
     for dpi in PICTURE_DPIS:
         figure.set_dpi(dpi)
         canvas.draw()

@@ -68,6 +68,14 @@ def draw_gantt(result: DayResult) -> Figure:
     return figure
 
 
+def draw_machine_day(axes: Axes, result: DayResult) -> None:
+    """The work of every machine over the day on given axes, as in the upper part of `draw_gantt`."""
+    span_start_s, span_end_s = _compute_time_span(result)
+    names = [fleet.name for fleet in result.fleets]
+    _draw_time_grid(axes, names, "By machine", result, (span_start_s, span_end_s))
+    _draw_machines(axes, result, span_end_s - span_start_s)
+
+
 def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
     """Fields, yard and the roads driven, north up, in metres; None where fewer than two places are known.
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from reports.common.notebook import ShownResult
 from reports.common.plan_results import Points
 
 
@@ -73,8 +74,8 @@ class MapPlace:
     outline: Points | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class DayResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class DayResult(ShownResult):
     """The answer to a day file.
 
     `cost` is the expected cost of the whole day: `cost` and `lost_cost` of all jobs, `road_cost` of all fleets and

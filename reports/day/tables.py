@@ -43,7 +43,7 @@ def format_day_json(result: DayResult) -> str:
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
     content = {
-        "jobs": [_build_job_entry(job) for job in result.jobs],
+        "jobs": [build_job_entry(job) for job in result.jobs],
         "not_done": [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields],
         "gap_pct": result.gap_pct,
         "advice": result.advice,
@@ -67,13 +67,14 @@ def format_day_csv(result: DayResult) -> str:
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(DAY_CSV_KEYS)
     unworked_fields = [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields]
-    for row in (*(_build_job_entry(job) for job in result.jobs), *unworked_fields):
+    for row in (*(build_job_entry(job) for job in result.jobs), *unworked_fields):
         values = (make_json_safe(row.get(key), DAY_DECIMALS) for key in DAY_CSV_KEYS)
         writer.writerow(["" if value is None else value for value in values])
     return buffer.getvalue()
 
 
-def _build_job_entry(job: DayJob) -> dict[str, Any]:
+def build_job_entry(job: DayJob) -> dict[str, Any]:
+    """One job with `JOB_KEYS`."""
     return {key: getattr(job, key) for key in JOB_KEYS}
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -293,5 +293,5 @@ class ReplayResult:
     tractor: str
     effects: tuple[str, ...]
     errors: ErrorsByHorizon
-    segments: tuple[ReplayedSegment, ...]
+    segments: tuple[ReplayedSegment, ...] = field(repr=False)
     rows_gated: int
