@@ -23,7 +23,7 @@ GroundOption = Annotated[str, typer.Option(help="Ground the logs were made on: s
 
 
 def diagnose(
-    logs: Annotated[Optional[list[str]], typer.Argument(help="CSV or Parquet files, one run each.")] = None,
+    logs: Annotated[Optional[list[str]], typer.Argument(help="CSV or Parquet files, one run each; sample is a log to try.")] = None,
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,
@@ -123,7 +123,7 @@ def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bo
 
 
 def replay(
-    log: Annotated[str, typer.Argument(help="A CSV or Parquet file with one run.")],
+    log: Annotated[str, typer.Argument(help="A CSV or Parquet file with one run; sample is a log to try.")],
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,

@@ -14,6 +14,9 @@ from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import LONGEST_NAME_CHARS
 from planner.service.store.tables import JobRow
+from reports.common.effect_names import get_effect_label
+
+SHOWN_LOGS = 3  # in the name of a job
 
 
 async def submit_job(

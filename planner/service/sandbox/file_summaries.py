@@ -117,10 +117,10 @@ def summarize_log(file_path: str) -> dict[str, Any]:
     """Size and remarks of a log, or why it cannot be used as it is; raises LogError for a file without a table."""
     from fields.errors import HeadlandError
     from planner.request.parameter_names import strip_unit
-    from vehicle.identification.logs.reader import build_log, list_remarks
+    from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
     from vehicle.identification.logs.table import extract_columns, read_table
 
-    frame = read_table(Path(file_path))
+    frame = read_table(resolve_log_path(file_path))
     extract_columns(frame, Path(file_path).stem)
     summary: dict[str, Any] = {
         "rows": len(frame),

@@ -32,11 +32,12 @@ export async function open(main, shell, [id = null]) {
   };
   const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value }, run), "main");
   const demo = button("Demonstrate with simulated logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
+  const sample = button("Try it with a sample log", () => ask({ logs: ["sample"] }, sample));
   put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
       el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run per file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
       el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground))),
-      trouble, el("div", { class: "row" }, run, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
+      trouble, el("div", { class: "row" }, run, sample, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
 }
 
 async function report(main, shell, id) {
@@ -46,6 +47,12 @@ async function report(main, shell, id) {
     done: async (done, node) => put(node, el("div", { class: "panel flush" }, await reportFrame("diagnoses", id, "Report of the diagnosis")),
       el("section", { class: "panel" }, el("h2", {}, "Save"), results("diagnoses", done, (error) => put(trouble, sorry(error))), trouble)),
   });
-  put(main, el("p", { class: "small" }, el("a", { href: "#/diagnose" }, "\u2039 Diagnose")), heading(asked.name || "Diagnosis", (asked.request?.logs ?? []).join(", ")), job.node);
+  put(main, el("p", { class: "small" }, el("a", { href: "#/diagnose" }, "\u2039 Diagnose")), heading(asked.name || "Diagnosis", questionWords(asked.request ?? {})), job.node);
   return job.close;
+}
+
+/** What was asked: the logs or the demonstration, the tractor and the ground. */
+export function questionWords({ logs = [], demo = false, hide = null, tractor = "eg105", ground = "soil" }) {
+  const driven = demo ? `simulated logs with ${hide ? `the effect ${hide}` : "an effect"} hidden in them` : logs.join(", ");
+  return `What does the simulation of ${tractor} on ${ground} get wrong in ${driven}?`;
 }
