@@ -220,6 +220,14 @@ def plan(
         Optional[Path],
         typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT),
     ] = None,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain",
+            help="Print all plans, remarks, reasons, and how each figure is made up as well.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
     ] = False,
@@ -268,7 +276,7 @@ def plan(
     )
     print_remarks([*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)])
     with write_before_printing(_render_plan_outputs(result, html, png, save)):
-        _print_ranking(result.ranking, json, csv, choice.simulate_all)
+        _print_ranking(result.ranking, json, csv, choice.simulate_all, explain)
     _exit_without_plan(result.ranking)
 
 
@@ -330,7 +338,7 @@ def _simulate_plans(
         )
 
 
-def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool) -> None:
+def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, explain: bool) -> None:
     if json or csv:
         from planner.cli.common.terminal import print_remarks
 
@@ -340,9 +348,14 @@ def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool) 
         typer.echo(format_ranking_json(ranking) if json else format_ranking_csv(ranking), nl=False)
         return
     from planner.cli.common.terminal import print_renderable
-    from reports.plan.ranking_table import build_ranking_table
+    from reports.plan.first_screen import build_first_screen
 
-    print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
+    print_renderable(build_first_screen(ranking, shows_all=show_all, with_next=not explain))
+    if explain:
+        from reports.plan.ranking_table import build_ranking_table
+
+        print_renderable("")
+        print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
 
 
 def _render_plan_outputs(

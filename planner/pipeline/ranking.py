@@ -21,13 +21,13 @@ from planner.request.option_texts import MPS_PER_KMH, format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
-from planner.risk.costs import describe_prices
+from planner.risk.costs import build_hire_terms, describe_prices
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     UnworkedPiece,
     build_time_sort_key,
-    get_finished_field_s,
+    get_ranked_s,
 )
 from strategies.registry import STRATEGIES
 from vehicle.model.effects import DISCREPANCY_KEY
@@ -163,10 +163,9 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
 
 
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
-    """The currency of a farm and a sentence on what its cost covers."""
-    if context.cost_terms is None:
-        return {}
-    prices = context.cost_terms.prices
+    """The currency and a sentence on what the cost covers."""
+    request = context.request
+    prices = (context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)).prices
     return {"currency": prices.currency, "money_sentences": (f"Cost is {describe_prices(prices)}.",)}
 
 
@@ -264,8 +263,8 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
 def _find_pareto_front(feasible: list[PlanResult]) -> list[PlanResult]:
     """Feasible plans that no other plan beats in time and number of tractors; of equal counts the quickest."""
     front: list[PlanResult] = []
-    for result in sorted(feasible, key=lambda r: (r.tractors, get_finished_field_s(r))):
-        if not front or get_finished_field_s(result) < get_finished_field_s(front[-1]) - TIME_TOLERANCE_S:
+    for result in sorted(feasible, key=lambda r: (r.tractors, get_ranked_s(r))):
+        if not front or get_ranked_s(result) < get_ranked_s(front[-1]) - TIME_TOLERANCE_S:
             if front and front[-1].tractors == result.tractors:
                 continue
             front.append(result)

@@ -15,10 +15,11 @@ from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     UnworkedPiece,
-    get_field_work_end_s,
     get_finished_field_cost,
-    get_finished_field_end_s,
-    get_finished_field_s,
+    get_ranked_s,
+    get_stated_end_s,
+    get_stated_finished_end_s,
+    get_stated_s,
 )
 from reports.common.wording import (
     format_area,
@@ -30,6 +31,7 @@ from reports.common.wording import (
     join_list,
     parse_start_time,
     round_seconds,
+    round_up_to_minute,
 )
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
@@ -219,11 +221,16 @@ def format_clock_after_start(ranking: PlanRanking, seconds: float | None) -> str
     return later.strftime("%H:%M") + {0: "", 1: " next day"}.get(days, f", {days} days later")
 
 
+def format_end_clock(ranking: PlanRanking, seconds: float) -> str | None:
+    """The clock time by which work is done, up to the minute; None without a start."""
+    return format_clock_after_start(ranking, round_up_to_minute(seconds))
+
+
 def describe_ranking(ranking: PlanRanking) -> list[str]:
     """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
     best = ranking.best
     if best is None:
-        return [_explain_no_plan(ranking)]
+        return [explain_no_plan(ranking)]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
     cheapest = min(priced, key=_get_compared_cost, default=None)
     best_is_cheapest = cheapest is not None and _get_compared_cost(cheapest) == _get_compared_cost(best)
@@ -263,9 +270,9 @@ def _describe_other_plans(
 ) -> list[str]:
     """The fastest and the cheapest plan where they are not the best, or that the best is the cheapest too."""
     plans, late = list_feasible(ranking), has_late_ground_loss(ranking)
-    fastest = min((plan for plan in plans if plan.time_s is not None), key=get_finished_field_s, default=best)
+    fastest = min((plan for plan in plans if plan.time_s is not None), key=get_ranked_s, default=best)
     plans_by_name = {}
-    if fastest is not best and get_finished_field_s(fastest) != get_finished_field_s(best):
+    if fastest is not best and get_ranked_s(fastest) != get_ranked_s(best):
         plans_by_name["Fastest"] = fastest
     if cheapest is not None and not best_is_cheapest:
         plans_by_name["Lowest expected cost" if late else "Cheapest"] = cheapest
@@ -285,15 +292,15 @@ def _get_compared_cost(plan: PlanResult) -> float:
 
 
 def _list_advice(ranking: PlanRanking) -> list[str]:
-    """The advice, and what its costs include."""
-    return [] if ranking.advice is None else [ranking.advice, *ranking.money_sentences]
+    """What the costs of the advice include."""
+    return [] if ranking.advice is None else list(ranking.money_sentences)
 
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     unworked = format_unworked(plan)
     leaves = "" if unworked is None else f", leaves {unworked} unworked"
-    done = "done in" if abs((plan.time_s or 0.0) - get_field_work_end_s(plan)) < SAME_TIME_S else "driven in"
-    when = _describe_time(ranking, plan.time_s, get_field_work_end_s(plan))
+    done = "done in" if abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S else "driven in"
+    when = _describe_time(ranking, get_stated_s(plan), get_stated_end_s(plan))
     stops = _describe_service_stops(plan)
     return f"{_name_plan_variant(plan)}, {done} {when}{stops}{_describe_cost(ranking, plan)}{leaves}"
 
@@ -308,8 +315,8 @@ def _describe_service_stops(plan: PlanResult) -> str:
 def name_best_late_plan(ranking: PlanRanking) -> str:
     """What to call the best plan where none meets the deadline: another may be sooner but leave more ground."""
     best = ranking.best
-    times = [plan.time_s for plan in list_feasible(ranking) if plan.time_s is not None]
-    return "closest plan" if best is None or best.time_s is None or best.time_s <= min(times) else "best plan"
+    times = [get_stated_s(plan) for plan in list_feasible(ranking) if plan.time_s is not None]
+    return "closest plan" if best is None or best.time_s is None or get_stated_s(best) <= min(times) else "best plan"
 
 
 def get_charged_traffic_m2(plan: PlanResult) -> float | None:
@@ -335,11 +342,13 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     sentences = []
     if plan.finished_s is not None:
         added = _format_added_time(plan.finished_s - (plan.time_s or 0.0))
-        clock = format_clock_after_start(ranking, get_finished_field_end_s(plan))
+        clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
         done = f" (field work done at {clock})" if clock else ""
         cost = _describe_added_cost(ranking, plan)
         is_late = (
-            plan.meets_deadline and ranking.allowed_s is not None and get_finished_field_end_s(plan) > ranking.allowed_s
+            plan.meets_deadline
+            and ranking.allowed_s is not None
+            and get_stated_finished_end_s(plan) > ranking.allowed_s
         )
         late = ", too late for the deadline" if is_late else ""
         sentences.append(f"Finishing {charged_ground} adds {added}{done}{cost}{late}.")
@@ -365,7 +374,8 @@ def _list_remark(plan: PlanResult) -> list[str]:
     return [f"Remark on this plan: {plan.remark}."] if plan.remark else []
 
 
-def _explain_no_plan(ranking: PlanRanking) -> str:
+def explain_no_plan(ranking: PlanRanking) -> str:
+    """Why no plan works, and what was found to work."""
     if not ranking.plans:
         return "No plan was tried: allow at least one strategy, turn and number of tractors."
     first = group_refusals(ranking.plans)[0]
@@ -403,7 +413,7 @@ def _name_plan_variant(plan: PlanResult) -> str:
 
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
     """The time driven, and the clock time; named where it is not that of the last tractor's end."""
-    clock_text = format_clock_after_start(ranking, by_clock_s)
+    clock_text = format_end_clock(ranking, by_clock_s)
     clock_prefix = "" if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S else "field work done "
     return format_duration(seconds) + (f" ({clock_prefix}at {clock_text})" if clock_text else "")
 
@@ -435,7 +445,7 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     missed = f", not with {join_list(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
     if ranking.chosen is not None:
-        return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}, as simulated."]
+        return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}, in half of the samples or more."]
     least_cost = min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline)
     among = "of all" if best_is_cheapest else "of them"
     if get_finished_field_cost(best) > least_cost:
