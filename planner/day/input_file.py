@@ -9,7 +9,15 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, StrictInt, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    StrictInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
@@ -18,7 +26,7 @@ from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
-from planner.request.option_texts import DAY_S, MAX_TRACTORS, parse_clock
+from planner.request.option_texts import DAY_S, MAX_TRACTORS, convert_time_to_text, parse_clock
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from strategies.registry import STRATEGIES
 from vehicle.model.validation_messages import describe_validation_errors
@@ -98,7 +106,9 @@ def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-Window = Annotated[str, AfterValidator(_validate_window)]
+FROM_TIMES = BeforeValidator(convert_time_to_text)
+"""Times and dates without quotes, as TOML has them."""
+Window = Annotated[str, FROM_TIMES, AfterValidator(_validate_window)]
 
 
 class DayField(FileSection):
@@ -163,17 +173,17 @@ class DayFile(FileSection):
     fleets: tuple[DayFleet, ...] = Field(description="one [[fleets]] each")
     roads: tuple[DayRoad, ...] = define_value((), "roads between places", "straight lines times road_factor")
     farm: str | None = define_value(None, "a farm file, or 'example'", "a farm of defaults", strict=True)
-    start: Annotated[str | None, AfterValidator(_validate_clock)] = define_value(
+    start: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)] = define_value(
         None, "hh:mm", "shift_start of the farm"
     )
-    light: Annotated[str | None, AfterValidator(_validate_daylight)] = define_value(
+    light: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_daylight)] = define_value(
         None, "'sun', or hours such as '06:10-20:40'", "robots need none", strict=True
     )
-    date: Annotated[str | None, AfterValidator(_validate_date)] = define_value(
+    date: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_date)] = define_value(
         None, "yyyy-mm-dd in quotes", strict=True
     )
     utc_offset_h: float | None = define_number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
-    rain: str | None = define_value(None, "as --rain of headland plan", "none", strict=True)
+    rain: Annotated[str | None, FROM_TIMES] = define_value(None, "as --rain of headland plan", "none", strict=True)
     certainty_pct: float | None = define_number(
         None, 50.0, 99.0, "percent of samples within the times used for planning", "mean times"
     )

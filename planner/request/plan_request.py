@@ -30,12 +30,14 @@ from planner.request.options import FlagOptions, NumberLimits, OptionHelp, Optio
 from planner.request.validation import (
     STRICT,
     CellBearings,
+    ClockTime,
     Count,
     Counts,
     Names,
     Number,
     Place,
     Text,
+    TimeText,
     check_option_limits,
     raise_request_errors,
 )
@@ -85,6 +87,8 @@ _PRICE = NumberLimits(high=MAX_PRICE)
 @dataclass(frozen=True, config=STRICT)
 class PlanRequest:
     """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
+
+    Clock times may be given as `datetime.time` or as "13:00"; `start_s` and `deadline_s` hold seconds.
 
     `field` and `tractor` are names or files. Planning decides what is None: the headland by the turn that must fit it,
     the bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline
@@ -205,12 +209,12 @@ class PlanRequest:
         Number, OptionHelp("Price of bringing one tractor.", COSTS, from_farm=True), _PRICE
     ] = 0.0
     start_s: Annotated[
-        Count | None,
+        ClockTime | None,
         OptionHelp("Start of work, hh:mm.", COSTS),
         OptionTextForm(str, partial(parse_clock, parameter="start_s")),
     ] = None
     deadline_s: Annotated[
-        Count | None,
+        ClockTime | None,
         OptionHelp(_DEADLINE_HELP, COSTS),
         OptionTextForm(str, partial(parse_clock, parameter="deadline_s")),
     ] = None
@@ -268,7 +272,7 @@ class PlanRequest:
         NumberLimits(high=MAX_SAMPLES),
     ] = None
     rain: Annotated[
-        str | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
+        TimeText | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
     ] = None
     objective: Annotated[
         str | None, OptionHelp("What the best plan is: fastest, cheapest or surest.", COSTS, choices=OBJECTIVES)

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from pandas import DataFrame
 
-ERROR_COLOURS = {"before": TRACTOR_COLOURS[1], "after": STATE_COLOURS["working"], "noise": "#9A9A8E"}
+ERROR_COLOURS = {"before": TRACTOR_COLOURS[1], "after": STATE_COLOURS["working"], "noise": "#CFCFC6"}
 
 
 @build_view.register
@@ -122,10 +122,11 @@ def _flatten_effect(entry: dict[str, Any]) -> dict[str, Any]:
 
 def draw_errors(axes: Axes, diagnosis: Diagnosis) -> None:
     """Error across the path over the length of the pieces: before, after, and the noise."""
-    errors = {"before": diagnosis.before, "after": diagnosis.after, "noise": diagnosis.noise_floor}
+    errors = {"before": diagnosis.before, "noise": diagnosis.noise_floor, "after": diagnosis.after}
     for name, by_horizon in errors.items():
         across = [error.cross_cm for error in by_horizon.values()]
-        axes.plot(list(by_horizon), across, marker="o", color=ERROR_COLOURS[name], label=name)
+        width = 6.0 if name == "noise" else 1.5  # what is left is often as small as the noise, and lies on it
+        axes.plot(list(by_horizon), across, marker="o", color=ERROR_COLOURS[name], linewidth=width, label=name)
     axes.set_ylim(bottom=0.0)
     axes.set(xlabel="length of the pieces, s", ylabel="error across, cm")
     axes.legend(frameon=False, fontsize=8)
