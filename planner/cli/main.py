@@ -21,6 +21,7 @@ import typer
 from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
+from planner.cli.compare_headlands import compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
 from planner.cli.experiments import design, drive, study, validate
@@ -126,6 +127,7 @@ def describe_headland(
 
 
 app.command()(plan)
+app.command()(compare_headlands)
 app.command()(show)
 app.command()(export)
 app.command()(field)

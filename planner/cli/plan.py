@@ -250,7 +250,7 @@ def plan(
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import print_remarks
 
-    _check_one_output(json, csv)
+    check_one_output(json, csv)
     selection = parse_selection(
         fields or [DEFAULT_FIELD], options["width"], options["local"], options["crs"], options["swap_axes"]
     )
@@ -291,7 +291,8 @@ def _exit_without_plan(ranking: PlanRanking) -> None:
         raise typer.Exit(NO_PLAN_STATUS)
 
 
-def _check_one_output(json: bool, csv: bool) -> None:
+def check_one_output(json: bool, csv: bool) -> None:
+    """Raise RequestError where both would be printed."""
     from planner.errors import RequestError
 
     if json and csv:

@@ -24,7 +24,7 @@ from planner.errors import HeadlandError, RequestError, WorkerError, mark_parame
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.fingerprint import hash_content
-from planner.pipeline.planning import plan
+from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
 from reports.common.plan_results import PlanRanking
 
@@ -52,23 +52,26 @@ class FieldAnswer:
 
 def answer_question(question: FieldQuestion) -> FieldAnswer:
     """Answer one question in the current process."""
-    inputs = question.inputs
     try:
-        planning_result = plan(
-            inputs.request,
-            tractor=inputs.tractor,
-            implement=inputs.implement,
-            uncertainty=inputs.uncertainty,
-            cost_terms=inputs.terms,
-            supply=inputs.supply,
-            times=inputs.times,
-            yard=inputs.yard,
-            executor=SerialExecutor(),
-            simulate_all=question.simulate_all,
-        )
+        return FieldAnswer(plan_inputs(question.inputs, question.simulate_all).ranking)
     except HeadlandError as refusal:
         return FieldAnswer(None, refusal)
-    return FieldAnswer(planning_result.ranking)
+
+
+def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResult:
+    """Plan a request completed by its farm in the current process; raises HeadlandError."""
+    return plan(
+        inputs.request,
+        tractor=inputs.tractor,
+        implement=inputs.implement,
+        uncertainty=inputs.uncertainty,
+        cost_terms=inputs.terms,
+        supply=inputs.supply,
+        times=inputs.times,
+        yard=inputs.yard,
+        executor=SerialExecutor(),
+        simulate_all=simulate_all,
+    )
 
 
 def iter_answers(executor: Executor, questions: Sequence[FieldQuestion]) -> Iterator[tuple[int, FieldAnswer]]:
