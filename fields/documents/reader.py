@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ import shapely
 from fields.documents.coordinate_systems import apply_coordinate_options
 from fields.documents.sources import parse_field_reference
 from fields.errors import FieldError, mark_parameter
+from fields.formats.features import describe_unused_feature, summarise_counts
+from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles, select_inside_obstacles
 from fields.geometry.coordinates import (
     FieldFrame,
     build_field_frame,
@@ -22,10 +26,9 @@ from fields.geometry.coordinates import (
 )
 from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
-from fields.geometry.obstacles import Obstacle, find_obstacle_polygons, parse_obstacle, select_obstacles
+from fields.geometry.obstacles import Obstacle, find_inside_polygons, parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
-from fields.raw_document import FieldDocument, RawPolygon
-from fields.text_files import count_noun
+from fields.raw_document import FieldDocument, RawPolygon, RawShape
 
 MAX_LISTED_FIELDS = 12
 
@@ -62,28 +65,40 @@ def read_field(
     shape, frame = _read_outline(document, polygon, local, label)
     check_area(shape, label)
     multiple_fields = len(document.polygons) > 1
-    inside = find_obstacle_polygons(document, polygon, frame, shape) if multiple_fields else []
-    fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
+    inside = find_inside_polygons(document, polygon, frame, shape) if multiple_fields else []
     obstacles, obstacle_remarks = _read_obstacles(document, frame, shape, multiple_fields, label)
+    field_names = [source.name, *(key for raw in document.polygons for key in raw.keys)]
+    solid = [one.shape for one in obstacles]
+    roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
+    obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles), *roles.obstacles)
+    document = replace(
+        document,
+        boundary_edges=(*document.boundary_edges, *roles.fences),
+        guidance_lines=tuple(roles.guidance_lines),
+    )
+    fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
+    entrance = _read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label)
+    service_point = _read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label)
     ground_zones, zone_remarks = _read_ground_zones(document, frame, shape, multiple_fields, label)
     return Field(
         name=name or _choose_name(polygon, source.name),
         boundary=shape,
         crs=frame.crs,
         origin_m=frame.origin_m,
-        entrance=_read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label),
-        service_point=_read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label),
+        entrance=roles.take_place("entrance", entrance),
+        service_point=roles.take_place("refill", service_point),
         ground_zones=ground_zones,
         default_ground=str(polygon.properties.get("default_ground") or "soil"),
         source=str(polygon.properties.get("source") or document.source),
         remarks=(
-            *_list_reader_remarks(document),
-            *_describe_inside_polygons(len(inside)),
+            *describe_assumed_obstacles(obstacles),
+            *_list_reader_remarks(document, roles.unused),
+            *roles.remarks,
             *fence_remarks,
             *obstacle_remarks,
             *zone_remarks,
         ),
-        obstacles=(*obstacles, *inside),
+        obstacles=obstacles,
         fences=fences,
         edge_overhangs=read_edge_overhangs(polygon, document.boundary_edges, frame, shape, label),
         guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
@@ -91,25 +106,19 @@ def read_field(
     )
 
 
-def _list_reader_remarks(document: FieldDocument) -> tuple[str, ...]:
+def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) -> tuple[str, ...]:
     """Notes of the reader, and a sentence on features of the file that are not used."""
-    if not document.unused_counts:
+    counts = Counter(describe_unused_feature(one.geometry_type, one.properties) for one in unused)
+    counts.update(dict(document.unused_counts))
+    if not counts:
         return document.notes
-    counted = ", ".join(f"{count} {what}" for what, count in document.unused_counts)
+    counted = ", ".join(f"{count} {what}" for what, count in summarise_counts(counts))
     return (
         *document.notes,
         f"Features of the field file that are not used: {counted}. An obstacle has the role 'obstacle' or is a hole "
         "of the boundary, an entrance is a Point with role 'entrance' (a service point: 'refill'), a ground zone a "
         "Polygon with a 'ground', a fence a LineString along the boundary with edge 'fence'.",
     )
-
-
-def _describe_inside_polygons(polygon_count: int) -> tuple[str, ...]:
-    """A sentence on polygons inside the field, which are treated as obstacles."""
-    if not polygon_count:
-        return ()
-    treatment = "is treated as an obstacle" if polygon_count == 1 else "are treated as obstacles"
-    return (f"{count_noun(polygon_count, 'polygon')} of the file inside the field {treatment}.",)
 
 
 @dataclass(frozen=True)
@@ -186,7 +195,7 @@ def _find_surrounding_polygon(document: FieldDocument, local: bool) -> RawPolygo
             shape, frame = _read_outline(document, raw, local, "")
         except FieldError:
             continue
-        if len(find_obstacle_polygons(document, raw, frame, shape)) == len(document.polygons) - 1:
+        if len(find_inside_polygons(document, raw, frame, shape)) == len(document.polygons) - 1:
             return raw
     return None
 

@@ -10,13 +10,12 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError, mark_parameter, suggest_name
+from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, describe_assumed_obstacles
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
 from fields.text_files import shorten_value
 
-DEFAULT_POINT_RADIUS_M = 1.0
-"""Radius of a point that gives none: a pole with the error of a position taken from a map."""
 MAX_LISTED_OBSTACLES = 12
 
 
@@ -31,7 +30,7 @@ def parse_obstacle_place(text: str) -> tuple[float, float, float]:
             f"{mark_parameter('obstacles')} {shorten_value(text)} is not a place; write longitude,latitude or "
             "longitude,latitude,radius in metres, for instance 9.53,56.21,2."
         )
-    radius_m = numbers[2] if len(numbers) == 3 else DEFAULT_POINT_RADIUS_M
+    radius_m = numbers[2] if len(numbers) == 3 else DEFAULT_SIZE_M
     if not 0.0 < radius_m <= MAX_OBSTACLE_M:
         raise FieldError(
             f"{mark_parameter('obstacles')} {shorten_value(text)} has a radius of {radius_m:g} m; use more than 0 and "
@@ -82,7 +81,13 @@ def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:
     kept = tuple(one for number, one in enumerate(field.obstacles) if number not in left_out)
     gone = [str(field.obstacles[number]) for number in sorted(left_out)]
     remark = f"Left out as asked, so machines drive over the place: {', '.join(gone)}."
-    return replace(field, obstacles=kept, remarks=(*field.remarks, remark))
+    assumed = describe_assumed_obstacles(field.obstacles)
+    others = [one for one in field.remarks if one not in assumed]
+    return replace(
+        field,
+        obstacles=kept,
+        remarks=(*describe_assumed_obstacles(kept, field.obstacles), remark, *others),
+    )
 
 
 def _find_obstacle_numbers(field: Field, text: str) -> list[int]:

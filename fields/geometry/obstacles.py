@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from dataclasses import field as member
 from typing import Any
 
 import numpy as np
 import shapely
 
 from fields.errors import FieldError
+from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
 from fields.raw_document import FieldDocument, RawPolygon, RawShape
 from fields.text_files import count_noun, shorten_value
@@ -33,6 +35,7 @@ class Obstacle:
         geometry: Point, LineString or Polygon in metres, in the frame of the field.
         half_width_m: extent beyond the geometry: radius of a point, half the width of a line, 0 for a polygon.
         name: its name, possibly empty.
+        is_assumed: its file does not say that it is an obstacle; ignored when obstacles are compared.
 
     Raises:
         FieldError: the geometry has another type, is empty or crosses itself, or the size is out of range.
@@ -42,6 +45,7 @@ class Obstacle:
     geometry: shapely.Geometry
     half_width_m: float = 0.0
     name: str = ""
+    is_assumed: bool = member(default=False, compare=False)
 
     def __post_init__(self) -> None:
         geometry_type = self.geometry.geom_type
@@ -160,7 +164,7 @@ MAX_NAMED_OBSTACLES = 5
 
 def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
     """One obstacle; raises FieldError if its coordinates or its size cannot be used."""
-    name = raw.keys[0] if raw.keys else ""
+    name = find_name(raw.properties) or (raw.keys[0] if raw.keys else "")
     kind = str(raw.properties.get("kind") or "").strip().lower()
     description = f"obstacle '{name or kind}' of {label}" if name or kind else f"an obstacle of {label}"
     if raw.geometry_type == AREA:
@@ -254,15 +258,15 @@ def _join_names(names: Sequence[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def find_obstacle_polygons(
+def find_inside_polygons(
     document: FieldDocument, chosen: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
-) -> list[Obstacle]:
-    """Other polygons of a file within the chosen one, as obstacles: there are no fields within fields."""
+) -> list[tuple[RawPolygon, shapely.Polygon]]:
+    """Other polygons of a file within the chosen one, and their outlines in local metres."""
     inside = []
     for raw in document.polygons:
         ring = None if raw is chosen else _parse_outer_ring(raw, frame, shape)
         if ring is not None and shapely.contains_properly(shape, ring):
-            inside.append(Obstacle("area", ring, name=raw.keys[0] if raw.keys else ""))
+            inside.append((raw, ring))
     return inside
 
 

@@ -256,14 +256,14 @@ class TestFieldFiles:
     @pytest.fixture
     def pond(self, folder: Path) -> Iterator[Path]:
         place = folder / "pond.geojson"
-        point = feature({"type": "Point", "coordinates": [20, 20]}, role="tree")
+        point = feature({"type": "Point", "coordinates": [20, 20]}, role="crop")
         place.write_text(json.dumps({"type": "FeatureCollection", "features": [feature(SQUARE), point]}))
         yield place
         for path in (place, folder / "pond.html"):
             path.unlink(missing_ok=True)
 
     def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
-        words = "Features of the field file that are not used: 1 Point with role 'tree'"
+        words = "Features of the field file that are not used: 1 Point with role 'crop'"
         outcome = headland("field", "pond.geojson", "--local", "--json")
         assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
         assert json.loads(outcome.out)["area_ha"] == 0.6
