@@ -30,6 +30,7 @@ from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
 from planner.service.api import administration, background_routes, job_routes, monitoring
+from planner.service.api.form_routes import form_router
 from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, views_router
 from planner.service.api.monitoring import ConnectionMetrics, FleetMetrics, JobMetrics, ServiceMetrics, find_version
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
@@ -161,6 +162,7 @@ def list_back_office_routers() -> list[APIRouter]:
         *map(build_files_router, FILE_KIND_BY_PATH),
         *map(build_jobs_router, JOB_KIND_BY_PATH),
         job_routes.exports_router,
+        form_router,
         all_jobs_router,
         views_router,
         background_routes.background_router,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response
@@ -29,7 +30,7 @@ class BackgroundInfo(ApiModel):
     least_zoom: int
     most_zoom: int
     tile_px: int
-    bounds_deg: tuple[float, float, float, float] | None
+    bounds_deg: Sequence[float] | None
 
 
 class PlacementInfo(ApiModel):
