@@ -157,6 +157,8 @@ def find_working_changes(
             if outcome.result.feasible:
                 changes.append(text)
                 break
+        if changes and request.headland_passes is not None:  # too few passes were asked for: nothing else is wrong
+            break
     return tuple(changes)
 
 
