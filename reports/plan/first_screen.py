@@ -26,7 +26,8 @@ from reports.common.wording import format_duration, format_number, format_price,
 from reports.plan.answer import Answer, format_stated_end, write_answer
 from reports.plan.plan_wording import describe_machines, format_in_time_probability, list_feasible, list_refused
 
-MOST_LINES_BEFORE_TABLE = 5
+LEAST_COLUMNS = 80  # from here on the screen keeps to its lines
+MOST_LINES_BEFORE_TABLE, MOST_NARROW_LINES = 5, 12
 MOST_ROWS, LEAST_ROWS = 8, 5
 _MOST_NAME_LETTERS = 40
 _MORE_HINT = "a wider window or --explain shows more"
@@ -41,14 +42,14 @@ class _AnswerLines:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
         width = min(options.max_width, LINE_COLUMNS)
-        answer = self.answer
-        must = [text for text in (answer.verdict, answer.decision, answer.certainty) if text]
-        note = self._choose_fault_note(
-            width, MOST_LINES_BEFORE_TABLE - _count_lines([*must, answer.alternatives], width)
-        )
-        has_room = _count_lines([*must, answer.alternatives, note], width) <= MOST_LINES_BEFORE_TABLE
+        answer, most = self.answer, MOST_LINES_BEFORE_TABLE if width >= LEAST_COLUMNS else MOST_NARROW_LINES
+        room = most - _count_lines([answer.decision, answer.certainty], width) - 1
+        verdict = _shorten_to_lines(answer.verdict, room, width)
+        must = [text for text in (verdict, answer.decision, answer.certainty) if text]
+        note = self._choose_fault_note(width, most - _count_lines([*must, answer.alternatives], width))
+        has_room = _count_lines([*must, answer.alternatives, note], width) <= most
         sentences = [*must, answer.alternatives] if has_room or not note else must
-        if _count_lines([*sentences, note], width) < MOST_LINES_BEFORE_TABLE or not answer.decision:
+        if _count_lines([*sentences, note], width) < most:
             yield format_title(self.title)
         for text in filter(None, sentences):
             yield format_sentence(text, style="bold" if text == answer.decision else "")
@@ -69,6 +70,13 @@ class _AnswerLines:
         )
 
 
+def _shorten_to_lines(text: str, lines: int, width: int) -> str:
+    """The text in at most so many lines (and at least one), with dots where it goes on."""
+    while _count_lines([text], width) > max(lines, 1):
+        text = f"{text.removesuffix(' ...').rpartition(' ')[0]} ..."
+    return text
+
+
 def _count_lines(sentences: Iterable[str], width: int) -> int:
     return sum(len(wrap_text(escape_controls(text), width)) for text in sentences if text)
 
@@ -87,8 +95,12 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
     parts: list[RenderableType] = [_AnswerLines(_format_heading(ranking), write_answer(ranking))]
     if plans:
-        parts += [Text(""), _build_table(ranking, plans), format_sentence(_write_legend(ranking, plans), style="dim")]
-    parts += [format_sentence(text, style="dim") for text in _count_other_plans(ranking, plans)]
+        parts += [
+            Text(""),
+            build_answer_table(ranking, plans),
+            format_sentence(write_legend(ranking, plans), style="dim"),
+        ]
+    parts += [format_sentence(text, style="dim") for text in count_other_plans(ranking, plans)]
     if with_next:
         parts += [format_sentence(text, style="dim") for text in _suggest_commands(ranking)]
     return Group(*parts)
@@ -112,7 +124,8 @@ def _format_heading(ranking: PlanRanking) -> str:
     return ", ".join(filter(None, (name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking))))
 
 
-def _build_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
+def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
+    """The table of some plans, in at most seven columns."""
     columns = _list_columns(ranking, plans)
     rows = tuple(tuple(column.text(plan) for column in columns) for plan in plans)
     styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
@@ -169,13 +182,14 @@ def _mark_count(ranking: PlanRanking, plan: PlanResult) -> str:
     return f"{'>' if plan is ranking.best else ''}{plan.tractors}{'*' if plan.on_pareto_front else ' '}"
 
 
-def _write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
+def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
+    """What the marks in the table mean, and what its times and costs are."""
     if any(plan.p50_s is not None for plan in plans):
         return translate("> recommended; * fastest with so few; times are medians, costs means of samples.")
     return translate("> recommended; * fastest with so few; times and costs are as simulated.")
 
 
-def _count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
+def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
     """How many plans the table leaves out, were refused, or were not simulated."""
     refused = list_refused(ranking)
     not_simulated = sum(plan.bound_s is not None for plan in refused)
@@ -185,8 +199,8 @@ def _count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> lis
         translate("{count} refused", count=len(refused) - not_simulated) if len(refused) > not_simulated else "",
         translate("{count} not simulated as others are faster", count=not_simulated) if not_simulated else "",
     ]
-    told = ", ".join(filter(None, counts))
-    return [translate("Not shown: {counts}.", counts=told)] if told and ranking.best is not None else []
+    listed = ", ".join(filter(None, counts))
+    return [translate("Not shown: {counts}.", counts=listed)] if listed and ranking.best is not None else []
 
 
 def _suggest_commands(ranking: PlanRanking) -> list[str]:

@@ -15,20 +15,29 @@ from reports.common.notebook import (
     encode_picture,
     render_fragment,
 )
-from reports.common.plan_results import FleetStudy, PlanDrive, PlanRanking, PlanResult, get_finished_field_s
+from reports.common.plan_results import (
+    FleetStudy,
+    PlanDrive,
+    PlanRanking,
+    PlanResult,
+    get_ranked_s,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+)
 from reports.common.rendering import make_json_safe
 from reports.common.wording import (
-    NO_VALUE,
-    format_area_or_dash,
     format_duration,
     format_minutes,
     format_number,
     format_price,
     format_tractor_count,
 )
+from reports.plan.answer import name_plan, write_answer
 from reports.plan.drive_geometry import check_drive, compute_extent
+from reports.plan.first_screen import build_answer_table, choose_first_plans, count_other_plans, write_legend
 from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
-from reports.plan.plan_wording import describe_machines, describe_ranking, list_feasible, list_refused
+from reports.plan.plan_wording import describe_machines, list_feasible
 from reports.plan.ranking_export import (
     build_plan_entry,
     build_study_row,
@@ -127,18 +136,21 @@ def build_study_view(study: FleetStudy) -> ResultView:
 
 
 def summarise_ranking(ranking: PlanRanking) -> str:
-    """Field and answer in one or two sentences."""
-    return f"{ranking.field_name}, {format_number(ranking.area_ha, 2)} ha. {describe_ranking(ranking)[0]}"
+    """Field and answer in a few sentences: the plan to take, when it is done, its cost, and how sure that is."""
+    answer = write_answer(ranking)
+    decision = f"{answer.decision}." if answer.decision else ""
+    sentences = " ".join(filter(None, (answer.verdict, decision, answer.certainty)))
+    return f"{ranking.field_name}, {format_number(ranking.area_ha, 2)} ha. {sentences}"
 
 
 def summarise_plan(plan: PlanResult) -> str:
     """One plan in a sentence: who, how long, what it costs, or why it cannot be driven."""
-    name = f"{format_tractor_count(plan.tractors)}, {plan.strategy}, turns {plan.turn}"
+    name = f"{name_plan(plan)}, turns {plan.turn}"
     if not plan.feasible:
         return f"{name}: not feasible, {plan.reason or 'no reason was given'}"
-    cost = plan.cost if plan.paid_cost is None else plan.paid_cost
-    parts = [f"{name}: done in {format_duration(plan.time_s if plan.p50_s is None else plan.p50_s)}"]
-    parts += [] if plan.p95_s is None else [f"95 % by {format_duration(plan.p95_s)}"]
+    late_s, cost = get_stated_late_end_s(plan), get_stated_cost(plan)
+    late = "" if late_s is None else f" (95 % in {format_duration(late_s)})"
+    parts = [f"{name}: done in {format_duration(get_stated_end_s(plan))}{late}"]
     parts += [] if cost is None else [f"cost {format_price(cost)}"]
     parts += [] if plan.worked_pct is None else [f"{format_number(plan.worked_pct, 1)} % worked"]
     return ", ".join(parts)
@@ -165,37 +177,19 @@ def render_ranking_fragment(ranking: PlanRanking, drive: PlanDrive | None) -> st
         filter(None, (ranking.field_name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking)))
     )
     picture = None if drive is None else _encode_map(drive, "")
-    feasible = list_feasible(ranking)
-    tables = [_build_plans_table(ranking)] if feasible else []
-    return render_fragment(heading, describe_ranking(ranking), tables, picture, "Map of the field and the best plan")
+    tables = [_build_plans_table(ranking)] if list_feasible(ranking) else []
+    sentences = write_answer(ranking).list_sentences()
+    return render_fragment(heading, sentences, tables, picture, "Map of the field and the best plan")
 
 
 def _build_plans_table(ranking: PlanRanking) -> ShownTable:
-    """The best plan and the fastest ones; a note counts those left out."""
-    feasible, refused = list_feasible(ranking), list_refused(ranking)
-    best = ranking.best
-    others = [plan for plan in feasible if plan is not best]
-    plans = [*([best] if best else []), *others][:MOST_ROWS]
-    unit = f", {ranking.currency}" if ranking.currency else ""
-    headings = ("Rank", "Strategy", "Turn", "Tractors", "Time", f"Cost{unit}", "Worked %", "Unworked")
-    left_out = [f"{len(feasible) - len(plans)} slower plans"] if len(feasible) > len(plans) else []
-    left_out += [f"{len(refused)} refused plans"] if refused else []
-    note = f"Not shown: {' and '.join(left_out)}; to_pandas() has all." if left_out else ""
-    rows = [_build_plan_cells(plan) for plan in plans]
-    return ShownTable(headings, rows, frozenset({1, 2}), 0 if best else None, note)
-
-
-def _build_plan_cells(plan: PlanResult) -> tuple[str, ...]:
-    return (
-        NO_VALUE if plan.rank is None else str(plan.rank),
-        plan.strategy,
-        plan.turn,
-        str(plan.tractors),
-        format_duration(plan.time_s),
-        format_price(plan.cost),
-        format_number(plan.worked_pct, 1),
-        format_area_or_dash(plan.missed_m2),
-    )
+    """The table of the first screen, with its legend; the best plan is the first row."""
+    plans = choose_first_plans(ranking, MOST_ROWS)
+    table = build_answer_table(ranking, plans)
+    headings = [" ".join(column.heading.split()) for column in table.columns]
+    text_columns = frozenset(place for place, column in enumerate(table.columns) if column.is_text)
+    note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
+    return ShownTable(headings, table.rows, text_columns, 0 if ranking.best else None, note)
 
 
 def _build_figures_table(plan: PlanResult) -> ShownTable:
@@ -237,13 +231,13 @@ def draw_times(axes: Axes, ranking: PlanRanking) -> None:
     """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
     plans = list_feasible(ranking)
     for place, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
-        points = sorted((plan.tractors, get_finished_field_s(plan) / 60.0) for plan in plans if plan.strategy == name)
+        points = sorted((plan.tractors, get_ranked_s(plan) / 60.0) for plan in plans if plan.strategy == name)
         counts, minutes = zip(*points, strict=True)
         axes.plot(counts, minutes, marker="o", linestyle="none", color=palette.get_tractor_colour(place), label=name)
     best = ranking.best
     if best is not None:
         axes.plot(
-            best.tractors, get_finished_field_s(best) / 60.0, marker="o", markersize=13, markerfacecolor="none",
+            best.tractors, get_ranked_s(best) / 60.0, marker="o", markersize=13, markerfacecolor="none",
             markeredgecolor="black", linestyle="none", label="best plan",
         )  # fmt: skip
     axes.set_xticks(sorted({plan.tractors for plan in plans}))
