@@ -28,7 +28,9 @@ from reports.common.plan_results import (
     UnworkedPiece,
     build_time_sort_key,
     get_ranked_s,
+    get_stated_end_s,
 )
+from reports.common.wording import round_up_to_minute
 from strategies.registry import STRATEGIES
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
@@ -47,13 +49,17 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
             f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides "
             "the field work.",
         )
-    ready, done, home = (request.format_clock_after(at) for at in (plan.ready_s, plan.done_s, plan.home_s))
+    home_s = (
+        plan.home_s if plan.p50_s is None else day.compute_clock_s(day.before_field_s + plan.p50_s + day.after_field_s)
+    )
+    done_s = round_up_to_minute(get_stated_end_s(plan))
+    ready, done, home = (request.format_clock_after(at) for at in (plan.ready_s, done_s, round_up_to_minute(home_s)))
     end = "home" if day.road_m else "folded"
     summary = (
         f"{_describe_duties(day)}: out at {format_clock(day.start_s)}, field work from {ready} to {done}, "
         f"{end} at {home}."
     )
-    return (*notes, summary, *_describe_pauses(day, request, plan.home_s))
+    return (*notes, summary, *_describe_pauses(day, request, home_s))
 
 
 def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:

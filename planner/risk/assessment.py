@@ -252,12 +252,9 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
 def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> str:
     """A sentence on what the cost in the advice covers."""
     prices = criteria.cost_terms.prices
-    subject = "Paid cost" if includes_late else "Cost"
-    sentence = (
-        f"{subject} in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(prices)}"
-    )
+    sentence = f"Cost in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(prices)}"
     per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
-    late_text = f"; expected cost adds {per_ha} for each hectare not done {criteria.limit_text}"
+    late_text = f"; and {per_ha} for each hectare not done {criteria.limit_text}"
     return f"{sentence}{late_text if includes_late else ''}."
 
 

@@ -170,13 +170,16 @@ def get_stated_end_s(plan: PlanResult) -> float:
 
     It is the median of the samples, and where there are none as simulated.
     """
-    median_s = plan.p50_s if plan.p50_done_s is None else plan.p50_done_s
-    return get_field_work_end_s(plan) if median_s is None else median_s
+    if plan.p50_done_s is not None:
+        return plan.p50_done_s
+    return get_field_work_end_s(plan) + get_stated_s(plan) - (plan.time_s or 0.0)
 
 
 def get_stated_late_end_s(plan: PlanResult) -> float | None:
     """The end of field work by the clock in 95 % of the samples; None without samples."""
-    return plan.p95_s if plan.p95_done_s is None else plan.p95_done_s
+    if plan.p95_done_s is not None or plan.p95_s is None:
+        return plan.p95_done_s
+    return get_field_work_end_s(plan) + plan.p95_s - (plan.time_s or 0.0)
 
 
 def get_stated_finished_end_s(plan: PlanResult) -> float:

@@ -29,6 +29,7 @@ from reports.common.wording import (
 )
 from reports.plan.plan_wording import (
     LEAST_COST,
+    describe_changes,
     explain_no_plan,
     format_clock_after_start,
     format_end_clock,
@@ -44,8 +45,8 @@ class Answer:
     """What a ranking says in sentences: each attribute is one of them, "" where there is nothing to say.
 
     Attributes:
-        verdict: that no plan works, or that none meets what was asked.
-        decision: the plan to take, when it is done, its cost and how much it works.
+        verdict: that no plan works and why, or that none meets what was asked.
+        decision: the plan to take, when it is done, its cost and how much it works; where none works what would help.
         certainty: how sure that is, and what late ground may cost.
         alternatives: the plans with fewer and with more tractors.
         faults: what is wrong with the plan to take.
@@ -66,7 +67,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
     """The answer of a ranking."""
     best = ranking.best
     if best is None:
-        return Answer(explain_no_plan(ranking), "", "", "", ())
+        return Answer(explain_no_plan(ranking), describe_changes(ranking), "", "", ())
     return Answer(
         _describe_verdict(ranking),
         _describe_decision(ranking, best),

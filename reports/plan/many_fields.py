@@ -35,7 +35,7 @@ def format_many_csv_rows(record: FieldRecord) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
     ranking = record["ranking"]
     empty_plan = dict.fromkeys(PLAN_KEYS) | {"feasible": False, "reason": record["refusal"]}
-    plans = [{key: plan[key] for key in PLAN_KEYS} for plan in (ranking["plans"] if ranking else [empty_plan])]
+    plans = [{key: plan.get(key) for key in PLAN_KEYS} for plan in (ranking["plans"] if ranking else [empty_plan])]
     request_values = ranking["scenario"] if ranking else {"width_m": record["width_m"]}
     request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
     return _format_csv(

@@ -7,8 +7,18 @@ import io
 import json
 from typing import Any
 
-from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult, ThesisTableRow
+from reports.common.plan_results import (
+    FieldPartPlan,
+    FleetStudy,
+    PlanRanking,
+    PlanResult,
+    ThesisTableRow,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+)
 from reports.common.rendering import make_json_safe
+from reports.plan.answer import write_answer
 from reports.plan.plan_wording import get_clearance_m
 
 PLAN_KEYS = (
@@ -61,6 +71,12 @@ PLAN_KEYS = (
     "over_finished_m2",
     "overhang_m",
     "beyond_overhang_m",
+    "p50_done_s",
+    "p95_done_s",
+    "fuel_l",
+    "stated_end_s",
+    "stated_late_end_s",
+    "stated_cost",
 )
 INTERVAL_KEYS = ("low", "high")
 UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
@@ -75,8 +91,8 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
     amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
     (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
-    ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) and ``changes``
-    (found to work where no plan does).
+    ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
+    (found to work where no plan does) and ``summary`` (the answer in a few sentences, as it is printed).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
@@ -94,6 +110,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "unmet": ranking.unmet_sentence,
             "parts": [_build_part_entry(part) for part in ranking.parts],
             "changes": list(ranking.changes),
+            "summary": write_answer(ranking).list_sentences(),
         }
     )
 
@@ -121,10 +138,19 @@ def _build_entry_with_cells(plan: PlanResult, ranking: PlanRanking) -> dict[str,
 def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
     """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor.
 
+    ``stated_end_s`` (the end of field work by the clock), ``stated_late_end_s`` (in 95 % of the samples) and
+    ``stated_cost`` are the figures that every report states.
+
     ``largest_missed`` has `UNWORKED_PIECE_KEYS`: area, degrees (null for a field in local metres) and metres of the
     field; it is null where nothing is missed.
     """
-    values: dict[str, Any] = {key: getattr(plan, key) for key in PLAN_KEYS} | {"min_clearance_m": get_clearance_m(plan)}
+    stated = {
+        "stated_end_s": get_stated_end_s(plan) if plan.feasible else None,
+        "stated_late_end_s": get_stated_late_end_s(plan),
+        "stated_cost": get_stated_cost(plan),
+        "min_clearance_m": get_clearance_m(plan),
+    }
+    values: dict[str, Any] = {key: stated.get(key, getattr(plan, key, None)) for key in PLAN_KEYS}
     if (piece := plan.largest_missed) is not None:
         values["largest_missed"] = {key: getattr(piece, key) for key in UNWORKED_PIECE_KEYS}
     return {key: make_json_safe(value, EXPORT_DECIMALS) for key, value in values.items()}

@@ -10,7 +10,15 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisClaim, ThesisTableRow, get_stated_s
+from reports.common.plan_results import (
+    FleetStudy,
+    PlanRanking,
+    PlanResult,
+    ThesisClaim,
+    ThesisTableRow,
+    get_stated_cost,
+    get_stated_s,
+)
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     NO_VALUE,
@@ -182,14 +190,10 @@ def _list_plan_columns(flags: _ColumnFlags) -> list[_PlanColumn]:
 
 
 def _list_money_columns(flags: _ColumnFlags) -> list[_PlanColumn]:
-    """The simulated cost; with samples the mean of what is paid and, where ground may be late, of the expected cost."""
-    if not flags.has_risk:
-        return [_PlanColumn(TableColumn("Cost", drop_order=2), lambda p: format_price(p.cost))]
-    paid = _PlanColumn(
-        TableColumn("Paid", drop_order=6 if flags.has_late_costs else 2), lambda p: format_price(p.paid_cost)
-    )
-    late = _PlanColumn(TableColumn("Expected", "Expec-\nted", drop_order=2), lambda p: format_price(p.expected_cost))
-    return [paid, late] if flags.has_late_costs else [paid]
+    """The stated cost and, where ground may be late, what is paid of it."""
+    cost = _PlanColumn(TableColumn("Cost", drop_order=2), lambda p: format_price(get_stated_cost(p)))
+    paid = _PlanColumn(TableColumn("Paid", drop_order=6), lambda p: format_price(p.paid_cost))
+    return [cost, paid] if flags.has_late_costs else [cost]
 
 
 def _describe_plan_columns(flags: _ColumnFlags) -> str:
