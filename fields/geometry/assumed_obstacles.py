@@ -28,7 +28,7 @@ from fields.feature_words import (
 from fields.geometry.coordinates import FieldFrame, parse_position
 from fields.geometry.field_lines import FENCE, MAX_FEATURE_DISTANCE_M, MIN_OPENING_M, clip_outline_to_line
 from fields.geometry.obstacles import DEFAULT_WIDTH_M, LINE, MAX_OBSTACLE_M, POINT, Obstacle
-from fields.raw_document import RawLine, RawPolygon, RawShape
+from fields.raw_document import RawLine, RawShape
 from fields.text_files import count_noun
 
 DEFAULT_SIZE_M = 1.0
@@ -41,8 +41,6 @@ ASSUMED_RADIUS_M = {
 MAX_SHORT_LINE_M = 10.0  # no guidance line is shorter
 MAX_UNKNOWN_FEATURES = 20
 """More points in a field that nothing is known of are measurements; nobody draws so many obstacles without names."""
-MAX_INSIDE_SHARE = 0.5
-"""Of the field's area; a polygon within it that covers more is another outline of the field."""
 MAX_ENTRANCE_INSIDE_M = 5.0
 MAX_LISTED, MAX_EXAMPLES = 12, 3
 UNKNOWN_KINDS = {POINT: "point", LINE: "line"}
@@ -203,7 +201,7 @@ def _assign_candidate(
     elif _is_label(one, field_names):
         roles.ignore("label", one.label)
     elif use in (NOTE, GUIDANCE):
-        roles.ignore("sample or note" if use == NOTE else "point of a guidance line", one.label)
+        roles.ignore("note" if use == NOTE else "guidance point", one.label)
     elif use == OBSTACLE:
         roles.obstacles.append(one.build_obstacle())
     elif is_inside:
@@ -214,7 +212,7 @@ def _assign_candidate(
 def _assign_place(one: _Candidate, roles: AssumedRoles, shape: shapely.Polygon, role: str) -> bool:
     """An entrance near the outline, or a place to refill."""
     if role == ENTRANCE and shapely.Polygon(shape.exterior).buffer(-MAX_ENTRANCE_INSIDE_M).covers(one.geometry):
-        roles.ignore("entrance far inside", one.label)
+        roles.ignore("far-off entrance", one.label)
         return True
     x, y = shapely.get_coordinates(one.geometry)[0].tolist()
     roles.places[role].append((one.label, (x, y)))
@@ -229,7 +227,7 @@ def _assign_line(one: _Candidate, roles: AssumedRoles, shape: shapely.Polygon, u
         side = clip_outline_to_line(shapely.LineString(shape.exterior.coords), one.geometry)
         is_along = one.meaning.kind == FENCE and side.length >= 0.8 * one.geometry.length
         if is_along and side.length > shape.exterior.length - MIN_OPENING_M:
-            roles.ignore("fence without an opening", one.label)
+            roles.ignore("closed fence", one.label)
         elif is_along:
             roles.fences.append(RawShape(LINE, one.raw.coordinates, one.raw.keys, {"edge": FENCE}))
             roles.notes.append(f"Taken as a fence along the boundary by its name: {one.label}.")
@@ -249,56 +247,29 @@ def _is_label(one: _Candidate, field_names: Sequence[str]) -> bool:
     return find_meaning({**one.raw.properties, "name": "", "Name": ""}).use != OBSTACLE
 
 
-def select_inside_obstacles(
-    inside: Sequence[tuple[RawPolygon, shapely.Polygon]], shape: shapely.Polygon, roles: AssumedRoles
-) -> list[Obstacle]:
-    """Polygons within a field that are obstacles: all but zones, and outlines of most of the field."""
-    obstacles = []
-    for raw, ring in inside:
-        meaning = find_meaning(raw.properties)
-        name = find_name(raw.properties) or (raw.keys[0] if raw.keys else "")
-        if is_inside_obstacle(raw, ring.area / shape.area):
-            obstacles.append(Obstacle(meaning.kind or "area", ring, name=name, is_assumed=True))
-        else:
-            roles.ignore("zone or second outline", f"'{name}'" if name else "a Polygon")
-    return obstacles
-
-
-def is_inside_obstacle(raw: RawPolygon, share: float) -> bool:
-    """Whether a polygon within a field, of this share of its area, is an obstacle rather than a zone."""
-    return share <= MAX_INSIDE_SHARE and find_meaning(raw.properties).use != NOTE
-
-
-def describe_assumed_obstacles(
-    obstacles: Sequence[Obstacle], numbered: Sequence[Obstacle] | None = None
-) -> tuple[str, ...]:
-    """A sentence on the obstacles that their file does not call so, each with its number among `numbered`."""
-    kept = {id(one) for one in obstacles}
-    assumed = [
-        (number, one)
-        for number, one in enumerate(obstacles if numbered is None else numbered, 1)
-        if one.is_assumed and id(one) in kept
-    ]
+def describe_assumed_obstacles(obstacles: Sequence[Obstacle]) -> tuple[str, ...]:
+    """A sentence on the obstacles that their file does not call so, each with its number."""
+    assumed = [(one.number or place, one) for place, one in enumerate(obstacles, 1) if one.is_assumed]
     if not assumed:
         return ()
-    listed = ", ".join(f"{number} {_describe_obstacle(one)}" for number, one in assumed[:MAX_LISTED])
-    remainder = f" and {len(assumed) - MAX_LISTED} more" if len(assumed) > MAX_LISTED else ""
-    subject = "A feature" if len(assumed) == 1 else f"{len(assumed)} features"
-    verb = "is an obstacle" if len(assumed) == 1 else "are obstacles"
-    name = assumed[0][1].name or str(assumed[0][0])
+    listed = "; ".join(f"({number}) {_describe_obstacle(one)}" for number, one in assumed[:MAX_LISTED])
+    remainder = f"; and {len(assumed) - MAX_LISTED} more" if len(assumed) > MAX_LISTED else ""
+    is_one = len(assumed) == 1
+    subject = "1 feature without a role lies" if is_one else f"{len(assumed)} features without a role lie"
+    example = assumed[0][1].name or str(assumed[0][0])
     return (
-        f"{subject} in the field without a role {verb}, which machines avoid: {listed}{remainder}. Leave one out by "
-        f"its name or number, such as --ignore {_quote_option(name)}.",
+        f"{subject} in the field and {'is avoided as an obstacle' if is_one else 'are avoided as obstacles'}: {listed}"
+        f"{remainder}. To leave one out, give its name or number: --ignore {_quote_option(example)}.",
     )
 
 
 def _describe_obstacle(one: Obstacle) -> str:
     kind = f"{one.kind} '{one.name}'" if one.name else one.kind
     if one.geometry.geom_type == POINT:
-        return f"{kind} (radius {one.half_width_m:g} m)"
+        return f"{kind}, radius {one.half_width_m:g} m"
     if one.geometry.geom_type == LINE:
-        return f"{kind} ({one.geometry.length:.0f} m long, {2.0 * one.half_width_m:g} m wide)"
-    return f"{kind} ({one.geometry.area:.0f} m2)"
+        return f"{kind}, {one.geometry.length:.0f} m long and {2.0 * one.half_width_m:g} m wide"
+    return f"{kind}, {one.geometry.area:.0f} m2"
 
 
 def _quote_option(name: str) -> str:

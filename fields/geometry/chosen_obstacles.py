@@ -86,18 +86,17 @@ def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:
     return replace(
         field,
         obstacles=kept,
-        remarks=(*describe_assumed_obstacles(kept, field.obstacles), remark, *others),
+        remarks=(*describe_assumed_obstacles(kept), remark, *others),
     )
 
 
 def _find_obstacle_numbers(field: Field, text: str) -> list[int]:
-    """Positions of the obstacles that a text names: all of that name in any case, else the one of that number."""
+    """Places of the obstacles that a text names: all of that name in any case, else the one of that number."""
     wanted = text.strip().casefold()
-    matches = [number for number, one in enumerate(field.obstacles) if wanted and one.name.casefold() == wanted]
-    if matches:
-        return matches
-    if wanted.isdecimal() and len(wanted) < 10 and 1 <= int(wanted) <= len(field.obstacles):
-        return [int(wanted) - 1]
+    names = [place for place, one in enumerate(field.obstacles) if wanted and one.name.casefold() == wanted]
+    numbers = [place for place, one in enumerate(field.obstacles) if wanted == str(one.number or place + 1)]
+    if names or numbers:
+        return names or numbers
     raise FieldError(_explain_unknown_name(field, text))
 
 
@@ -106,6 +105,6 @@ def _explain_unknown_name(field: Field, text: str) -> str:
     if not field.obstacles:
         return f"{subject}, which has none; leave it out."
     close = suggest_name(text.strip(), [one.name for one in field.obstacles if one.name])
-    shown = [f"{number} {one.name or one.kind}" for number, one in enumerate(field.obstacles, 1)]
+    shown = [f"{one.number or place} {one.name or one.kind}" for place, one in enumerate(field.obstacles, 1)]
     remainder = f" and {len(shown) - MAX_LISTED_OBSTACLES} more" if len(shown) > MAX_LISTED_OBSTACLES else ""
     return f"{subject}{close}; give a name or number out of: {', '.join(shown[:MAX_LISTED_OBSTACLES])}{remainder}."

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from dataclasses import field as member
-from typing import Any
 
 import numpy as np
 import shapely
@@ -13,7 +12,7 @@ import shapely
 from fields.errors import FieldError
 from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
-from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.raw_document import RawShape
 from fields.text_files import count_noun, shorten_value
 
 POINT, LINE, AREA = "Point", "LineString", "Polygon"
@@ -36,6 +35,7 @@ class Obstacle:
         half_width_m: extent beyond the geometry: radius of a point, half the width of a line, 0 for a polygon.
         name: its name, possibly empty.
         is_assumed: its file does not say that it is an obstacle; ignored when obstacles are compared.
+        number: by which it can be left out: its place among the obstacles of its file, from 1; None for others.
 
     Raises:
         FieldError: the geometry has another type, is empty or crosses itself, or the size is out of range.
@@ -46,6 +46,7 @@ class Obstacle:
     half_width_m: float = 0.0
     name: str = ""
     is_assumed: bool = member(default=False, compare=False)
+    number: int | None = member(default=None, compare=False)
 
     def __post_init__(self) -> None:
         geometry_type = self.geometry.geom_type
@@ -256,28 +257,3 @@ def _join_names(names: Sequence[str]) -> str:
     remainder = [f"{len(names) - MAX_NAMED_OBSTACLES} more"] if len(names) > MAX_NAMED_OBSTACLES else []
     parts = [*shown_names, *remainder]
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
-
-
-def find_inside_polygons(
-    document: FieldDocument, chosen: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
-) -> list[tuple[RawPolygon, shapely.Polygon]]:
-    """Other polygons of a file within the chosen one, and their outlines in local metres."""
-    inside = []
-    for raw in document.polygons:
-        ring = None if raw is chosen else _parse_outer_ring(raw, frame, shape)
-        if ring is not None and shapely.contains_properly(shape, ring):
-            inside.append((raw, ring))
-    return inside
-
-
-def _parse_outer_ring(raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon) -> shapely.Polygon | None:
-    """The outline of a polygon that may be inside a shape; None if it is not, or not usable."""
-    try:
-        first: Any = raw.coordinates[0][0]
-        place = frame.to_local(np.array([parse_position(first, "")]))[0]
-        if not shapely.intersects_xy(shapely.box(*shape.bounds), *place):
-            return None
-        ring = shapely.Polygon(frame.to_local(parse_rings(raw.coordinates, "")[0]))
-    except (FieldError, TypeError, LookupError):
-        return None
-    return ring if ring.is_valid else None

@@ -95,7 +95,11 @@ def compare_headlands(
 
     check_one_output(json, csv)
     names = expand_field_names(
-        fields or ["iwamizawa"], local=options["local"], crs=options["crs"], swap_axes=options["swap_axes"]
+        fields or ["iwamizawa"],
+        local=options["local"],
+        crs=options["crs"],
+        swap_axes=options["swap_axes"],
+        show_remarks=print_remarks,
     )
     choices = HeadlandChoices(
         _parse_choices(corners, "--corners", CORNERS),

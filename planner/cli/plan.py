@@ -63,10 +63,12 @@ class ExecutorChoice:
 
 def parse_selection(names: Sequence[str], width: str, local: bool, crs: str | None, swap_axes: bool) -> BatchSelection:
     """The fields and widths that names with stars and widths with commas stand for; raises HeadlandError."""
+    from planner.cli.common.terminal import print_remarks
     from planner.pipeline.many_fields import expand_field_names
     from planner.request.option_texts import parse_widths
 
-    fields, widths_m = expand_field_names(names, local=local, crs=crs, swap_axes=swap_axes), parse_widths(width)
+    fields = expand_field_names(names, local=local, crs=crs, swap_axes=swap_axes, show_remarks=print_remarks)
+    widths_m = parse_widths(width)
     return BatchSelection(fields, widths_m, len(widths_m) > 1 or fields != (names[0],))
 
 

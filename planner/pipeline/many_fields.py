@@ -12,12 +12,11 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
-from functools import partial
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
-from fields.documents.reader import FieldSummary, list_fields
+from fields.documents.reader import FieldSummary, describe_nested_fields, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
@@ -202,15 +201,25 @@ MAX_FIELDS = 100_000
 
 
 def expand_field_names(
-    names: Iterable[str], *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+    names: Iterable[str],
+    *,
+    local: bool = False,
+    crs: str | None = None,
+    swap_axes: bool = False,
+    show_remarks: Callable[[Iterable[str]], None] = lambda remarks: None,
 ) -> tuple[str, ...]:
     """The fields that names stand for, each once, in the order given.
 
     ``file.geojson#*`` stands for every field of a file, ``*.geojson`` for every such file, sorted by name, if the
-    shell has not expanded it. Raises FieldError for a file that cannot be read, RequestError for a pattern that
-    matches no file.
+    shell has not expanded it. Polygons within a field, such as ponds, are no fields; `show_remarks` is called with a
+    sentence on them. Raises FieldError for a file that cannot be read, RequestError for a pattern that matches no file.
     """
-    list_parcels = partial(list_fields, local=local, crs=crs, swap_axes=swap_axes)
+
+    def list_parcels(place: str) -> tuple[FieldSummary, ...]:
+        listed = list_fields(place, local=local, crs=crs, swap_axes=swap_axes)
+        show_remarks(describe_nested_fields(listed))
+        return listed
+
     field_names = dict.fromkeys(
         field for name in names for file in _iter_files(name) for field in _iter_parcels(file, list_parcels)
     )
@@ -240,5 +249,5 @@ def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, .
         return
     listed = list_parcels(source.place)
     keys = Counter(parcel.key for parcel in listed)
-    for parcel in listed:
+    for parcel in (one for one in listed if one.inside is None):
         yield f"{source.place}#{parcel.key if keys[parcel.key] == 1 else parcel.position}"

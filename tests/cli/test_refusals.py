@@ -286,7 +286,8 @@ class TestFieldFiles:
         assert_refused(drawn, "--png draws one field; leave it out with --list")
         assert table.status == 0 and all(f"plot-{i}" in table.out for i in range(94) if i != 7)
         assert [row["position"] for row in rows] == list(range(94))
-        assert rows[93] == {"position": 93, "id": "plot-93", "area_ha": 0.6, "holes": 0, "fault": None}
+        plain = {"position": 93, "id": "plot-93", "area_ha": 0.6, "holes": 0, "fault": None, "inside": None}
+        assert rows[93] == plain
         assert rows[7]["area_ha"] is None and "crosses itself" in rows[7]["fault"]
 
     def test_other_forms_and_names(self, headland: Callable[..., Any], folder: Path) -> None:

@@ -78,8 +78,8 @@ class TestReading:
             field = read(tmp_path, *features)
             assert [(one.kind, one.name) for one in field.obstacles] == [("stone", "rock")]
             (remark,) = field.remarks
-            assert remark.startswith("A feature in the field without a role is an obstacle, which machines avoid: ")
-            assert "1 stone 'rock' (200 m2)" in remark and "--ignore rock." in remark
+            assert remark.startswith("1 feature without a role lies in the field and is avoided as an obstacle: ")
+            assert "(1) stone 'rock', 200 m2. To" in remark and remark.endswith("--ignore rock.")
             assert field.compute_ground_with_margin(0.0).area_m2 == pytest.approx(20_000 - 200)
 
     def test_polygons_side_by_side_are_fields(self, tmp_path: Path) -> None:
