@@ -142,13 +142,13 @@ def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     fuel = (TableColumn("Fuel l", "Fuel\nl", drop_order=2),) if has_fuel(comparison) else ()
     return (
         TableColumn("Headland", is_text=True),
+        TableColumn(f"{unit}/ha"),
+        TableColumn("More"),
         TableColumn("Time"),
         *fuel,
         TableColumn("Missed m2", "Missed\nm2"),
         TableColumn("Overlap m2", "Over-\nlap m2", drop_order=1),
         TableColumn("Driven over m2", "Driven\nover m2"),
-        TableColumn(f"{unit}/ha"),
-        TableColumn("More"),
     )
 
 
@@ -166,13 +166,13 @@ def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: 
     extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
     return (
         name_choice(totals),
+        format_number(totals.cost_per_ha, 1),
+        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else "best",
         format_duration(totals.time_s),
         *([format_number(totals.fuel_l, 0)] if with_fuel else []),
         format_number(totals.missed_m2, 0),
         format_number(totals.overlap_m2, 0),
         format_number(totals.over_finished_m2, 0),
-        format_number(totals.cost_per_ha, 1),
-        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else "best",
     )
 
 
@@ -183,13 +183,13 @@ def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
     rows = tuple(build_cells(one, comparison.best, with_fuel) for one in comparison.totals)
     styles = tuple("bold" if one is comparison.best else "" for one in comparison.totals)
     parts: list[RenderableType] = [format_sentence(first, style="bold"), *map(format_sentence, others), Text("")]
-    parts.append(FittedTable(list_columns(comparison), rows, styles))
-    if len(comparison.fields) > 1:
-        parts += [Text(""), _build_field_table(comparison)]
-    parts.append(format_sentence(f"{FIGURES_HELP} {describe_more(comparison)}", style="dim"))
+    if any(one.driven for one in comparison.totals):
+        parts.append(FittedTable(list_columns(comparison), rows, styles))
+        if len(comparison.fields) > 1:
+            parts += [Text(""), _build_field_table(comparison)]
+        parts += [format_sentence(f"{FIGURES_HELP} {describe_more(comparison)}", style="dim"), Text("")]
     missing = list_missing(comparison)
-    if missing:
-        parts += [Text(""), format_title("Without a plan"), *map(format_sentence, missing)]
+    parts += [format_title("Without a plan"), *map(format_sentence, missing)] if missing else []
     return Group(*parts)
 
 
@@ -201,12 +201,12 @@ def describe_more(comparison: HeadlandComparison) -> str:
 
 FIELD_COLUMNS = (
     TableColumn("Field", is_text=True),
-    TableColumn("ha"),
     TableColumn("Best headland", is_text=True),
+    TableColumn("Saves"),
+    TableColumn("Cost/ha"),
     TableColumn("Time"),
     TableColumn("Missed m2", "Missed\nm2", drop_order=1),
-    TableColumn("Cost/ha"),
-    TableColumn("Saves"),
+    TableColumn("ha"),
 )
 
 
@@ -215,16 +215,16 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
     driven = [one for one in comparison.totals_by_field[name] if one.driven]
     label = comparison.field_names[name]
     if not driven:
-        return label, NO_VALUE, "none works", *[NO_VALUE] * 4
+        return label, "none works", *[NO_VALUE] * 5
     best, dearest = driven[0], driven[-1]
     return (
         label,
-        format_number(best.area_ha, 2),
         name_choice(best),
+        format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
+        format_number(best.cost_per_ha, 1),
         format_duration(best.time_s),
         format_number(best.missed_m2, 0),
-        format_number(best.cost_per_ha, 1),
-        format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
+        format_number(best.area_ha, 2),
     )
 
 
