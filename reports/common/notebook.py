@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 MOST_SUMMARY_CHARS = 280
 MOST_PICTURE_BYTES = 200_000  # base64 makes a third more of it; a fragment stays below 300 kB
 PICTURE_COLOURS = 64
-PICTURE_DPIS = (120, 100, 80, 60, 40)  # the sharpest that is small enough is taken
+PICTURE_DPIS = (120, 90, 60, 30)  # the sharpest that is small enough is taken
 FIGURE_INCHES = (7.5, 5.0)
 NOT_DRAWN = "There is nothing to draw"
 

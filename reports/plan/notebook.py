@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from fields.errors import escape_controls, shorten_middle
 from reports.common import palette
 from reports.common.notebook import (
     NOT_DRAWN,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 MOST_ROWS = 12  # of plans in a fragment; to_pandas has all
+MOST_TITLE_CHARS = 80  # above a drawing
 MAP_INCHES, LEAST_MAP_INCHES = 7.5, 3.0  # width of a map, and its least height
 TEXT_COLUMNS = ("field", "strategy", "turn", "reason", "remark")
 Files = Mapping[str, Callable[[], str | bytes]]
@@ -80,7 +82,8 @@ def build_answer_view(ranking: PlanRanking, picture: Callable[[], PlanDrive], fi
     """A ranking with the map of its best plan, or of the field where no plan works."""
 
     def draw(axes: Axes) -> None:
-        draw_drive(axes, picture(), ranking.field_name)
+        drive = picture()
+        draw_drive(axes, drive, f"{ranking.field_name}: {drive.title}")
 
     return ResultView(
         summary=lambda: summarise_ranking(ranking),
@@ -110,11 +113,11 @@ def build_drive_view(drive: PlanDrive) -> ResultView:
     """A drive on its field: the map, and the seconds of each tractor."""
 
     def draw(axes: Axes) -> None:
-        draw_drive(axes, drive)
+        draw_drive(axes, drive, drive.title)
 
     return ResultView(
         summary=lambda: f"{drive.title}; {format_tractor_count(len(drive.xy))}, {len(drive.swaths)} tracks",
-        html=lambda: render_fragment(drive.title, [], [], _encode_map(drive, ""), "Map of the field and the drive"),
+        html=lambda: render_fragment(drive.title, [], [], _encode_map(drive), "Map of the field and the drive"),
         table=lambda: _build_frame(_list_drive_rows(drive)),
         draw=draw,
         figure_inches=(MAP_INCHES, MAP_INCHES),
@@ -176,7 +179,7 @@ def render_ranking_fragment(ranking: PlanRanking, drive: PlanDrive | None) -> st
     heading = ", ".join(
         filter(None, (ranking.field_name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking)))
     )
-    picture = None if drive is None else _encode_map(drive, "")
+    picture = None if drive is None else _encode_map(drive)
     tables = [_build_plans_table(ranking)] if list_feasible(ranking) else []
     sentences = write_answer(ranking).list_sentences()
     return render_fragment(heading, sentences, tables, picture, "Map of the field and the best plan")
@@ -199,23 +202,27 @@ def _build_figures_table(plan: PlanResult) -> ShownTable:
     return ShownTable(("Figure", "Value"), rows, frozenset({0}))
 
 
-def draw_drive(axes: Axes, drive: PlanDrive, field_name: str = "") -> None:
+def draw_drive(axes: Axes, drive: PlanDrive, title: str = "") -> None:
     """The map of a drive on given axes, with title and legend."""
     check_drive(drive, least_tractors=0)
     draw_map_layers(axes, drive)
-    title = f"{field_name}: {drive.title}" if field_name and field_name not in drive.title else drive.title
-    axes.set_title(escape_figure_formula(title), loc="left", fontsize=10, wrap=True)
+    axes.set_title(_shorten_title(title), loc="left", fontsize=10)
     axes.legend(
         handles=build_legend_entries(drive), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False,
         fontsize=8,
     )  # fmt: skip
 
 
-def _encode_map(drive: PlanDrive, field_name: str) -> str:
-    """The map as PNG in base64, its height by the shape of the field."""
+def _shorten_title(title: str) -> str:
+    """A title that fits on a drawing: one line, and no formula."""
+    return escape_figure_formula(escape_controls(shorten_middle(title, MOST_TITLE_CHARS)))
+
+
+def _encode_map(drive: PlanDrive) -> str:
+    """The map as PNG in base64, its height by the shape of the field; its title is text above it."""
     box = compute_extent(drive)
     height = MAP_INCHES * min(box.height / (box.width or 1.0), 1.3) + 1.4
-    return encode_picture(lambda axes: draw_drive(axes, drive, field_name), (MAP_INCHES, max(height, LEAST_MAP_INCHES)))
+    return encode_picture(lambda axes: draw_drive(axes, drive), (MAP_INCHES, max(height, LEAST_MAP_INCHES)))
 
 
 def _list_drive_rows(drive: PlanDrive) -> list[dict[str, Any]]:
@@ -242,7 +249,7 @@ def draw_times(axes: Axes, ranking: PlanRanking) -> None:
         )  # fmt: skip
     axes.set_xticks(sorted({plan.tractors for plan in plans}))
     axes.set_ylim(bottom=0.0)
-    axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=escape_figure_formula(ranking.field_name))
+    axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=_shorten_title(ranking.field_name))
     axes.legend(frameon=False, fontsize=8)
 
 
