@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from fields.geometry.field import Field
+from fields.geometry.field_parts import list_field_parts
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
+from planner.evaluation.pull_check import compute_pull_figures
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import MPS_PER_KMH, format_clock
@@ -141,7 +143,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked.
     Raises RequestError for a margin that takes most of the field, or much of it if no plan works.
     """
-    results = [add_piece_location(add_coverage_remark(result), context) for result in results]
+    results = [add_piece_location(add_coverage_remark(result, context), context) for result in results]
     check_margin(context, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)
     pareto_front = _find_pareto_front(feasible)
@@ -164,6 +166,9 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         scenario=export_request(context),
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
+        pull=compute_pull_figures(
+            request, context.tractor, None if context.cost_terms is None else context.cost_terms.tractor
+        ),
     )
     return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
 
@@ -205,11 +210,14 @@ def check_margin(context: PlanningContext, feasible: bool) -> None:
         )
 
 
-def add_coverage_remark(result: PlanResult) -> PlanResult:
-    """The result, with a remark if it works less than MIN_WORKED_PCT of the field."""
+def add_coverage_remark(result: PlanResult, context: PlanningContext) -> PlanResult:
+    """The result, with a remark if it works less than MIN_WORKED_PCT of the field, and on what the rest is."""
     if not result.feasible or result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT:
         return result
-    coverage_remark = f"works only {result.worked_pct:.0f} % of the field; the rest is headland or between tracks"
+    field, width_m = context.layout.field, max(context.implement.width_m, context.tractor.width_m)
+    is_divided = len(list_field_parts(field, context.request.margin_m, width_m)) > 1
+    rest = "mostly parts that are cut off" if is_divided else "headland or between tracks"
+    coverage_remark = f"works only {result.worked_pct:.0f} % of the field; the rest is {rest}"
     return replace(result, remark=f"{result.remark}; {coverage_remark}" if result.remark else coverage_remark)
 
 

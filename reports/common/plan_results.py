@@ -231,6 +231,36 @@ class FieldPartPlan:
     reason: str | None = None
 
 
+@dataclass(frozen=True)
+class PullFigures:
+    """What an implement needs at the drawbar, and what the tractor has there, by ASAE D497 in medium soil.
+
+    Attributes:
+        implement: "cultivator" or "drill".
+        depth_cm: working depth that was assumed; None where the draft does not depend on it.
+        draft_kn, needed_kw: of the implement at `speed_kmh`.
+        engine_kw, available_kw: of the tractor, at the drawbar the latter.
+        possible_width_m, possible_speed_kmh: the greatest that it can pull, the other being as asked for; None where
+            nothing sensible is left.
+    """
+
+    implement: str
+    width_m: float
+    speed_kmh: float
+    depth_cm: float | None
+    draft_kn: float
+    needed_kw: float
+    engine_kw: float
+    available_kw: float
+    possible_width_m: float | None
+    possible_speed_kmh: float | None
+
+    @property
+    def is_questioned(self) -> bool:
+        """Whether the implement needs more than the tractor has."""
+        return self.needed_kw > self.available_kw
+
+
 @dataclass(frozen=True, repr=False)
 class PlanRanking(ShownResult):
     """All plans of a request, best first, infeasible ones last.
@@ -250,6 +280,7 @@ class PlanRanking(ShownResult):
         money_sentences: what the costs include.
         parts: further parts of a divided field, each with a plan of its own.
         changes: of a request without a plan, the smallest changes that were found to work.
+        pull: whether the tractor can pull the implement; None where its power or the draft is not known.
     """
 
     field_name: str
@@ -274,6 +305,7 @@ class PlanRanking(ShownResult):
     money_sentences: tuple[str, ...] = ()
     field_allowed_s: float | None = None
     changes: tuple[str, ...] = ()
+    pull: PullFigures | None = None
     parts: tuple[FieldPartPlan, ...] = ()
 
     @property

@@ -13,6 +13,7 @@ from reports.common.language import translate, translate_count
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
+    PullFigures,
     get_stated_cost,
     get_stated_end_s,
     get_stated_finished_end_s,
@@ -50,6 +51,7 @@ class Answer:
         certainty: how sure that is, and what late ground may cost.
         alternatives: the plans with fewer and with more tractors.
         faults: what is wrong with the plan to take.
+        question: what of the request should be checked: whether the tractor can pull the implement.
     """
 
     verdict: str
@@ -57,24 +59,52 @@ class Answer:
     certainty: str
     alternatives: str
     faults: tuple[str, ...]
+    question: str = ""
 
     def list_sentences(self) -> list[str]:
         """All sentences, the most important first."""
-        return [text for text in (self.verdict, self.decision, self.certainty, self.alternatives, *self.faults) if text]
+        sentences = (self.verdict, self.decision, self.question, self.certainty, self.alternatives, *self.faults)
+        return [text for text in sentences if text]
 
 
 def write_answer(ranking: PlanRanking) -> Answer:
     """The answer of a ranking."""
     best = ranking.best
     if best is None:
-        return Answer(explain_no_plan(ranking), describe_changes(ranking), "", "", ())
+        return Answer(explain_no_plan(ranking), describe_changes(ranking), "", "", (), question_pull(ranking.pull))
     return Answer(
         _describe_verdict(ranking),
         _describe_decision(ranking, best),
         _describe_certainty(ranking, best),
         _describe_alternatives(ranking, best),
         tuple(_list_faults(ranking, best)),
+        question_pull(ranking.pull),
     )
+
+
+def question_pull(pull: PullFigures | None) -> str:
+    """Asks whether the tractor can pull the implement where it seems too weak; else ""."""
+    if pull is None or not pull.is_questioned:
+        return ""
+    width_m, speed_kmh = pull.possible_width_m, pull.possible_speed_kmh
+    ways = [
+        *([] if width_m is None else [f"--width {width_m:g}"]),
+        *([] if speed_kmh is None else [f"--speed-kmh {speed_kmh:g}"]),
+    ]
+    figures = {
+        "width": format_number(pull.width_m, 1).removesuffix(".0"),
+        "needed": format_number(pull.needed_kw, 0),
+        "speed": format_number(pull.speed_kmh, 1).removesuffix(".0"),
+        "available": format_number(pull.available_kw, 0),
+    }
+    text = (
+        translate("The {width} m drill needs about {needed} kW at the drawbar at {speed} km/h; this tractor has about "
+                  "{available}: check it", **figures)
+        if pull.implement == "drill"
+        else translate("The {width} m cultivator needs about {needed} kW at the drawbar at {speed} km/h; this tractor "
+                       "has about {available}: check it", **figures)
+    )  # fmt: skip
+    return translate("{text}, or try {ways}.", text=text, ways=" / ".join(ways)) if ways else f"{text}."
 
 
 def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:

@@ -6,13 +6,13 @@ At 80 columns it has at most 24 lines, of which at most five stand before the ta
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.text import Text
 
-from fields.errors import escape_controls, shorten_middle
+from fields.errors import shorten_middle
 from reports.common.language import translate, translate_count
 from reports.common.plan_results import (
     PlanRanking,
@@ -21,64 +21,14 @@ from reports.common.plan_results import (
     get_stated_end_s,
     get_stated_late_end_s,
 )
-from reports.common.text_tables import LINE_COLUMNS, FittedTable, TableColumn, format_sentence, format_title, wrap_text
+from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence
 from reports.common.wording import format_duration, format_number, format_price, format_yes_no, parse_start_time
-from reports.plan.answer import Answer, format_stated_end, write_answer
+from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.plan_wording import describe_machines, format_in_time_probability, list_feasible, list_refused
 
-LEAST_COLUMNS = 80  # from here on the screen keeps to its lines
-MOST_LINES_BEFORE_TABLE, MOST_NARROW_LINES = 5, 12
 MOST_ROWS, LEAST_ROWS = 8, 5
 _MOST_NAME_LETTERS = 40
 _MORE_HINT = "a wider window or --explain shows more"
-
-
-@dataclass(frozen=True)
-class _AnswerLines:
-    """Title and answer in at most five lines where the console is not narrow: remarks are counted if need be."""
-
-    title: str
-    answer: Answer
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        width = min(options.max_width, LINE_COLUMNS)
-        answer, most = self.answer, MOST_LINES_BEFORE_TABLE if width >= LEAST_COLUMNS else MOST_NARROW_LINES
-        room = most - _count_lines([answer.decision, answer.certainty], width) - 1
-        verdict = _shorten_to_lines(answer.verdict, room, width)
-        must = [text for text in (verdict, answer.decision, answer.certainty) if text]
-        note = self._choose_fault_note(width, most - _count_lines([*must, answer.alternatives], width))
-        has_room = _count_lines([*must, answer.alternatives, note], width) <= most
-        sentences = [*must, answer.alternatives] if has_room or not note else must
-        if _count_lines([*sentences, note], width) < most:
-            yield format_title(self.title)
-        for text in filter(None, sentences):
-            yield format_sentence(text, style="bold" if text == answer.decision else "")
-        if note:
-            yield format_sentence(note, style="yellow")
-
-    def _choose_fault_note(self, width: int, room: int) -> str:
-        """The remarks on the plan to take if they fit into so many lines, the first and a count, or only a count."""
-        faults = self.answer.faults
-        if not faults:
-            return ""
-        first = translate("{remark} {count} more: --explain.", remark=faults[0], count=len(faults) - 1)
-        for note in (" ".join(faults), *([first] if len(faults) > 1 else [])):
-            if _count_lines([note], width) <= room:
-                return note
-        return translate_count(
-            "{count} remark on this plan: --explain.", "{count} remarks on this plan: --explain.", len(faults)
-        )
-
-
-def _shorten_to_lines(text: str, lines: int, width: int) -> str:
-    """The text in at most so many lines (and at least one), with dots where it goes on."""
-    while _count_lines([text], width) > max(lines, 1):
-        text = f"{text.removesuffix(' ...').rpartition(' ')[0]} ..."
-    return text
-
-
-def _count_lines(sentences: Iterable[str], width: int) -> int:
-    return sum(len(wrap_text(escape_controls(text), width)) for text in sentences if text)
 
 
 @dataclass(frozen=True)
@@ -93,7 +43,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     The table holds the best plan, then the Pareto front, then others as they are ranked: few, or all with `shows_all`.
     """
     plans = choose_first_plans(ranking, math.inf if shows_all else MOST_ROWS)
-    parts: list[RenderableType] = [_AnswerLines(_format_heading(ranking), write_answer(ranking))]
+    parts: list[RenderableType] = [_build_answer_lines(ranking)]
     if plans:
         parts += [
             Text(""),
@@ -104,6 +54,12 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
     if with_next:
         parts += [format_sentence(text, style="dim") for text in _suggest_commands(ranking)]
     return Group(*parts)
+
+
+def _build_answer_lines(ranking: PlanRanking) -> AnswerLines:
+    answer = write_answer(ranking)
+    must = tuple(text for text in (answer.verdict, answer.decision, answer.certainty) if text)
+    return AnswerLines(must, (answer.alternatives,), answer.faults, title=_format_heading(ranking))
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import asdict
 from typing import Any
 
 from reports.common.plan_results import (
@@ -12,6 +13,7 @@ from reports.common.plan_results import (
     FleetStudy,
     PlanRanking,
     PlanResult,
+    PullFigures,
     ThesisTableRow,
     get_stated_cost,
     get_stated_end_s,
@@ -77,10 +79,20 @@ PLAN_KEYS = (
     "stated_end_s",
     "stated_late_end_s",
     "stated_cost",
+    "headland_order",
 )
 INTERVAL_KEYS = ("low", "high")
 UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
-CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
+CSV_KEYS = (
+    "field",
+    "width_m",
+    "headland_m",
+    "bearing_deg",
+    "price_per_hour",
+    "price_per_tractor",
+    "area_ha",
+    "corners",
+)
 EXPORT_DECIMALS = 6
 
 
@@ -92,7 +104,8 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
     (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
     ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
-    (found to work where no plan does) and ``summary`` (the answer in a few sentences, as it is printed).
+    (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
+    ``questioned`` if it is too little; null if unknown) and ``summary`` (the answer in a few sentences, as printed).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
@@ -110,9 +123,18 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "unmet": ranking.unmet_sentence,
             "parts": [_build_part_entry(part) for part in ranking.parts],
             "changes": list(ranking.changes),
+            "pull": _build_pull_entry(ranking.pull),
             "summary": write_answer(ranking).list_sentences(),
         }
     )
+
+
+def _build_pull_entry(pull: PullFigures | None) -> dict[str, Any] | None:
+    """What the implement needs and the tractor has at the drawbar, and whether that is questioned."""
+    if pull is None:
+        return None
+    figures = {name: make_json_safe(value, 2) for name, value in asdict(pull).items()}
+    return {**figures, "questioned": pull.is_questioned}
 
 
 def _build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
@@ -167,7 +189,7 @@ def format_ranking_csv(ranking: PlanRanking) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow((*flatten_entry(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
-    request_values = {**ranking.scenario, "field": ranking.field_name}
+    request_values = {**ranking.scenario, "field": ranking.field_name, "area_ha": ranking.area_ha}
     request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
     for plan in ranking.plans:
         writer.writerow(
