@@ -58,7 +58,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
 
 def _build_answer_lines(ranking: PlanRanking) -> AnswerLines:
     answer = write_answer(ranking)
-    must = tuple(text for text in (answer.verdict, answer.decision, answer.certainty) if text)
+    must = tuple(text for text in (answer.verdict, answer.decision, answer.question, answer.certainty) if text)
     return AnswerLines(must, (answer.alternatives,), answer.faults, title=_format_heading(ranking))
 
 
