@@ -42,6 +42,18 @@ def compute_pull_figures(
     )
 
 
+def describe_pull(pull: PullFigures | None) -> tuple[str, ...]:
+    """How the figures of a questioned implement come about; nothing where it can be pulled."""
+    if pull is None or not pull.is_questioned:
+        return ()
+    depth = "" if pull.depth_cm is None else f" {pull.depth_cm:g} cm deep"
+    return (
+        f"The draft of the {pull.implement}, {pull.draft_kn:.0f} kN{depth} in medium soil, is that of ASAE D497, give "
+        f"or take 30 %; at the drawbar the tractor is taken to have {100.0 * DRAWBAR_SHARE:.0f} % of its "
+        f"{pull.engine_kw:g} kW.",
+    )
+
+
 def _find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) -> float | None:
     if farm_tractor is not None and farm_tractor.power_kw is not None:
         return farm_tractor.power_kw

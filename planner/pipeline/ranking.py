@@ -16,7 +16,7 @@ from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
-from planner.evaluation.pull_check import compute_pull_figures
+from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import MPS_PER_KMH, format_clock
@@ -27,6 +27,7 @@ from planner.risk.costs import build_hire_terms, describe_prices
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
+    PullFigures,
     UnworkedPiece,
     build_time_sort_key,
     get_ranked_s,
@@ -166,11 +167,15 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         scenario=export_request(context),
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
-        pull=compute_pull_figures(
-            request, context.tractor, None if context.cost_terms is None else context.cost_terms.tractor
-        ),
+        pull=_compute_pull(context),
     )
     return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
+
+
+def _compute_pull(context: PlanningContext) -> PullFigures | None:
+    """What the implement needs at the drawbar and the tractor has there; None if unknown."""
+    farm_tractor = None if context.cost_terms is None else context.cost_terms.tractor
+    return compute_pull_figures(context.request, context.tractor, farm_tractor)
 
 
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
@@ -375,5 +380,6 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
+        *describe_pull(_compute_pull(context)),
         *layout.field.remarks,
     )

@@ -99,12 +99,16 @@ def question_pull(pull: PullFigures | None) -> str:
     }
     text = (
         translate("The {width} m drill needs about {needed} kW at the drawbar at {speed} km/h; this tractor has about "
-                  "{available}: check it", **figures)
+                  "{available} kW: check it", **figures)
         if pull.implement == "drill"
         else translate("The {width} m cultivator needs about {needed} kW at the drawbar at {speed} km/h; this tractor "
-                       "has about {available}: check it", **figures)
+                       "has about {available} kW: check it", **figures)
     )  # fmt: skip
-    return translate("{text}, or try {ways}.", text=text, ways=" / ".join(ways)) if ways else f"{text}."
+    if not ways:
+        return f"{text}."
+    if len(ways) == 1:
+        return translate("{text}, or try {way}.", text=text, way=ways[0])
+    return translate("{text}, or try {first} or {second}.", text=text, first=ways[0], second=ways[1])
 
 
 def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:
