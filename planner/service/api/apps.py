@@ -39,6 +39,7 @@ from planner.service.fleets import fleet_routes, fleet_socket, twin_routes
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.fleets.fleet_socket import PendingConnections
 from planner.service.fleets.twin_routes import TwinDiagnosis
+from planner.service.fleets.video_addresses import video_router
 from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
@@ -153,7 +154,13 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
 
 def list_control_routers() -> list[APIRouter]:
     """Routers that need the memory of the control process."""
-    return [monitoring.health_router, fleet_routes.fleet_router, twin_routes.twin_router, fleet_socket.link_router]
+    return [
+        monitoring.health_router,
+        fleet_routes.fleet_router,
+        video_router,
+        twin_routes.twin_router,
+        fleet_socket.link_router,
+    ]
 
 
 def list_back_office_routers() -> list[APIRouter]:
@@ -243,7 +250,7 @@ def _add_middleware(app: FastAPI, control: Sequence[APIRouter], office: Sequence
         office, API_PREFIX, settings
     )
     app.add_middleware(RequestGate, settings=settings, rules=rules)
-    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
 
 

@@ -55,10 +55,16 @@ export async function picture(path) {
   return answer.status === 204 ? null : createImageBitmap(await answer.blob());
 }
 export const remove = async (path) => json(await ask("DELETE", path));
+/** Put a value in the place of another. */
+export const change = async (path, body) =>
+  json(await ask("PUT", path, JSON.stringify(body), { "Content-Type": "application/json" }));
 export const post = async (path, body = {}) =>
   json(await ask("POST", path, JSON.stringify(body), { "Content-Type": "application/json" }));
 
-/** Upload one file as form data, with its options: name, crs, swap_axes, local. */
+export const patch = async (path, body) =>
+  json(await ask("PATCH", path, JSON.stringify(body), { "Content-Type": "application/json" }));
+
+/** Upload one file as form data, with its options: name, crs, swap_axes, local, replace. */
 export async function upload(path, file, more = {}) {
   const form = new FormData();
   form.append("file", file, file.name);
@@ -77,10 +83,10 @@ export const part = (text) => encodeURIComponent(text);
 /** Save a result under a name: fetched with the token, so a plain link will not do. */
 export const save = async (path, name) => keep(await bytes(path), name);
 
-/** Save an answer under the name that the service gives it, with a prefix. */
-export async function saveNamed(path, before) {
+/** Save an answer under the name that the service gives it, with a prefix if there is one. */
+export async function saveNamed(path, before = "") {
   const answer = await ask("GET", path), named = /filename\*=UTF-8''([^;]+)/.exec(answer.headers.get("content-disposition") ?? "");
-  keep(await answer.blob(), `${before}-${decodeURIComponent(named?.[1] ?? "file")}`);
+  keep(await answer.blob(), `${before && `${before}-`}${decodeURIComponent(named?.[1] ?? "file")}`);
 }
 
 function keep(blob, name) {

@@ -62,6 +62,7 @@ export async function open(main, shell, [id]) {
     away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
     for (const action of [start, pause, resume, fail, repaired, away, drawer.action]) action.disabled = !live.mayControl;
+    figures.classList.toggle("stale", live.isOld());
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
     tiles.update(); alarms.update(); stop.update();
