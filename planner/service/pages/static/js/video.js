@@ -28,7 +28,7 @@ export function viewPanel({ fleet, number, address, drawn, cover, mayChange }) {
     cover.classList.toggle("band", video);
     put(choice, address && [button("Video", () => show(true), "small", { "aria-pressed": String(video) }), button("Drawn view", () => show(false), "small", { "aria-pressed": String(!video) })]);
   };
-  const input = el("input", { type: "text", inputmode: "url", value: address ?? "", maxlength: "500", placeholder: "https://gateway.example/tractor-1/index.m3u8", autocomplete: "off" });
+  const input = el("input", { type: "text", inputmode: "url", value: address ?? "", maxlength: "500", placeholder: "/video/1/index.m3u8", autocomplete: "off" });
   const save = button("Save", async () => {
     save.disabled = true;
     try {
