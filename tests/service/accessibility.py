@@ -44,6 +44,9 @@ def find_faults_at_widths(page: Page, *, widths_px: tuple[int, ...] = WIDTHS_PX)
     for width_px in widths_px:
         page.set_viewport_size({"width": width_px, "height": 860})
         page.wait_for_function("(wide) => innerWidth === wide", arg=width_px)
+        # As tall as the page, so that the bars, which stay in place, cover nothing.
+        page.set_viewport_size({"width": width_px, "height": page.evaluate("document.documentElement.scrollHeight")})
+        page.wait_for_timeout(50)
         needed_px = page.evaluate("document.documentElement.scrollWidth")
         if needed_px > width_px:
             faults.append(f"at {width_px} px the page is {needed_px} px wide")

@@ -16,6 +16,10 @@ const ROUTES = [
   [/^\/diagnose\/([^/]+)$/, "diagnose", "diagnose"],
   [/^\/replay$/, "replay", "replay"],
   [/^\/replay\/([^/]+)$/, "replay", "replay"],
+  [/^\/library$/, "library", "library"],
+  [/^\/library\/([^/]+)$/, "library", "library"],
+  [/^\/farm$/, "farm", "library"],
+  [/^\/farm\/([^/]+)$/, "farm", "library"],
   [/^\/access$/, "access", "access"],
 ];
 
