@@ -31,8 +31,8 @@ def test_the_question_and_what_it_suggests() -> None:
     pull = compute_pull_figures(PlanRequest(width_m=6.0, speed_mps=12 * KMH), EG105)
     assert pull is not None and pull.is_questioned and pull.available_kw == pytest.approx(DRAWBAR_SHARE * 77)
     assert question_pull(pull) == (
-        "The 6 m cultivator needs about 90 kW at the drawbar at 12 km/h; this tractor has about 56 kW: check it, or try "
-        f"--width {pull.possible_width_m:g} or --speed-kmh {pull.possible_speed_kmh:g}."
+        "The 6 m cultivator needs about 90 kW at the drawbar at 12 km/h; this tractor has about 56 kW: check it, "
+        f"or try --width {pull.possible_width_m:g} or --speed-kmh {pull.possible_speed_kmh:g}."
     )
     assert "27 kN 10 cm deep" in describe_pull(pull)[0]
     assert pull.possible_width_m is not None and pull.possible_speed_kmh is not None

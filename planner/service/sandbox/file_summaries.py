@@ -64,6 +64,8 @@ def _is_any_field_usable(file_path: str, options: dict[str, Any]) -> bool:
 
 
 def _describe_field(field: Field) -> dict[str, Any]:
+    from fields.documents.writer import build_field_geojson
+
     shape = field.original_boundary or field.boundary
     rings = [np.asarray(ring.coords) for ring in (shape.exterior, *shape.interiors)]
     obstacles = [np.asarray(one.shape.exterior.coords) for one in field.obstacles]
@@ -76,11 +78,16 @@ def _describe_field(field: Field) -> dict[str, Any]:
         "rings_deg": _convert_lines_to_degrees(field, rings),
         "obstacles_m": _round_metres(obstacles),
         "obstacles_deg": _convert_lines_to_degrees(field, obstacles),
+        "obstacles": [
+            {"number": one.number or place, "kind": one.kind, "name": one.name, "assumed": one.is_assumed}
+            for place, one in enumerate(field.obstacles, 1)
+        ],
         "fences_m": _round_metres([np.asarray(line.coords) for line in field.fences]),
         "entrance_m": None if field.entrance is None else [round(value, 3) for value in field.entrance],
         "refill_m": None if field.service_point is None else [round(value, 3) for value in field.service_point],
         "lines": [{"name": one.name, "bearing_deg": round(one.bearing_deg, 2)} for one in field.guidance_lines],
         "remarks": list(field.remarks),
+        "geojson": json.loads(build_field_geojson(field)),
     }
 
 
