@@ -89,13 +89,13 @@ def compare_headlands(
     """
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import print_remarks
-    from planner.cli.plan import ExecutorChoice, check_one_output
+    from planner.cli.plan import DEFAULT_FIELD, ExecutorChoice, check_one_output
     from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
     from planner.pipeline.many_fields import expand_field_names
 
     check_one_output(json, csv)
     names = expand_field_names(
-        fields or ["iwamizawa"],
+        fields or [DEFAULT_FIELD],
         local=options["local"],
         crs=options["crs"],
         swap_axes=options["swap_axes"],

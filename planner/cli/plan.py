@@ -78,21 +78,27 @@ def plan_batch(
     build_inputs: Callable[[PlanRequest], PlanInputs],
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
+    html: Path | None,
     json: bool,
     csv: bool,
     every_plan: bool,
 ) -> bool:
-    """Print one table of every field at every width; whether each has a plan that meets the request."""
+    """Print one table of every field at every width; whether each has a plan that meets the request.
+
+    A page is written before the table is printed, and after all of the CSV.
+    """
     from planner.cli.common.outputs import check_output_paths
     from planner.cli.common.terminal import create_progress_callback, warm_up
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file
 
     check_output_paths(
-        (checkpoint, ".jsonl"), input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields}
+        (checkpoint, ".jsonl"),
+        (html, ".html"),
+        input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields},
     )
     earlier_records = {} if checkpoint is None else read_answer_file(checkpoint)
     questions = [
-        FieldQuestion(build_inputs(replace(request, field=field, width_m=width_m)), every_plan)
+        FieldQuestion(build_inputs(replace(request, field=field, width_m=width_m)), every_plan, html is not None)
         for field in selection.fields
         for width_m in selection.widths_m
     ]
@@ -100,6 +106,7 @@ def plan_batch(
     warm_up()
     with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
+        _write_index_page(records, html)
     return all(_has_accepted_plan(record) for record in records)
 
 
@@ -113,12 +120,12 @@ def _collect_records(
     print_record: Callable[[Record], None],
 ) -> list[Record]:
     """Answers as records in the order of the questions, each printed as soon as all before it are."""
-    from planner.pipeline.many_fields import AnswerFile, has_checksum, iter_answers
+    from planner.pipeline.many_fields import AnswerFile, iter_answers
 
     finished = {
         index: earlier_records[key]
-        for index, key in enumerate(keys)
-        if key in earlier_records and has_checksum(earlier_records[key])
+        for index, (key, question) in enumerate(zip(keys, questions, strict=True))
+        if key in earlier_records and _is_usable(earlier_records[key], question)
     }
     pending = [index for index in range(len(questions)) if index not in finished]
     writer, printed_count = AnswerFile(checkpoint), 0
@@ -151,10 +158,29 @@ def _collect_records(
     return [finished[index] for index in range(len(questions))]
 
 
+def _is_usable(record: Record, question: FieldQuestion) -> bool:
+    """Whether an earlier answer is complete, and has a map where there is a plan and a map is needed."""
+    from planner.pipeline.many_fields import has_checksum
+    from reports.plan.many_fields import MAP_KEY, get_best_plan
+
+    return has_checksum(record) and not (question.with_map and get_best_plan(record) and record.get(MAP_KEY) is None)
+
+
+def _write_index_page(records: Sequence[Record], html: Path | None) -> None:
+    """Write the page of all fields, if one was asked for."""
+    if html is None:
+        return
+    from planner.cli.common.outputs import write_results
+    from reports.plan.many_fields_page import render_many_fields_page
+
+    write_results([(html, render_many_fields_page(records))])
+
+
 def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Record:
     """An answer as plain values."""
     from planner.cli.common.options import get_option_name
     from planner.pipeline.many_fields import KEY_FIELD, add_checksum
+    from reports.plan.many_fields import MAP_KEY
     from reports.plan.ranking_export import format_ranking_json
 
     refusal, ranking = answer.refusal, answer.ranking
@@ -165,7 +191,7 @@ def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Rec
         "refusal": None if refusal is None else refusal.render_sentence(get_option_name),
         "ranking": None if ranking is None else jsons.loads(format_ranking_json(ranking)),
     }
-    return add_checksum(record)
+    return add_checksum(record if answer.map is None else record | {MAP_KEY: answer.map})
 
 
 def _has_accepted_plan(record: Record) -> bool:
@@ -215,7 +241,10 @@ def plan(
     context: typer.Context,
     fields: FieldsArgument = None,
     html: Annotated[
-        Optional[Path], typer.Option(help="Write one page with map, bars and table.", rich_help_panel=OUTPUT)
+        Optional[Path],
+        typer.Option(
+            help="Write one page with map, bars and table; of many fields one with all.", rich_help_panel=OUTPUT
+        ),
     ] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
     save: Annotated[
@@ -264,9 +293,9 @@ def plan(
     )
     build_inputs = partial(build_plan_inputs, farm=choice.farm, implement=choice.implement, context=context)
     if selection.is_batch or checkpoint is not None:
-        _refuse_single_field_outputs(("--html", html), ("--png", png), ("--save", save))
+        _refuse_single_field_outputs(("--png", png), ("--save", save))
         is_complete = plan_batch(
-            selection, request, build_inputs, executor_choice, checkpoint, json, csv, choice.simulate_all
+            selection, request, build_inputs, executor_choice, checkpoint, html, json, csv, choice.simulate_all
         )
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files(
@@ -308,7 +337,7 @@ def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
     for option, path in outputs:
         if path is not None:
             raise RequestError(
-                f"{option} {path} is for one field and one width; give only one, or use --csv or --json."
+                f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
             )
 
 

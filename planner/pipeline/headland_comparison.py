@@ -8,18 +8,14 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 from planner.errors import HeadlandError, WorkerError
-from planner.evaluation.ground.swept_area import compute_swept_area
-from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.many_fields import plan_inputs
-from planner.pipeline.outputs.pictures import list_simplified_rings
+from planner.pipeline.many_fields import draw_best_plan, plan_inputs
 from planner.pipeline.planning import PlanningResult
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, PlanRequest
 from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison
 from reports.plan.plan_wording import describe_machines
-from reports.plan.small_map import SmallMap, build_small_map
 
 DEFAULT_CORNERS = ("square", "round")
 
@@ -94,7 +90,7 @@ def answer_headland_question(
         currency=ranking.currency,
         machines=describe_machines(ranking),
         remarks=tuple(result.context.layout.field.remarks),
-        map=_draw_best_plan(result) if question.with_map else None,
+        map=draw_best_plan(result) if question.with_map else None,
     )
 
 
@@ -103,15 +99,6 @@ def _explain_no_plan(result: PlanningResult) -> str:
     reason = next((plan.reason for plan in result.ranking.plans if plan.reason), "no plan is feasible")
     changes = result.ranking.changes
     return f"{reason.rstrip('.')}. Found to work: {' or '.join(changes)}" if changes else reason
-
-
-def _draw_best_plan(result: PlanningResult) -> SmallMap | None:
-    """The small map of the best plan, with the finished ground under its wheels."""
-    best, run = result.ranking.best, result.run
-    if best is None or run is None:
-        return None
-    ground = find_driven_over_ground(run, result.context, compute_swept_area(run, result.context))
-    return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
 
 
 def compare_headlands(

@@ -20,20 +20,28 @@ from fields.documents.reader import FieldSummary, describe_nested_fields, list_f
 from fields.documents.sources import list_field_files, parse_field_reference
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.fingerprint import hash_content
+from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
 from reports.common.plan_results import PlanRanking
+from reports.plan.small_map import SmallMap, build_small_map
 
 
 @dataclass(frozen=True, eq=False)
 class FieldQuestion:
-    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win."""
+    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win.
+
+    With `with_map` the answer has a small map of the best plan.
+    """
 
     inputs: PlanInputs
     simulate_all: bool = False
+    with_map: bool = False
 
     @property
     def field_name(self) -> str:
@@ -43,18 +51,29 @@ class FieldQuestion:
 
 @dataclass(frozen=True, eq=False)
 class FieldAnswer:
-    """The ranking of a field's plans, or the refusal."""
+    """The ranking of a field's plans with a small map of the best, or the refusal."""
 
     ranking: PlanRanking | None
     refusal: HeadlandError | None = None
+    map: SmallMap | None = None
 
 
 def answer_question(question: FieldQuestion) -> FieldAnswer:
     """Answer one question in the current process."""
     try:
-        return FieldAnswer(plan_inputs(question.inputs, question.simulate_all).ranking)
+        result = plan_inputs(question.inputs, question.simulate_all)
     except HeadlandError as refusal:
         return FieldAnswer(None, refusal)
+    return FieldAnswer(result.ranking, map=draw_best_plan(result) if question.with_map else None)
+
+
+def draw_best_plan(result: PlanningResult) -> SmallMap | None:
+    """The small map of the best plan, with the finished ground under its wheels; None where no plan works."""
+    best, run = result.ranking.best, result.run
+    if best is None or run is None:
+        return None
+    ground = find_driven_over_ground(run, result.context, compute_swept_area(run, result.context))
+    return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
 
 
 def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResult:
