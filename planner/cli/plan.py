@@ -82,6 +82,7 @@ def plan_batch(
     json: bool,
     csv: bool,
     every_plan: bool,
+    explain: bool,
 ) -> bool:
     """Print one table of every field at every width; whether each has a plan that meets the request.
 
@@ -104,7 +105,7 @@ def plan_batch(
     ]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
-    with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv) as show:
+    with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
         _write_index_page(records, html)
     return all(_has_accepted_plan(record) for record in records)
@@ -201,7 +202,7 @@ def _has_accepted_plan(record: Record) -> bool:
 
 
 @contextmanager
-def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], None]]:
+def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Callable[[Record], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
     from planner.cli.common.terminal import print_renderable
     from reports.plan.many_fields import (
@@ -210,6 +211,7 @@ def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], N
         format_many_csv_rows,
         format_many_fields_json,
     )
+    from reports.plan.many_fields_screen import build_many_fields_screen
 
     records: list[Record] = []
 
@@ -223,7 +225,10 @@ def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], N
     if json:
         typer.echo(format_many_fields_json(records), nl=False)
     elif not csv:
-        print_renderable(build_many_fields_table(records))
+        print_renderable(build_many_fields_screen(records, with_next=not explain))
+        if explain:
+            print_renderable("")
+            print_renderable(build_many_fields_table(records))
 
 
 NO_PLAN_STATUS = 3
@@ -295,7 +300,7 @@ def plan(
     if selection.is_batch or checkpoint is not None:
         _refuse_single_field_outputs(("--png", png), ("--save", save))
         is_complete = plan_batch(
-            selection, request, build_inputs, executor_choice, checkpoint, html, json, csv, choice.simulate_all
+            selection, request, build_inputs, executor_choice, checkpoint, html, json, csv, choice.simulate_all, explain
         )
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files(
