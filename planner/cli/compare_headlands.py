@@ -91,7 +91,7 @@ def compare_headlands(
     from planner.cli.common.terminal import print_remarks
     from planner.cli.plan import DEFAULT_FIELD, ExecutorChoice, check_one_output
     from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
-    from planner.pipeline.many_fields import expand_field_names
+    from planner.pipeline.many_fields import expand_field_names, share_obstacles
 
     check_one_output(json, csv)
     names = expand_field_names(
@@ -109,7 +109,8 @@ def compare_headlands(
     executor_choice = ExecutorChoice(processes, cluster)
     farm = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
     build_inputs = partial(build_plan_inputs, farm=farm.farm, implement=farm.implement, context=context)
-    inputs = [build_inputs(_build_request(options, name, farm.farm)) for name in names]
+    requests = share_obstacles([_build_request(options, name, farm.farm) for name in names])
+    inputs = [build_inputs(request) for request in requests]
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)

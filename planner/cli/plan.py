@@ -90,7 +90,7 @@ def plan_batch(
     """
     from planner.cli.common.outputs import check_output_paths
     from planner.cli.common.terminal import create_progress_callback, warm_up
-    from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file
+    from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
 
     check_output_paths(
         (checkpoint, ".jsonl"),
@@ -98,11 +98,10 @@ def plan_batch(
         input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields},
     )
     earlier_records = {} if checkpoint is None else read_answer_file(checkpoint)
-    questions = [
-        FieldQuestion(build_inputs(replace(request, field=field, width_m=width_m)), every_plan, html is not None)
-        for field in selection.fields
-        for width_m in selection.widths_m
-    ]
+    requests = share_obstacles(
+        [replace(request, field=field, width_m=width_m) for field in selection.fields for width_m in selection.widths_m]
+    )
+    questions = [FieldQuestion(build_inputs(one), every_plan, html is not None) for one in requests]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
     with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv, explain) as show:

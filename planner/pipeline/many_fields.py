@@ -11,15 +11,21 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
 from fields.documents.reader import FieldSummary, describe_nested_fields, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
+from fields.errors import FieldError
+from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
+from fields.geometry.field import Field
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.evaluation.context_inputs import read_requested_field
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
@@ -28,6 +34,7 @@ from planner.pipeline.fingerprint import hash_content
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
+from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking
 from reports.plan.small_map import SmallMap, build_small_map
 
@@ -270,3 +277,62 @@ def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, .
     keys = Counter(parcel.key for parcel in listed)
     for parcel in (one for one in listed if one.inside is None):
         yield f"{source.place}#{parcel.key if keys[parcel.key] == 1 else parcel.position}"
+
+
+def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
+    """Requests for many fields, each with those of its obstacles, and names to ignore, that its field has.
+
+    Raises HeadlandError for an obstacle or a name that no field has, and for a number, which every field may have.
+    """
+    if len({request.field for request in requests}) < 2:
+        return list(requests)
+    fields: dict[str, Field] = {}
+    for request in requests:
+        if (request.obstacles or request.ignored) and request.field not in fields:
+            with suppress(FieldError):  # refused when it is planned
+                fields[request.field] = read_requested_field(replace(request, obstacles=(), ignored=()), None)
+    for text in dict.fromkeys(text for request in requests for text in request.obstacles):
+        _refuse_unmatched([partial(add_obstacles, field, [text]) for field in fields.values()])
+    for text in dict.fromkeys(text for request in requests for text in request.ignored):
+        _refuse_number(text)
+        _refuse_unmatched([partial(leave_out_obstacles, field, [text]) for field in fields.values()])
+    return [
+        replace(
+            request,
+            obstacles=tuple(text for text in request.obstacles if _matches(add_obstacles, fields, request, text)),
+            ignored=tuple(text for text in request.ignored if _matches(leave_out_obstacles, fields, request, text)),
+        )
+        for request in requests
+    ]
+
+
+def _matches(
+    change: Callable[[Field, Sequence[str]], Field], fields: Mapping[str, Field], request: PlanRequest, text: str
+) -> bool:
+    """Whether a text is of use for the field of a request."""
+    try:
+        return request.field in fields and change(fields[request.field], [text]) is not None
+    except FieldError:
+        return False
+
+
+def _refuse_unmatched(changes: Sequence[Callable[[], Field]]) -> None:
+    """Raise the refusal of the first field where a text is of use for none."""
+    refusals: list[FieldError] = []
+    for change in changes:
+        try:
+            change()
+        except FieldError as refusal:
+            refusals.append(refusal)
+        else:
+            return
+    if refusals:
+        raise refusals[0]
+
+
+def _refuse_number(text: str) -> None:
+    if text.strip().isdecimal():
+        raise RequestError(
+            f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
+            "several fields give the name of the obstacle."
+        )
