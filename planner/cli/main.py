@@ -127,7 +127,7 @@ def describe_headland(
 
 
 app.command()(plan)
-app.command()(compare_headlands)
+app.command("compare-headlands")(compare_headlands)
 app.command()(show)
 app.command()(export)
 app.command()(field)
