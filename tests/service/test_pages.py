@@ -43,7 +43,7 @@ PAGES = {
 """What each page has when it is whole."""
 EMPTY = {
     "/": "text=No fleet yet",
-    "/diagnose": "text=No logs yet",
+    "/diagnose": "text=Try it with a sample log",
     "/replay": "text=Nothing was recorded yet",
 }
 """The same of a service that is new."""
