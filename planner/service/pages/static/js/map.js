@@ -1,7 +1,7 @@
 // A map in metres on a canvas: north up, moved and zoomed by pointer, wheel, keys and buttons. Layers draw on it.
 import { el, say, button, icon } from "./dom.js";
 import { backgroundOf, drawTiles, isOn, onBackground, placementOf, switchOn, trouble } from "./background.js";
-import { colours, onColours } from "./palette.js";
+import { colours, onColours, paper } from "./palette.js";
 
 const LOWEST_PX = 240, AROUND_PX = 110, NEAREST_PX = 60, FARTHEST_PX = 0.02, STEP = 1.3, PAN_PX = 60, CLICK_PX = 6;
 
@@ -167,6 +167,7 @@ export class MapView {
   place(px, py) { return [(px - this.width / 2) / this.scale + this.x, this.y - (py - this.height / 2) / this.scale]; }
 
   redraw() {
+    if (paper.printed) return this.draw();
     if (this.waiting) return;
     this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
   }
