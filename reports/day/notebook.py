@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from reports.common.notebook import ResultView, ShownTable, build_view, encode_figure, render_fragment
 from reports.common.rendering import make_json_safe
+from reports.day.answer import list_day_sentences
 from reports.day.page import draw_gantt, draw_machine_day, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import (
@@ -30,9 +31,9 @@ DAY_INCHES = (10.0, 4.0)
 
 @build_view.register
 def build_day_view(day: DayResult) -> ResultView:
-    """A day: advice, work over time, and the jobs."""
+    """A day: its answer, work over time, and the jobs."""
     return ResultView(
-        summary=lambda: day.advice,
+        summary=lambda: " ".join(list_day_sentences(day)),
         html=lambda: render_day_fragment(day),
         table=lambda: build_jobs_frame(day),
         draw=lambda axes: draw_machine_day(axes, day),
@@ -47,7 +48,7 @@ def build_day_view(day: DayResult) -> ResultView:
 
 
 def render_day_fragment(day: DayResult) -> str:
-    """Advice, work over time, the jobs in the order of the fields, and what is not done."""
+    """The answer, work over time, the jobs in the order of the fields, and what is not done."""
     jobs = sort_by_field(day)
     headings = [column.heading.replace("\n", " ") for column in FIELD_COLUMNS]
     text_columns = frozenset(place for place, column in enumerate(FIELD_COLUMNS) if column.is_text)
@@ -56,8 +57,9 @@ def render_day_fragment(day: DayResult) -> str:
     if day.unworked_fields:
         rows = [(one.field, one.reason) for one in day.unworked_fields]
         tables.append(ShownTable(("Not done", "Why"), rows, frozenset({0, 1})))
-    sentences = [describe_optimality_gap(day), *day.remarks]
-    return render_fragment(day.advice, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
+    first, *others = list_day_sentences(day)
+    sentences = [*others, describe_optimality_gap(day), *day.remarks]
+    return render_fragment(first, sentences, tables, encode_figure(draw_gantt(day)), "Work of the day over time")
 
 
 def build_jobs_frame(day: DayResult) -> DataFrame:

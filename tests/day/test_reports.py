@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import reports.day.notebook  # noqa: F401
 from reports.day.answer import format_time_of_day
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
@@ -22,6 +23,7 @@ from reports.day.tables import (
     format_day_json,
 )
 from reports.plan.map_figure import render_png, render_svg
+from tests.reports.test_notebook import EVIL, check_shown
 
 HOUR = 3600.0
 JOB = DayJob(
@@ -139,6 +141,21 @@ def test_tables_hold_every_field(result: DayResult, width: int) -> None:
     for words in ("2.5 %", "Home $1", "night", "23:00", "01:00+1", "stays", "far", "A remark."):
         assert words in text
     assert max(map(len, text.splitlines())) <= width
+
+
+def test_in_a_notebook_a_day_has_its_jobs_as_in_the_json(result: DayResult) -> None:
+    frame, jobs = result.to_pandas(), json.loads(format_day_json(result))["jobs"]
+    assert frame["field"].tolist() == [job["field"] for job in jobs]
+    for key in ("start_s", "end_s", "p95_end_s", "cost", "worked_pct", "tractors"):
+        assert frame[key].tolist() == [job[key] for job in jobs]
+    ends = zip(frame["finish_probability_interval_low"], frame["finish_probability_interval_high"], strict=True)
+    assert [list(pair) for pair in ends] == [job["finish_probability_interval"] for job in jobs]
+    assert "<td" in check_shown(result) and result.plot().get_title("left") == "By machine"
+    named = replace(result, jobs=(replace(JOB, field=EVIL),), fields=(EVIL, "far"), advice=EVIL)
+    assert EVIL not in check_shown(named)
+    assert (
+        check_shown(replace(result, jobs=(), fleets=result.fleets[1:])) and replace(result, jobs=()).to_pandas().empty
+    )
 
 
 def test_clock_times() -> None:

@@ -16,13 +16,16 @@ import shapely
 
 import planner
 from fields import Field
-from planner import PlanningResult, PlanRequest, SerialExecutor, plan
+from planner import PlanningResult, PlanRequest, SerialExecutor, diagnose, plan, plan_day, replay
 from planner.day.input_file import parse_day
 from planner.errors import RequestError
 from planner.farm.settings import FarmTimes
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from reports.plan.ranking_export import format_ranking_csv
 from tests.reports.test_notebook import EVIL, check_shown
+from tests.service.conftest import SMALL
+from tests.truth.model import make_logs
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.missions.plan_file import parse_saved_plan
 
 UTM = "EPSG:32654"
@@ -159,3 +162,35 @@ def test_a_saved_plan_remembers_the_time_that_was_given(answer: PlanningResult) 
     given: dict[str, Any] = {"start_s": time(8, 30)}
     context = replace(answer.context, request=replace(answer.context.request, **given))
     assert json.loads(write_saved_plan(context, answer.run.plan))["scenario"]["start_s"] == 30_600
+
+
+def test_a_replay_and_a_diagnosis_go_to_pandas_as_their_json(tmp_path: Path) -> None:
+    logs = []
+    for number, table in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:2]):
+        logs.append(tmp_path / f"{number}.csv")
+        table.to_csv(logs[-1], index=False)
+    replayed, found = replay(logs[0]), diagnose(logs)
+    for result in (replayed, found):
+        check_shown(result)
+        result.plot()
+    errors = json.loads(replayed.save(tmp_path / "replay.json").read_text(encoding="utf-8"))["error"]
+    frame = replayed.to_pandas().set_index("horizon_s")
+    assert {f"{horizon:g}": row.to_dict() for horizon, row in frame.iterrows()} == errors
+    effects = json.loads(found.save(tmp_path / "diagnosis.json").read_text(encoding="utf-8"))["effects"]
+    assert found.to_pandas()["id"].tolist() == [one["id"] for one in effects]
+    assert isinstance(found, Diagnosis) and replayed.save(tmp_path / "a.png").stat().st_size > 1000
+    assert len(repr(replayed.replayed)) < 1000
+
+
+@pytest.mark.slow
+def test_a_day_is_planned_from_its_file(tmp_path: Path) -> None:
+    (tmp_path / "north.geojson").write_bytes(SMALL)
+    (tmp_path / "day.toml").write_text(
+        'farm = "example"\nstart = 07:00:00\nstrategies = ["split-field"]\n[yard]\nlon = 4.6\nlat = 52.1\n'
+        '[[fields]]\nfile = "north.geojson"\nlocal = true\nname = "north"\nlon = 4.6\nlat = 52.1\n'
+        'loss_per_ha = 300.0\n[[fleets]]\nname = "robots"\n'
+    )
+    day = plan_day(tmp_path / "day.toml", samples=200)
+    jobs = json.loads(day.save(tmp_path / "day.json").read_text(encoding="utf-8"))["jobs"]
+    assert day.to_pandas()["end_s"].tolist() == [job["end_s"] for job in jobs] and len(jobs) == 1
+    assert "north" in check_shown(day)
