@@ -80,7 +80,7 @@ def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:
         return field
     kept = tuple(one for number, one in enumerate(field.obstacles) if number not in left_out)
     gone = [str(field.obstacles[number]) for number in sorted(left_out)]
-    remark = f"Left out as asked, so machines drive over the place: {', '.join(gone)}."
+    remark = f"Left out as asked, so machines drive there: {', '.join(gone)}."
     assumed = describe_assumed_obstacles(field.obstacles)
     others = [one for one in field.remarks if one not in assumed]
     return replace(

@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from fields.geometry.chosen_obstacles import parse_obstacle_place
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from fields.text_files import explain_parse_error, read_text, shorten_value
@@ -26,7 +27,7 @@ from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
-from planner.request.option_texts import DAY_S, MAX_TRACTORS, convert_time_to_text, parse_clock
+from planner.request.option_texts import DAY_S, MAX_TRACTORS, convert_time_to_text, parse_clock, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from strategies.registry import STRATEGIES
 from vehicle.model.validation_messages import describe_validation_errors
@@ -100,6 +101,17 @@ def _format_clock(seconds: int) -> str:
     return f"{seconds // 3600 % 24:02d}:{seconds % 3600 // 60:02d}"
 
 
+def _validate_place(text: str | None) -> str | None:
+    if text is not None:
+        parse_number_pair(text, "entrance")
+    return text
+
+
+def _validate_obstacle(text: str) -> str:
+    parse_obstacle_place(text)
+    return text
+
+
 def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
     if len(names) != 2:
         raise ValueError(f"a road has two ends, not {len(names)}; give two names")
@@ -109,10 +121,11 @@ def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
 FROM_TIMES = BeforeValidator(convert_time_to_text)
 """Times and dates without quotes, as TOML has them."""
 Window = Annotated[str, FROM_TIMES, AfterValidator(_validate_window)]
+ObstaclePlace = Annotated[str, AfterValidator(_validate_obstacle)]
 
 
 class DayField(FileSection):
-    """A field: file or sample, working hours, value, requirements and place.
+    """A field: file or sample, entrance, obstacles, working hours, value, requirements and place.
 
     `value_per_ha` is the value of the work: if it is not done, the value is lost and the cost saved. `loss_per_ha` is
     the loss if the work is done on another day, at the same cost. Without either, the loss is `late_per_ha` and
@@ -126,6 +139,11 @@ class DayField(FileSection):
         None, "such as 'EPSG:25832', in quotes", "that of the file", strict=True, min_length=1
     )
     swap_axes: bool = define_value(False, "true: the file has latitude or northing first", "no", strict=True)
+    entrance: Annotated[str | None, AfterValidator(_validate_place)] = define_value(
+        None, "'lon,lat' (x,y of a field in metres)", "that of the file", strict=True
+    )
+    obstacles: tuple[ObstaclePlace, ...] = define_value((), "such as '9.53,56.21,2': lon,lat,radius in m", "none more")
+    ignored: tuple[str, ...] = define_value((), "names or numbers of obstacles of the file, in quotes", "none")
     windows: tuple[Window, ...] = define_value((), "such as '08:00-12:00', in quotes", "the whole day")
     value_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "value of the work per hectare")
     loss_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "loss per hectare done on another day")

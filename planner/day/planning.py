@@ -15,6 +15,8 @@ import numpy.typing as npt
 import reports.day.notebook  # noqa: F401  # how a day is shown
 from fields.documents.reader import read_field
 from fields.errors import attach_parameter
+from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
+from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from planner.day.field_times import (
     FieldTime,
@@ -37,7 +39,7 @@ from planner.day.formulation import (
     get_field_uncertainty,
     sample_fleet_day,
 )
-from planner.day.input_file import YARD, DayFile, get_fleet_machines, load_day
+from planner.day.input_file import YARD, DayField, DayFile, get_fleet_machines, load_day
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
@@ -45,6 +47,7 @@ from planner.farm.inventory import FarmFile
 from planner.farm.workday import locate_road_end
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.worker_tasks import Progress
+from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
 from planner.risk.plan_choice import format_hours
 from reports.day.answer import list_day_sentences
@@ -134,16 +137,7 @@ class _SolvedDay:
 def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
     """Read the fields of a day and compute its roads and hours; raises HeadlandError."""
     with attach_parameter("field"):
-        fields = tuple(
-            read_field(
-                day_field.file,
-                local=day_field.local,
-                name=day_field.name,
-                crs=day_field.crs,
-                swap_axes=day_field.swap_axes,
-            )
-            for day_field in day.fields
-        )
+        fields = tuple(_read_day_field(day_field) for day_field in day.fields)
     field_places = locate_fields(day, fields)
     yard = locate_yard(day, farm)
     road_km = np.zeros((len(field_places) + 1, len(field_places) + 1))
@@ -158,6 +152,20 @@ def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
         build_day_hours(day, farm, _find_sun_place(places)),
         build_field_time_tasks(day, farm, fields),
     )
+
+
+def _read_day_field(day_field: DayField) -> Field:
+    """The field with the entrance and obstacles of the day file."""
+    field = read_field(
+        day_field.file,
+        local=day_field.local,
+        name=day_field.name,
+        crs=day_field.crs,
+        swap_axes=day_field.swap_axes,
+    )
+    if day_field.entrance is not None:
+        field = set_entrance(field, parse_number_pair(day_field.entrance, "entrance"))
+    return add_obstacles(leave_out_obstacles(field, day_field.ignored), day_field.obstacles)
 
 
 def _find_sun_place(places: Sequence[DayPlace]) -> tuple[float, float] | None:
