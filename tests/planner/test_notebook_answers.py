@@ -21,6 +21,7 @@ from planner.day.input_file import parse_day
 from planner.errors import RequestError
 from planner.farm.settings import FarmTimes
 from planner.pipeline.outputs.saved_plans import write_saved_plan
+from planner.service.sandbox.form_texts import read_day_form
 from reports.plan.ranking_export import format_ranking_csv
 from tests.reports.test_notebook import EVIL, check_shown
 from tests.service.conftest import SMALL
@@ -147,12 +148,13 @@ def test_days_and_farms_take_times_without_quotes() -> None:
     quoted, _ = parse_day(
         head.format('"07:00"', '"06:10-20:40"', '"15:00"', '"2026-05-01"') + machines.format('["08:00-12:00"]'), "day"
     )
-    bare, _ = parse_day(
-        head.format("07:00:00", "[06:10:00, 20:40:00]", "15:00:00", "2026-05-01")
-        + machines.format("[[08:00:00, 12:00:00]]"),
-        "day",
-    )
+    text = head.format("07:00:00", "[06:10:00, 20:40:00]", "15:00:00", "2026-05-01")
+    text += machines.format("[[08:00:00, 12:00:00]]")
+    bare, _ = parse_day(text, "day")
     assert bare == quoted
+    values = read_day_form(text, [])["values"]
+    assert (values["start"], values["light"], values["date"]) == ("07:00", "06:10-20:40", "2026-05-01")
+    assert values["fields"][0]["windows"] == ["08:00-12:00"]
     times: dict[str, Any] = {"shift_start": time(7), "breaks": ((time(12), time(12, 30)),)}
     assert FarmTimes(**times) == FarmTimes(shift_start="07:00", breaks=("12:00-12:30",))
 

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from fields.nested_text import parse_toml
 from planner.errors import HeadlandError, RequestError
+from planner.request.option_texts import convert_time_to_text
 
 ValuePath = list[str | int]
 FormFault = dict[str, Any]
@@ -89,7 +90,8 @@ def _find_syntax_fault(text: str) -> str:
 
 
 def _make_plain(value: Any) -> Any:
-    """A value as JSON can hold it: dates and numbers without end as texts."""
+    """A value as JSON can hold it: times, dates and numbers without end as texts, as files have them in quotes."""
+    value = convert_time_to_text(value)
     if isinstance(value, dict):
         return {key: _make_plain(each) for key, each in value.items()}
     if isinstance(value, list):
