@@ -191,10 +191,10 @@ def _assign_candidate(
     if one.raw.geometry_type == POINT and use in (ENTRANCE, REFILL):
         return _assign_place(one, roles, shape, use)
     is_inside = shape.covers(one.geometry) if one.raw.geometry_type == POINT or not use else distance_m == 0.0
-    reach_m = one.size_m if use == OBSTACLE else 0.0
+    is_near = is_inside or (use == OBSTACLE and distance_m <= one.size_m)
     if covered.covers(one.geometry):
         roles.ignore("label", one.label)
-    elif not is_inside and distance_m > reach_m:
+    elif not is_near:
         return False
     elif one.raw.geometry_type == LINE:
         return _assign_line(one, roles, shape, unknown)
@@ -204,7 +204,7 @@ def _assign_candidate(
         roles.ignore("note" if use == NOTE else "guidance point", one.label)
     elif use == OBSTACLE:
         roles.obstacles.append(one.build_obstacle())
-    elif is_inside:
+    else:
         unknown.append(one)
     return True
 
