@@ -11,6 +11,7 @@ import numpy as np
 
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
 from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alignment
+from planner.pipeline.next_drive_plan import build_next_drive_plan
 from reports.common.notebook import ResultView, ShownResult
 from reports.diagnosis.notebook import build_replay_view
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
@@ -115,10 +116,15 @@ def diagnose_demo(
 def _explain_logs(
     logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None
 ) -> TractorDiagnosis:
-    """Diagnose logs; add what their replay shows, and the change of a plan."""
+    """Diagnose logs; add what their replay shows, the plan of the next drive, and the change of a plan."""
     diagnosis = diagnose_logs(logs, machine, ground, progress)
     evidence = build_evidence(logs, machine, diagnosis.tractor, ground)
-    return _add_plan_gain(replace(diagnosis, evidence=evidence), machine)
+    drive_plan = (
+        None
+        if diagnosis.next_drive is None
+        else build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
+    )
+    return _add_plan_gain(replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan), machine)
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from typing import Any
+from urllib.parse import quote
 
 from reports.common import palette
 from reports.common.effect_names import get_effect_label, replace_effect_ids
@@ -68,6 +69,7 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         if discrepancy is None
         else {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
         "drive": diagnosis.next_drive,
+        "drive_plan": diagnosis.next_drive_plan and quote(diagnosis.next_drive_plan),
         "alternatives": join_list(map(get_effect_label, diagnosis.next_drive.separates))
         if diagnosis.next_drive
         else "",

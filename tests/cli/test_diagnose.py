@@ -31,8 +31,10 @@ def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> Non
 
 def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any], tmp_path: Path) -> None:
     page = tmp_path / "sample.html"
-    outcome = headland("diagnose", "sample", "--json", "--html", str(page))
+    plan = tmp_path / "next.json"
+    outcome = headland("diagnose", "sample", "--json", "--html", str(page), "--next-drive", str(plan))
     assert outcome.status == 0, outcome.err
+    assert "no doubt" in outcome.err and not plan.exists()
     found = json.loads(outcome.out)
     assert found["named"] == ["understeer"]
     low, high = next(one["interval"]["deg_per_mps2"] for one in found["effects"] if one["id"] == "understeer")

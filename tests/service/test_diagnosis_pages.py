@@ -14,10 +14,11 @@ from playwright.sync_api import Browser, Page, ViewportSize
 from planner.pipeline.diagnosis_evidence import build_evidence
 from reports.diagnosis.page import render_diagnosis_page
 from tests.reports.test_diagnosis import diagnosis
+from tests.service.accessibility import find_violations
 from tests.service.fake_service import Made
 from tests.service.watching import WatchedPage, find_overflow, needs_browser, until
 from vehicle.identification.logs.reader import read_log
-from vehicle.identification.verdict.diagnosis_types import ReplayEvidence
+from vehicle.identification.verdict.diagnosis_types import NextDrive, ReplayEvidence
 from vehicle.model.tractor import EffectSetting, load_tractor
 
 pytestmark = needs_browser
@@ -132,3 +133,41 @@ def test_the_sample_log_is_replayed_in_the_browser(watched: WatchedPage) -> None
     page.wait_for_selector(".player")
     page.unroute("**/api/v1/logs/sample")
     watched.well()
+
+
+def test_the_drive_to_do_next_has_a_button_that_saves_its_plan(watched: WatchedPage) -> None:
+    page = watched.page
+    job = {"id": "doubt", "status": "done", "name": "x", "request": {"logs": ["run-1"]}, "results": ["next-drive.json"]}
+    drive = {
+        "words": "Drive there and back.",
+        "decides": True,
+        "separates": ["side_slip", "understeer"],
+        "seconds": 40.0,
+    }
+    page.route("**/api/v1/diagnoses/doubt", lambda route: route.fulfill(json=job))
+    page.route("**/doubt/results/result.json", lambda route: route.fulfill(json={"next_drive": drive}))
+    page.route("**/doubt/results/next-drive.json", lambda route: route.fulfill(json={"format_version": 1}))
+    watched.open("/diagnose/doubt")
+    page.wait_for_selector("text=Drive there and back. It decides between side slip and understeer; 40\u00a0s.")
+    with page.expect_download() as saving:
+        page.click("text=Save the plan of this drive")
+    assert saving.value.suggested_filename == "next-drive.json"
+    page.unroute_all()
+    watched.well()
+
+
+def test_the_report_saves_the_plan_of_the_next_drive_by_itself(browser: Browser, tmp_path: Path) -> None:
+    drive = NextDrive("circles", "Drive circles.", 40.0, ("side_slip", "understeer"), 9.0)
+    plan = '{"format_version": 1, "notes": "50 % \u2013 \\"x\\" & <y>"}'
+    path = tmp_path / "report.html"
+    path.write_text(render_diagnosis_page(diagnosis(next_drive=drive, next_drive_plan=plan)), encoding="utf-8")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    with page.expect_download() as saving:
+        page.click("text=Save the plan of this drive")
+    assert Path(saving.value.path()).read_text(encoding="utf-8") == plan
+    page.close()
+
+
+def test_the_report_is_accessible(report: tuple[Page, list[str]]) -> None:
+    assert find_violations(report[0]) == []

@@ -186,6 +186,7 @@ class Diagnosis:
     `along_judged` is False where a log lacks a measured speed: errors along the path then say nothing about the
     tractor. `above_noise_s` are the horizons with a remaining error above the noise; `unexplained_share` is for 5 s.
     `correlations` are those of the fitted values, None where fewer than two were fitted; `evidence` is what pages show.
+    `next_drive_plan` is the text of a saved plan.
     """
 
     names: tuple[str, ...]
@@ -214,6 +215,7 @@ class Diagnosis:
     above_noise_s: tuple[float, ...] = ()
     correlations: ParameterCorrelations | None = None
     evidence: ReplayEvidence | None = None
+    next_drive_plan: str | None = None
 
     @property
     def is_noise_only(self) -> bool:
