@@ -25,6 +25,7 @@ from reports.plan.headland_comparison import (
 from reports.plan.ranking_export import EXPORT_DECIMALS, build_plan_entry, format_csv_cell
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
+MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
 FIGURES_HELP = (
     "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: finished "
     "ground under wheels, headland included; cost per hectare that is worked."
@@ -106,17 +107,27 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
     if len(comparison.fields) < 2:
         return
     gains: dict[str, float] = {}
-    for name, totals in comparison.totals_by_field.items():
+    losses: dict[str, tuple[HeadlandTotals, HeadlandTotals]] = {}
+    for field, totals in comparison.totals_by_field.items():
         driven = [one for one in totals if one.driven]
         same = next((one for one in driven if one.choice == best.choice), None)
         if same is None:
             continue
-        name = comparison.field_names[name]
+        name = comparison.field_names[field]
         if driven[0].choice != best.choice and compute_extra_cost(same, driven[0]) >= ALIKE_SHARE * same.charged_cost:
-            saving = _describe_saving(same, driven[0], comparison)
-            yield f"On {name} {describe_choice(driven[0])} is better by {saving}."
+            losses[name] = same, driven[0]
         elif len(driven) > 1:
             gains[name] = compute_extra_cost(driven[-1], same)
+    if len(losses) > MOST_NAMED_FIELDS:
+        loss = format_money(sum(compute_extra_cost(*pair) for pair in losses.values()), comparison.currency)
+        yield (
+            f"On {len(losses)} of {len(comparison.fields)} fields another way is better, by {loss} together; the "
+            "second table names them."
+        )
+    else:
+        for name, (same, better) in losses.items():
+            saving = _describe_saving(same, better, comparison)
+            yield f"On {name} {describe_choice(better)} is better by {saving}."
     if len(gains) > 1:
         name = max(gains, key=lambda each: gains[each])
         gain = format_money(gains[name], comparison.currency)
