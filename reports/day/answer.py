@@ -29,8 +29,8 @@ def describe_day_end(result: DayResult) -> str:
     """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples and the expected cost."""
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
     values = {
-        "done": format_end_of_day(result.stated_end_s),
-        "late": format_end_of_day(result.stated_late_end_s),
+        "done": _format_end_in_words(result.stated_end_s),
+        "late": _format_end_in_words(result.stated_late_end_s),
         "cost": f"{format_price(result.cost)} {result.currency}",
         "total": total,
     }
@@ -118,3 +118,11 @@ def format_time_of_day(seconds: float | None) -> str:
 def format_end_of_day(seconds: float | None) -> str:
     """When something is done, seconds of the day as hh:mm, up to the minute."""
     return format_time_of_day(None if seconds is None else round_up_to_minute(seconds))
+
+
+def _format_end_in_words(seconds: float) -> str:
+    """When something is done, as a sentence says it: ``00:39 next day``."""
+    clock, _, days = format_end_of_day(seconds).partition("+")
+    if not days:
+        return clock
+    return translate_count("{clock} next day", "{clock}, {count} days later", int(days), clock=clock)

@@ -140,7 +140,7 @@ def name_tractors(count: int) -> str:
 
 def _describe_verdict(ranking: PlanRanking) -> str:
     if ranking.unmet_sentence is not None:
-        return translate("{sentence} The closest:", sentence=ranking.unmet_sentence)
+        return ranking.unmet_sentence
     if ranking.missed_by_s is None:
         return ""
     late = math.ceil(ranking.missed_by_s / 60.0)

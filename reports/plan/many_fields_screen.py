@@ -27,7 +27,11 @@ MOST_ROWS = 14
 
 def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:
     """What the fields come to at each width, the plan of every field, and what to type next."""
-    faults = list_records_without_plan(records)
+    faults = [
+        sentence.replace(record[REQUESTED_KEY], PurePath(record[REQUESTED_KEY]).name, 1)
+        for record in records
+        for sentence in list_records_without_plan([record])
+    ]
     parts: list[RenderableType] = [AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults)), Text("")]
     parts.append(_build_table(records[:MOST_ROWS]))
     parts.append(format_sentence(_write_legend(records), style="dim"))
@@ -36,7 +40,7 @@ def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool 
         text = translate_count("{count} more row: --explain.", "{count} more rows: --explain.", hidden)
         parts.append(format_sentence(text, style="dim"))
     if with_next:
-        text = translate("Add --explain (headlands, reasons), --html fields.html (maps), --csv (every plan).")
+        text = translate("Add --explain (and why), --html fields.html (maps), --csv (every plan).")
         parts.append(format_sentence(text, style="dim"))
     return Group(*parts)
 
