@@ -44,6 +44,7 @@ def build_evidence_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
     ]
     kinds = ["cross", "along"] if diagnosis.along_judged else ["cross"]
     return {
+        "is_unchanged": all(np.array_equal(path.before_m, path.after_m) for path in evidence.paths),
         "piece_s": f"{evidence.piece_s:g}",
         "charts": [
             _draw_bins(kind, title, axis, bins, unit) for kind in kinds for title, axis, bins, unit in quantities
