@@ -224,11 +224,10 @@ def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., 
 
 
 def test_obstacles_are_added_and_left_out(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
-    document = json.loads(small.read_text())
-    features = document["features"] if "features" in document else [document]
+    field = {"type": "Feature", "properties": {}, "geometry": json.loads(small.read_text())}
     mast = {"type": "Point", "coordinates": [20.0, 40.0]}
     marked = tmp_path / "marked.geojson"
-    features = [*features, {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": mast}]
+    features = [field, {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": mast}]
     marked.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     words = ("field", marked, "--local", "--json", "--no-headland")
     with_mast = headland(*words)
