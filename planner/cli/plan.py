@@ -431,5 +431,5 @@ def _render_plan_outputs(
     if save and result.run:
         from planner.pipeline.outputs.saved_plans import write_saved_plan
 
-        results.append((save, write_saved_plan(result.context, result.run.plan)))
+        results.append((save, write_saved_plan(result.context, result.run.plan, result.ranking)))
     return results

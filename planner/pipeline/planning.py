@@ -102,7 +102,7 @@ class PlanningResult(ShownResult):
             raise RequestError(
                 "No plan is feasible, so there is no plan to save; .html and .png show where plans fail."
             )
-        return write_saved_plan(self.context, self.run.plan)
+        return write_saved_plan(self.context, self.run.plan, self.ranking)
 
 
 def plan(
