@@ -82,7 +82,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
     )
 
 
-def question_pull(pull: PullFigures | None) -> str:
+def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) -> str:
     """Asks whether the tractor can pull the implement where it seems too weak; else ""."""
     if pull is None or not pull.is_questioned:
         return ""
@@ -104,7 +104,7 @@ def question_pull(pull: PullFigures | None) -> str:
         else translate("The {width} m cultivator needs about {needed} kW at the drawbar at {speed} km/h; this tractor "
                        "has about {available} kW: check it", **figures)
     )  # fmt: skip
-    if not ways:
+    if not ways or not suggests_options:
         return f"{text}."
     if len(ways) == 1:
         return translate("{text}, or try {way}.", text=text, way=ways[0])
