@@ -11,6 +11,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from reports.common.language import translate, translate_count
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_price
@@ -26,10 +27,6 @@ from reports.plan.ranking_export import EXPORT_DECIMALS, build_plan_entry, forma
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
-FIGURES_HELP = (
-    "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: finished "
-    "ground under wheels, headland included; cost per hectare that is worked."
-)
 TOTAL_KEYS = (
     "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "missed_m2", "overlap_m2", "over_finished_m2",
 )  # fmt: skip
@@ -55,9 +52,9 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
     if best is None:
         has_any = any(each.plan is not None for each in comparison.plans)
         return [
-            "No way to work the headland works on every field; the best of each field is below."
+            translate("No way to work the headland works on every field; the best of each field is below.")
             if has_any
-            else "No way to work the headland works; the reasons are below."
+            else translate("No way to work the headland works; the reasons are below.")
         ]
     return [
         _describe_worth(comparison, best),
@@ -72,23 +69,34 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
     where = _describe_ground(comparison, best)
     way = describe_choice(best)
     if not others:
-        only = "Only this way works" if len(comparison.totals) > 1 else "One way was compared"
-        return f"{only}: {way}: {format_cost_per_ha(best, comparison)} on {where}."
+        rate = format_cost_per_ha(best, comparison)
+        if len(comparison.totals) > 1:
+            return translate("Only this way works: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
+        return translate("One way was compared: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
     dearest = others[-1]
     if compute_extra_cost(dearest, best) < ALIKE_SHARE * best.charged_cost:
-        return (
-            f"All ways cost the same within {format_money(compute_extra_cost(dearest, best), comparison.currency)} on "
-            f"{where}; the least: {way}."
-        )
-    savings = [f"{_describe_saving(others[0], best, comparison)} less than {name_choice(others[0])}"]
-    if len(others) > 1:
-        savings.append(f"{_describe_saving(dearest, best, comparison)} less than {name_choice(dearest)}, the dearest")
-    return f"Worth it on {where}: {way}: {' and '.join(savings)}."
+        extra = format_money(compute_extra_cost(dearest, best), comparison.currency)
+        text = "All ways cost the same within {extra} on {fields}; the least: {way}."
+        return translate(text, extra=extra, fields=where, way=way)
+    values = {
+        "fields": where,
+        "way": way,
+        "saving": _describe_saving(others[0], best, comparison),
+        "next": name_choice(others[0]),
+    }
+    if len(others) == 1:
+        return translate("Worth it on {fields}: {way}: {saving} less than {next}.", **values)
+    return translate(
+        "Worth it on {fields}: {way}: {saving} less than {next} and {more} less than {dearest}, the dearest.",
+        **values,
+        more=_describe_saving(dearest, best, comparison),
+        dearest=name_choice(dearest),
+    )
 
 
 def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
     names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
-    subject = names[0] if len(names) == 1 else f"{len(names)} fields"
+    subject = names[0] if len(names) == 1 else translate_count("{count} field", "{count} fields", len(names))
     return f"{subject} ({totals.area_ha:.2f} ha)"
 
 
@@ -120,18 +128,22 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
             gains[name] = compute_extra_cost(driven[-1], same)
     if len(losses) > MOST_NAMED_FIELDS:
         loss = format_money(sum(compute_extra_cost(*pair) for pair in losses.values()), comparison.currency)
-        yield (
-            f"On {len(losses)} of {len(comparison.fields)} fields another way is better, by {loss} together; the "
-            "second table names them."
+        yield translate(
+            "On {count} of {fields} fields another way is better, by {saving} together; the second table names them.",
+            count=len(losses),
+            fields=len(comparison.fields),
+            saving=loss,
         )
     else:
         for name, (same, better) in losses.items():
             saving = _describe_saving(same, better, comparison)
-            yield f"On {name} {describe_choice(better)} is better by {saving}."
+            yield translate(
+                "On {field} {way} is better by {saving}.", field=name, way=describe_choice(better), saving=saving
+            )
     if len(gains) > 1:
         name = max(gains, key=lambda each: gains[each])
         gain = format_money(gains[name], comparison.currency)
-        yield f"It saves most on {name}: {gain} against the dearest way there."
+        yield translate("It saves most on {field}: {saving} against the dearest way there.", field=name, saving=gain)
 
 
 def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -139,28 +151,45 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
     alike = [one for one in comparison.totals if len(one.driven) == len(best.driven)]
     least_missed = min(alike, key=lambda one: round(one.missed_m2))
     least_driven = min(alike, key=lambda one: round(one.over_finished_m2))
-    texts = [f"It misses {best.missed_m2:.0f} m2 and drives over {best.over_finished_m2:.0f} m2 of finished ground"]
+    texts = [
+        translate(
+            "It misses {missed} m2 and drives over {driven} m2 of finished ground",
+            missed=f"{best.missed_m2:.0f}",
+            driven=f"{best.over_finished_m2:.0f}",
+        )
+    ]
     if round(least_missed.missed_m2) < round(best.missed_m2):
-        texts.append(f"{name_choice(least_missed)} misses least ({least_missed.missed_m2:.0f} m2)")
+        area = f"{least_missed.missed_m2:.0f}"
+        texts.append(translate("{way} misses least ({area} m2)", way=name_choice(least_missed), area=area))
     if round(least_driven.over_finished_m2) < round(best.over_finished_m2):
-        texts.append(f"{name_choice(least_driven)} drives over least ({least_driven.over_finished_m2:.0f} m2)")
+        area = f"{least_driven.over_finished_m2:.0f}"
+        texts.append(translate("{way} drives over least ({area} m2)", way=name_choice(least_driven), area=area))
     yield f"{'; '.join(texts)}."
 
 
 def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
-    unit = comparison.currency or "Cost"
-    fuel = (TableColumn("Fuel l", "Fuel\nl", drop_order=2),) if has_fuel(comparison) else ()
+    unit = comparison.currency or translate("Cost")
+    fuel = (_build_figure_column(translate("Fuel l"), drop_order=2),) if has_fuel(comparison) else ()
     return (
-        TableColumn("Headland", is_text=True),
+        TableColumn(translate("Headland"), is_text=True),
         TableColumn(f"{unit}/ha"),
-        TableColumn("More"),
-        TableColumn("Time"),
+        TableColumn(translate("More")),
+        TableColumn(translate("Time")),
         *fuel,
-        TableColumn("Missed m2", "Missed\nm2"),
-        TableColumn("Overlap m2", "Over-\nlap m2", drop_order=1),
-        TableColumn("Driven over m2", "Driven\nover m2"),
+        _build_figure_column(translate("Missed m2")),
+        _build_figure_column(translate("Overlap m2"), drop_order=1),
+        _build_figure_column(translate("Driven over m2")),
     )
+
+
+def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
+    """A column of figures whose heading stands in two lines where there is little room, the second from its last words.
+
+    ``Driven over m2`` becomes ``Driven`` above ``over m2``.
+    """
+    first, _, rest = heading.partition(" ")
+    return TableColumn(heading, f"{first}\n{rest}", drop_order=drop_order)
 
 
 def has_fuel(comparison: HeadlandComparison) -> bool:
@@ -178,7 +207,7 @@ def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: 
     return (
         name_choice(totals),
         format_number(totals.cost_per_ha, 1),
-        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else "best",
+        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
         format_duration(totals.time_s),
         *([format_number(totals.fuel_l, 0)] if with_fuel else []),
         format_number(totals.missed_m2, 0),
@@ -198,27 +227,34 @@ def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
         parts.append(FittedTable(list_columns(comparison), rows, styles))
         if len(comparison.fields) > 1:
             parts += [Text(""), _build_field_table(comparison)]
-        parts += [format_sentence(f"{FIGURES_HELP} {describe_more(comparison)}", style="dim"), Text("")]
+        parts += [format_sentence(describe_figures(comparison), style="dim"), Text("")]
     missing = list_missing(comparison)
-    parts += [format_title("Without a plan"), *map(format_sentence, missing)] if missing else []
+    parts += [format_title(translate("Without a plan")), *map(format_sentence, missing)] if missing else []
     return Group(*parts)
 
 
-def describe_more(comparison: HeadlandComparison) -> str:
-    """What the last column is."""
-    unit = f" in {comparison.currency}" if comparison.currency else ""
-    return f"More: cost{unit} on all fields above the best, with missed ground finished."
+def describe_figures(comparison: HeadlandComparison) -> str:
+    """What the columns are."""
+    figures = translate(
+        "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: "
+        "finished ground under wheels, headland included; cost per hectare that is worked."
+    )
+    more = translate("More: cost on all fields above the best, with missed ground finished.")
+    return f"{figures} {more}"
 
 
-FIELD_COLUMNS = (
-    TableColumn("Field", is_text=True),
-    TableColumn("Best headland", is_text=True),
-    TableColumn("Saves"),
-    TableColumn("Cost/ha"),
-    TableColumn("Time"),
-    TableColumn("Missed m2", "Missed\nm2", drop_order=1),
-    TableColumn("ha"),
-)
+def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
+    """The columns of the table with the best way on each field."""
+    unit = comparison.currency or translate("Cost")
+    return (
+        TableColumn(translate("Field"), is_text=True),
+        TableColumn(translate("Best headland"), is_text=True),
+        TableColumn(translate("Saves")),
+        TableColumn(f"{unit}/ha"),
+        TableColumn(translate("Time")),
+        _build_figure_column(translate("Missed m2"), drop_order=1),
+        TableColumn("ha"),
+    )
 
 
 def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, ...]:
@@ -226,7 +262,7 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
     driven = [one for one in comparison.totals_by_field[name] if one.driven]
     label = comparison.field_names[name]
     if not driven:
-        return label, "none works", *[NO_VALUE] * 5
+        return label, translate("none works"), *[NO_VALUE] * 5
     best, dearest = driven[0], driven[-1]
     return (
         label,
@@ -240,7 +276,8 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
 
 
 def _build_field_table(comparison: HeadlandComparison) -> FittedTable:
-    return FittedTable(FIELD_COLUMNS, tuple(build_field_cells(comparison, name) for name in comparison.fields))
+    rows = tuple(build_field_cells(comparison, name) for name in comparison.fields)
+    return FittedTable(list_field_columns(comparison), rows)
 
 
 def format_headland_json(comparison: HeadlandComparison) -> str:

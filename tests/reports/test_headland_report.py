@@ -91,13 +91,13 @@ def test_first_screen_at_80_columns(comparison: HeadlandComparison) -> None:
         "round, last, 2 passes     32.0 best 2:34:00      1000        300             20",
         "square, first, 3 passes   36.0  +12 3:00:00         0        300            100",
         "",
-        "Field Best headland         Saves Cost/ha    Time Missed m2   ha",
-        "east  round, last, 2 passes  0.00    36.0 0:54:00      1000 1.00",
-        "west  round, last, 2 passes    12    30.0 1:40:00         0 2.00",
+        "Field Best headland         Saves EUR/ha    Time Missed m2   ha",
+        "east  round, last, 2 passes  0.00   36.0 0:54:00      1000 1.00",
+        "west  round, last, 2 passes    12   30.0 1:40:00         0 2.00",
         "Sums of the best plan of every field. Missed: not worked; overlap: worked more",
         "than once; driven over: finished ground under wheels, headland included; cost",
-        "per hectare that is worked. More: cost in EUR on all fields above the best, with",
-        "missed ground finished.",
+        "per hectare that is worked. More: cost on all fields above the best, with missed",
+        "ground finished.",
         "",
     ]
 
