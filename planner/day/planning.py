@@ -283,6 +283,7 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         samples=solved.samples,
         seed=solved.seed,
         advice="",
+        questions=tuple(_question_pulls(solved)),
         remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
         fields=tuple(field.name for field in prepared.fields),
         windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
@@ -413,8 +414,8 @@ def _estimate_cost(solved: _SolvedDay) -> float:
 
 
 def _list_remarks(solved: _SolvedDay) -> list[str]:
-    """Remarks on machines too weak, on fields where only a part of a fleet can work, and on an unknown yard."""
-    remarks = _question_pulls(solved)
+    """Remarks on fields where only a part of a fleet can work, and on an unknown yard."""
+    remarks = []
     for fleet, route in enumerate(solved.solution.routes):
         for number in route:
             plan, name = solved.table[fleet][number], solved.prepared.fields[number].name
