@@ -40,7 +40,8 @@ def format_day_json(result: DayResult) -> str:
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
     ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
     ``road_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
-    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``questions``, ``certainty_pct`` (null: mean times),
+    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check),
+    ``certainty_pct`` (null: mean times),
     ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary`` (the answer as it is printed).
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
