@@ -17,6 +17,7 @@ from reports.plan.many_fields import (
     MAP_KEY,
     FieldRecord,
     FieldsTotal,
+    RecordsTable,
     describe_records,
     get_best_plan,
     get_stated_plan_cost,
@@ -27,6 +28,7 @@ from reports.plan.many_fields import (
 
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
+LAYOUT_HEADINGS = ("Headland", "Bearing")  # columns that the page leaves to CSV and JSON
 
 
 def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
@@ -45,12 +47,12 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
             "title": f"{len({record['requested_field'] for record in records})} fields: plans",
             "machines": _describe_machines(records),
             "lead": _describe_totals(records),
-            "columns": table.columns,
+            "columns": [column for column in table.columns if column.heading not in LAYOUT_HEADINGS],
             "rows": [
-                {"cells": row, "is_total": row in table.total_rows, "anchor": anchor}
+                {"cells": _drop_layout(table, row), "is_total": row in table.total_rows, "anchor": anchor}
                 for row, anchor in zip(table.rows, anchors + [""] * len(table.total_rows), strict=True)
             ],
-            "legend": describe_records(records),
+            "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
             "without": list_records_without_plan(records),
             "sections": sections,
             "plan_head": PLAN_HEAD,
@@ -58,6 +60,11 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
             "has_driven_over": any(one["driven_over"] for one in maps),
         },
     )
+
+
+def _drop_layout(table: RecordsTable, row: tuple[str, ...]) -> tuple[str, ...]:
+    """A row without the columns of the layout."""
+    return tuple(cell for column, cell in zip(table.columns, row, strict=True) if column.heading not in LAYOUT_HEADINGS)
 
 
 def _has_widths(records: Sequence[FieldRecord]) -> bool:
