@@ -28,7 +28,8 @@ from reports.plan.many_fields import (
 
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
-LAYOUT_HEADINGS = ("Headland", "Bearing")  # columns that the page leaves to CSV and JSON
+PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tractors", "Strategy", "ha")
+"""Columns in the order of the page, on which those to the right may be hidden; the layout is in CSV and JSON."""
 
 
 def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
@@ -40,6 +41,7 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
         if get_best_plan(record)
     ]
     anchors = [f"field-{number}" if get_best_plan(record) else "" for number, record in enumerate(records)]
+    places = _list_places(table)
     maps = [one["map"] for one in sections if one["map"]]
     return render_template(
         "many_fields.html.j2",
@@ -47,9 +49,9 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
             "title": f"{len({record['requested_field'] for record in records})} fields: plans",
             "machines": _describe_machines(records),
             "lead": _describe_totals(records),
-            "columns": [column for column in table.columns if column.heading not in LAYOUT_HEADINGS],
+            "columns": [table.columns[place] for place in places],
             "rows": [
-                {"cells": _drop_layout(table, row), "is_total": row in table.total_rows, "anchor": anchor}
+                {"cells": [row[place] for place in places], "is_total": row in table.total_rows, "anchor": anchor}
                 for row, anchor in zip(table.rows, anchors + [""] * len(table.total_rows), strict=True)
             ],
             "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
@@ -62,9 +64,10 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
     )
 
 
-def _drop_layout(table: RecordsTable, row: tuple[str, ...]) -> tuple[str, ...]:
-    """A row without the columns of the layout."""
-    return tuple(cell for column, cell in zip(table.columns, row, strict=True) if column.heading not in LAYOUT_HEADINGS)
+def _list_places(table: RecordsTable) -> list[int]:
+    """The columns that the page shows, as places in the table."""
+    headings = [column.heading for column in table.columns]
+    return [headings.index(heading) for heading in PAGE_HEADINGS if heading in headings]
 
 
 def _has_widths(records: Sequence[FieldRecord]) -> bool:
