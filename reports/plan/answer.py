@@ -184,10 +184,12 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     limit, share, loss = _format_limit(ranking), format_share(plan), get_late_loss(plan)
     if loss < LEAST_COST:
         return translate("Done {limit}: {share} sure; no ground is late.", limit=limit, share=share)
-    money = format_money(ranking, loss)
-    return translate(
-        "Done {limit}: {share} sure; late ground costs {loss}, included.", limit=limit, share=share, loss=money
-    )
+    values = {"limit": limit, "share": share, "loss": format_money(ranking, loss)}
+    if ranking.allowed_s is None:
+        return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
+    if ranking.scenario.get("rain") is None:
+        return translate("Done {limit}: {share} sure; late ground costs {loss} on average, included.", **values)
+    return translate("Done {limit}: {share} sure; late ground costs {loss}, included.", **values)
 
 
 def format_share(plan: PlanResult) -> str:

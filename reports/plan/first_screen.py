@@ -52,6 +52,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
         ]
     parts += [format_sentence(text, style="dim") for text in count_other_plans(ranking, plans)]
     if with_next:
+        parts += [] if plans else [Text("")]
         parts += [format_sentence(text, style="dim") for text in _suggest_commands(ranking)]
     return Group(*parts)
 
@@ -141,8 +142,8 @@ def _mark_count(ranking: PlanRanking, plan: PlanResult) -> str:
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
     if any(plan.p50_s is not None for plan in plans):
-        return translate("> recommended; * fastest with so few; times are medians, costs means of samples.")
-    return translate("> recommended; * fastest with so few; times and costs are as simulated.")
+        return translate("> recommended; * none with as few is faster; times are medians, costs are means.")
+    return translate("> recommended; * none with as few is faster; times and costs are as simulated.")
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:
