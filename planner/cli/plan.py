@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as jsons
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
@@ -107,6 +107,7 @@ def plan_batch(
     with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
         _write_index_page(records, html)
+    _print_field_remarks(records)
     return all(_has_accepted_plan(record) for record in records)
 
 
@@ -192,6 +193,20 @@ def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Rec
         "ranking": None if ranking is None else jsons.loads(format_ranking_json(ranking)),
     }
     return add_checksum(record if answer.map is None else record | {MAP_KEY: answer.map})
+
+
+def _print_field_remarks(records: Iterable[Record]) -> None:
+    """Print remarks on field files and machines, each once: with its field, unless it is said of several."""
+    from planner.cli.common.terminal import print_remarks
+
+    fields_by_remark: dict[str, dict[str, None]] = {}
+    for ranking in (record["ranking"] for record in records if record["ranking"]):
+        question = (ranking.get("pull") or {}).get("question")
+        for text in (*ranking.get("remarks", ()), *([question] if question else [])):
+            fields_by_remark.setdefault(text, {})[ranking["field"]["name"]] = None
+    print_remarks(
+        text if len(fields) > 1 else f"{next(iter(fields))}: {text}" for text, fields in fields_by_remark.items()
+    )
 
 
 def _has_accepted_plan(record: Record) -> bool:

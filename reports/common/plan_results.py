@@ -281,6 +281,7 @@ class PlanRanking(ShownResult):
         parts: further parts of a divided field, each with a plan of its own.
         changes: of a request without a plan, the smallest changes that were found to work.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
+        field_remarks: sentences on the field file, such as what of it is avoided as an obstacle.
     """
 
     field_name: str
@@ -306,6 +307,7 @@ class PlanRanking(ShownResult):
     field_allowed_s: float | None = None
     changes: tuple[str, ...] = ()
     pull: PullFigures | None = None
+    field_remarks: tuple[str, ...] = ()
     parts: tuple[FieldPartPlan, ...] = ()
 
     @property
