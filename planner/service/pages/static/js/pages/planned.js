@@ -3,6 +3,8 @@ import { el, put, button, heading, note, labelled, option, facts, sorry } from "
 import { get, post, part, saveNamed } from "../api.js";
 import { followJob, results, reportFrame } from "../jobs.js";
 import { PlanMap } from "../planmap.js";
+import { changeActions, whyLocked } from "../shelf.js";
+import { planAgain } from "./plan.js";
 import { sheet } from "../table.js";
 import { clock, number, percent, plural } from "../words.js";
 
@@ -10,11 +12,18 @@ export async function open(main, shell, [id]) {
   const asked = await get(`plans/${part(id)}`), closing = [];
   const name = asked.name || asked.request?.field || "Plan";
   shell.title(`Plan of ${name}`);
-  const again = el("a", { class: "button", href: "#/plan" }, "Change and plan again");
-  const job = followJob("plans", id, { again, done: (done, node) => shown(done, node, closing).catch((error) => put(node, sorry(error))) });
+  const again = () => button("Change and plan again", () => planAgain(asked.request ?? {})), me = await get("me").catch(() => null);
+  const job = followJob("plans", id, { again: again(), done: (done, node) => shown(done, node, closing).then(() => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
   put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), heading(name, askedWords(asked.request)), job.node);
   closing.push(job.close);
   return () => closing.forEach((close) => close());
+}
+
+// Rename, copy and delete the plan, or begin another with its values.
+function changeSection(job, me, again) {
+  const changed = (key) => { if (key === job.id) return location.reload(); location.hash = key ? `#/plan/${part(key)}` : "#/library/plans"; };
+  const why = whyLocked(job, me);
+  return el("section", { class: "panel stack" }, el("h2", {}, "Change"), el("div", {}, again), why && el("p", { class: "small soft" }, why), changeActions("plans", job, me, changed));
 }
 
 const askedWords = (request = {}) =>
