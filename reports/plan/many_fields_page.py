@@ -21,6 +21,7 @@ from reports.plan.many_fields import (
     describe_records,
     get_best_plan,
     get_stated_plan_cost,
+    get_stated_plan_s,
     list_records_without_plan,
     sum_over_fields,
     tabulate_records,
@@ -120,7 +121,7 @@ def _build_section(record: FieldRecord, anchor: str, names_width: bool) -> dict[
 def _list_facts(ranking: Mapping[str, Any], best: Mapping[str, Any]) -> str:
     area = f"{ranking['field']['area_ha']:.2f} ha"
     cost = f"{format_price(get_stated_plan_cost(best))} {ranking.get('currency') or ''}".strip()
-    return f"{area}, {format_duration(best.get('time_s'))}, {cost}"
+    return f"{area}, {format_duration(get_stated_plan_s(best))}, {cost}"
 
 
 def _is_same(plan: Mapping[str, Any], best: Mapping[str, Any] | None) -> bool:
@@ -132,7 +133,7 @@ def _build_plan_cells(plan: Mapping[str, Any]) -> tuple[str, ...]:
     headland = f"{plan['headland_passes']} x {plan.get('headland_order') or ''}" if plan.get("headland_passes") else ""
     return (
         f"{count} {'tractor' if count == 1 else 'tractors'}, {plan['strategy']}",
-        format_duration(plan.get("time_s")),
+        format_duration(get_stated_plan_s(plan)),
         format_price(get_stated_plan_cost(plan)),
         format_number(plan.get("worked_pct"), 1),
         format_area_or_dash(plan.get("missed_m2")),
