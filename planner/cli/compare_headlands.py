@@ -188,4 +188,4 @@ def _print_comparison(comparison: HeadlandComparison, json: bool, csv: bool) -> 
     if json or csv:
         typer.echo(format_headland_json(comparison) if json else format_headland_csv(comparison), nl=False)
         return
-    print_renderable(build_headland_table(comparison))
+    print_renderable(build_headland_table, comparison)

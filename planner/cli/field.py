@@ -76,7 +76,7 @@ def _print_facts(facts: dict[str, Any], json: bool) -> None:
     from planner.cli.common.terminal import print_renderable
     from reports.plan.field_report import build_field_report
 
-    print_renderable(build_field_report(facts))
+    print_renderable(build_field_report, facts)
 
 
 def _draw_map(planning_context: PlanningContext) -> bytes:
@@ -98,4 +98,4 @@ def _list_parcels(field: str, local: bool, crs: str | None, swap_axes: bool, jso
         return
     from planner.cli.common.terminal import print_renderable
 
-    print_renderable(build_parcels_table(parcels))
+    print_renderable(build_parcels_table, parcels)

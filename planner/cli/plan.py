@@ -239,10 +239,10 @@ def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Calla
     if json:
         typer.echo(format_many_fields_json(records), nl=False)
     elif not csv:
-        print_renderable(build_many_fields_screen(records, with_next=not explain))
+        print_renderable(build_many_fields_screen, records, with_next=not explain)
         if explain:
             print_renderable("")
-            print_renderable(build_many_fields_table(records))
+            print_renderable(build_many_fields_table, records)
 
 
 NO_PLAN_STATUS = 3
@@ -401,12 +401,12 @@ def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, 
     from planner.cli.common.terminal import print_renderable
     from reports.plan.first_screen import build_first_screen
 
-    print_renderable(build_first_screen(ranking, shows_all=show_all, with_next=not explain))
+    print_renderable(build_first_screen, ranking, shows_all=show_all, with_next=not explain)
     if explain:
         from reports.plan.ranking_table import build_ranking_table
 
         print_renderable("")
-        print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
+        print_renderable(build_ranking_table, ranking, most_plans=None if show_all else 20)
 
 
 def _render_plan_outputs(

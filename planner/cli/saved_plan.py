@@ -67,7 +67,7 @@ def export(
             if json:
                 typer.echo(export_json(guidance, guidance_files, names), nl=False)
             else:
-                print_renderable(build_export_table(guidance, guidance_files, names))
+                print_renderable(build_export_table, guidance, guidance_files, names)
 
 
 def _place_files(
@@ -156,7 +156,7 @@ def show(
     if json:
         typer.echo(format_leg_lists_json(saved_run.steps, _summarise_plan(saved_run), tractor), nl=False)
         return
-    print_renderable(build_leg_tables(_format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor))
+    print_renderable(build_leg_tables, _format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor)
 
 
 def _describe_contacts(saved_run: SavedPlanRun) -> list[str]:

@@ -98,7 +98,8 @@ def _iter_help_texts() -> Iterator[str]:
     """Help of all commands and options."""
     import typer.main
 
-    from planner.cli.main import EXAMPLE, app, split_paragraphs
+    from planner.cli.common.reader import EXAMPLE, split_paragraphs
+    from planner.cli.main import app
 
     waiting: list[Any] = [typer.main.get_command(app)]
     while waiting:

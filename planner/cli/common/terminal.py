@@ -7,13 +7,15 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 from fields.errors import make_one_line
+from reports.common.language import mark_text, translate, translate_sentence, use_reader
 
 COMPILE_NOTICE_S = 1.5
 MIN_COLUMNS, DEFAULT_COLUMNS, MAX_COLUMNS = 20, 80, 160
 COMPILED_LOOPS = (("vehicle.sim.loop", "run_fixed"), ("vehicle.sim.loop", "run_loop"))  # these take long to compile
-COMPILING_MESSAGE = "Compiling the simulator for this machine: first run only, about a minute."
+COMPILING_MESSAGE = mark_text("Compiling the simulator for this machine: first run only, about a minute.")
 
 
 @contextmanager
@@ -23,6 +25,8 @@ def create_progress_callback(title: str) -> Iterator[Callable[[int, int], None]]
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
     console = Console(stderr=True)
+    with use_reader():
+        title = translate(title)
     columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task(title, total=None)
@@ -47,7 +51,7 @@ def _announce_compiling(loaded: threading.Event) -> None:
     while not loaded.wait(wait_s):
         loops = [sys.modules[name].__dict__.get(loop) for name, loop in COMPILED_LOOPS if name in sys.modules]
         if any(loop is not None and loop.stats.cache_misses for loop in loops):
-            print(COMPILING_MESSAGE, file=sys.stderr, flush=True)
+            print_sentence(COMPILING_MESSAGE, err=True)
             return
         wait_s = 0.2
 
@@ -55,20 +59,28 @@ def _announce_compiling(loaded: threading.Event) -> None:
 def print_remarks(sentences: Iterable[str]) -> None:
     """Print remarks on the input on standard error, one line each."""
     for sentence in sentences:
-        print(f"Note: {make_one_line(sentence)}", file=sys.stderr, flush=True)
+        with use_reader():
+            text = translate("Note: {sentence}", sentence=translate_sentence(sentence))
+        print(make_one_line(text), file=sys.stderr, flush=True)
 
 
 def print_sentence(sentence: str, *, err: bool = False) -> None:
     """Print a sentence in one line, on standard output or standard error."""
-    print(make_one_line(sentence), file=sys.stderr if err else sys.stdout, flush=True)
+    with use_reader():
+        text = translate_sentence(sentence)
+    print(make_one_line(text), file=sys.stderr if err else sys.stdout, flush=True)
 
 
-def print_renderable(renderable: object) -> None:
-    """Print on standard output, at most 160 columns wide, 80 if the width is unknown."""
+def print_renderable(renderable: object, *arguments: Any, **options: Any) -> None:
+    """Print on standard output, at most 160 columns wide, 80 if the width is unknown.
+
+    A function is called with what follows it, so that its texts are in the language and units of the reader.
+    """
     from rich.console import Console
 
     width = max(min(Console().width or DEFAULT_COLUMNS, MAX_COLUMNS), MIN_COLUMNS)
-    Console(width=width).print(renderable)
+    with use_reader():
+        Console(width=width).print(renderable(*arguments, **options) if callable(renderable) else renderable)
 
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
