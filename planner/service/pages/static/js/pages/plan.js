@@ -42,7 +42,8 @@ export async function open(main, shell) {
     put(along, option("", "in the best direction"), lines.map((one) => option(one.name, `along ${one.name}`, one.name === (draft.guidance_line ?? before))));
   };
   const another = () => {
-    const said = field.options();
+    const said = draft.reading ?? field.options();
+    draft.reading = null;
     [local.checked, swap.checked, crs.value] = [Boolean(said.local), Boolean(said.swap_axes), said.crs ?? ""];
     put(parcel);
     put(along);
@@ -118,7 +119,7 @@ function takeDraft() {
   if (!request) return {};
   const [fields, parcel = ""] = String(request.field ?? "").split("#"), rain = /^(.*)\.csv$/i.exec(request.rain ?? "")?.[1];
   const strategies = [request.strategies ?? "all"].flat().join(",");
-  return { request: { ...request, rain: rain ? null : request.rain }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table,
+  return { request: { ...request, rain: rain ? null : request.rain }, reading: { local: request.local, swap_axes: request.swap_axes, crs: request.crs }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table,
     strategies: strategies === "all" ? STRATEGIES : strategies.split(","), ignore: request.ignore, guidance_line: request.guidance_line };
 }
 
