@@ -78,7 +78,7 @@ class PlanResult(ShownResult):
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something, leaves the field, or finds no path.
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
-        fuel_l: litres of fuel of the fleet, where they are known.
+        fuel_l: litres of fuel of the fleet in the field, by the values of a farm; None without one.
     """
 
     strategy: str
