@@ -25,7 +25,7 @@ from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, ser
 
 pytestmark = needs_browser
 PREVIEW, EDITOR = "canvas[aria-label^='Map of the chosen field']", "canvas[aria-label^='Drawing of the field']"
-MIDDLE = {"width": 768, "height": 900}
+MIDDLE, ACCENT = {"width": 768, "height": 900}, (58, 101, 39)
 
 
 class MapService:
@@ -166,6 +166,19 @@ def test_entrance_refill_and_obstacles_are_set_by_a_click(service: MapService) -
     service.watched.well()
 
 
+def find_chosen_point(page: Page) -> tuple[float, float]:
+    """Where the chosen point is on the page: the middle of what has the colour of chosen points."""
+    canvas = page.locator(EDITOR)
+    canvas.scroll_into_view_if_needed()
+    page.wait_for_timeout(100)
+    box = canvas.bounding_box()
+    assert box is not None
+    colours = np.asarray(Image.open(io.BytesIO(canvas.screenshot())).convert("RGB"))[60:]
+    rows, columns = np.nonzero((colours == ACCENT).all(axis=2))
+    assert len(rows) > 50
+    return box["x"] + float(columns.mean()), box["y"] + 60 + float(rows.mean())
+
+
 def type_points(page: Page, *points: tuple[float, float]) -> None:
     """Points by keys alone: fields for the coordinates and Enter."""
     for east, north in points:
@@ -206,7 +219,14 @@ def test_a_field_with_everything_is_drawn_and_read(service: MapService) -> None:
     type_points(page, (0, 50), (200, 60))
     page.locator(".editor").get_by_label("Its name").fill("A-B")
     page.locator(".editor").get_by_label("Its name").press("Enter")
-    for words in ("obstacle", "entrance", "refill place", "dashed, thick: fence", "dash and dot: guidance line"):
+    for words in (
+        "obstacle",
+        "obstacle: a point, as wide as it is",
+        "entrance",
+        "refill place",
+        "dashed, thick: fence",
+        "dash and dot: guidance line",
+    ):
         assert page.locator(f".editor .legend li:text-is('{words}')").count() == 1
     page.locator(".editor").get_by_label("Name", exact=True).fill("drawn")
     page.click("text=Use this field")
@@ -250,12 +270,10 @@ def test_an_uploaded_field_is_changed_by_pointer_and_keys_and_replaced(service: 
     assert float(page.input_value("[aria-label='Metres north']")) == pytest.approx(y + 1, abs=0.01)
     page.click("button:text-is('Undo')")
     page.select_option("[aria-label='Chosen point']", index=5)
-    box = page.locator(EDITOR).bounding_box()
-    assert box is not None
-    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)  # what is chosen comes to the middle
-    page.mouse.move(*middle)
+    x_px, y_px = find_chosen_point(page)
+    page.mouse.move(x_px, y_px)
     page.mouse.down()
-    page.mouse.move(middle[0] + 30, middle[1] + 5, steps=4)
+    page.mouse.move(x_px + 30, y_px + 5, steps=4)
     page.mouse.up()
     page.click("button:has-text('Replace west')")
     until(page, lambda: service.app.state.store.get_file("field", "west").size != len(content))
