@@ -14,6 +14,17 @@ from rich.text import Text
 from reports.common.language import translate, translate_count
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.units import (
+    convert_hectares,
+    convert_litres,
+    convert_rate_per_hectare,
+    convert_square_metres,
+    format_hectares,
+    format_square_metres,
+    get_area_unit,
+    get_small_area_unit,
+    get_volume_unit,
+)
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_price
 from reports.plan.headland_comparison import (
     ComparedPlan,
@@ -76,8 +87,19 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
     dearest = others[-1]
     if compute_extra_cost(dearest, best) < ALIKE_SHARE * best.charged_cost:
         extra = format_money(compute_extra_cost(dearest, best), comparison.currency)
-        text = "All ways cost the same within {extra} on {fields}; the least: {way}."
-        return translate(text, extra=extra, fields=where, way=way)
+        return translate(
+            "All ways cost the same within {extra} on {fields}; the least: {way}.", extra=extra, fields=where, way=way
+        )
+    alike = [one for one in others if compute_extra_cost(one, best) < ALIKE_SHARE * best.charged_cost]
+    if alike:
+        return translate(
+            "Worth it on {fields}: {way}: {saving} less than {dearest}, the dearest; {alike}.",
+            fields=where,
+            way=way,
+            saving=_describe_saving(dearest, best, comparison),
+            dearest=name_choice(dearest),
+            alike=_describe_alike(alike, best, comparison),
+        )
     values = {
         "fields": where,
         "way": way,
@@ -94,10 +116,18 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
     )
 
 
+def _describe_alike(alike: list[HeadlandTotals], best: HeadlandTotals, comparison: HeadlandComparison) -> str:
+    """That other ways cost nearly the same as the best."""
+    extra = format_money(compute_extra_cost(alike[-1], best), comparison.currency)
+    if len(alike) == 1:
+        return translate("{way} costs the same within {extra}", way=name_choice(alike[0]), extra=extra)
+    return translate("{count} other ways cost the same within {extra}", count=len(alike), extra=extra)
+
+
 def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
     names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
     subject = names[0] if len(names) == 1 else translate_count("{count} field", "{count} fields", len(names))
-    return f"{subject} ({totals.area_ha:.2f} ha)"
+    return f"{subject} ({format_hectares(totals.area_ha)})"
 
 
 def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
@@ -107,7 +137,8 @@ def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: He
 
 def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
     """The cost of a worked hectare with its currency."""
-    return f"{format_number(totals.cost_per_ha, 1)} {comparison.currency or ''}/ha"
+    rate = format_number(convert_rate_per_hectare(totals.cost_per_ha), 1)
+    return f"{rate} {comparison.currency or ''}/{get_area_unit()}"
 
 
 def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -153,33 +184,37 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
     least_driven = min(alike, key=lambda one: round(one.over_finished_m2))
     texts = [
         translate(
-            "It misses {missed} m2 and drives over {driven} m2 of finished ground",
-            missed=f"{best.missed_m2:.0f}",
-            driven=f"{best.over_finished_m2:.0f}",
+            "It misses {missed} and drives over {driven} of finished ground",
+            missed=format_square_metres(best.missed_m2),
+            driven=format_square_metres(best.over_finished_m2),
         )
     ]
     if round(least_missed.missed_m2) < round(best.missed_m2):
-        area = f"{least_missed.missed_m2:.0f}"
-        texts.append(translate("{way} misses least ({area} m2)", way=name_choice(least_missed), area=area))
+        area = format_square_metres(least_missed.missed_m2)
+        texts.append(translate("{way} misses least ({area})", way=name_choice(least_missed), area=area))
     if round(least_driven.over_finished_m2) < round(best.over_finished_m2):
-        area = f"{least_driven.over_finished_m2:.0f}"
-        texts.append(translate("{way} drives over least ({area} m2)", way=name_choice(least_driven), area=area))
+        area = format_square_metres(least_driven.over_finished_m2)
+        texts.append(translate("{way} drives over least ({area})", way=name_choice(least_driven), area=area))
     yield f"{'; '.join(texts)}."
 
 
 def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
     unit = comparison.currency or translate("Cost")
-    fuel = (_build_figure_column(translate("Fuel l"), drop_order=2),) if has_fuel(comparison) else ()
+    fuel = (
+        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=2),)
+        if has_fuel(comparison)
+        else ()
+    )
     return (
         TableColumn(translate("Headland"), is_text=True),
-        TableColumn(f"{unit}/ha"),
+        TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("More")),
         TableColumn(translate("Time")),
         *fuel,
-        _build_figure_column(translate("Missed m2")),
-        _build_figure_column(translate("Overlap m2"), drop_order=1),
-        _build_figure_column(translate("Driven over m2")),
+        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
+        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=1),
+        _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
     )
 
 
@@ -206,13 +241,13 @@ def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: 
     extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
     return (
         name_choice(totals),
-        format_number(totals.cost_per_ha, 1),
+        format_number(convert_rate_per_hectare(totals.cost_per_ha), 1),
         NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
         format_duration(totals.time_s),
-        *([format_number(totals.fuel_l, 0)] if with_fuel else []),
-        format_number(totals.missed_m2, 0),
-        format_number(totals.overlap_m2, 0),
-        format_number(totals.over_finished_m2, 0),
+        *([format_number(convert_litres(totals.fuel_l), 0)] if with_fuel else []),
+        format_number(convert_square_metres(totals.missed_m2), 0),
+        format_number(convert_square_metres(totals.overlap_m2), 0),
+        format_number(convert_square_metres(totals.over_finished_m2), 0),
     )
 
 
@@ -250,10 +285,10 @@ def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...
         TableColumn(translate("Field"), is_text=True),
         TableColumn(translate("Best headland"), is_text=True),
         TableColumn(translate("Saves")),
-        TableColumn(f"{unit}/ha"),
+        TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("Time")),
-        _build_figure_column(translate("Missed m2"), drop_order=1),
-        TableColumn("ha"),
+        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit()), drop_order=1),
+        TableColumn(get_area_unit()),
     )
 
 
@@ -268,10 +303,10 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
         label,
         name_choice(best),
         format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
-        format_number(best.cost_per_ha, 1),
+        format_number(convert_rate_per_hectare(best.cost_per_ha), 1),
         format_duration(best.time_s),
-        format_number(best.missed_m2, 0),
-        format_number(best.area_ha, 2),
+        format_number(convert_square_metres(best.missed_m2), 0),
+        format_number(convert_hectares(best.area_ha), 2),
     )
 
 

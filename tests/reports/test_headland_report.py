@@ -146,6 +146,16 @@ def test_ways_that_cost_the_same_are_said_to(comparison: HeadlandComparison) -> 
     )
 
 
+def test_a_way_that_costs_nearly_the_same_is_said_so(comparison: HeadlandComparison) -> None:
+    """36.00, 36.10 and 40 EUR: a tenth is no reason to change."""
+    ways = {ROUND: 3600.0, SQUARE: 3610.0, HeadlandChoice("square", "last", 2): 4000.0}
+    plans = [compare("east", way, make_plan(time_s, 0.0, 10_000.0), 1.0) for way, time_s in ways.items()]
+    assert describe_comparison(HeadlandComparison(tuple(plans)))[0] == (
+        "Worth it on east (1.00 ha): round corners, headland last, 2 passes: 4.00 EUR (10.0 %) less than square, last, "
+        "2 passes, the dearest; square, first, 3 passes costs the same within 0.10 EUR."
+    )
+
+
 def test_ways_that_fail_come_last_and_are_not_compared(comparison: HeadlandComparison) -> None:
     failed = ComparedPlan("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
     partial = HeadlandComparison((*comparison.plans[:3], failed))
