@@ -109,7 +109,7 @@ def translate_sentence(sentence: str) -> str:
     if language == ENGLISH or not sentence:
         return sentence
     exact = get_messages(language).get(sentence)
-    return exact or _translate_by_pattern(sentence, language)
+    return exact or (_translate_by_pattern(sentence, language) if " " in sentence else sentence)
 
 
 def _translate_by_pattern(sentence: str, language: str) -> str:
@@ -143,7 +143,7 @@ def _build_pattern(key: str) -> re.Pattern[str]:
         if place % 2 == 0:
             parts.append(re.escape(part))
         else:
-            parts.append(f"(?P=v_{part})" if part in known else f"(?P<v_{part}>.+?)")
+            parts.append(f"(?P=v_{part})" if part in known else f"(?P<v_{part}>.*?)")
             known.add(part)
     return re.compile("".join(parts), re.DOTALL)
 
