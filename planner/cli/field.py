@@ -33,8 +33,9 @@ def field(
 ) -> None:
     """Show area, obstacles, cells, headland passes and tracks of a field, unworked ground and why, and which turns fit.
 
-    In a GeoJSON file, tractors avoid a feature with role "obstacle" and do not cross a boundary, or a line along it,
-    with edge "fence"; "open" lines are openings, and a point with role "entrance" is the gate.
+    In a GeoJSON file, tractors avoid a feature with role "obstacle" or without a role (--ignore leaves one out) and do
+    not cross a boundary, or a line along it, with edge "fence"; "open" lines are openings, and a point with role
+    "entrance" is the gate.
 
     Example: headland field denmark --width 6 --png denmark.png
     """
