@@ -101,7 +101,8 @@ class TokenStore(StorePart):
         with self.database.open_write_session() as session:
             row = session.scalar(sa.select(TokenRow).where(TokenRow.name == name)) if is_storable_text(name) else None
             if row is None:
-                raise NotFoundError(f"There is no token {name!r}; headland token list shows all.", parameter="name")
+                command = f"headland token list{self.settings.data_option}"
+                raise NotFoundError(f"There is no token {name!r}; {command} shows all.", parameter="name")
             session.delete(row)
 
 
