@@ -202,18 +202,18 @@ def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
     unit = comparison.currency or translate("Cost")
     fuel = (
-        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=2),)
+        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=1),)
         if has_fuel(comparison)
         else ()
     )
     return (
-        TableColumn(translate("Headland"), is_text=True),
+        TableColumn(translate("Headland"), is_text=True, is_unbroken=True),
         TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("More")),
         TableColumn(translate("Time")),
         *fuel,
         _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
-        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=1),
+        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=2),
         _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
     )
 
@@ -283,7 +283,7 @@ def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...
     unit = comparison.currency or translate("Cost")
     return (
         TableColumn(translate("Field"), is_text=True),
-        TableColumn(translate("Best headland"), is_text=True),
+        TableColumn(translate("Best headland"), is_text=True, is_unbroken=True),
         TableColumn(translate("Saves")),
         TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("Time")),
