@@ -1,4 +1,4 @@
-"""Collects sentences that the code makes with f-strings: refusals, remarks and reasons, each as a key with named values.
+"""Collects sentences that the code makes with f-strings: refusals, remarks and reasons, as keys with named values.
 
 They are in English where they are made, and translated where they are shown (`translate_sentence`).
 """
@@ -51,9 +51,9 @@ def _iter_refusals(path: Path) -> Iterator[str]:
 def _iter_told(path: Path) -> Iterator[str]:
     """Sentences in the functions of a module that tell something, and in its constants."""
     module = ast.parse(path.read_text(encoding="utf-8"))
-    for node in module.body:
-        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
-            yield from _iter_keys(node.value)
+    for constant in module.body:
+        if isinstance(constant, ast.Assign | ast.AnnAssign) and constant.value is not None:
+            yield from _iter_keys(constant.value)
     for node in ast.walk(module):
         if isinstance(node, ast.FunctionDef) and _TELLING_NAME.search(node.name):
             for statement in node.body:

@@ -1,6 +1,6 @@
 // The editor of a field: its boundary, holes, obstacles, entrance, refill place, fences and guidance lines, by pointer or keys.
 import { el, put, say, button, labelled, note, option } from "./dom.js";
-import { t } from "./language.js";
+import { t, translate } from "./language.js";
 import { backgroundOf, placementAt, placementOf } from "./background.js";
 import { Drawing, KINDS, geojsonOf, shapesOf, sizeOf } from "./shapes.js";
 import { shapeLayer, grid, gridStep, handleAt, drawnEntries } from "./drawlayers.js";
@@ -101,8 +101,9 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
   const update = () => {
     const shape = drawing.chosen, boundary = drawing.shapes.find((one) => one.kind === "boundary"), corners = boundary?.points.length ?? 0;
     const inside = drawing.shapes.filter((one) => ["hole", "area", "pole", "ditch"].includes(one.kind)).length;
-    say(words, corners < 3 ? t`Tap the corners of the field (${corners} so far; a grid line is ${gridStep(view)} m).` : t`${corners} corners, ${hectares(drawing.area)}${inside ? `, ${inside} in it` : ""}. Points can be dragged.${drawing.unfinished.length ? " A shape with too few points is not saved." : ""}`);
-    put(points, option("-1 -1", "none", !shape), drawing.shapes.flatMap((one, s) => one.points.map((point, p) => option(`${s} ${p}`, `${KINDS[one.kind].words}${one.properties.name && one.kind !== "boundary" ? ` ${one.properties.name}` : ""} ${p + 1}: ${point.map((value) => number(value, 1)).join(", ")}`, s === drawing.at.shape && p === drawing.at.point))));
+    const more = [inside ? t`, ${inside} in it` : "", ". ", translate("Points can be dragged."), drawing.unfinished.length ? ` ${translate("A shape with too few points is not saved.")}` : ""].join("");
+    say(words, corners < 3 ? t`Tap the corners of the field (${corners} so far; a grid line is ${gridStep(view)} m).` : t`${corners} corners, ${hectares(drawing.area)}` + more);
+    put(points, option("-1 -1", "none", !shape), drawing.shapes.flatMap((one, s) => one.points.map((point, p) => option(`${s} ${p}`, `${translate(KINDS[one.kind].words)}${one.properties.name && one.kind !== "boundary" ? ` ${one.properties.name}` : ""} ${p + 1}: ${point.map((value) => number(value, 1)).join(", ")}`, s === drawing.at.shape && p === drawing.at.point))));
     const unit = shape && sizeOf(shape.kind), named = shape && ["pole", "area", "ditch", "guidance"].includes(shape.kind);
     sizeLabel.hidden = !unit;
     titleLabel.hidden = !named;
@@ -150,7 +151,7 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
     origin = field.crs ? [0, 0] : field.origin_m;
     drawing = new Drawing(shapesOf(field.geojson, placement ? (point) => rounded3(placement.fromDegrees(...point)) : ([a, b]) => [a - origin[0], b - origin[1]]));
     ready = true;
-    name.value = `${fileName} changed`;
+    name.value = t`${fileName} changed`;
     view.fit(box);
     settle(box);
   };

@@ -1,5 +1,6 @@
 // A time slider: play, pause and speed of playback.
 import { el, say, button, option } from "./dom.js";
+import { t } from "./language.js";
 import { clock } from "./words.js";
 
 export class Player {
@@ -8,7 +9,7 @@ export class Player {
     this.slider = el("input", { type: "range", min: "0", step: "any", max: String(end), value: "0", "aria-label": "Time since the start" });
     this.elapsed = el("output");
     this.action = button("\u25B6\u00A0Play", () => this.toggle(), "main");
-    this.rate = el("select", { "aria-label": "Playback speed" }, rates.map((one) => option(String(one), `${one} times`, one === rate)));
+    this.rate = el("select", { "aria-label": "Playback speed" }, rates.map((one) => option(String(one), t`${one} times`, one === rate)));
     this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
     this.node = el("div", { class: "player" }, this.action, this.slider, this.elapsed, this.rate);
     this.seek(0);
