@@ -156,13 +156,14 @@ def test_a_day_is_made_in_the_form_and_in_the_text(service: Service) -> None:
     assert find_faults_at_widths(page) == []
     page.set_viewport_size(WIDE)
     page.fill("[name=name]", "Tuesday")
-    page.click("text=Plan the day")
+    page.fill("[name='fields.0.name']", "polder")
+    page.click("text=Plan the day")  # at once: what was typed last is in it
     page.wait_for_selector("text=Waiting for its turn.")
     job = app.state.store.list_jobs("day")[0]
     asked: dict[str, Any] = tomllib.loads(job.request["day"])
     assert job.name == "Tuesday" and asked["start"] == "06:30"
     windows = ["08:00-12:00", "13:00-19:00"]
-    assert asked["fields"] == [{"file": "netherlands", "windows": windows}]
+    assert asked["fields"] == [{"file": "netherlands", "name": "polder", "windows": windows}]
     assert asked["fleets"] == [{"name": "fleet 1", "count": 2, "tractor": "EG105"}]
     page.click("text=Cancel")
     page.click("text=Change this day and plan again")
@@ -201,6 +202,10 @@ def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
     assert tomllib.loads(app.state.store.blobs.read_bytes(saved.sha256).decode())["times"]["shift_start"] == "05:00"
     watched.open("/plan")
     until(page, lambda: page.input_value("select[name=farms]") == "Hof Süd")
+    app.state.store.delete_file("farm", "Hof Süd")
+    page.reload()
+    page.wait_for_selector("text=Earlier plans")
+    assert page.input_value("select[name=farms]") == "", "what is gone is not chosen"
     watched.well()
 
 
