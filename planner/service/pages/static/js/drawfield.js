@@ -81,8 +81,10 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
       if (!marked) drawing.mark();
       marked = true;
       drawing.moveTo(rounded(at));
-      update();
+      tellPoint();
+      view.redraw();
     }
+    if (phase === "end") update();
     return true;
   };
   view.canvas.addEventListener("keydown", (event) => {
@@ -116,6 +118,7 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
     use.disabled = replace.disabled = corners < 3;
     undo.disabled = !drawing.past.length;
     put(legend, mapLegend(drawnEntries(drawing.shapes)));
+    if (corners > 1) view.box = boxOf(boundary.points);
     tellPoint();
     view.redraw();
   };
@@ -145,7 +148,7 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
     update();
   };
   const load = async () => {
-    const ring = field.rings_m.flat(), box = [0, 1].map((k) => Math.min(...ring.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...ring.map((p) => p[k]))));
+    const box = boxOf(field.rings_m.flat());
     placement = field.crs ? await placementOf(field.crs, field.origin_m, [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]) : null;
     if (field.crs && !placement) return put(trouble, note("This field cannot be changed here: the service does not know where it lies.", "error"));
     origin = field.crs ? [0, 0] : field.origin_m;
@@ -168,4 +171,5 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
   return { node, close: () => view.close() };
 }
 
+const boxOf = (points) => [0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k]))));
 const rounded3 = (point) => point.map((one) => Math.round(one * 1000) / 1000);
