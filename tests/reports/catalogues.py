@@ -37,16 +37,19 @@ OWN_NAMES = frozenset(
 
 VALUE = re.compile(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}")
 """A value in a template of a script."""
-PAGE_WORDS = (
-    "accepted", "after", "ahead", "all", "area", "asphalt", "auto", "automatic", "back", "before", "behind", "boundary",
-    "broken", "by hand", "cancelled", "cheapest", "connecting", "dark", "difference", "distance", "ditch", "done",
-    "drive", "driving", "entrance", "failed", "fastest", "fence", "forwards", "guidance line", "harvest", "headland",
-    "hole", "implement", "kept", "left", "light", "line", "manual", "mow", "none", "not linked", "now", "obstacle",
-    "obstacles", "offline", "online", "over", "paused", "pole", "queued", "ready", "refill", "remote control", "right",
-    "round", "running", "sample", "seen", "show", "soil", "sow", "spray", "square", "stopped", "stopped by stop-all",
-    "supervised", "surest", "the service began anew", "till", "tractor", "turning", "waiting", "waits for another by "
-    "the plan", "worked", "working", "yard",
-)  # fmt: skip
+PAGE_WORDS = [
+    " ".join(words.split())
+    for words in """
+    accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
+    boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive; driving;
+    entrance; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole; implement; kept;
+    last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online;
+    operate; operate, plan, read; over; pause; paused; plan; pole; queued; read; ready; recover; refill; remote control;
+    resume; right; round; round, quicker; running; sample; seen; show; soil; sow; spray; square; start; stop; stopped;
+    stopped by stop-all; supervised; surest; the service began anew; till; tractor; turning; waiting; waits for another
+    by the plan; worked; working; yard
+    """.split(";")
+]
 """Words in lower case that the page shows, of its own or as data of the service."""
 
 PRINTING = {

@@ -1,5 +1,5 @@
 // Figures as text, in the units of the reader; an unknown value is a dash.
-import { plural, t, translate } from "./language.js";
+import { languageInUse, plural, t, translate } from "./language.js";
 import { inUnits } from "./units.js";
 
 export { plural };
@@ -63,7 +63,7 @@ export function timeOfDay(seconds, from = Date.now()) {
 export function moment(value) {
   const at = typeof value === "number" ? new Date(value * 1000) : new Date(value);
   if (value === null || value === undefined || Number.isNaN(at.getTime())) return DASH;
-  const day = at.toDateString() === new Date().toDateString() ? "" : `${at.toLocaleDateString()} `;
+  const day = at.toDateString() === new Date().toDateString() ? "" : `${at.toLocaleDateString(languageInUse() === "en" ? undefined : languageInUse())} `;
   return `${day}${two(at.getHours())}:${two(at.getMinutes())}:${two(at.getSeconds())}`;
 }
 
