@@ -29,7 +29,7 @@ def test_faults_are_found(browser: Browser) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("path", "whole"), PAGES.items())
+@pytest.mark.parametrize(("path", "whole"), [*PAGES.items(), ("/nowhere", "text=No such page")])
 def test_a_page_is_accessible_at_every_width(watched: WatchedPage, path: str, whole: str) -> None:
     page = watched.open(path)
     page.wait_for_selector(whole)

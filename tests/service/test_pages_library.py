@@ -123,6 +123,41 @@ def test_somebody_elses_things_are_only_looked_at(service: Service) -> None:
     watched.well()
 
 
+def test_a_thing_is_renamed_and_deleted_by_keys_alone(service: Service) -> None:
+    watched, app = service
+    app.state.store.add_file("field", "mine", SMALL)
+    page = watched.open("/library")
+    page.wait_for_selector("text=5 entries")
+
+    def find_focus() -> str:
+        found: str = page.evaluate(
+            "document.activeElement.getAttribute('aria-label') ?? document.activeElement.name ?? ''"
+        )
+        return found
+
+    page.focus("summary[aria-label='Change mine']")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("[aria-label='Rename: mine']")
+    page.keyboard.press("Tab")
+    assert find_focus() == "Rename: mine"
+    page.keyboard.press("Enter")
+    assert find_focus() == "new-name"
+    page.keyboard.type("renamed")
+    page.keyboard.press("Enter")
+    until(page, lambda: find_focus() == "Change renamed")
+    assert page.locator("#spoken").inner_text() == "Renamed to renamed."
+    page.keyboard.press("Enter")
+    page.wait_for_selector("[aria-label='Delete: renamed']")
+    for _ in range(5):
+        page.keyboard.press("Tab")
+    assert find_focus() == "Delete: renamed"
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")  # the focus is on the question
+    page.wait_for_selector("text=4 entries")
+    assert find_focus() == "search", "the focus is not lost with what it was on"
+    watched.well()
+
+
 def test_a_day_is_made_in_the_form_and_in_the_text(service: Service) -> None:
     watched, app = service
     page = watched.open("/day")

@@ -26,12 +26,13 @@ export async function open(main, shell, [kind = "fields"]) {
     try {
       const all = await items(`${kind}${words ? `?search=${encodeURIComponent(words)}` : ""}`);
       if (mine !== asked) return;
-      put(found, all.map((one) => card(kind, one, me, using, list)));
+      put(found, all.map((one) => card(kind, one, me, using, after)));
       say(count, all.length ? plural(all.length, "entry", "entries") : words ? t`Nothing is called ${words}.` : "Nothing is here yet.");
     } catch (error) { if (mine === asked) put(trouble, sorry(error)); }
     if (key) [...found.children].find((each) => each.dataset.key === key)?.querySelector("summary")?.focus();
   };
-  search.addEventListener("input", () => { clearTimeout(timer); timer = setTimeout(list, TYPED_MS); });
+  const after = async (key) => { await list(key); if (key === null) search.focus(); };
+  search.addEventListener("input", () => { clearTimeout(timer); timer = setTimeout(() => list(), TYPED_MS); });
   const file = el("input", { type: "file", accept: ACCEPTED[kind] ?? "" });
   file.addEventListener("change", async () => {
     if (file.files.length) await addFile(kind, file.files[0], trouble, (made) => { search.value = ""; return list(made.name); });
@@ -50,12 +51,12 @@ export async function open(main, shell, [kind = "fields"]) {
   return () => clearTimeout(timer);
 }
 
-function card(kind, one, me, using, list) {
+function card(kind, one, me, using, after) {
   const why = whyLocked(one, me), use = USES[kind];
   const when = [one.sample ? translate("sample") : null, one.size ? size(one.size) : null, moment(one.changed ?? one.created), one.owner && t`by ${one.owner}`];
   const more = el("details", {}, el("summary", { "aria-label": t`Change ${one.name}` }, "Change"));
   more.addEventListener("toggle", () => {
-    if (more.open && more.children.length === 1) more.append(el("div", { class: "stack" }, why && el("p", { class: "small soft" }, why), changeActions(kind, one, me, list)));
+    if (more.open && more.children.length === 1) more.append(el("div", { class: "stack" }, why && el("p", { class: "small soft" }, why), changeActions(kind, one, me, after)));
   });
   const opener = use && el("a", { class: "button small", href: use(one), "aria-label": `${translate(using)}: ${one.name}`, onclick: () => { if (kind in ACCEPTED) rememberChoice(kind, one.name); } }, using);
   return el("li", { class: "shelf", "data-key": keyOf(kind, one) },
