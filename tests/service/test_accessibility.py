@@ -53,7 +53,7 @@ def test_the_guide_is_accessible(watched: WatchedPage, path: str) -> None:
 
 
 PRINTED = {
-    "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File"]),
+    "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File", "Save"]),
     "/plan": ("text=Earlier plans", ["Plan a field", "Working width, m"], ["Run the plan", "Choose File", "Overview"]),
     "/farm": ("[name='tractors.1.file']", ["Tractors", "Fuel per litre"], ["Save the farm", "Remove this tractor"]),
     "/library": ("li.shelf", ["Library", "north field"], ["Rename", "Choose File"]),
