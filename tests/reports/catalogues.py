@@ -37,19 +37,17 @@ OWN_NAMES = frozenset(
 
 VALUE = re.compile(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}")
 """A value in a template of a script."""
-PAGE_WORDS = [
-    " ".join(words.split())
-    for words in """
+_PAGE_WORDS = """
     accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
-    boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive; driving;
-    entrance; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole; implement; kept;
-    last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles; offline; online;
-    operate; operate, plan, read; over; pause; paused; plan; pole; queued; read; ready; recover; refill; remote control;
-    resume; right; round; round, quicker; running; sample; seen; show; soil; sow; spray; square; start; stop; stopped;
-    stopped by stop-all; supervised; surest; the service began anew; till; tractor; turning; waiting; waits for another
-    by the plan; worked; working; yard
-    """.split(";")
-]
+    boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive;
+    driving; entrance; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole;
+    implement; kept; last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles;
+    offline; online; operate; operate, plan, read; over; pause; paused; plan; pole; queued; read; ready; recover;
+    refill; remote control; resume; right; round; round, quicker; running; sample; seen; show; soil; sow; spray;
+    square; start; stop; stopped; stopped by stop-all; supervised; surest; the service began anew; till; tractor;
+    turning; waiting; waits for another by the plan; worked; working; yard
+"""
+PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";"))
 """Words in lower case that the page shows, of its own or as data of the service."""
 
 PRINTING = {
@@ -62,12 +60,14 @@ Text = str | tuple[str, str]
 """A text, or its forms for one and for many."""
 
 
-def collect_texts() -> set[Text]:
+@cache
+def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
-    return {
+    texts = {
         *PAGE_WORDS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
         *iter_sentences(),
     }  # fmt: skip
+    return frozenset(texts)
 
 
 def read_catalogue(language: str) -> Catalog:

@@ -22,7 +22,8 @@ TELLING_MODULES = (
     "planner/evaluation/layout_repairs.py", "planner/pipeline/ranking.py", "planner/pipeline/many_fields.py",
     "planner/risk/assessment.py", "planner/risk/advice.py", "strategies/row_by_row_optimised.py",
     "reports/common/plan_results.py", "reports/plan/plan_wording.py", "reports/day/tables.py",
-    "reports/plan/ranking_table.py", "reports/plan/field_report.py", "planner/cli/plan.py",
+    "reports/plan/ranking_table.py", "reports/plan/field_report.py", "reports/plan/many_fields.py",
+    "planner/cli/plan.py",
 )  # fmt: skip
 """Modules that make remarks, reasons and other sentences."""
 ALARMING_MODULES = (
