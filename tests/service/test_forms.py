@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import BaseModel
 from starlette.testclient import TestClient
 
 from planner.day.input_file import DayField, DayFile, DayFleet, DayRoad, read_example_day_text
@@ -170,6 +171,6 @@ def test_the_page_asks_for_every_option_of_a_plan() -> None:
 def test_the_forms_ask_for_keys_that_the_files_have() -> None:
     text = (STATIC_FOLDER / "js" / "layouts.js").read_text()
     asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', text)}
-    models = [DayFile, DayField, DayFleet, DayRoad, FarmFile, FarmTractor, FarmImplement, FarmPrices, FarmTimes,
+    models: list[type[BaseModel]] = [DayFile, DayField, DayFleet, DayRoad, FarmFile, FarmTractor, FarmImplement, FarmPrices, FarmTimes,
               FarmUncertainty, Yard, Datasheet]  # fmt: skip
     assert asked - {name for model in models for name in model.model_fields} == set() and len(asked) > 60
