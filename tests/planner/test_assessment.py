@@ -94,7 +94,7 @@ class TestFigures:
         terms = CostTerms(build_hire_terms(40.0, 0.0).prices.model_copy(update={"late_per_ha": 1000.0}))
         site = prepare_context(scenario(rain="8:02"), FIELD, uncertainty=build_certain_settings(), cost_terms=terms)
         found = simulate_candidate(site, Candidate("interleaved", 1)).result
-        assert found.finish_probability == 0.0 and found.expected_cost is not None
+        assert found.finish_probability == 0.0 and found.expected_cost is not None and found.paid_cost is not None
         # 2 of some 14 minutes: about seven eighths of 0.288 ha are late
         assert found.expected_cost - found.paid_cost == pytest.approx(0.86 * 288.0, rel=0.08)
 

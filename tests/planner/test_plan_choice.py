@@ -1,6 +1,7 @@
 """The choice and its sentence from tables written by hand."""
 
 from dataclasses import replace
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -164,7 +165,9 @@ class TestChoice:
         st.sampled_from(OBJECTIVES), st.randoms(use_true_random=False),
     )  # fmt: skip
     @settings(max_examples=80)
-    def test_the_order_of_the_plans_does_not_matter(self, rows: list[tuple[int, ...]], prefer: str, luck) -> None:
+    def test_the_order_of_the_plans_does_not_matter(
+        self, rows: list[tuple[int, ...]], prefer: str, luck: Random
+    ) -> None:
         plans = [plan(*row) for row in rows]
         mixed = list(plans)
         luck.shuffle(mixed)
