@@ -339,7 +339,7 @@ def test_a_large_noisy_drive_stays_below_two_megabytes(ranking: PlanRanking) -> 
     rows, along = 190, np.arange(10.0, 410.0, 0.7)
     lines = [np.column_stack([along if k % 2 else along[::-1], np.full(len(along), 1.5 + 3 * k)]) for k in range(rows)]
     xy = np.vstack(lines) + rng.normal(0.0, 0.08, (rows * len(along), 2))
-    seconds: dict[str, tuple[float, ...]] = {name: (0.0,) for name in ("turning", "waiting", "reversing")}
+    seconds: dict[str, tuple[float, ...]] = dict.fromkeys(("turning", "waiting", "reversing"), (0.0,))
     seconds["working"] = (float(len(xy)),)
     tracks = np.array([[[10.0, 1.5 + 3 * k], [410.0, 1.5 + 3 * k]] for k in range(rows)])
     boundary = np.array([[0.0, 0.0], [420.0, 0.0], [420.0, 570.0], [0.0, 570.0]])
