@@ -127,10 +127,11 @@ def _iter_help_texts() -> Iterator[str]:
     """Help of all commands and options."""
     import typer.main
 
+    from planner.cli import main
     from planner.cli.common.reader import EXAMPLE, split_paragraphs
-    from planner.cli.main import app
 
-    waiting: list[Any] = [typer.main.get_command(app)]
+    app: Any = main.app  # a command already where tests prepared it
+    waiting: list[Any] = [typer.main.get_command(app) if isinstance(app, typer.Typer) else app]
     while waiting:
         command = waiting.pop()
         waiting.extend(getattr(command, "commands", {}).values())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import string
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -36,39 +36,14 @@ from reports.plan.first_screen import build_first_screen
 from reports.plan.many_fields_screen import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_table import build_ranking_table
+from tests.reports.brackets import Brackets, brackets
 from tests.reports.catalogues import Text, collect_texts, find_untranslated, read_catalogue, read_script
 from tests.reports.screen_cases import RANKINGS, build_day, build_records
 from tests.reports.sentence_texts import build_key
 
 OTHERS = sorted(set(LANGUAGE_NAMES) - {ENGLISH})
 VALUE = re.compile(r"\{(\w*)\}")
-
-
-class Brackets:
-    """A catalogue that puts every known text into ⟦brackets⟧."""
-
-    def __init__(self) -> None:
-        self.texts = {form for text in collect_texts() for form in ((text,) if isinstance(text, str) else text)}
-
-    def gettext(self, text: str) -> str:
-        return f"⟦{text}⟧" if text in self.texts else text
-
-    def ngettext(self, one: str, many: str, count: int) -> str:
-        return self.gettext(one if count == 1 else many)
-
-    def list_messages(self) -> dict[str, str]:
-        return {text: f"⟦{text}⟧" for text in self.texts}
-
-
-@pytest.fixture
-def brackets(monkeypatch: pytest.MonkeyPatch) -> Iterator[Brackets]:
-    """German with every text in brackets."""
-    catalogue = Brackets()
-    languages._list_patterns.cache_clear()
-    monkeypatch.setattr(languages, "load_catalogue", lambda language: catalogue)
-    monkeypatch.setattr(languages, "get_messages", lambda language: catalogue.list_messages())
-    yield catalogue
-    languages._list_patterns.cache_clear()
+__all__ = ["brackets"]
 
 
 def list_translated(language: str) -> list[tuple[Text, Text]]:

@@ -82,18 +82,18 @@ def read_leading_options(arguments: Sequence[str]) -> dict[str, str]:
 
 
 def _choose_language(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
-    for name, value in ((LANGUAGE_OPTION, options.get(LANGUAGE_OPTION)), (LANGUAGE_VARIABLE, None)):
-        tag = environment.get(name) if value is None else value
-        if tag and find_language(tag) == ENGLISH and not tag.lower().startswith(ENGLISH):
-            raise RequestError(f"{name} {tag[:40]!r} has no catalogue; use one of {', '.join(LANGUAGE_NAMES)}.")
-        if tag:
-            return find_language(tag)
-    return choose_language(environment)
+    name = LANGUAGE_OPTION if LANGUAGE_OPTION in options else LANGUAGE_VARIABLE
+    tag = options.get(LANGUAGE_OPTION, environment.get(LANGUAGE_VARIABLE) or None)
+    if tag is None:
+        return choose_language(environment)
+    if find_language(tag) == ENGLISH and not tag.lower().startswith(ENGLISH):
+        raise RequestError(f"{name} {tag[:40]!r} has no catalogue; use one of {', '.join(LANGUAGE_NAMES)}.")
+    return find_language(tag)
 
 
 def _choose_units(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
     name = UNITS_OPTION if UNITS_OPTION in options else UNITS_VARIABLE
-    units = options.get(UNITS_OPTION) or environment.get(UNITS_VARIABLE) or METRIC
+    units = options.get(UNITS_OPTION, environment.get(UNITS_VARIABLE) or METRIC)
     if units.lower() not in UNIT_SYSTEMS:
         raise RequestError(f"{name} {units[:40]!r} is unknown; use {' or '.join(UNIT_SYSTEMS)}.")
     return units.lower()
@@ -102,7 +102,7 @@ def _choose_units(options: Mapping[str, str], environment: Mapping[str, str]) ->
 def translate_help(command: Any) -> None:
     """Put the texts of a command, its options and its subcommands in the language in use."""
     _translate_titles()
-    if get_language() != ENGLISH:
+    if get_language() != ENGLISH or hasattr(command, "english_texts"):
         _translate_command(command)
 
 
@@ -117,11 +117,15 @@ def _translate_titles() -> None:
 
 
 def _translate_command(command: Any) -> None:
+    """Translate from the English texts, which are kept beside: a process may show help in several languages."""
     for described in (command, *command.params, command.get_help_option(typer.Context(command))):
-        if getattr(described, "help", None):
-            described.help = "\n\n".join(translate_paragraph(each) for each in split_paragraphs(described.help))
-        if getattr(described, "rich_help_panel", None):
-            described.rich_help_panel = translate(described.rich_help_panel)
+        if not hasattr(described, "english_texts"):
+            described.english_texts = described.__dict__.get("help"), described.__dict__.get("rich_help_panel")
+        help_text, panel = described.english_texts
+        if help_text:
+            described.help = "\n\n".join(translate_paragraph(each) for each in split_paragraphs(help_text))
+        if panel:
+            described.rich_help_panel = translate(panel)
     for subcommand in getattr(command, "commands", {}).values():
         _translate_command(subcommand)
 
