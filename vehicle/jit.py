@@ -17,6 +17,8 @@ import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import intrinsic
 
+from vehicle.callees import Callee
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 LOOP_PACKAGES = ("control", "missions", "model", "sim")
@@ -36,6 +38,7 @@ def compile_function(function: Function) -> Function:
         dispatcher._cache = _CheckedCache(function)
     except (RuntimeError, OSError):  # a read-only installation without a home folder
         _print_once(NO_CACHE_NOTE.format("no folder for it can be written to"))
+    Callee.attach_to(dispatcher)
     return cast(Function, dispatcher)
 
 
