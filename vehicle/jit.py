@@ -42,6 +42,12 @@ def compile_function(function: Function) -> Function:
     return cast(Function, dispatcher)
 
 
+def is_compiled(dispatcher: Any, types: tuple[Any, ...]) -> bool:
+    """Whether a compiled function for these argument types is on disk, or there is nowhere to keep it."""
+    stored = dispatcher._cache
+    return not isinstance(stored, _CheckedCache) or stored.has_overload(types, dispatcher.targetctx)
+
+
 def inline_function(function: Function) -> Function:
     """Inlined wherever a compiled function calls it, without which loops over tractors do not vectorise."""
     return cast(Function, numba.njit(error_model="numpy", inline="always")(function))
@@ -74,6 +80,13 @@ class _CheckedCache(FunctionCache):
         own = self._impl.locator.get_source_stamp()
         home = Path(function.__code__.co_filename).parent
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _hash_sources(home)))
+
+    def has_overload(self, signature: Any, target_context: Any) -> bool:
+        """Whether there is a result on disk."""
+        try:
+            return self._index_key(signature, target_context.codegen()) in self._cache_file._load_index()
+        except Exception:  # a file that is truncated or corrupt
+            return False
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The cached result, or None: a file that is truncated or corrupt is dropped."""
