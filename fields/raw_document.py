@@ -40,10 +40,14 @@ class RawShape:
 
 @dataclass(frozen=True)
 class RawLine:
-    """A guidance line or headland edge as read: its unchecked positions and the names it can be chosen by."""
+    """A guidance line or headland edge as read: its unchecked positions and the names it can be chosen by.
+
+    `is_assumed`: the file does not say that it is one, only that it is a line.
+    """
 
     coordinates: Any
     keys: tuple[str, ...]
+    is_assumed: bool = False
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,7 @@ class FieldDocument:
         service_points: places where tanks are filled or emptied.
         guidance_lines: lines that swaths can be laid along.
         headland_edges: inner edges of headlands.
+        unassigned: points and lines without a role; where they lie says what they are.
         notes: sentences on what the reader of the format skipped or repaired.
     """
 
@@ -75,6 +80,7 @@ class FieldDocument:
     service_points: tuple[Any, ...] = ()
     guidance_lines: tuple[RawLine, ...] = ()
     headland_edges: tuple[RawLine, ...] = ()
+    unassigned: tuple[RawShape, ...] = ()
     notes: tuple[str, ...] = ()
 
 

@@ -1,6 +1,6 @@
 """Headland's Python interface: from a request to ranked plans, from measured logs to a diagnosis.
 
-    from planner import PlanRequest, plan, study, diagnose, replay, HeadlandError
+    from planner import PlanRequest, plan, plan_day, study, diagnose, replay, HeadlandError
 
 request     what is asked of a plan, checked; option names and texts
 farm        the farm file: machines, prices, times, and the workday
@@ -24,6 +24,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from planner.day.planning import plan_day
     from planner.errors import HeadlandError
     from planner.pipeline.diagnosis import Replay, diagnose, replay
     from planner.pipeline.executors import LocalPool, SerialExecutor, create_executor
@@ -41,11 +42,13 @@ __all__ = [
     "create_executor",
     "diagnose",
     "plan",
+    "plan_day",
     "replay",
     "study",
 ]
 
 _HOMES = {
+    "day.planning": ("plan_day",),
     "errors": ("HeadlandError",),
     "pipeline.diagnosis": ("Replay", "diagnose", "replay"),
     "pipeline.executors": ("LocalPool", "SerialExecutor", "create_executor"),

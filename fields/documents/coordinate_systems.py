@@ -166,6 +166,7 @@ def _swap_document_axes(document: FieldDocument) -> FieldDocument:
         polygons=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.polygons),
         zones=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.zones),
         obstacles=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.obstacles),
+        unassigned=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.unassigned),
         boundary_edges=tuple(
             replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.boundary_edges
         ),

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ import shapely
 from fields.documents.coordinate_systems import apply_coordinate_options
 from fields.documents.sources import parse_field_reference
 from fields.errors import FieldError, mark_parameter
+from fields.formats.features import describe_unused_feature, summarise_counts
+from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
 from fields.geometry.coordinates import (
     FieldFrame,
     build_field_frame,
@@ -22,10 +26,10 @@ from fields.geometry.coordinates import (
 )
 from fields.geometry.field import Field, GroundZone
 from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, read_guidance_lines, read_headland_edges
-from fields.geometry.obstacles import Obstacle, find_obstacle_polygons, parse_obstacle, select_obstacles
+from fields.geometry.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
+from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
-from fields.raw_document import FieldDocument, RawPolygon
-from fields.text_files import count_noun
+from fields.raw_document import FieldDocument, RawPolygon, RawShape
 
 MAX_LISTED_FIELDS = 12
 
@@ -62,28 +66,41 @@ def read_field(
     shape, frame = _read_outline(document, polygon, local, label)
     check_area(shape, label)
     multiple_fields = len(document.polygons) > 1
-    inside = find_obstacle_polygons(document, polygon, frame, shape) if multiple_fields else []
-    fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
+    inside = find_inside_polygons(document, polygon, frame, shape) if multiple_fields else []
     obstacles, obstacle_remarks = _read_obstacles(document, frame, shape, multiple_fields, label)
+    field_names = [source.name, *(key for raw in document.polygons for key in raw.keys)]
+    solid = [one.shape for one in obstacles]
+    roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
+    obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles.ignore), *roles.obstacles)
+    obstacles = tuple(replace(one, number=number) for number, one in enumerate(obstacles, 1))
+    document = replace(
+        document,
+        boundary_edges=(*document.boundary_edges, *roles.fences),
+        guidance_lines=tuple(roles.guidance_lines),
+    )
+    fences, fence_remarks = read_fences(polygon, document.boundary_edges, frame, shape, multiple_fields, label)
+    entrance = _read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label)
+    service_point = _read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label)
     ground_zones, zone_remarks = _read_ground_zones(document, frame, shape, multiple_fields, label)
     return Field(
         name=name or _choose_name(polygon, source.name),
         boundary=shape,
         crs=frame.crs,
         origin_m=frame.origin_m,
-        entrance=_read_single_point(document.entrances, "entrance", frame, shape, multiple_fields, label),
-        service_point=_read_single_point(document.service_points, "refill", frame, shape, multiple_fields, label),
+        entrance=roles.take_place("entrance", entrance),
+        service_point=roles.take_place("refill", service_point),
         ground_zones=ground_zones,
         default_ground=str(polygon.properties.get("default_ground") or "soil"),
         source=str(polygon.properties.get("source") or document.source),
         remarks=(
-            *_list_reader_remarks(document),
-            *_describe_inside_polygons(len(inside)),
+            *describe_assumed_obstacles(obstacles),
+            *_list_reader_remarks(document, roles.unused),
+            *roles.remarks,
             *fence_remarks,
             *obstacle_remarks,
             *zone_remarks,
         ),
-        obstacles=(*obstacles, *inside),
+        obstacles=obstacles,
         fences=fences,
         edge_overhangs=read_edge_overhangs(polygon, document.boundary_edges, frame, shape, label),
         guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
@@ -91,11 +108,13 @@ def read_field(
     )
 
 
-def _list_reader_remarks(document: FieldDocument) -> tuple[str, ...]:
+def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) -> tuple[str, ...]:
     """Notes of the reader, and a sentence on features of the file that are not used."""
-    if not document.unused_counts:
+    counts = Counter(describe_unused_feature(one.geometry_type, one.properties) for one in unused)
+    counts.update(dict(document.unused_counts))
+    if not counts:
         return document.notes
-    counted = ", ".join(f"{count} {what}" for what, count in document.unused_counts)
+    counted = ", ".join(f"{count} {what}" for what, count in summarise_counts(counts))
     return (
         *document.notes,
         f"Features of the field file that are not used: {counted}. An obstacle has the role 'obstacle' or is a hole "
@@ -104,19 +123,12 @@ def _list_reader_remarks(document: FieldDocument) -> tuple[str, ...]:
     )
 
 
-def _describe_inside_polygons(polygon_count: int) -> tuple[str, ...]:
-    """A sentence on polygons inside the field, which are treated as obstacles."""
-    if not polygon_count:
-        return ()
-    treatment = "is treated as an obstacle" if polygon_count == 1 else "are treated as obstacles"
-    return (f"{count_noun(polygon_count, 'polygon')} of the file inside the field {treatment}.",)
-
-
 @dataclass(frozen=True)
 class FieldSummary:
     """One of the fields of a file: how to choose it (`file#key` or `file#position`) and its size.
 
-    `area_ha` excludes its `holes`; both are None if the field cannot be used, for the reason in `fault`.
+    `area_ha` excludes its `holes`; both are None if the field cannot be used, for the reason in `fault`. `inside` is
+    the key of the field that it lies within, of which it is an obstacle, zone or second outline; None for most.
     """
 
     position: int
@@ -124,6 +136,7 @@ class FieldSummary:
     area_ha: float | None = None
     holes: int | None = None
     fault: str = ""
+    inside: str | None = None
 
 
 def list_fields(
@@ -143,30 +156,50 @@ def list_fields_with_notes(
     """The fields of a file as `list_fields` gives them, and the reader's notes on what it skipped or repaired."""
     source = parse_field_reference(str(where))
     document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, f"'{source.name}'")
-    return tuple(
-        _summarise_field(document, position, local) for position in range(len(document.polygons))
-    ), document.notes
+    parents = find_parent_polygons(document.polygons)
+    fields = tuple(
+        _summarise_field(document, position, local, parents.get(position)) for position in range(len(document.polygons))
+    )
+    return fields, (*document.notes, *describe_nested_fields(fields))
 
 
-def _summarise_field(document: FieldDocument, index: int, local: bool) -> FieldSummary:
-    raw = document.polygons[index]
-    key = _replace_unprintable(raw.keys[0]) if raw.keys else str(index)
+def describe_nested_fields(fields: Sequence[FieldSummary]) -> tuple[str, ...]:
+    """A sentence on polygons of a file that lie within one of its fields."""
+    nested = [f"'{one.key}' (in '{one.inside}')" for one in fields if one.inside is not None]
+    if not nested:
+        return ()
+    remainder = f" and {len(nested) - MAX_LISTED_FIELDS} more" if len(nested) > MAX_LISTED_FIELDS else ""
+    return (
+        f"No fields of their own, as they lie inside another one, such as ponds: "
+        f"{', '.join(nested[:MAX_LISTED_FIELDS])}{remainder}; #* leaves them out, and #NAME picks one all the same.",
+    )
+
+
+def _summarise_field(document: FieldDocument, index: int, local: bool, parent: int | None = None) -> FieldSummary:
+    raw, inside = document.polygons[index], None if parent is None else _get_field_key(document, parent)
+    key = _get_field_key(document, index)
     try:
         shape = _read_outline(document, raw, local, key)[0]
     except FieldError as fault:
-        return FieldSummary(index, key, fault=str(fault))
-    return FieldSummary(index, key, float(shape.area) / 1e4, len(shape.interiors))
+        return FieldSummary(index, key, fault=str(fault), inside=inside)
+    return FieldSummary(index, key, float(shape.area) / 1e4, len(shape.interiors), inside=inside)
+
+
+def _get_field_key(document: FieldDocument, index: int) -> str:
+    """The first name that a polygon can be chosen by, else its position."""
+    keys = document.polygons[index].keys
+    return _replace_unprintable(keys[0]) if keys else str(index)
 
 
 def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label: str) -> RawPolygon:
-    """The polygon with this key; without a key the only one, or the one that contains all others."""
+    """The polygon with this key; without a key the only one that does not lie within another."""
     polygons = document.polygons
     if key is None:
-        surrounding = polygons[0] if len(polygons) == 1 else _find_surrounding_polygon(document, local)
-        if surrounding is not None:
-            return surrounding
+        offered = _list_offered_fields(document)
+        if len(offered) == 1:
+            return polygons[offered[0]]
         raise FieldError(
-            f"{label} holds {len(polygons)} fields; {_explain_polygon_choice(document, local)}.", parameter="field"
+            f"{label} holds {len(offered)} fields; {_explain_polygon_choice(document, local)}.", parameter="field"
         )
     matches = [i for i, raw in enumerate(polygons) if key in raw.keys]
     if len(matches) > 1:
@@ -179,25 +212,18 @@ def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label
     raise FieldError(f"{label} has no field '{key}'; {_explain_polygon_choice(document, local)}.", parameter="field")
 
 
-def _find_surrounding_polygon(document: FieldDocument, local: bool) -> RawPolygon | None:
-    """The polygon that all others lie inside, if there is one."""
-    for raw in document.polygons if len(document.polygons) <= MAX_LISTED_FIELDS else ():
-        try:
-            shape, frame = _read_outline(document, raw, local, "")
-        except FieldError:
-            continue
-        if len(find_obstacle_polygons(document, raw, frame, shape)) == len(document.polygons) - 1:
-            return raw
-    return None
+def _list_offered_fields(document: FieldDocument) -> list[int]:
+    """Positions of the polygons that do not lie within another."""
+    parents = find_parent_polygons(document.polygons)
+    return [position for position in range(len(document.polygons)) if position not in parents]
 
 
 def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
     """Names and areas of the fields in a file, and how to pick one."""
-    shown_numbers = range(min(len(document.polygons), MAX_LISTED_FIELDS))
-    rows = []
-    for summary in (_summarise_field(document, number, local) for number in shown_numbers):
+    offered, rows = _list_offered_fields(document), []
+    for summary in (_summarise_field(document, number, local) for number in offered[:MAX_LISTED_FIELDS]):
         rows.append(f"{summary.key} ({'not usable' if summary.area_ha is None else f'{summary.area_ha:.2f} ha'})")
-    remaining = len(document.polygons) - len(rows)
+    remaining = len(offered) - len(rows)
     remainder = f" and {remaining} more ({mark_parameter('list_fields')} lists all)" if remaining else ""
     return f"choose one by adding #ID or #position (from 0) to the file name: {', '.join(rows)}{remainder}"
 

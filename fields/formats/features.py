@@ -6,14 +6,17 @@ from collections import Counter
 from typing import Any
 
 from fields.errors import FieldError
+from fields.feature_words import LINE_KINDS, OVERHEAD_LINE, find_meaning, find_word_meaning
 from fields.raw_document import FieldDocument, RawLine, RawPolygon, RawShape
 
 Feature = dict[str, Any]
 BOUNDARY, GROUND_ZONE, ENTRANCE, OBSTACLE, BOUNDARY_EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
-REFILL, GUIDANCE, HEADLAND = "refill", "guidance", "headland"
+REFILL, GUIDANCE, HEADLAND, UNASSIGNED = "refill", "guidance", "headland", "unassigned"
 NON_BOUNDARY_ROLES = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
 """Roles of polygons that are not boundaries."""
+POINT_TYPES = ("Point", "MultiPoint")
 LINE_TYPES = ("LineString", "MultiLineString")
+POLYGON_TYPES = ("Polygon", "MultiPolygon")
 MAX_KINDS_SHOWN, MAX_ROLE_CHARS = 6, 30
 GEOMETRY_TYPES = (
     "Point",
@@ -57,9 +60,11 @@ def build_document(
         obstacles=_collect_role_shapes(features, OBSTACLE, label),
         boundary_edges=_collect_role_shapes(features, BOUNDARY_EDGE, label),
         guidance_lines=tuple(
-            RawLine(one.coordinates, one.keys) for one in _collect_role_shapes(features, GUIDANCE, label)
+            RawLine(one.coordinates, one.keys, not convert_to_name_text(one.properties.get("role")))
+            for one in _collect_role_shapes(features, GUIDANCE, label)
         ),
         headland_edges=_collect_headland_edges(features, label),
+        unassigned=_collect_role_shapes(features, UNASSIGNED, label),
         notes=notes,
     )
 
@@ -108,6 +113,8 @@ def _collect_role_shapes(features: list[dict[str, Any]], role: str, label: str) 
             parts = [coordinates]
         elif isinstance(coordinates, list):
             parts = coordinates
+        elif role == UNASSIGNED:
+            continue
         else:
             raise FieldError(
                 f"A {geometry_type} with role {role} of {label} has no coordinates; give it a list of them."
@@ -135,35 +142,57 @@ def _classify_feature(feature: dict[str, Any]) -> str:
     role = properties.get("role")
     if geometry_type == "Point" and role in (ENTRANCE, REFILL):
         return str(role)
-    if role == OBSTACLE and geometry_type in GEOMETRY_TYPES and geometry_type != "GeometryCollection":
-        return OBSTACLE
+    if _is_obstacle_role(role) and geometry_type in GEOMETRY_TYPES and geometry_type != "GeometryCollection":
+        return OBSTACLE if role == OBSTACLE or geometry_type in POLYGON_TYPES else UNASSIGNED
     if geometry_type in LINE_TYPES and properties.get("edge") is not None:
         return BOUNDARY_EDGE
-    if role == HEADLAND and geometry_type in (*LINE_TYPES, "Polygon", "MultiPolygon"):
+    if role == HEADLAND and geometry_type in (*LINE_TYPES, *POLYGON_TYPES):
         return HEADLAND
-    if geometry_type in LINE_TYPES and (
-        role == GUIDANCE or (not role and convert_to_name_text(properties.get("name")))
-    ):
-        return GUIDANCE
-    if geometry_type not in ("Polygon", "MultiPolygon") or role in NON_BOUNDARY_ROLES:
+    if geometry_type in LINE_TYPES:
+        return GUIDANCE if role == GUIDANCE else "" if role else _classify_plain_line(properties)
+    if geometry_type in POINT_TYPES and not role and properties.get("edge") is None:
+        return UNASSIGNED
+    if geometry_type not in POLYGON_TYPES or role in NON_BOUNDARY_ROLES:
         return ""
     return GROUND_ZONE if convert_to_name_text(properties.get("ground")) else BOUNDARY
+
+
+def _is_obstacle_role(role: Any) -> bool:
+    """Whether a role is that of obstacles, or a word for one, such as tree."""
+    return role == OBSTACLE or (isinstance(role, str) and find_word_meaning(role).use == OBSTACLE)
+
+
+def _classify_plain_line(properties: dict[str, Any]) -> str:
+    """The use of a line without a role: a named one is a guidance line, unless it is named like an obstacle."""
+    if not convert_to_name_text(properties.get("name")):
+        return UNASSIGNED
+    meaning = find_meaning(properties)
+    is_obstacle = meaning.use == OBSTACLE and meaning.kind in LINE_KINDS
+    return UNASSIGNED if is_obstacle or meaning.use == OVERHEAD_LINE else GUIDANCE
 
 
 def _count_unused(features: list[dict[str, Any]]) -> tuple[tuple[str, int], ...]:
     """Unused features, counted by geometry and role, and features whose ``edge`` has no meaning."""
     counts: Counter[str] = Counter()
     for feature in features:
-        kind = get_member_object(feature, "geometry").get("type")
-        role, edge = (
-            convert_to_name_text(get_member_object(feature, "properties").get(key))[:MAX_ROLE_CHARS]
-            for key in ("role", "edge")
-        )
+        kind, properties = get_member_object(feature, "geometry").get("type"), get_member_object(feature, "properties")
+        edge = convert_to_name_text(properties.get("edge"))[:MAX_ROLE_CHARS]
         shape = kind if kind in GEOMETRY_TYPES else "feature without a known geometry"
         if edge and _classify_feature(feature) not in (BOUNDARY_EDGE, BOUNDARY):
             counts[f"{shape} with edge '{edge}'"] += 1
         elif not _classify_feature(feature):
-            counts[f"{shape} with role '{role}'" if role else f"{shape}"] += 1
+            counts[describe_unused_feature(str(shape), properties)] += 1
+    return summarise_counts(counts)
+
+
+def describe_unused_feature(shape: str, properties: dict[str, Any]) -> str:
+    """A feature that is not used: its geometry and its role."""
+    role = convert_to_name_text(properties.get("role"))[:MAX_ROLE_CHARS]
+    return f"{shape} with role '{role}'" if role else shape
+
+
+def summarise_counts(counts: Counter[str]) -> tuple[tuple[str, int], ...]:
+    """The most frequent of what is counted, and the sum of the others."""
     most_common = counts.most_common(MAX_KINDS_SHOWN)
     remaining = counts.total() - sum(count for _, count in most_common)
     return (*most_common, *([("of other kinds", remaining)] if remaining else []))

@@ -23,7 +23,7 @@ import numpy as np
 import shapely
 
 from fields.errors import FieldError
-from fields.formats.features import GUIDANCE, LINE_TYPES, Feature, convert_to_name_text
+from fields.formats.features import LINE_TYPES, Feature, convert_to_name_text
 from fields.geometry.geodesy import project
 
 SHAPEFILE_DRIVER, GEOPACKAGE_DRIVER, FLATGEOBUF_DRIVER, GPX_DRIVER = "ESRI Shapefile", "GPKG", "FlatGeobuf", "GPX"
@@ -97,8 +97,6 @@ def _get_gdal_option(name: str) -> str | None:
 MAX_FEATURES = 100_000
 NAME_COLUMNS = ("name", "field_name", "fieldname", "field", "title", "label", "fid_name")
 """Columns with the name of a feature; the first one that is not empty counts."""
-ENTRANCE_NAMES = ("entrance", "gate")
-"""Names of points without a role that are read as entrances."""
 WGS84 = "EPSG:4326"
 IN_MEMORY_PREFIX = "pyogrio_"
 """Beginning of the names of layers in files given as bytes."""
@@ -158,6 +156,9 @@ def read_layers(
         parts = [
             _read_layer(source, at, name) for at, name in enumerate(names) if layer_names is None or name in layer_names
         ]
+        if layer_names is None and len(names) > 1:
+            for name, (_, features, _) in zip(names, parts, strict=True):
+                name_layer(features, name)
     if sum(len(part[1]) for part in parts) > MAX_FEATURES:
         raise FieldError(f"{label} has more than {MAX_FEATURES} features; extract those of the farm first.")
     systems = {crs for crs, features, _ in parts if features}
@@ -221,8 +222,14 @@ def _resolve_source(source: Path | bytes) -> Path | bytes:
     return source if isinstance(source, bytes) else Path(os.path.abspath(source))
 
 
-def mark_guidance_lines(features: list[Feature]) -> list[Feature]:
-    """The features, with lines without role and edge turned into named guidance lines."""
+def name_layer(features: list[Feature], name: str) -> None:
+    """Give features the property "layer", as layers such as "Bäume" say what is in them."""
+    for feature in features:
+        feature["properties"].setdefault("layer", name)
+
+
+def name_guidance_lines(features: list[Feature]) -> list[Feature]:
+    """The features, with a name for every line without name, role and edge, as lines with a name are guidance lines."""
     count = 0
     for feature in features:
         properties = feature["properties"]
@@ -232,7 +239,6 @@ def mark_guidance_lines(features: list[Feature]) -> list[Feature]:
             and "edge" not in properties
         ):
             count += 1
-            properties["role"] = GUIDANCE
             properties["name"] = convert_to_name_text(properties.get("name")) or f"line {count}"
     return features
 
@@ -264,12 +270,6 @@ def _build_feature(geometry: dict[str, Any], properties: dict[str, Any]) -> Feat
     )
     if name:
         properties["name"] = name
-    if (
-        geometry.get("type") == "Point"
-        and name.lower() in ENTRANCE_NAMES
-        and not convert_to_name_text(properties.get("role"))
-    ):
-        properties["role"] = "entrance"
     return {"type": "Feature", "id": name or None, "properties": properties, "geometry": geometry}
 
 

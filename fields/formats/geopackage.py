@@ -16,7 +16,7 @@ from pathlib import Path
 
 from fields.errors import FieldError
 from fields.formats.features import build_document
-from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, mark_guidance_lines, read_layers
+from fields.formats.gdal import FLATGEOBUF_DRIVER, GEOPACKAGE_DRIVER, name_guidance_lines, read_layers
 from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
 from fields.text_files import MAX_BYTES, read_bytes, read_start
 
@@ -58,7 +58,7 @@ def parse_geopackage(content: bytes, label: str) -> FieldDocument:
 def _read_gdal_document(source: Path | bytes, label: str, driver: str) -> FieldDocument:
     layers = read_layers(source, label, FORMAT_NAME, (driver,))
     return build_document(
-        mark_guidance_lines(layers.features),
+        name_guidance_lines(layers.features),
         label,
         crs=layers.crs or UNKNOWN_CRS,
         source="GeoPackage",

@@ -13,7 +13,7 @@ import shapely
 
 from fields.errors import FieldError
 from fields.formats.features import BOUNDARY, Feature, build_document
-from fields.formats.gdal import GPX_DRIVER, WGS84, mark_guidance_lines, read_layers
+from fields.formats.gdal import GPX_DRIVER, WGS84, name_guidance_lines, read_layers
 from fields.formats.guidance import DegreePoints, FileContents, GuidanceFormat, PlanGuidance
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
 from fields.raw_document import FieldDocument, FieldFormat
@@ -38,7 +38,7 @@ def parse_gpx(content: bytes, label: str) -> FieldDocument:
         raise FieldError(
             f"{label} has no track that returns to its start, so no boundary; record a track all round the field."
         )
-    return build_document(mark_guidance_lines(features), label, crs=WGS84, source="GPX", notes=tuple(layers.notes))
+    return build_document(name_guidance_lines(features), label, crs=WGS84, source="GPX", notes=tuple(layers.notes))
 
 
 def close_boundary_polygon(feature: Feature) -> Feature:

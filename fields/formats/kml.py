@@ -13,7 +13,7 @@ import numpy as np
 from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.features import build_document
-from fields.formats.gdal import KML_DRIVERS, WGS84, mark_guidance_lines, read_layers
+from fields.formats.gdal import KML_DRIVERS, WGS84, name_guidance_lines, read_layers
 from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, PlanGuidance, WorkLine
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
 from fields.raw_document import FieldDocument, FieldFormat
@@ -41,7 +41,7 @@ def _build_kml_document(texts: list[bytes], label: str) -> FieldDocument:
         layers = read_layers(content, label, "KML", KML_DRIVERS)
         features += layers.features
         notes += layers.notes
-    return build_document(mark_guidance_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
+    return build_document(name_guidance_lines(features), label, crs=WGS84, source="KML", notes=tuple(notes))
 
 
 def _unpack_kmz(path: str, label: str) -> list[bytes]:

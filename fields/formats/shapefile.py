@@ -23,7 +23,8 @@ from fields.formats.gdal import (
     SHAPEFILE_DRIVER,
     LayerFeatures,
     UnknownCrsError,
-    mark_guidance_lines,
+    name_guidance_lines,
+    name_layer,
     read_layers,
     restrict_gdal_drivers,
 )
@@ -44,7 +45,7 @@ def _read_shapefiles(path: str, label: str) -> FieldDocument:
         _check_complete(members, place.stem, label)
     layers = _read_members(members, names, label)
     return build_document(
-        mark_guidance_lines(layers.features),
+        name_guidance_lines(layers.features),
         label,
         crs=layers.crs or UNKNOWN_CRS,
         source="Shapefile",
@@ -67,6 +68,8 @@ def _read_members(members: ArchiveMembers, names: Sequence[str], label: str) -> 
     systems = set()
     for name in names:
         member_layers = _read_shapefile_features(find_component_files(members, name, label), label)
+        if len(names) > 1:
+            name_layer(member_layers.features, PurePosixPath(name).stem)
         layers.features += member_layers.features
         layers.notes += member_layers.notes
         systems.add(member_layers.crs)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from dataclasses import field as member
 
 import numpy as np
 import shapely
 
 from fields.errors import FieldError
+from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
-from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.raw_document import RawShape
 from fields.text_files import count_noun, shorten_value
 
 POINT, LINE, AREA = "Point", "LineString", "Polygon"
@@ -33,6 +34,8 @@ class Obstacle:
         geometry: Point, LineString or Polygon in metres, in the frame of the field.
         half_width_m: extent beyond the geometry: radius of a point, half the width of a line, 0 for a polygon.
         name: its name, possibly empty.
+        is_assumed: its file does not say that it is an obstacle; ignored when obstacles are compared.
+        number: by which it can be left out: its place among the obstacles of its file, from 1; None for others.
 
     Raises:
         FieldError: the geometry has another type, is empty or crosses itself, or the size is out of range.
@@ -42,6 +45,8 @@ class Obstacle:
     geometry: shapely.Geometry
     half_width_m: float = 0.0
     name: str = ""
+    is_assumed: bool = member(default=False, compare=False)
+    number: int | None = member(default=None, compare=False)
 
     def __post_init__(self) -> None:
         geometry_type = self.geometry.geom_type
@@ -160,7 +165,7 @@ MAX_NAMED_OBSTACLES = 5
 
 def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
     """One obstacle; raises FieldError if its coordinates or its size cannot be used."""
-    name = raw.keys[0] if raw.keys else ""
+    name = find_name(raw.properties) or (raw.keys[0] if raw.keys else "")
     kind = str(raw.properties.get("kind") or "").strip().lower()
     description = f"obstacle '{name or kind}' of {label}" if name or kind else f"an obstacle of {label}"
     if raw.geometry_type == AREA:
@@ -252,28 +257,3 @@ def _join_names(names: Sequence[str]) -> str:
     remainder = [f"{len(names) - MAX_NAMED_OBSTACLES} more"] if len(names) > MAX_NAMED_OBSTACLES else []
     parts = [*shown_names, *remainder]
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
-
-
-def find_obstacle_polygons(
-    document: FieldDocument, chosen: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
-) -> list[Obstacle]:
-    """Other polygons of a file within the chosen one, as obstacles: there are no fields within fields."""
-    inside = []
-    for raw in document.polygons:
-        ring = None if raw is chosen else _parse_outer_ring(raw, frame, shape)
-        if ring is not None and shapely.contains_properly(shape, ring):
-            inside.append(Obstacle("area", ring, name=raw.keys[0] if raw.keys else ""))
-    return inside
-
-
-def _parse_outer_ring(raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon) -> shapely.Polygon | None:
-    """The outline of a polygon that may be inside a shape; None if it is not, or not usable."""
-    try:
-        first: Any = raw.coordinates[0][0]
-        place = frame.to_local(np.array([parse_position(first, "")]))[0]
-        if not shapely.intersects_xy(shapely.box(*shape.bounds), *place):
-            return None
-        ring = shapely.Polygon(frame.to_local(parse_rings(raw.coordinates, "")[0]))
-    except (FieldError, TypeError, LookupError):
-        return None
-    return ring if ring.is_valid else None

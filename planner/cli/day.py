@@ -64,6 +64,9 @@ def plan_day_file(
     html: Annotated[Optional[Path], typer.Option(help="Write one page with pictures and tables.")] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the chart of machines and fields over time.")] = None,
     map_png: Annotated[Optional[Path], typer.Option("--map", help="Write the map of fields and roads, PNG.")] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Print roads, fields, costs, and how each figure is made up as well.")
+    ] = False,
     json: AsJson = False,
     csv: Annotated[bool, typer.Option("--csv", help="Print CSV, a row per field, instead of the tables.")] = False,
     cache: Annotated[
@@ -102,7 +105,7 @@ def plan_day_file(
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
     result = _compute_day_plan(prepared, cache, samples, seed, processes)
     with write_before_printing(_render_day_outputs(result, html, png, map_png)):
-        _print_result(result, json, csv)
+        _print_result(result, json, csv, explain)
     if not result.jobs:
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
         raise typer.Exit(NOTHING_DONE_STATUS)
@@ -182,16 +185,21 @@ def _compute_day_plan(
         return plan_day(prepared, cache=store, executor=executor, progress=progress, samples=samples, seed=seed)
 
 
-def _print_result(result: DayResult, json: bool, csv: bool) -> None:
+def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> None:
     if json or csv:
         from reports.day.tables import format_day_csv, format_day_json
 
         typer.echo(format_day_json(result) if json else format_day_csv(result), nl=False)
         return
     from planner.cli.common.terminal import print_renderable
-    from reports.day.tables import build_day_table
+    from reports.day.first_screen import build_day_screen
 
-    print_renderable(build_day_table(result))
+    print_renderable(build_day_screen(result, with_next=not explain))
+    if explain:
+        from reports.day.tables import build_day_table
+
+        print_renderable("")
+        print_renderable(build_day_table(result))
 
 
 def _render_day_outputs(

@@ -23,7 +23,9 @@ GroundOption = Annotated[str, typer.Option(help="Ground the logs were made on: s
 
 
 def diagnose(
-    logs: Annotated[Optional[list[str]], typer.Argument(help="CSV or Parquet files, one run each.")] = None,
+    logs: Annotated[
+        Optional[list[str]], typer.Argument(help="CSV or Parquet files, one run each; sample is a log to try.")
+    ] = None,
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,
@@ -35,6 +37,9 @@ def diagnose(
     hide: Annotated[Optional[str], typer.Option(help="Effect to hide in the demonstration; random by default.")] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write the report as one page.")] = None,
     save: Annotated[Optional[Path], typer.Option(help="Write the tractor file with what was found.")] = None,
+    next_drive: Annotated[
+        Optional[Path], typer.Option(help="Write the plan of the drive to do next, if the logs leave a doubt.")
+    ] = None,
     json: AsJson = False,
 ) -> None:
     """Compare the simulation with measured logs, name the causes of its errors, and extend the tractor file.
@@ -47,14 +52,17 @@ def diagnose(
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 
     _check_demo_options(demo, logs, seed, hide, fix, as_driven)
-    check_output_paths((html, ".html"), (save, ".toml"), input_files=list_input_files(logs=logs or (), tractor=tractor))
+    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json")
+    check_output_paths(*outputs, input_files=list_input_files(logs=logs or (), tractor=tractor))
     diagnosis, hidden = _run_diagnosis(logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide)
-    with write_before_printing(_render_report(diagnosis, hidden, html, save)):
+    with write_before_printing(_render_report(diagnosis, hidden, html, save, next_drive)):
         _print_diagnosis(diagnosis, hidden, json)
+    if next_drive and diagnosis.next_drive_plan is None:
+        typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
 
 
 def _render_report(
-    diagnosis: Diagnosis, hidden: HiddenEffect | None, html: Path | None, save: Path | None
+    diagnosis: Diagnosis, hidden: HiddenEffect | None, html: Path | None, save: Path | None, next_drive: Path | None
 ) -> list[tuple[Path, OutputContent]]:
     results: list[tuple[Path, OutputContent]] = []
     if html:
@@ -65,6 +73,8 @@ def _render_report(
         from vehicle.model.tractor_writer import format_tractor_toml
 
         results.append((save, format_tractor_toml(diagnosis.tractor)))
+    if next_drive and diagnosis.next_drive_plan is not None:
+        results.append((next_drive, diagnosis.next_drive_plan))
     return results
 
 
@@ -123,7 +133,7 @@ def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bo
 
 
 def replay(
-    log: Annotated[str, typer.Argument(help="A CSV or Parquet file with one run.")],
+    log: Annotated[str, typer.Argument(help="A CSV or Parquet file with one run; sample is a log to try.")],
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 FIELD_OPTIONS = (
-    "width", "headland", "bearing", "cell_bearing", "corners", "overhang", "no_headland", "margin", "entrance",
-    "tractor", "farm", "implement", "local", "crs", "swap_axes", "guidance_line",
+    "width", "headland", "headland_passes", "bearing", "cell_bearing", "corners", "overhang", "no_headland", "margin",
+    "entrance", "obstacle", "ignore", "tractor", "farm", "implement", "local", "crs", "swap_axes", "guidance_line",
 )  # fmt: skip
 """Options of a plan that say how a field is laid out."""
 

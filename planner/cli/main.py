@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import inspect
 import io
 import os
 import re
@@ -20,6 +21,7 @@ import typer
 from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
+from planner.cli.compare_headlands import compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
 from planner.cli.experiments import design, drive, study, validate
@@ -33,9 +35,11 @@ from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
+from reports.common.language import ENGLISH, choose_language, get_language, set_language, translate
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the help
+EXAMPLE = "Example: "
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
 
 
@@ -47,7 +51,9 @@ class CommandGroup(TyperGroup):
     """All commands; usage errors of typer become one sentence, like every other refusal."""
 
     def make_context(self, *arguments: Any, **options: Any) -> Any:
-        """As typer does, with usage errors converted."""
+        """As typer does, with usage errors converted and help in the language of the user."""
+        set_language(choose_language(os.environ))
+        _translate_help(self)
         with _convert_usage_errors():
             return super().make_context(*arguments, **options)
 
@@ -55,6 +61,28 @@ class CommandGroup(TyperGroup):
         """As typer does, with usage errors converted."""
         with _convert_usage_errors():
             return super().invoke(ctx)
+
+
+def _translate_help(command: Any) -> None:
+    """Put the texts of a command, its options and its subcommands in the language in use."""
+    if get_language() == ENGLISH:
+        return
+    for described in (command, *command.params):
+        if getattr(described, "help", None):
+            described.help = "\n\n".join(translate_paragraph(each) for each in split_paragraphs(described.help))
+    for subcommand in getattr(command, "commands", {}).values():
+        _translate_help(subcommand)
+
+
+def split_paragraphs(text: str) -> list[str]:
+    """The paragraphs of a help text, each in one line."""
+    return [" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n")]
+
+
+def translate_paragraph(paragraph: str) -> str:
+    """A paragraph in the language in use; the command of an example stays."""
+    word, colon, command = paragraph.partition(EXAMPLE)
+    return f"{translate(EXAMPLE)}{command}" if colon and not word else translate(paragraph)
 
 
 @contextlib.contextmanager
@@ -99,6 +127,7 @@ def describe_headland(
 
 
 app.command()(plan)
+app.command("compare-headlands")(compare_headlands)
 app.command()(show)
 app.command()(export)
 app.command()(field)

@@ -63,10 +63,12 @@ class ExecutorChoice:
 
 def parse_selection(names: Sequence[str], width: str, local: bool, crs: str | None, swap_axes: bool) -> BatchSelection:
     """The fields and widths that names with stars and widths with commas stand for; raises HeadlandError."""
+    from planner.cli.common.terminal import print_remarks
     from planner.pipeline.many_fields import expand_field_names
     from planner.request.option_texts import parse_widths
 
-    fields, widths_m = expand_field_names(names, local=local, crs=crs, swap_axes=swap_axes), parse_widths(width)
+    fields = expand_field_names(names, local=local, crs=crs, swap_axes=swap_axes, show_remarks=print_remarks)
+    widths_m = parse_widths(width)
     return BatchSelection(fields, widths_m, len(widths_m) > 1 or fields != (names[0],))
 
 
@@ -76,28 +78,35 @@ def plan_batch(
     build_inputs: Callable[[PlanRequest], PlanInputs],
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
+    html: Path | None,
     json: bool,
     csv: bool,
     every_plan: bool,
+    explain: bool,
 ) -> bool:
-    """Print one table of every field at every width; whether each has a plan that meets the request."""
+    """Print one table of every field at every width; whether each has a plan that meets the request.
+
+    A page is written before the table is printed, and after all of the CSV.
+    """
     from planner.cli.common.outputs import check_output_paths
     from planner.cli.common.terminal import create_progress_callback, warm_up
-    from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file
+    from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
 
     check_output_paths(
-        (checkpoint, ".jsonl"), input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields}
+        (checkpoint, ".jsonl"),
+        (html, ".html"),
+        input_files={name.rpartition("#")[0] or name: "a field" for name in selection.fields},
     )
     earlier_records = {} if checkpoint is None else read_answer_file(checkpoint)
-    questions = [
-        FieldQuestion(build_inputs(replace(request, field=field, width_m=width_m)), every_plan)
-        for field in selection.fields
-        for width_m in selection.widths_m
-    ]
+    requests = share_obstacles(
+        [replace(request, field=field, width_m=width_m) for field in selection.fields for width_m in selection.widths_m]
+    )
+    questions = [FieldQuestion(build_inputs(one), every_plan, html is not None) for one in requests]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
-    with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv) as show:
+    with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
+        _write_index_page(records, html)
     return all(_has_accepted_plan(record) for record in records)
 
 
@@ -111,12 +120,12 @@ def _collect_records(
     print_record: Callable[[Record], None],
 ) -> list[Record]:
     """Answers as records in the order of the questions, each printed as soon as all before it are."""
-    from planner.pipeline.many_fields import AnswerFile, has_checksum, iter_answers
+    from planner.pipeline.many_fields import AnswerFile, iter_answers
 
     finished = {
         index: earlier_records[key]
-        for index, key in enumerate(keys)
-        if key in earlier_records and has_checksum(earlier_records[key])
+        for index, (key, question) in enumerate(zip(keys, questions, strict=True))
+        if key in earlier_records and _is_usable(earlier_records[key], question)
     }
     pending = [index for index in range(len(questions)) if index not in finished]
     writer, printed_count = AnswerFile(checkpoint), 0
@@ -149,10 +158,29 @@ def _collect_records(
     return [finished[index] for index in range(len(questions))]
 
 
+def _is_usable(record: Record, question: FieldQuestion) -> bool:
+    """Whether an earlier answer is complete, and has a map where there is a plan and a map is needed."""
+    from planner.pipeline.many_fields import has_checksum
+    from reports.plan.many_fields import MAP_KEY, get_best_plan
+
+    return has_checksum(record) and not (question.with_map and get_best_plan(record) and record.get(MAP_KEY) is None)
+
+
+def _write_index_page(records: Sequence[Record], html: Path | None) -> None:
+    """Write the page of all fields, if one was asked for."""
+    if html is None:
+        return
+    from planner.cli.common.outputs import write_results
+    from reports.plan.many_fields_page import render_many_fields_page
+
+    write_results([(html, render_many_fields_page(records))])
+
+
 def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Record:
     """An answer as plain values."""
     from planner.cli.common.options import get_option_name
     from planner.pipeline.many_fields import KEY_FIELD, add_checksum
+    from reports.plan.many_fields import MAP_KEY
     from reports.plan.ranking_export import format_ranking_json
 
     refusal, ranking = answer.refusal, answer.ranking
@@ -163,7 +191,7 @@ def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Rec
         "refusal": None if refusal is None else refusal.render_sentence(get_option_name),
         "ranking": None if ranking is None else jsons.loads(format_ranking_json(ranking)),
     }
-    return add_checksum(record)
+    return add_checksum(record if answer.map is None else record | {MAP_KEY: answer.map})
 
 
 def _has_accepted_plan(record: Record) -> bool:
@@ -173,7 +201,7 @@ def _has_accepted_plan(record: Record) -> bool:
 
 
 @contextmanager
-def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], None]]:
+def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Callable[[Record], None]]:
     """A function that prints a record: CSV at once, other formats after the last."""
     from planner.cli.common.terminal import print_renderable
     from reports.plan.many_fields import (
@@ -182,6 +210,7 @@ def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], N
         format_many_csv_rows,
         format_many_fields_json,
     )
+    from reports.plan.many_fields_screen import build_many_fields_screen
 
     records: list[Record] = []
 
@@ -195,7 +224,10 @@ def _open_record_printer(json: bool, csv: bool) -> Iterator[Callable[[Record], N
     if json:
         typer.echo(format_many_fields_json(records), nl=False)
     elif not csv:
-        print_renderable(build_many_fields_table(records))
+        print_renderable(build_many_fields_screen(records, with_next=not explain))
+        if explain:
+            print_renderable("")
+            print_renderable(build_many_fields_table(records))
 
 
 NO_PLAN_STATUS = 3
@@ -213,13 +245,24 @@ def plan(
     context: typer.Context,
     fields: FieldsArgument = None,
     html: Annotated[
-        Optional[Path], typer.Option(help="Write one page with map, bars and table.", rich_help_panel=OUTPUT)
+        Optional[Path],
+        typer.Option(
+            help="Write one page with map, bars and table; of many fields one with all.", rich_help_panel=OUTPUT
+        ),
     ] = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the map of the best plan.", rich_help_panel=OUTPUT)] = None,
     save: Annotated[
         Optional[Path],
         typer.Option(help="Write the legs and gates of the best plan as JSON.", rich_help_panel=OUTPUT),
     ] = None,
+    explain: Annotated[
+        bool,
+        typer.Option(
+            "--explain",
+            help="Print all plans, remarks, reasons, and how each figure is made up as well.",
+            rich_help_panel=OUTPUT,
+        ),
+    ] = False,
     json: Annotated[
         bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
     ] = False,
@@ -242,7 +285,7 @@ def plan(
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import print_remarks
 
-    _check_one_output(json, csv)
+    check_one_output(json, csv)
     selection = parse_selection(
         fields or [DEFAULT_FIELD], options["width"], options["local"], options["crs"], options["swap_axes"]
     )
@@ -254,9 +297,9 @@ def plan(
     )
     build_inputs = partial(build_plan_inputs, farm=choice.farm, implement=choice.implement, context=context)
     if selection.is_batch or checkpoint is not None:
-        _refuse_single_field_outputs(("--html", html), ("--png", png), ("--save", save))
+        _refuse_single_field_outputs(("--png", png), ("--save", save))
         is_complete = plan_batch(
-            selection, request, build_inputs, executor_choice, checkpoint, json, csv, choice.simulate_all
+            selection, request, build_inputs, executor_choice, checkpoint, html, json, csv, choice.simulate_all, explain
         )
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files(
@@ -268,7 +311,7 @@ def plan(
     )
     print_remarks([*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)])
     with write_before_printing(_render_plan_outputs(result, html, png, save)):
-        _print_ranking(result.ranking, json, csv, choice.simulate_all)
+        _print_ranking(result.ranking, json, csv, choice.simulate_all, explain)
     _exit_without_plan(result.ranking)
 
 
@@ -283,7 +326,8 @@ def _exit_without_plan(ranking: PlanRanking) -> None:
         raise typer.Exit(NO_PLAN_STATUS)
 
 
-def _check_one_output(json: bool, csv: bool) -> None:
+def check_one_output(json: bool, csv: bool) -> None:
+    """Raise RequestError where both would be printed."""
     from planner.errors import RequestError
 
     if json and csv:
@@ -297,7 +341,7 @@ def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
     for option, path in outputs:
         if path is not None:
             raise RequestError(
-                f"{option} {path} is for one field and one width; give only one, or use --csv or --json."
+                f"{option} {path} is for one field and one width; give only one, or use --html, --csv or --json."
             )
 
 
@@ -330,7 +374,7 @@ def _simulate_plans(
         )
 
 
-def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool) -> None:
+def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, explain: bool) -> None:
     if json or csv:
         from planner.cli.common.terminal import print_remarks
 
@@ -340,9 +384,14 @@ def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool) 
         typer.echo(format_ranking_json(ranking) if json else format_ranking_csv(ranking), nl=False)
         return
     from planner.cli.common.terminal import print_renderable
-    from reports.plan.ranking_table import build_ranking_table
+    from reports.plan.first_screen import build_first_screen
 
-    print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
+    print_renderable(build_first_screen(ranking, shows_all=show_all, with_next=not explain))
+    if explain:
+        from reports.plan.ranking_table import build_ranking_table
+
+        print_renderable("")
+        print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
 
 
 def _render_plan_outputs(
@@ -356,10 +405,11 @@ def _render_plan_outputs(
     best, late_s = result.ranking.best, result.ranking.missed_by_s
     drive = None if best is None else result.pictures[best.strategy, best.tractors]
     results: list[tuple[Path, OutputContent]] = []
-    if late_s is not None:
+    is_answer_seen = sys.stdout.isatty()
+    if late_s is not None and not is_answer_seen:
         label = name_best_late_plan(result.ranking)
         print_sentence(f"No plan meets the deadline; the {label} misses it by {format_duration(late_s)}.", err=True)
-    elif result.ranking.unmet_sentence is not None:
+    elif result.ranking.unmet_sentence is not None and not is_answer_seen:
         print_sentence(result.ranking.unmet_sentence, err=True)
     field_picture = None
     if drive is None and (html or png or save):

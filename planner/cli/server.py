@@ -27,6 +27,10 @@ DataOption = Annotated[
 DatabaseOption = Annotated[
     str, typer.Option("--database", help="URL of PostgreSQL or SQLite; by default an SQLite file in the data folder.")
 ]
+BACKGROUND_HELP = (
+    "Background of maps: an address such as https://tiles.example/{z}/{x}/{y}.png (XYZ, WMTS; WMS with {bbox}), or an "
+    ".mbtiles or .tif file. The service fetches and keeps its tiles; browsers ask nobody else."
+)
 SHUTDOWN_S = 5
 MAX_FRAME_BYTES = 2**18
 BACKLOG, ACCEPTS_PER_TURN = 1024, 32
@@ -43,6 +47,12 @@ def serve(
     public_url: Annotated[
         str, typer.Option(help="Address of a proxy in front, as browsers see it, such as https://farm.example")
     ] = "",
+    background: Annotated[str, typer.Option(help=BACKGROUND_HELP)] = "",
+    background_attribution: Annotated[
+        str, typer.Option(help="Whose background it is, shown on every map, such as '© OpenStreetMap contributors'.")
+    ] = "",
+    background_zoom: Annotated[int, typer.Option(help="Finest zoom that the address has.")] = 19,
+    background_cache_mb: Annotated[int, typer.Option(help="Most MB of tiles kept in the data folder.")] = 200,
 ) -> None:
     """Plan, watch and drive fleets in a browser; prints the address to open.
 
@@ -50,10 +60,16 @@ def serve(
     """
     from planner.cli.common.terminal import limit_linear_algebra_threads
     from planner.pipeline.interrupts import stop_repeating
+    from planner.service.backgrounds.map_background import MapBackground
     from planner.service.store.database import hold_service_lock
 
     limit_linear_algebra_threads()
-    settings = build_settings(data, database, host=host, port=port, public_url=public_url.rstrip("/"))
+    settings = build_settings(
+        data, database, host=host, port=port, public_url=public_url.rstrip("/"), background=background,
+        background_attribution=background_attribution, background_zoom=background_zoom,
+        background_cache_mb=background_cache_mb,
+    )  # fmt: skip
+    MapBackground(settings)  # the office opens it later; a wrong one is refused here
     try:
         with hold_service_lock(settings):
             _run_server(settings)

@@ -314,10 +314,13 @@ class PlannedRouteField:
 
 @dataclass(frozen=True, eq=False)
 class FleetDaySamples:
-    """Samples for the fields of one fleet: end in working seconds and whether done in time, both (fields, samples);
-    mean cost of the work and mean loss on ground not done in time, both (fields,).
+    """Samples for the fields of one fleet: begin, end of field work (`done_s`) and end with the way out in working
+    seconds, and whether done in time, all (fields, samples); mean cost of the work and mean loss on ground not done in
+    time, both (fields,).
     """
 
+    start_s: Array
+    done_s: Array
     end_s: Array
     in_time: npt.NDArray[np.bool_]
     work_cost: Array
@@ -343,18 +346,22 @@ def sample_fleet_day(
     normal = create_generator(seed, "late fleet", fleet).standard_normal(samples)
     now_s = begin_s + draw_lognormal(uncertainty.start_delay_s, uncertainty.start_delay_cv, normal)
     on_field = uncertainty.disable_input("late start")
-    end_s, in_time, work_cost, lost_cost = [], [], [], []
+    start_of_work_s, done_s, end_s, in_time, work_cost, lost_cost = [], [], [], [], [], []
     for stop in stops:
         start_s = np.maximum(now_s + stop.move_s, stop.opens_s)
         limit_s = np.minimum(rain_s, stop.closes_s)
         sample = sample_outcomes(stop.graph, on_field, samples=samples, seed=stop.seed, limit_s=limit_s - start_s)
         now_s = start_s + sample.finish_s
+        start_of_work_s.append(start_s)
+        done_s.append(start_s + sample.work_finish_s)
         end_s.append(now_s)
-        in_time.append(start_s + sample.work_finish_s <= limit_s)
+        in_time.append(done_s[-1] <= limit_s)
         work_cost.append(float(compute_paid_per_sample(sample, stop.terms).mean()))
         lost_cost.append(float((1.0 - sample.worked_share).mean()) * stop.value_at_risk)
     shape = (len(stops), samples)
     return FleetDaySamples(
+        np.reshape(start_of_work_s, shape),
+        np.reshape(done_s, shape),
         np.reshape(end_s, shape),
         np.reshape(in_time, shape).astype(np.bool_),
         np.asarray(work_cost),

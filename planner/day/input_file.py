@@ -9,8 +9,17 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, StrictInt, ValidationError, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    StrictInt,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
+from fields.geometry.chosen_obstacles import parse_obstacle_place
 from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from fields.text_files import explain_parse_error, read_text, shorten_value
@@ -18,7 +27,7 @@ from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile, load_example_farm, load_farm
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
-from planner.request.option_texts import DAY_S, MAX_TRACTORS, parse_clock
+from planner.request.option_texts import DAY_S, MAX_TRACTORS, convert_time_to_text, parse_clock, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
 from strategies.registry import STRATEGIES
 from vehicle.model.validation_messages import describe_validation_errors
@@ -92,17 +101,31 @@ def _format_clock(seconds: int) -> str:
     return f"{seconds // 3600 % 24:02d}:{seconds % 3600 // 60:02d}"
 
 
+def _validate_place(text: str | None) -> str | None:
+    if text is not None:
+        parse_number_pair(text, "entrance")
+    return text
+
+
+def _validate_obstacle(text: str) -> str:
+    parse_obstacle_place(text)
+    return text
+
+
 def _validate_road_ends(names: tuple[str, ...]) -> tuple[str, ...]:
     if len(names) != 2:
         raise ValueError(f"a road has two ends, not {len(names)}; give two names")
     return names
 
 
-Window = Annotated[str, AfterValidator(_validate_window)]
+FROM_TIMES = BeforeValidator(convert_time_to_text)
+"""Times and dates without quotes, as TOML has them."""
+Window = Annotated[str, FROM_TIMES, AfterValidator(_validate_window)]
+ObstaclePlace = Annotated[str, AfterValidator(_validate_obstacle)]
 
 
 class DayField(FileSection):
-    """A field: file or sample, working hours, value, requirements and place.
+    """A field: file or sample, entrance, obstacles, working hours, value, requirements and place.
 
     `value_per_ha` is the value of the work: if it is not done, the value is lost and the cost saved. `loss_per_ha` is
     the loss if the work is done on another day, at the same cost. Without either, the loss is `late_per_ha` and
@@ -116,6 +139,11 @@ class DayField(FileSection):
         None, "such as 'EPSG:25832', in quotes", "that of the file", strict=True, min_length=1
     )
     swap_axes: bool = define_value(False, "true: the file has latitude or northing first", "no", strict=True)
+    entrance: Annotated[str | None, AfterValidator(_validate_place)] = define_value(
+        None, "'lon,lat' (x,y of a field in metres)", "that of the file", strict=True
+    )
+    obstacles: tuple[ObstaclePlace, ...] = define_value((), "such as '9.53,56.21,2': lon,lat,radius in m", "none more")
+    ignored: tuple[str, ...] = define_value((), "names or numbers of obstacles of the file, in quotes", "none")
     windows: tuple[Window, ...] = define_value((), "such as '08:00-12:00', in quotes", "the whole day")
     value_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "value of the work per hectare")
     loss_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "loss per hectare done on another day")
@@ -163,17 +191,17 @@ class DayFile(FileSection):
     fleets: tuple[DayFleet, ...] = Field(description="one [[fleets]] each")
     roads: tuple[DayRoad, ...] = define_value((), "roads between places", "straight lines times road_factor")
     farm: str | None = define_value(None, "a farm file, or 'example'", "a farm of defaults", strict=True)
-    start: Annotated[str | None, AfterValidator(_validate_clock)] = define_value(
+    start: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)] = define_value(
         None, "hh:mm", "shift_start of the farm"
     )
-    light: Annotated[str | None, AfterValidator(_validate_daylight)] = define_value(
+    light: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_daylight)] = define_value(
         None, "'sun', or hours such as '06:10-20:40'", "robots need none", strict=True
     )
-    date: Annotated[str | None, AfterValidator(_validate_date)] = define_value(
+    date: Annotated[str | None, FROM_TIMES, AfterValidator(_validate_date)] = define_value(
         None, "yyyy-mm-dd in quotes", strict=True
     )
     utc_offset_h: float | None = define_number(None, -12.0, 14.0, "hours that clocks are ahead of UTC")
-    rain: str | None = define_value(None, "as --rain of headland plan", "none", strict=True)
+    rain: Annotated[str | None, FROM_TIMES] = define_value(None, "as --rain of headland plan", "none", strict=True)
     certainty_pct: float | None = define_number(
         None, 50.0, 99.0, "percent of samples within the times used for planning", "mean times"
     )

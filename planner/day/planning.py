@@ -5,14 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+import reports.day.notebook  # noqa: F401  # how a day is shown
 from fields.documents.reader import read_field
 from fields.errors import attach_parameter
+from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
+from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from planner.day.field_times import (
     FieldTime,
@@ -35,7 +39,7 @@ from planner.day.formulation import (
     get_field_uncertainty,
     sample_fleet_day,
 )
-from planner.day.input_file import YARD, DayFile, get_fleet_machines
+from planner.day.input_file import YARD, DayField, DayFile, get_fleet_machines, load_day
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
@@ -43,12 +47,11 @@ from planner.farm.inventory import FarmFile
 from planner.farm.workday import locate_road_end
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.worker_tasks import Progress
-from planner.request.option_texts import DAY_S, format_clock
+from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
-from planner.risk.plan_choice import format_hours, format_percent
+from planner.risk.plan_choice import format_hours
+from reports.day.answer import list_day_sentences
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
-
-MAX_REASONS = 3  # skipped fields with their reason in the advice
 
 
 @dataclass(frozen=True)
@@ -57,13 +60,6 @@ class NotDoneReason:
 
     reason: str
     nearness: tuple[int, float]
-
-
-def format_time_of_day(seconds: float) -> str:
-    """hh:mm, with the day if it is another one."""
-    rounded = 60 * round(seconds / 60.0)
-    days = rounded // DAY_S
-    return format_clock(rounded) + ("" if days == 0 else " of the next day" if days == 1 else f" {days} days later")
 
 
 def explain_not_done(
@@ -104,43 +100,11 @@ def _compute_lateness_s(problem: DayProblem, fleet: int, field: int) -> int:
     return min(find_lateness_s(window) for window in problem.windows[field])
 
 
-def write_advice(
-    jobs: Sequence[DayJob], not_done: Sequence[UnworkedField], all_probability: float | None, cost: float, currency: str
-) -> str:
-    """The advice for a day, in a few sentences."""
-    if not jobs:
-        return "No field can be done on this day."
-    total = len(jobs) + len(not_done)
-    count = (
-        f"All {total} fields are"
-        if not not_done and total > 1
-        else f"{len(jobs)} of {total} fields {_choose_is_or_are(len(jobs))}"
-    )
-    end_text = format_time_of_day(max(job.end_s for job in jobs))
-    certainty = "" if all_probability is None else f" ({format_percent(all_probability)} in time)"
-    machines = dict.fromkeys(job.machine for job in jobs)
-    shares = "; ".join(
-        f"{machine}: {', then '.join(job.field for job in jobs if job.machine == machine)}" for machine in machines
-    )
-    sentences = [f"{count} done by {end_text}{certainty}: {shares}.", f"Expected cost {cost:.2f} {currency}."]
-    weakest = min(jobs, key=lambda job: (round(job.finish_probability, 6), job.end_s))
-    if len(jobs) > 1 and all_probability is not None and weakest.finish_probability < 0.995:
-        sentences.append(f"Least certain: {weakest.field}, {format_percent(weakest.finish_probability)} in time.")
-    sentences += [f"{skipped.field} is skipped: {skipped.reason}." for skipped in not_done[:MAX_REASONS]]
-    unnamed_count = len(not_done) - MAX_REASONS
-    sentences += [f"{unnamed_count} more {_choose_is_or_are(unnamed_count)} skipped."] if unnamed_count > 0 else []
-    return " ".join(sentences)
-
-
-def _choose_is_or_are(count: int) -> str:
-    return "is" if count == 1 else "are"
-
-
 CACHE_FAILED = "Field times could not be cached, so the next run simulates them again; try another folder (--cache)."
 Array = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PreparedDay:
     """A day after reading and checking, before simulation. `road_km` (n + 1, n + 1) has the yard last."""
 
@@ -173,16 +137,7 @@ class _SolvedDay:
 def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
     """Read the fields of a day and compute its roads and hours; raises HeadlandError."""
     with attach_parameter("field"):
-        fields = tuple(
-            read_field(
-                day_field.file,
-                local=day_field.local,
-                name=day_field.name,
-                crs=day_field.crs,
-                swap_axes=day_field.swap_axes,
-            )
-            for day_field in day.fields
-        )
+        fields = tuple(_read_day_field(day_field) for day_field in day.fields)
     field_places = locate_fields(day, fields)
     yard = locate_yard(day, farm)
     road_km = np.zeros((len(field_places) + 1, len(field_places) + 1))
@@ -199,13 +154,27 @@ def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
     )
 
 
+def _read_day_field(day_field: DayField) -> Field:
+    """The field with the entrance and obstacles of the day file."""
+    field = read_field(
+        day_field.file,
+        local=day_field.local,
+        name=day_field.name,
+        crs=day_field.crs,
+        swap_axes=day_field.swap_axes,
+    )
+    if day_field.entrance is not None:
+        field = set_entrance(field, parse_number_pair(day_field.entrance, "entrance"))
+    return add_obstacles(leave_out_obstacles(field, day_field.ignored), day_field.obstacles)
+
+
 def _find_sun_place(places: Sequence[DayPlace]) -> tuple[float, float] | None:
     """The place for sunrise and sunset: the yard, else the last field with a known place."""
     return next((place.lon_lat for place in reversed(places) if place.lon_lat is not None), None)
 
 
 def plan_day(
-    prepared: PreparedDay,
+    day: PreparedDay | str | Path,
     *,
     cache: FieldTimeCache | None = None,
     executor: Executor | None = None,
@@ -215,8 +184,17 @@ def plan_day(
 ) -> DayResult:
     """Simulate missing field times, assign fields to fleets, and estimate probabilities by Monte Carlo.
 
+    Example:
+
+        day = planner.plan_day("day.toml")  # a file as headland day new writes it
+        day                                 # in a notebook: advice, work over time, the jobs
+        day.to_pandas()                     # a row per job: start_s, end_s, p95_end_s, cost
+        day.save("day.html")                # the page; also .json, .csv and .png
+
+    `day` is a day file or a prepared day. Returns a DayResult: `jobs`, `unworked_fields`, `fleets`, `cost`, `advice`.
     The result depends neither on the executor nor on the cache. `progress` is called with (done, all) field times.
     """
+    prepared = day if isinstance(day, PreparedDay) else prepare_day(*load_day(day))
     table, is_cached = compute_field_times(
         prepared.tasks, cache or FieldTimeCache(None), executor or SerialExecutor(), progress
     )
@@ -289,7 +267,8 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
     currency = prepared.farm.prices.currency
     onset = frame.onset
     times = () if onset is None else tuple(zip(onset.onsets_s, onset.probabilities, strict=True))
-    return DayResult(
+    p50_done_s, p95_done_s = _find_done_times(solved)
+    result = DayResult(
         start_s=frame.start_s,
         end_s=frame.end_s,
         jobs=tuple(jobs),
@@ -301,7 +280,7 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         currency=currency,
         samples=solved.samples,
         seed=solved.seed,
-        advice=write_advice(jobs, not_done, all_probability, cost, currency),
+        advice="",
         remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
         fields=tuple(field.name for field in prepared.fields),
         windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
@@ -310,7 +289,20 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         certainty_pct=prepared.day.certainty_pct,
         places=_build_map_places(prepared),
         closest_field="" if jobs else _describe_nearly_done_field(not_done, reasons),
+        p50_done_s=p50_done_s,
+        p95_done_s=p95_done_s,
     )
+    return replace(result, advice=" ".join(list_day_sentences(result)))
+
+
+def _find_done_times(solved: _SolvedDay) -> tuple[float, float] | tuple[None, None]:
+    """The times of the day by which all jobs are done in half and in 95 % of the samples; None without jobs."""
+    last_s = [chain.done_s.max(axis=0) for chain in solved.fleet_samples if len(chain.done_s)]
+    if not last_s:
+        return None, None
+    p50_s, p95_s = np.quantile(np.maximum.reduce(last_s), (0.5, 0.95))
+    frame = solved.prepared.frame
+    return frame.get_end_clock_s(float(p50_s)), frame.get_end_clock_s(float(p95_s))
 
 
 def _build_job(solved: _SolvedDay, fleet: int, position: int) -> DayJob:
@@ -322,7 +314,13 @@ def _build_job(solved: _SolvedDay, fleet: int, position: int) -> DayJob:
     assert plan is not None
     probability, interval = fleet_samples.estimate_in_time_probability(position)
     p50, p95 = (
-        frame.get_end_clock_s(float(value)) for value in np.quantile(fleet_samples.end_s[position], (0.5, 0.95))
+        frame.get_end_clock_s(float(value)) for value in np.quantile(fleet_samples.done_s[position], (0.5, 0.95))
+    )
+    p50_start_s = float(np.median(fleet_samples.start_s[position]))
+    p50_leaves_s = (
+        p50_start_s - problem.travel_s[fleet][problem.field_count][number]
+        if position == 0
+        else float(np.median(fleet_samples.end_s[position - 1]))
     )
     return DayJob(
         field=prepared.fields[number].name,
@@ -343,6 +341,8 @@ def _build_job(solved: _SolvedDay, fleet: int, position: int) -> DayJob:
         lost_cost=float(fleet_samples.lost_cost[position]),
         worked_pct=plan.worked_pct,
         refills=plan.refills,
+        p50_start_s=frame.get_begin_clock_s(p50_start_s),
+        p50_leaves_s=frame.get_begin_clock_s(p50_leaves_s),
     )
 
 
@@ -366,7 +366,11 @@ def _build_fleet_day(solved: _SolvedDay, fleet: int) -> FleetDay:
     home = frame.get_end_clock_s(last_end_s + problem.travel_s[fleet][route[-1]][problem.field_count])
     km = sum(float(prepared.road_km[a, b]) for a, b in pairwise((problem.field_count, *route, problem.field_count)))
     leaves = frame.get_begin_clock_s(_compute_departure_s(problem, fleet, route, 0))
-    return FleetDay(day_fleet.name, description, leaves, home, km, problem.compute_travel_cost(fleet, route))
+    last_p50_s = float(np.median(solved.fleet_samples[fleet].end_s[-1]))
+    p50_home_s = frame.get_end_clock_s(last_p50_s + problem.travel_s[fleet][route[-1]][problem.field_count])
+    return FleetDay(
+        day_fleet.name, description, leaves, home, km, problem.compute_travel_cost(fleet, route), p50_home_s
+    )
 
 
 def _list_not_done(solved: _SolvedDay) -> list[tuple[UnworkedField, NotDoneReason]]:

@@ -34,6 +34,7 @@ from planner.evaluation.context_inputs import (
     read_requested_field,
     resolve_guidance_line,
 )
+from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m
 from planner.evaluation.layout_choice import build_effort_rates, choose_quickest_job_index, list_layouts
 from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
 from planner.farm.settings import FarmTimes, Yard
@@ -54,7 +55,6 @@ from strategies.path_planning.paths import EntranceLane, build_entrance_lane
 from strategies.path_planning.turns import (
     TurnReach,
     compute_available_turn_depth_m,
-    compute_headland_m,
     list_allowed_kinds,
 )
 from strategies.program.field_job import DrivingRules, FieldJob, find_starting_corner
@@ -87,7 +87,7 @@ RIM_DEPTH_M = 0.3  # in corners of headland passes the guided point stays this f
 MAX_REVERSE_SPEED_MPS = 5.0 * MPS_PER_KMH  # also in turns with changes of direction
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlanningContext:
     """Field, layout, tractor, implement and driving rules; made once per request.
 
@@ -387,9 +387,8 @@ def _prepare_ground(
     small_widths: float,
 ) -> tuple[Field, float]:
     """The field reduced to the ground that may be worked, with its entrance checked, and the depth of the headland."""
-    headland_m = request.headland_m or compute_headland_m(request.turn, request.width_m, radius_m, reach)
-    if request.headland_m is None:
-        headland_m += layout_repairs.extra_passes * request.width_m
+    headland_m = choose_headland_m(request, radius_m, reach, layout_repairs.extra_passes)
+    field = add_headland_remark(field, request, radius_m, reach)
     with attach_parameter("entrance"):
         check_entrance(field, headland_m)
     if not request.no_headland:

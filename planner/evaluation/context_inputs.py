@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from fields.documents.reader import read_field
+from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.geometry.field_lines import find_line_bearing_deg
@@ -40,12 +41,13 @@ def fill_in_default_names(
 
 
 def read_requested_field(request: PlanRequest, field: Field | str | Path | None) -> Field:
-    """The field of the request or the one that replaces it, with the entrance of the request."""
+    """The field of the request or the one that replaces it, with the entrance and obstacles of the request."""
     if not isinstance(field, Field):
         name = request.field if field is None else str(field)
         field = read_field(name, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
     if request.entrance is not None:
         field = set_entrance(field, request.entrance)
+    field = add_obstacles(leave_out_obstacles(field, request.ignored), request.obstacles)
     _check_ground_zones(field)
     return field
 

@@ -18,7 +18,7 @@ from fields.layout.headland_passes import compute_inner_region
 from fields.layout.options import estimate_layout_cost_m, find_cheapest_bearing_deg, list_layout_alternatives
 from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
-from planner.request.plan_request import SOW, PlanRequest
+from planner.request.plan_request import MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.headland.pass_legs import get_headland_legs
 from strategies.headland.pass_shares import share_headland
 from strategies.program.field_job import DrivingRules, FieldJob
@@ -26,7 +26,6 @@ from strategies.sequencing.swath_order import search_order
 from strategies.sequencing.turn_table import TurnTable
 from vehicle.control.speed_profile import estimate_drive_s
 
-MAX_HEADLAND_PASSES = 50
 MAX_SEARCHED_SWATHS = 125  # with more swaths the estimate decides instead of a search
 MAX_COMPARED_SWATHS = 300  # in all layouts compared together: the last layouts are dropped
 MAX_TIMED_LINES = 4  # turns over more lines are estimated for the comparison
@@ -65,7 +64,7 @@ def list_layouts(
     layouts = _list_promising_layouts(request, plain, rates, PROMISING, PROMISING_SWATHS)
     if min(len(layout.swaths) for layout in layouts) > MAX_SEARCHED_SWATHS:
         return layouts[:1]
-    if request.headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
+    if request.requested_headland_m is None and plain.headland_passes < MAX_HEADLAND_PASSES:
         least_m = _estimate_effort_m(layouts[0], rates)
         for more in range(1, 1 + (DEEPER_FROM_ONE_PASS if plain.headland_passes == 1 else 1)):
             deeper = _build_deeper_layouts(request, field, plain.headland_passes + more, spacing_m, rates)
@@ -108,7 +107,7 @@ def _build_plain_layout(
             depth = headland_m if count == max_passes else count * width
             return _lay_plain(request, field, count, depth, spacing_m, rates)
         except FieldError:
-            if request.headland_m is not None:
+            if request.requested_headland_m is not None:
                 raise
     return _lay_plain(request, field, 1, width, spacing_m, rates)
 

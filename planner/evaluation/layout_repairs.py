@@ -27,16 +27,21 @@ class LayoutRepairs:
     extra_passes: int = 0
     skips_unreachable: bool = False
 
-    def extend(self, faults: Iterable[PlanFault], margin_m: float) -> LayoutRepairs:
-        """The repairs with the next change for each fault; the same ones if there is none left to try."""
+    def extend(
+        self, faults: Iterable[PlanFault], margin_m: float, *, may_deepen: bool = True, may_skip: bool = True
+    ) -> LayoutRepairs:
+        """The repairs with the next change for each fault; the same ones if there is none left to try.
+
+        With `may_deepen` the headland may get another pass, with `may_skip` swaths may be left out.
+        """
         margins_m, extra_passes, skips_unreachable = dict(self.margins_m), self.extra_passes, self.skips_unreachable
         for fault in faults:
             if fault.kind in (OBSTACLE, FENCE) and fault.number is not None:
                 kept_m = self.margins_m.get(fault.number, margin_m)
                 margins_m[fault.number] = next((step for step in MARGIN_STEPS_M if step > kept_m + 1e-6), kept_m)
-            elif fault.kind in (OUTLINE, NO_PATH) and self.extra_passes < MAX_EXTRA_PASSES:
+            elif fault.kind in (OUTLINE, NO_PATH) and may_deepen and self.extra_passes < MAX_EXTRA_PASSES:
                 extra_passes = self.extra_passes + 1
-            elif fault.kind == NO_PATH:
+            elif fault.kind == NO_PATH and may_skip:
                 skips_unreachable = True
         return replace(self, margins_m=margins_m, extra_passes=extra_passes, skips_unreachable=skips_unreachable)
 

@@ -8,9 +8,9 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from planner.request.option_texts import DAY_S, parse_clock
+from planner.request.option_texts import DAY_S, convert_time_to_text, parse_clock
 from planner.request.plan_request import MAX_PRICE
 from planner.request.random_inputs import (
     MAX_BREAKDOWN_INTERVAL_H,
@@ -208,8 +208,9 @@ def _parse_break(text: str) -> tuple[int, int]:
     return start, start + length_s
 
 
-Clock = Annotated[str | None, AfterValidator(_validate_clock)]
-Break = Annotated[str, AfterValidator(_validate_break)]
+FROM_TIMES = BeforeValidator(convert_time_to_text)
+Clock = Annotated[str | None, FROM_TIMES, AfterValidator(_validate_clock)]
+Break = Annotated[str, FROM_TIMES, AfterValidator(_validate_break)]
 
 
 def _define_clock(description: str) -> Any:

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
+from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alignment
+from planner.pipeline.next_drive_plan import build_next_drive_plan
+from reports.common.notebook import ResultView, ShownResult
+from reports.diagnosis.notebook import build_replay_view
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     compute_anchored_errors,
     compute_horizon_errors,
-    fit_rigid_motion,
     simulate_instruments,
     split_pieces,
     sum_squared_errors_by_run,
@@ -45,6 +47,15 @@ Logs = Sequence[Log | str | Path] | Log | str | Path
 """One or more logs."""
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class TractorDiagnosis(ShownResult, Diagnosis):
+    """A diagnosis that a notebook shows: verdict, errors before and after, effects.
+
+    `to_pandas()` has a row per effect; `plot()` draws the error over the length of the pieces; `save()` writes .json as
+    `headland diagnose --json` does, or the page, .html.
+    """
+
+
 def diagnose(
     logs: Logs,
     *,
@@ -53,8 +64,18 @@ def diagnose(
     fixes: Sequence[str] = (),
     use_driven_size: bool = False,
     progress: ReportProgress | None = None,
-) -> Diagnosis:
+) -> TractorDiagnosis:
     """Return what the simulation of a tractor gets wrong in measured logs, why, and the gain of correcting it.
+
+    Example:
+
+        diagnosis = planner.diagnose(["run1.csv", "run2.csv"], tractor="eg105")
+        diagnosis.headline                 # the verdict in one or two sentences
+        diagnosis.to_pandas()              # a row per effect: status, value with interval, gain
+        diagnosis.save("diagnosis.html")   # the page; .json is what headland diagnose --json prints
+
+    Returns a TractorDiagnosis: `findings` (every effect), `before` and `after` (errors by length of the pieces),
+    `tractor` (the extended one, to plan with), `next_drive` and more.
 
     `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object,
     a name or a file. Logs that cannot be of this tractor are refused with the size that they suggest, or diagnosed with
@@ -68,7 +89,7 @@ def diagnose(
     if use_driven_size:
         machine = scale_to_logs(parsed_logs, machine, ground)
     refuse_other_vehicle(parsed_logs, machine, ground)
-    return _add_plan_gain(diagnose_logs(parsed_logs, machine, ground, progress), machine)
+    return _explain_logs(parsed_logs, machine, ground, progress)
 
 
 def diagnose_demo(
@@ -78,7 +99,7 @@ def diagnose_demo(
     seed: int = 1,
     hidden_effect: str | None = None,
     progress: ReportProgress | None = None,
-) -> tuple[Diagnosis, HiddenEffect]:
+) -> tuple[TractorDiagnosis, HiddenEffect]:
     """Diagnose simulated logs with a hidden effect, drawn from `seed` or named by `hidden_effect`; returns both.
 
     Raises RequestError for a seed below 0 and VehicleError for an effect that cannot be hidden.
@@ -89,9 +110,21 @@ def diagnose_demo(
         machine = resolve_tractor(tractor)
     with attach_parameter("hide"):
         hidden = draw_hidden_effect(seed, machine, hidden_effect)
-    return _add_plan_gain(
-        diagnose_logs(simulate_demo_logs(hidden, machine, ground, seed), machine, ground, progress), machine
-    ), hidden
+    return _explain_logs(simulate_demo_logs(hidden, machine, ground, seed), machine, ground, progress), hidden
+
+
+def _explain_logs(
+    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None
+) -> TractorDiagnosis:
+    """Diagnose logs; add what their replay shows, the plan of the next drive, and the change of a plan."""
+    diagnosis = diagnose_logs(logs, machine, ground, progress)
+    evidence = build_evidence(logs, machine, diagnosis.tractor, ground)
+    drive_plan = (
+        None
+        if diagnosis.next_drive is None
+        else build_next_drive_plan(diagnosis.next_drive, logs, diagnosis.tractor, ground)
+    )
+    return _add_plan_gain(replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan), machine)
 
 
 def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
@@ -105,10 +138,12 @@ def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log
     return [*given_logs, *(read_logs(files, fixes, machine.wheelbase_m) if files else ())]
 
 
-def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> Diagnosis:
+def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
     """Add the change of a small plan by the extended tractor, or a note why there is none."""
     gain, why_not = measure_plan_gain(machine, diagnosis.tractor)
-    return replace(diagnosis, plan=gain, notes=(*diagnosis.notes, *([why_not] if why_not else [])))
+    values = {each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)}
+    notes = (*diagnosis.notes, *([why_not] if why_not else []))
+    return TractorDiagnosis(**values | {"plan": gain, "notes": notes})
 
 
 def measure_plan_gain(original: Tractor, extended: Tractor) -> tuple[PlanGain | None, str]:
@@ -174,15 +209,23 @@ def _measure_lateral_cm(context: PlanningContext, run: SimulationRun) -> float:
     return 100.0 * float(np.sqrt(np.mean(cross**2)))
 
 
-ALIGNMENT_S, SEGMENT_S = 5.0, 5.0
+SEGMENT_S = 5.0
 
 
-@dataclass(frozen=True, eq=False)
-class Replay:
-    """A replayed run with its errors, and the remarks on the log's columns and rows."""
+@dataclass(frozen=True, eq=False, repr=False)
+class Replay(ShownResult):
+    """A replayed run with its errors, and the remarks on the log's columns and rows.
+
+    `to_pandas()` has a row per length of the pieces compared; `plot()` draws the measured and the simulated path;
+    `save()` writes .json, .html or .png.
+    """
 
     replayed: ReplayResult
     remarks: tuple[str, ...]
+
+    def get_view(self) -> ResultView:
+        """Paths, errors and remarks."""
+        return build_replay_view(self.replayed, self.remarks)
 
 
 def replay(
@@ -193,6 +236,15 @@ def replay(
     fixes: Sequence[str] = (),
 ) -> Replay:
     """Replay a log (an object, or a file read with `fixes`) with the effects of a tractor (object, name or file).
+
+    Example:
+
+        run = planner.replay("run.csv", tractor="eg105")
+        run.replayed.errors[5.0].cross_cm  # error across over pieces of 5 s, cm
+        run.to_pandas()                    # a row per length of the pieces: cross_cm, along_cm, heading_deg
+        run.plot()                         # the measured and the simulated path
+
+    Returns a Replay: `replayed` (the run with its errors and simulated paths) and `remarks` on the log.
 
     Raises LogError and VehicleError.
     """
@@ -218,14 +270,3 @@ def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -
         for rows in split_pieces(segment.time, SEGMENT_S)
     )
     return ReplayedSegment(segment, antenna @ turn.T + shift, wheel, speed, parts)
-
-
-def compute_log_alignment(
-    segment: DriveSegment, antenna: Array, heading: Array, seconds: float = ALIGNMENT_S
-) -> tuple[Array, Array]:
-    """Return rotation (2, 2) and shift (2,) that align the first seconds of the simulation with the measurement."""
-    rows = max(int(np.searchsorted(segment.time, seconds)), 2)
-    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
-    angle, *middles = fit_rigid_motion(0, rows, segment.east, segment.north, segment.heading, x, y, heading)
-    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
-    return turn, np.array(middles[:2]) - turn @ np.array(middles[2:])

@@ -11,30 +11,44 @@ import os
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import file_digest, sha256
 from pathlib import Path
 from typing import Any
 
-from fields.documents.reader import FieldSummary, list_fields
+from fields.documents.reader import FieldSummary, describe_nested_fields, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
+from fields.errors import FieldError
+from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
+from fields.geometry.field import Field
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.evaluation.context_inputs import read_requested_field
+from planner.evaluation.ground.swept_area import compute_swept_area
+from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.fingerprint import hash_content
-from planner.pipeline.planning import plan
+from planner.pipeline.outputs.pictures import list_simplified_rings
+from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
+from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking
+from reports.plan.small_map import SmallMap, build_small_map
 
 
 @dataclass(frozen=True, eq=False)
 class FieldQuestion:
-    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win."""
+    """A field with the inputs of its plans; `simulate_all` also simulates plans that cannot win.
+
+    With `with_map` the answer has a small map of the best plan.
+    """
 
     inputs: PlanInputs
     simulate_all: bool = False
+    with_map: bool = False
 
     @property
     def field_name(self) -> str:
@@ -44,31 +58,45 @@ class FieldQuestion:
 
 @dataclass(frozen=True, eq=False)
 class FieldAnswer:
-    """The ranking of a field's plans, or the refusal."""
+    """The ranking of a field's plans with a small map of the best, or the refusal."""
 
     ranking: PlanRanking | None
     refusal: HeadlandError | None = None
+    map: SmallMap | None = None
 
 
 def answer_question(question: FieldQuestion) -> FieldAnswer:
     """Answer one question in the current process."""
-    inputs = question.inputs
     try:
-        planning_result = plan(
-            inputs.request,
-            tractor=inputs.tractor,
-            implement=inputs.implement,
-            uncertainty=inputs.uncertainty,
-            cost_terms=inputs.terms,
-            supply=inputs.supply,
-            times=inputs.times,
-            yard=inputs.yard,
-            executor=SerialExecutor(),
-            simulate_all=question.simulate_all,
-        )
+        result = plan_inputs(question.inputs, question.simulate_all)
     except HeadlandError as refusal:
         return FieldAnswer(None, refusal)
-    return FieldAnswer(planning_result.ranking)
+    return FieldAnswer(result.ranking, map=draw_best_plan(result) if question.with_map else None)
+
+
+def draw_best_plan(result: PlanningResult) -> SmallMap | None:
+    """The small map of the best plan, with the finished ground under its wheels; None where no plan works."""
+    best, run = result.ranking.best, result.run
+    if best is None or run is None:
+        return None
+    ground = find_driven_over_ground(run, result.context, compute_swept_area(run, result.context))
+    return build_small_map(result.pictures[best.strategy, best.tractors], list_simplified_rings(ground))
+
+
+def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResult:
+    """Plan a request completed by its farm in the current process; raises HeadlandError."""
+    return plan(
+        inputs.request,
+        tractor=inputs.tractor,
+        implement=inputs.implement,
+        uncertainty=inputs.uncertainty,
+        cost_terms=inputs.terms,
+        supply=inputs.supply,
+        times=inputs.times,
+        yard=inputs.yard,
+        executor=SerialExecutor(),
+        simulate_all=simulate_all,
+    )
 
 
 def iter_answers(executor: Executor, questions: Sequence[FieldQuestion]) -> Iterator[tuple[int, FieldAnswer]]:
@@ -199,15 +227,25 @@ MAX_FIELDS = 100_000
 
 
 def expand_field_names(
-    names: Iterable[str], *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+    names: Iterable[str],
+    *,
+    local: bool = False,
+    crs: str | None = None,
+    swap_axes: bool = False,
+    show_remarks: Callable[[Iterable[str]], None] = lambda remarks: None,
 ) -> tuple[str, ...]:
     """The fields that names stand for, each once, in the order given.
 
     ``file.geojson#*`` stands for every field of a file, ``*.geojson`` for every such file, sorted by name, if the
-    shell has not expanded it. Raises FieldError for a file that cannot be read, RequestError for a pattern that
-    matches no file.
+    shell has not expanded it. Polygons within a field, such as ponds, are no fields; `show_remarks` is called with a
+    sentence on them. Raises FieldError for a file that cannot be read, RequestError for a pattern that matches no file.
     """
-    list_parcels = partial(list_fields, local=local, crs=crs, swap_axes=swap_axes)
+
+    def list_parcels(place: str) -> tuple[FieldSummary, ...]:
+        listed = list_fields(place, local=local, crs=crs, swap_axes=swap_axes)
+        show_remarks(describe_nested_fields(listed))
+        return listed
+
     field_names = dict.fromkeys(
         field for name in names for file in _iter_files(name) for field in _iter_parcels(file, list_parcels)
     )
@@ -237,5 +275,64 @@ def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, .
         return
     listed = list_parcels(source.place)
     keys = Counter(parcel.key for parcel in listed)
-    for parcel in listed:
+    for parcel in (one for one in listed if one.inside is None):
         yield f"{source.place}#{parcel.key if keys[parcel.key] == 1 else parcel.position}"
+
+
+def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:
+    """Requests for many fields, each with those of its obstacles, and names to ignore, that its field has.
+
+    Raises HeadlandError for an obstacle or a name that no field has, and for a number, which every field may have.
+    """
+    if len({request.field for request in requests}) < 2:
+        return list(requests)
+    fields: dict[str, Field] = {}
+    for request in requests:
+        if (request.obstacles or request.ignored) and request.field not in fields:
+            with suppress(FieldError):  # refused when it is planned
+                fields[request.field] = read_requested_field(replace(request, obstacles=(), ignored=()), None)
+    for text in dict.fromkeys(text for request in requests for text in request.obstacles):
+        _refuse_unmatched([partial(add_obstacles, field, [text]) for field in fields.values()])
+    for text in dict.fromkeys(text for request in requests for text in request.ignored):
+        _refuse_number(text)
+        _refuse_unmatched([partial(leave_out_obstacles, field, [text]) for field in fields.values()])
+    return [
+        replace(
+            request,
+            obstacles=tuple(text for text in request.obstacles if _matches(add_obstacles, fields, request, text)),
+            ignored=tuple(text for text in request.ignored if _matches(leave_out_obstacles, fields, request, text)),
+        )
+        for request in requests
+    ]
+
+
+def _matches(
+    change: Callable[[Field, Sequence[str]], Field], fields: Mapping[str, Field], request: PlanRequest, text: str
+) -> bool:
+    """Whether a text is of use for the field of a request."""
+    try:
+        return request.field in fields and change(fields[request.field], [text]) is not None
+    except FieldError:
+        return False
+
+
+def _refuse_unmatched(changes: Sequence[Callable[[], Field]]) -> None:
+    """Raise the refusal of the first field where a text is of use for none."""
+    refusals: list[FieldError] = []
+    for change in changes:
+        try:
+            change()
+        except FieldError as refusal:
+            refusals.append(refusal)
+        else:
+            return
+    if refusals:
+        raise refusals[0]
+
+
+def _refuse_number(text: str) -> None:
+    if text.strip().isdecimal():
+        raise RequestError(
+            f"{mark_parameter('ignored')} {text.strip()} is the number of another obstacle in every field; with "
+            "several fields give the name of the obstacle."
+        )

@@ -14,14 +14,16 @@ from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.candidates.incumbents import find_incumbents
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.headland_depth import describe_shallow_headland
 from planner.evaluation.layout_repairs import LayoutRepairs
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, pack_context
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
+from strategies.path_planning.turns import TurnReach
 from vehicle.missions.plan import Plan
 
-MAX_REPAIR_ROUNDS = 8
+MAX_REPAIR_ROUNDS, MAX_MORE_PASSES = 8, 3
 SPEED_SHARES, WIDTH_SHARES = (0.75, 0.5, 0.35), (0.75, 0.5, 0.35)
 MIN_TRIED_KMH, MIN_TRIED_WIDTH_M = 2.0, 0.5
 Prepare = Callable[..., PlanningContext]
@@ -107,7 +109,13 @@ def repair_refused(evaluations: CandidateEvaluations, prepare: Prepare) -> Layou
         refused = [index for index in evaluations.list_refused() if last_faults.get(index)]
         if not refused:
             break
-        extended = layout_repairs.extend(last_faults[refused[0]], evaluations.request.margin_m)
+        extended = layout_repairs.extend(
+            last_faults[refused[0]],
+            evaluations.request.margin_m,
+            may_deepen=evaluations.request.requested_headland_m is None,
+            may_skip=evaluations.request.headland_passes is None
+            or _has_room_to_turn(evaluations.contexts[refused[0]][0]),
+        )
         if extended == layout_repairs:
             last_faults[refused[0]] = ()
             continue
@@ -124,6 +132,13 @@ def repair_refused(evaluations: CandidateEvaluations, prepare: Prepare) -> Layou
     return layout_repairs
 
 
+def _has_room_to_turn(context: PlanningContext) -> bool:
+    """Whether turns fit in as many headland passes as were asked for: else swaths are not what is in the way."""
+    side_m = 0.5 * max(context.implement.width_m, context.tractor.width_m)
+    reach = TurnReach(context.driving_rules.tool_m, side_m)
+    return not describe_shallow_headland(context.request, context.driving_rules.radius_m, reach)
+
+
 def find_working_changes(
     evaluations: CandidateEvaluations, prepare: Prepare, layout_repairs: LayoutRepairs
 ) -> tuple[str, ...]:
@@ -132,7 +147,7 @@ def find_working_changes(
         return ()
     request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
     changes = []
-    for options in (_iter_slower(request), _iter_narrower(request)):
+    for options in (_iter_deeper(request), _iter_slower(request), _iter_narrower(request)):
         for text, changed in options:
             try:
                 context = prepare(request=changed, layout_repairs=layout_repairs)
@@ -142,7 +157,16 @@ def find_working_changes(
             if outcome.result.feasible:
                 changes.append(text)
                 break
+        if changes and request.headland_passes is not None:  # too few passes were asked for: nothing else is wrong
+            break
     return tuple(changes)
+
+
+def _iter_deeper(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+    """The request with more headland passes, where it says how many."""
+    if request.headland_passes is not None:
+        for passes in range(request.headland_passes + 1, request.headland_passes + 1 + MAX_MORE_PASSES):
+            yield f"work {passes} headland passes", replace(request, headland_passes=passes)
 
 
 def _iter_slower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:

@@ -7,18 +7,19 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.field_parts import list_field_parts
-from planner.errors import HeadlandError
+from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.incumbents import order_candidates
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
-from planner.pipeline.outputs.pictures import build_run_picture
+from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
+from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.plan_repairs import CandidateEvaluations, find_working_changes, repair_refused
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
@@ -26,23 +27,35 @@ from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
+from reports.common.notebook import ResultView, ShownResult
 from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanRanking
+from reports.plan.map_figure import draw_plan_map, render_png
+from reports.plan.notebook import build_answer_view
+from reports.plan.ranking_export import format_ranking_csv
+from reports.plan.ranking_page import render_plan_page
 from strategies.program.supply import Supply
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
 
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
 SINGLE_STRATEGY = "row-by-row"
 _WITHOUT_RISK: dict[str, Any] = dict.fromkeys(("deadline_s", "rain", "objective", "budget", "samples"))
 
 
-@dataclass(frozen=True, eq=False)
-class PlanningResult:
-    """The answer to a request.
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanningResult(ShownResult):
+    """The answer to a request; a notebook shows it as text, map and table.
 
     `run` is the run of `ranking.best`, None if no plan is feasible. `pictures`, by (strategy, tractors), are of the
     best plan, or with `with_pictures` of every plan that was driven to its end. `plans` are the legs and gates of every
     feasible plan that was simulated, by the same key.
+
+    `to_pandas()` has a row per plan, as the CSV; `to_geodataframe()` the lines of the best plan; `plot()` draws its
+    map; `save("best.json")` writes the plan as `headland plan --save` does, and endings .html, .png and .csv write
+    page, map and table.
     """
 
     context: PlanningContext
@@ -50,6 +63,46 @@ class PlanningResult:
     run: SimulationRun | None
     pictures: Mapping[tuple[str, int], PlanDrive]
     plans: Mapping[tuple[str, int], Plan] = field(default_factory=dict)
+
+    def get_view(self) -> ResultView:
+        """The ranking with the map of the best plan."""
+        files: dict[str, Callable[[], str | bytes]] = {
+            ".json": self._write_plan,
+            ".html": self._render_page,
+            ".png": lambda: render_png(draw_plan_map(self._find_picture(), self.ranking.field_name)),
+            ".csv": lambda: format_ranking_csv(self.ranking),
+        }
+        return build_answer_view(self.ranking, self._find_picture, files)
+
+    def to_geodataframe(self) -> GeoDataFrame:
+        """Swaths, headland passes and other driving of the best plan, what it misses, and the field, as geometries.
+
+        Columns and units: planner.pipeline.outputs.plan_layers. In WGS84 degrees where the field has a place on the
+        earth, else in metres. Raises RequestError where geopandas is not installed (the extra `geo`).
+        """
+        from planner.pipeline.outputs.plan_layers import build_plan_layers
+
+        return build_plan_layers(self.context, self.run)
+
+    def _find_best_drive(self) -> PlanDrive | None:
+        best = self.ranking.best
+        return None if best is None else self.pictures.get((best.strategy, best.tractors))
+
+    def _find_picture(self) -> PlanDrive:
+        """The drive of the best plan, or the field with the places where plans fail."""
+        return self._find_best_drive() or build_refused_picture(self.context, self.ranking)
+
+    def _render_page(self) -> str:
+        drive = self._find_best_drive()
+        field_picture = None if drive else self._find_picture()
+        return render_plan_page(self.ranking, drive, self.pictures, field_picture)
+
+    def _write_plan(self) -> str:
+        if self.run is None:
+            raise RequestError(
+                "No plan is feasible, so there is no plan to save; .html and .png show where plans fail."
+            )
+        return write_saved_plan(self.context, self.run.plan)
 
 
 def plan(
@@ -68,7 +121,19 @@ def plan(
     with_pictures: bool = False,
     simulate_all: bool = False,
 ) -> PlanningResult:
-    """Simulate and rank every candidate of a request.
+    """Simulate and rank every candidate of a request, and return the answer.
+
+    Example:
+
+        answer = planner.plan(planner.PlanRequest(field="denmark", tractors=(1, 2), start_s="07:00"))
+        answer                             # in a notebook: the plan to take, its map, all plans in a table
+        answer.ranking.best.time_s         # seconds of the best plan; ranking.best is None where no plan works
+        answer.to_pandas()                 # a row per plan, as headland plan --csv
+        answer.to_geodataframe()           # what the best plan drives and misses (needs geopandas)
+        answer.save("best.json")           # the plan for headland show and export; also .html, .png, .csv
+
+    Returns a PlanningResult: `ranking` (all plans, the best in `ranking.best`), `run` (the simulated run of the best
+    plan), `plans` (legs and gates of every feasible plan by strategy and tractors), `pictures`, `context`.
 
     `field` and `tractor` (objects, names or files) replace those of the request; `implement` gives hitch and length,
     its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from a farm, `supply` is what
@@ -79,23 +144,6 @@ def plan(
     they are planned again with repairs of the layout (planner.pipeline.plan_repairs).
     """
     candidates = list_candidates(request)
-    if executor is None:
-        with create_executor(len(candidates)) as executor:
-            return plan(
-                request,
-                field=field,
-                tractor=tractor,
-                implement=implement,
-                uncertainty=uncertainty,
-                cost_terms=cost_terms,
-                supply=supply,
-                times=times,
-                yard=yard,
-                executor=executor,
-                progress=progress,
-                with_pictures=with_pictures,
-                simulate_all=simulate_all,
-            )
     prepare = partial(
         prepare_context,
         field=field,
@@ -107,6 +155,10 @@ def plan(
         times=times,
         yard=yard,
     )
+    if executor is None:
+        how: dict[str, Any] = {"progress": progress, "with_pictures": with_pictures, "simulate_all": simulate_all}
+        with create_executor(len(candidates)) as executor:
+            return plan(request, executor=executor, **how, **prepare.keywords)
     context = prepare(request)
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
     evaluations = CandidateEvaluations(request, candidates, executor, progress, with_pictures)

@@ -10,25 +10,30 @@ from typing import Any
 import numpy as np
 
 from fields.geometry.field import Field
+from fields.geometry.field_parts import list_field_parts
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
+from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import MPS_PER_KMH, format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
-from planner.risk.costs import describe_prices
+from planner.risk.costs import build_hire_terms, describe_prices
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
+    PullFigures,
     UnworkedPiece,
     build_time_sort_key,
-    get_finished_field_s,
+    get_ranked_s,
+    get_stated_end_s,
 )
+from reports.common.wording import round_up_to_minute
 from strategies.registry import STRATEGIES
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
@@ -47,13 +52,17 @@ def describe_workday(day: Workday | None, request: PlanRequest, plan: PlanResult
             f"{_describe_duties(day)}: {_format_minutes(day.before_field_s + day.after_field_s)} in total, besides "
             "the field work.",
         )
-    ready, done, home = (request.format_clock_after(at) for at in (plan.ready_s, plan.done_s, plan.home_s))
+    home_s = (
+        plan.home_s if plan.p50_s is None else day.compute_clock_s(day.before_field_s + plan.p50_s + day.after_field_s)
+    )
+    done_s = round_up_to_minute(get_stated_end_s(plan))
+    ready, done, home = (request.format_clock_after(at) for at in (plan.ready_s, done_s, round_up_to_minute(home_s)))
     end = "home" if day.road_m else "folded"
     summary = (
         f"{_describe_duties(day)}: out at {format_clock(day.start_s)}, field work from {ready} to {done}, "
         f"{end} at {home}."
     )
-    return (*notes, summary, *_describe_pauses(day, request, plan.home_s))
+    return (*notes, summary, *_describe_pauses(day, request, home_s))
 
 
 def describe_next_day_times(request: PlanRequest) -> tuple[str, ...]:
@@ -135,7 +144,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked.
     Raises RequestError for a margin that takes most of the field, or much of it if no plan works.
     """
-    results = [add_piece_location(add_coverage_remark(result), context) for result in results]
+    results = [add_piece_location(add_coverage_remark(result, context), context) for result in results]
     check_margin(context, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)
     pareto_front = _find_pareto_front(feasible)
@@ -158,15 +167,21 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         scenario=export_request(context),
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
+        pull=_compute_pull(context),
     )
     return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
 
 
+def _compute_pull(context: PlanningContext) -> PullFigures | None:
+    """What the implement needs at the drawbar and the tractor has there; None if unknown."""
+    farm_tractor = None if context.cost_terms is None else context.cost_terms.tractor
+    return compute_pull_figures(context.request, context.tractor, farm_tractor)
+
+
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
-    """The currency of a farm and a sentence on what its cost covers."""
-    if context.cost_terms is None:
-        return {}
-    prices = context.cost_terms.prices
+    """The currency and a sentence on what the cost covers."""
+    request = context.request
+    prices = (context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)).prices
     return {"currency": prices.currency, "money_sentences": (f"Cost is {describe_prices(prices)}.",)}
 
 
@@ -200,11 +215,14 @@ def check_margin(context: PlanningContext, feasible: bool) -> None:
         )
 
 
-def add_coverage_remark(result: PlanResult) -> PlanResult:
-    """The result, with a remark if it works less than MIN_WORKED_PCT of the field."""
+def add_coverage_remark(result: PlanResult, context: PlanningContext) -> PlanResult:
+    """The result, with a remark if it works less than MIN_WORKED_PCT of the field, and on what the rest is."""
     if not result.feasible or result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT:
         return result
-    coverage_remark = f"works only {result.worked_pct:.0f} % of the field; the rest is headland or between tracks"
+    field, width_m = context.layout.field, max(context.implement.width_m, context.tractor.width_m)
+    is_divided = len(list_field_parts(field, context.request.margin_m, width_m)) > 1
+    rest = "mostly parts that are cut off" if is_divided else "headland or between tracks"
+    coverage_remark = f"works only {result.worked_pct:.0f} % of the field; the rest is {rest}"
     return replace(result, remark=f"{result.remark}; {coverage_remark}" if result.remark else coverage_remark)
 
 
@@ -264,8 +282,8 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
 def _find_pareto_front(feasible: list[PlanResult]) -> list[PlanResult]:
     """Feasible plans that no other plan beats in time and number of tractors; of equal counts the quickest."""
     front: list[PlanResult] = []
-    for result in sorted(feasible, key=lambda r: (r.tractors, get_finished_field_s(r))):
-        if not front or get_finished_field_s(result) < get_finished_field_s(front[-1]) - TIME_TOLERANCE_S:
+    for result in sorted(feasible, key=lambda r: (r.tractors, get_ranked_s(r))):
+        if not front or get_ranked_s(result) < get_ranked_s(front[-1]) - TIME_TOLERANCE_S:
             if front and front[-1].tractors == result.tractors:
                 continue
             front.append(result)
@@ -362,5 +380,6 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
+        *describe_pull(_compute_pull(context)),
         *layout.field.remarks,
     )

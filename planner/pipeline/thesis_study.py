@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 
+import reports.plan.notebook  # noqa: F401  # how a study is shown
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.context_inputs import RADIUS_FACTOR
@@ -56,7 +57,16 @@ def list_thesis_times() -> tuple[ThesisTime, ...]:
 
 
 def study(*, executor: Executor | None = None, progress: Progress | None = None) -> FleetStudy:
-    """Simulate every row of the tables and judge the claims; `executor` and `progress` as in `planner.plan`."""
+    """Simulate every row of the thesis's Tables 6.1 to 6.3 and judge its claims.
+
+    Example:
+
+        result = planner.study()           # some minutes
+        result.claims[0].holds             # whether the simulation confirms it
+        result.to_pandas()                 # a row per printed time: thesis_s, time_s, difference_pct
+
+    `executor` and `progress` are as in `planner.plan`. Returns a FleetStudy: `tables`, `claims`, `assumptions`.
+    """
     candidates = list(
         dict.fromkeys(
             [row.candidate for row in list_thesis_times()] + [Candidate(SPLIT_FIELD, 1), Candidate(SPLIT_FIELD, 3)]

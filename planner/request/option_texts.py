@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from datetime import date, time
+from typing import Any
 
 from fields.text_files import shorten_value
 from planner.errors import RequestError, mark_parameter
@@ -38,6 +40,39 @@ def parse_clock(text: str, parameter: str) -> int:
             f"{mark_parameter(parameter)} {text!r} is not a time of day; write hh:mm, for instance 13:00."
         )
     return int(match[1]) * 3600 + int(match[2]) * 60
+
+
+def convert_time_to_text(value: Any) -> Any:
+    """A time of day or a date as the text that files have for it, also in lists and tuples; other values as they are.
+
+    A pair of times is a range of hours: `[08:00:00, 12:00:00]` in TOML is "08:00-12:00".
+    """
+    if isinstance(value, time):
+        return value.strftime("%H:%M")
+    if isinstance(value, date):
+        return value.isoformat()
+    if isinstance(value, list | tuple):
+        if len(value) == 2 and all(isinstance(each, time) for each in value):
+            return "-".join(each.strftime("%H:%M") for each in value)
+        return [convert_time_to_text(each) for each in value]
+    return value
+
+
+def convert_clock_to_seconds(value: Any, parameter: str) -> Any:
+    """A time of day, or its text "13:00", as seconds of the day; other values as they are.
+
+    Raises RequestError for a text that is no time of day, and for a time with a time zone.
+    """
+    if isinstance(value, str):
+        return parse_clock(value, parameter)
+    if not isinstance(value, time):
+        return value
+    if value.tzinfo is not None:
+        raise RequestError(
+            f"{mark_parameter(parameter)} {value.isoformat()} has a time zone; give the local time of the field, such "
+            f"as {value.replace(tzinfo=None, microsecond=0).isoformat('minutes')}."
+        )
+    return value.hour * 3600 + value.minute * 60 + value.second
 
 
 def parse_counts(text: str) -> tuple[int, ...]:

@@ -6,6 +6,8 @@ _OPTION_NAMES = {
     "mass_kg": "mass",
     "steering_rate_deg_per_s": "steering_rate",
     "cell_bearings": "cell_bearing",
+    "obstacles": "obstacle",
+    "ignored": "ignore",
     "counts": "tractors",
     "fixes": "fix",
     "list_fields": "headland field FILE --list",

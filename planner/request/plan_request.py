@@ -5,7 +5,6 @@ A new option of `headland plan` is one more parameter of `PlanRequest`, and the 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from functools import partial
 from typing import Annotated, Any
@@ -13,10 +12,10 @@ from typing import Annotated, Any
 from pydantic.dataclasses import dataclass
 
 from fields.text_files import shorten_value
-from planner.errors import RequestError, mark_parameter, suggest_name
+from planner.errors import RequestError, mark_parameter
+from planner.request.option_checks import check_fleet, check_places
 from planner.request.option_texts import (
     DAY_S,
-    MAX_TRACTORS,
     MPS_PER_KMH,
     convert_kmh_to_mps,
     format_clock,
@@ -31,12 +30,14 @@ from planner.request.options import FlagOptions, NumberLimits, OptionHelp, Optio
 from planner.request.validation import (
     STRICT,
     CellBearings,
+    ClockTime,
     Count,
     Counts,
     Names,
     Number,
     Place,
     Text,
+    TimeText,
     check_option_limits,
     raise_request_errors,
 )
@@ -50,6 +51,7 @@ MAX_LENGTH_M = 1000.0  # wider, deeper and farther round than any machine that w
 FULL_CIRCLE_DEG = 360.0
 MAX_PRICE = 1e9  # in any currency
 MIN_CLEARANCE_M, MAX_CLEARANCE_M = 0.05, 10.0
+MAX_HEADLAND_PASSES = 50
 SOW = "sow"
 HEADLAND_ORDERS_BY_OPERATION = {
     "till": HEADLAND_ORDERS,
@@ -86,14 +88,18 @@ _PRICE = NumberLimits(high=MAX_PRICE)
 class PlanRequest:
     """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
 
+    Clock times may be given as `datetime.time` or as "13:00"; `start_s` and `deadline_s` hold seconds.
+
     `field` and `tractor` are names or files. Planning decides what is None: the headland by the turn that must fit it,
     the bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline
     that is earlier than the start is on the next day. The clearance is between machines with their implements; on
     neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. Machines may
     reach over its open edges by `overhang_m`, or by what an edge allows. With
-    `no_headland` the headland is left as room for turning, else it is worked in passes. `cell_bearings` are pairs of a
-    cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a field in local metres) replaces
-    that of the field.
+    `no_headland` the headland is left as room for turning, else it is worked in passes, `headland_passes` of them or as
+    many as `headland_m` takes. `cell_bearings` are pairs of a cell's number and its bearing. `entrance` (longitude and
+    latitude, or x and y of a field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or
+    "lon,lat,radius in metres" to avoid besides those of the field, `ignored` names or numbers of obstacles of the field
+    that are left out.
 
     `samples` is None for as many as usual where there is a deadline, rain, an objective or a budget, else for none;
     `rain` says when it begins (planner.risk.rain). `refill` is "headland", "tender", or a place in degrees "lon,lat"
@@ -120,6 +126,11 @@ class PlanRequest:
         Number | None,
         OptionHelp("Headland depth, metres. By default sized from the turn that must fit.", WORK),
         _LENGTH("headland"),
+    ] = None
+    headland_passes: Annotated[
+        Count | None,
+        OptionHelp("Number of headland passes. By default as many as turns need, or more where that is quicker.", WORK),
+        NumberLimits("number of headland passes", low=1, high=MAX_HEADLAND_PASSES),
     ] = None
     bearing_deg: Annotated[
         Number | None,
@@ -198,12 +209,12 @@ class PlanRequest:
         Number, OptionHelp("Price of bringing one tractor.", COSTS, from_farm=True), _PRICE
     ] = 0.0
     start_s: Annotated[
-        Count | None,
+        ClockTime | None,
         OptionHelp("Start of work, hh:mm.", COSTS),
         OptionTextForm(str, partial(parse_clock, parameter="start_s")),
     ] = None
     deadline_s: Annotated[
-        Count | None,
+        ClockTime | None,
         OptionHelp(_DEADLINE_HELP, COSTS),
         OptionTextForm(str, partial(parse_clock, parameter="deadline_s")),
     ] = None
@@ -253,11 +264,7 @@ class PlanRequest:
     ] = 0.5
     no_headland: Annotated[
         bool,
-        OptionHelp(
-            "Leave the headland as room for turning, or work it in passes too.",
-            WORK,
-            declaration="--no-headland/--headland-passes",
-        ),
+        OptionHelp("Leave the headland as room for turning instead of working it.", WORK, declaration="--no-headland"),
     ] = False
     samples: Annotated[
         Count | None,
@@ -265,7 +272,7 @@ class PlanRequest:
         NumberLimits(high=MAX_SAMPLES),
     ] = None
     rain: Annotated[
-        str | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
+        TimeText | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
     ] = None
     objective: Annotated[
         str | None, OptionHelp("What the best plan is: fastest, cheapest or surest.", COSTS, choices=OBJECTIVES)
@@ -293,6 +300,25 @@ class PlanRequest:
         OptionHelp("Where the tractors come in: LON,LAT, or x,y with {local}. By default that of the file.", FIELD),
         OptionTextForm(str, partial(parse_number_pair, parameter="entrance")),
     ] = None
+    obstacles: Annotated[
+        Names,
+        OptionHelp(
+            "One more obstacle to avoid: LON,LAT or LON,LAT,RADIUS (X,Y with {local}; 1 m round by default); once for "
+            "every obstacle.",
+            FIELD,
+            api_help="More obstacles to avoid, each LON,LAT or LON,LAT,RADIUS (X,Y with {local}; 1 m by default).",
+        ),
+        OptionTextForm(list[str], tuple),
+    ] = ()
+    ignored: Annotated[
+        Names,
+        OptionHelp(
+            "Leave out an obstacle of the file, by its name or number (headland field lists them); once for every one.",
+            FIELD,
+            api_help="Obstacles of the file to leave out, by name or number.",
+        ),
+        OptionTextForm(list[str], tuple),
+    ] = ()
     part: Annotated[
         Count | None,
         OptionHelp("Plan only this part of a field that ditches or narrow necks divide; 1 is the largest.", FIELD),
@@ -309,10 +335,10 @@ class PlanRequest:
     def __post_init__(self) -> None:
         check_option_limits(self)
         _check_speeds(self)
-        _check_fleet(self)
+        check_fleet(self.tractors, self.strategies)
         _check_headland(self)
         _check_bearings(self)
-        _check_entrance(self)
+        check_places(self.entrance, self.obstacles, self.ignored)
         _check_times(self)
         _check_samples(self)
         if self.gnss_table is not None and not self.gnss:
@@ -339,6 +365,11 @@ class PlanRequest:
     def effective_turn_speed_mps(self) -> float:
         """Largest speed in turns: the one asked for, else the working speed; bends are driven more slowly."""
         return self.speed_mps if self.turn_speed_mps is None else self.turn_speed_mps
+
+    @property
+    def requested_headland_m(self) -> float | None:
+        """Depth of the headland as asked for, in metres or in passes; None where planning decides."""
+        return self.headland_m if self.headland_passes is None else self.headland_passes * self.width_m
 
     @property
     def headland_orders(self) -> tuple[str, ...]:
@@ -394,31 +425,20 @@ def _refuse_speed(speed_mps: float, wording: str, name: str, limit_mps: float) -
     )
 
 
-def _check_fleet(request: PlanRequest) -> None:
-    from strategies.registry import STRATEGIES
-
-    if not request.tractors:
-        raise RequestError(f"No tractor count is given in {mark_parameter('tractors')}; use for instance 1 to 6.")
-    for count in request.tractors:
-        if not 1 <= count <= MAX_TRACTORS:
-            raise RequestError(f"{count} tractors cannot be planned; use 1 to {MAX_TRACTORS}.", parameter="tractors")
-    strategy_list = ", ".join(STRATEGIES)
-    if not request.strategies:
-        raise RequestError(f"No strategy is given; use one or more of: {strategy_list}.", parameter="strategies")
-    for name in request.strategies:
-        if name not in STRATEGIES:
-            raise RequestError(
-                f"Strategy {name!r} is unknown{suggest_name(name, STRATEGIES)}; use one of: {strategy_list}.",
-                parameter="strategies",
-            )
-
-
 def _check_headland(request: PlanRequest) -> None:
     if request.no_headland and request.headland_order is not None:
         raise RequestError(
             f"{mark_parameter('no_headland')} leaves the headland, and {mark_parameter('headland_order')} says when to "
             "work it; leave out one of them."
         )
+    if request.headland_passes is None:
+        return
+    for name, meaning in (("no_headland", "leaves the headland"), ("headland_m", "is its depth")):
+        if getattr(request, name):
+            raise RequestError(
+                f"{mark_parameter(name)} {meaning}, and {mark_parameter('headland_passes')} says in how many passes it "
+                "is worked; leave out one of them."
+            )
 
 
 def _check_bearings(request: PlanRequest) -> None:
@@ -438,14 +458,6 @@ def _check_bearings(request: PlanRequest) -> None:
         raise RequestError(
             f"{mark_parameter('bearing_deg')} is for all cells, {mark_parameter('cell_bearings')} for one; leave out "
             "one of them."
-        )
-
-
-def _check_entrance(request: PlanRequest) -> None:
-    if request.entrance is not None and not all(map(math.isfinite, request.entrance)):
-        raise RequestError(
-            f"{mark_parameter('entrance')} is {shorten_value(request.entrance)}; give two numbers, longitude and "
-            "latitude."
         )
 
 

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, ConfigDict, ValidationError, ValidationInf
 
 from fields.text_files import shorten_value
 from planner.errors import HeadlandError, RequestError, mark_parameter, suggest_name
+from planner.request.option_texts import convert_clock_to_seconds, convert_time_to_text
 from planner.request.options import NumberLimits, OptionHelp, find_annotation_metadata, get_plain_type
 
 MAX_NUMBER = 10**18
@@ -41,8 +42,15 @@ def _convert_path_to_text(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+def _convert_clock(value: Any, info: ValidationInfo) -> Any:
+    """A time of day as seconds of the day."""
+    return _convert_to_number(convert_clock_to_seconds(value, str(info.field_name)), info)
+
+
 Text = Annotated[str, BeforeValidator(_convert_path_to_text)]
 Count = Annotated[int, BeforeValidator(_convert_to_number)]
+ClockTime = Annotated[int, BeforeValidator(_convert_clock)]
+TimeText = Annotated[str, BeforeValidator(convert_time_to_text)]
 Number = Annotated[float, BeforeValidator(_convert_to_number)]
 Counts = Annotated[tuple[int, ...], BeforeValidator(_convert_to_tuple)]
 Names = Annotated[tuple[str, ...], BeforeValidator(_convert_to_tuple)]

@@ -18,7 +18,7 @@ from planner.risk.monte_carlo import DEFAULT_SAMPLES, RiskSettings, apply_factor
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
-from reports.common.plan_results import PlanRanking, PlanResult, get_field_work_end_s
+from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
 from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -193,20 +193,27 @@ def add_risk_estimate(
     area_ha: float,
     criteria: DecisionCriteria | None,
 ) -> PlanResult:
-    """The result of a feasible plan with probability, quantiles of its time, and expected cost."""
+    """The result of a feasible plan with probability, quantiles of its time, and expected cost.
+
+    It meets the deadline if it does so in half of the samples, as the median is the end that is stated.
+    """
     if criteria is None or not result.feasible:
         return result
     estimate = estimate_risk(
         enforce_planned_order(run, tractor, implement), criteria.settings, with_variance_shares=False
     )
     plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
+    deadline_s = criteria.settings.deadline_s
     return replace(
         result,
+        meets_deadline=None if deadline_s is None else estimate.p50_done_s <= deadline_s,
         finish_probability=estimate.finish_probability,
         finish_probability_interval=estimate.finish_probability_interval,
         p50_s=estimate.p50_s,
         p80_s=estimate.p80_s,
         p95_s=estimate.p95_s,
+        p50_done_s=estimate.p50_done_s,
+        p95_done_s=estimate.p95_done_s,
         expected_cost=plan_cost.expected,
         expected_cost_error=plan_cost.expected_error,
         paid_cost=plan_cost.paid,
@@ -245,12 +252,9 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
 def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> str:
     """A sentence on what the cost in the advice covers."""
     prices = criteria.cost_terms.prices
-    subject = "Paid cost" if includes_late else "Cost"
-    sentence = (
-        f"{subject} in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(prices)}"
-    )
+    sentence = f"Cost in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(prices)}"
     per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
-    late_text = f"; expected cost adds {per_ha} for each hectare not done {criteria.limit_text}"
+    late_text = f"; and {per_ha} for each hectare not done {criteria.limit_text}"
     return f"{sentence}{late_text if includes_late else ''}."
 
 
@@ -272,10 +276,7 @@ def _select_eligible(
     subject = "No plan that finishes in time" if all_affordable else "No plan"
     cheaper_is_late = not all_affordable and min(plan.paid_cost or 0.0 for plan in all_plans) < least_paid
     closest = "the cheapest that finishes in time" if cheaper_is_late else "the cheapest"
-    note = (
-        f"{subject} is within the budget of {format_price(budget)} {unit}; "
-        f"{closest} costs {format_price(least_paid)} {unit}."
-    )
+    note = f"{subject} is within the budget of {budget:.2f} {unit}; {closest} costs {least_paid:.2f} {unit}."
     return cheapest, note, CHEAPEST
 
 
@@ -288,8 +289,8 @@ def _select_before_rain(plans: list[PlanResult], rain: RainForecast | None) -> t
     if rain is None:
         return plans, None
     if len(rain.onsets_s) == 1 and sum(rain.probabilities) == 1.0:
-        before_rain = [plan for plan in plans if get_field_work_end_s(plan) <= rain.onsets_s[0]]
-        late_s = min(get_field_work_end_s(plan) for plan in plans) - rain.onsets_s[0]
+        before_rain = [plan for plan in plans if get_stated_end_s(plan) <= rain.onsets_s[0]]
+        late_s = min(get_stated_end_s(plan) for plan in plans) - rain.onsets_s[0]
         return (
             before_rain,
             None

@@ -253,6 +253,8 @@ class WorkClock(Protocol):
 
     def compute_work_s(self, clock_s: Array) -> Array: ...
 
+    def compute_clock_s(self, work_s: float) -> float: ...
+
 
 @dataclass(frozen=True)
 class RiskSettings:
@@ -273,6 +275,10 @@ class RiskSettings:
         limit_s = self.sample_time_limit_s()
         return limit_s if self.workday is None else self.workday.compute_work_s(limit_s) - self.workday.before_field_s
 
+    def compute_field_clock_s(self, field_s: float) -> float:
+        """Seconds after the start by the clock when so many seconds of field work are done."""
+        return field_s if self.workday is None else self.workday.compute_clock_s(self.workday.before_field_s + field_s)
+
     def sample_time_limit_s(self) -> Array:
         """When work must be done, (samples,): at the deadline or the rain; infinite without either."""
         rain = np.full(self.samples, math.inf) if self.rain is None else self.rain.draw_onsets(self.samples, self.seed)
@@ -289,7 +295,8 @@ class RiskEstimate:
     """The risk figures of one plan.
 
     `finish_probability` and its Wilson interval (95 %) are None without deadline and rain. `mean_s` and the quantiles
-    are of the finish of the last tractor; `unworked_share` is the mean share of work not done at the limit.
+    are of the finish of the last tractor, `p50_done_s` and `p95_done_s` of the end of field work by the clock;
+    `unworked_share` is the mean share of work not done at the limit.
     `variance_shares` are the shares of the variance of the finish that vanish when an input is switched off, by name.
     """
 
@@ -299,6 +306,8 @@ class RiskEstimate:
     p50_s: float
     p80_s: float
     p95_s: float
+    p50_done_s: float
+    p95_done_s: float
     unworked_share: float
     variance_shares: dict[str, float]
     outcomes: SampledOutcomes
@@ -317,6 +326,9 @@ def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_varianc
     )
     in_time = int((outcomes.work_finish_s <= limit_s).sum())
     p50, p80, p95 = (float(value) for value in np.quantile(outcomes.finish_s, QUANTILES))
+    p50_done_s, p95_done_s = (
+        settings.compute_field_clock_s(float(value)) for value in np.quantile(outcomes.work_finish_s, (0.50, 0.95))
+    )
     return RiskEstimate(
         finish_probability=in_time / settings.samples if settings.has_limit else None,
         finish_probability_interval=compute_wilson_interval(in_time, settings.samples) if settings.has_limit else None,
@@ -324,6 +336,8 @@ def estimate_graph_risk(graph: LegGraph, settings: RiskSettings, *, with_varianc
         p50_s=p50,
         p80_s=p80,
         p95_s=p95,
+        p50_done_s=p50_done_s,
+        p95_done_s=p95_done_s,
         unworked_share=float(1.0 - outcomes.worked_share.mean()),
         variance_shares=compute_variance_shares(graph, settings) if with_variance_shares else {},
         outcomes=outcomes,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from planner.errors import RequestError, mark_parameter, suggest_name
 from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST
-from reports.common.wording import format_price
+from reports.common.wording import format_price, format_price_change
 from reports.plan.plan_wording import is_interval_wide
 
 MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
@@ -153,7 +153,6 @@ def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, 
 
 
 MIN_AMOUNT = 0.005
-MIN_WHOLE_AMOUNT = 999.995  # from here on costs are printed without decimals
 MINUTE_S = 60.0
 ABOUT_EQUAL = " (about equal)"
 
@@ -259,14 +258,8 @@ def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str
 
 def _describe_cost_change(plan: PlanFigures, chosen: PlanFigures, unit: str, *, mention_equal: bool) -> str:
     """The change of the expected cost, such as "+9.40 EUR"."""
-    added_cost = _compute_added_cost(plan, chosen)
-    if added_cost == 0.0:
+    change = format_price_change(plan.expected, chosen.expected)
+    if change is None:
         return "same cost"
     equal_remark = ABOUT_EQUAL if mention_equal and has_same_cost(plan, chosen) else ""
-    return f"{'+' if added_cost > 0.0 else '-'}{format_price(abs(added_cost))}{unit}{equal_remark}"
-
-
-def _compute_added_cost(plan: PlanFigures, chosen: PlanFigures) -> float:
-    """The difference of expected costs as printed: in whole units from 1000 on."""
-    decimals = 2 if max(plan.expected, chosen.expected) < MIN_WHOLE_AMOUNT else 0
-    return round(round(plan.expected, decimals) - round(chosen.expected, decimals), decimals)
+    return f"{change}{unit}{equal_remark}"

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from reports.common.notebook import ShownResult
+
 Points = npt.NDArray[np.float64]
 
 
@@ -41,8 +43,8 @@ class PlanFault:
     y_m: float
 
 
-@dataclass(frozen=True)
-class PlanResult:
+@dataclass(frozen=True, repr=False)
+class PlanResult(ShownResult):
     """One plan. Values that were not simulated are None; `reason` says why, or why the plan is infeasible.
 
     Attributes:
@@ -63,17 +65,20 @@ class PlanResult:
             gives the order.
         formation_pct: share of the length of all tracks that tractors drive side by side; None without a formation.
         headland_passes, headland_s: passes worked, and seconds from the first tractor on one to the last off it.
+        headland_order: whether they are worked "first" or "last"; None without any.
         done_s: end of field work, seconds after the start by the clock: with the path from the entrance, without the
             path back; on a farm with breaks, road and preparation. `finished_done_s`: the same of the finished field.
         ready_s, home_s, transport_s: on a farm, when field work can begin, when all are back in the yard, and tractor
             seconds of road and handling.
         finish_probability: of being done by the deadline and before the rain, with its 95 % interval, from samples.
         p50_s, p80_s, p95_s: quantiles of the time.
+        p50_done_s, p95_done_s: quantiles of the end of field work by the clock, as `done_s`.
         paid_cost, expected_cost: mean costs of the samples, the latter with losses on late ground and its standard
             error.
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something, leaves the field, or finds no path.
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
+        fuel_l: litres of fuel of the fleet, where they are known.
     """
 
     strategy: str
@@ -129,6 +134,10 @@ class PlanResult:
     faults: tuple[PlanFault, ...] = ()
     overhang_m: float | None = None
     beyond_overhang_m: float | None = None
+    p50_done_s: float | None = None
+    p95_done_s: float | None = None
+    fuel_l: float | None = None
+    headland_order: str | None = None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:
@@ -151,12 +160,50 @@ def get_finished_field_end_s(plan: PlanResult) -> float:
     return get_finished_field_s(plan) if plan.finished_done_s is None else plan.finished_done_s
 
 
+def get_stated_s(plan: PlanResult) -> float:
+    """The time that every report states, until all tractors are done: the median of samples, else as simulated."""
+    return float((plan.time_s or 0.0) if plan.p50_s is None else plan.p50_s)
+
+
+def get_stated_end_s(plan: PlanResult) -> float:
+    """The end of field work that every report states, seconds after the start by the clock.
+
+    It is the median of the samples, and where there are none as simulated.
+    """
+    if plan.p50_done_s is not None:
+        return plan.p50_done_s
+    return get_field_work_end_s(plan) + get_stated_s(plan) - (plan.time_s or 0.0)
+
+
+def get_stated_late_end_s(plan: PlanResult) -> float | None:
+    """The end of field work by the clock in 95 % of the samples; None without samples."""
+    if plan.p95_done_s is not None or plan.p95_s is None:
+        return plan.p95_done_s
+    return get_field_work_end_s(plan) + plan.p95_s - (plan.time_s or 0.0)
+
+
+def get_stated_finished_end_s(plan: PlanResult) -> float:
+    """When the finished field is done: the stated end, and the time to finish the unworked ground."""
+    return get_stated_end_s(plan) + get_finished_field_end_s(plan) - get_field_work_end_s(plan)
+
+
+def get_stated_cost(plan: PlanResult) -> float | None:
+    """The cost that every report states: the expected one, and where there are no samples as simulated."""
+    return plan.cost if plan.expected_cost is None else plan.expected_cost
+
+
+def get_ranked_s(plan: PlanResult) -> float:
+    """Seconds that feasible plans are ranked by: the stated time with the unworked ground finished as well."""
+    delay_s = 0.0 if plan.p50_s is None else plan.p50_s - (plan.time_s or 0.0)
+    return get_finished_field_s(plan) + delay_s
+
+
 def build_time_sort_key(plan: PlanResult) -> tuple[float, int, str]:
     """Sort key of feasible plans: time to finish the field to the millisecond, then tractors, then name.
 
     Unworked ground counts with the time it would take at the plan's own rate.
     """
-    return round(get_finished_field_s(plan), 3), plan.tractors, plan.strategy
+    return round(get_ranked_s(plan), 3), plan.tractors, plan.strategy
 
 
 def build_merit_sort_key(plan: PlanResult, allowed_s: float | None = None) -> tuple[int, float, float, int, str]:
@@ -164,7 +211,7 @@ def build_merit_sort_key(plan: PlanResult, allowed_s: float | None = None) -> tu
 
     A plan that could finish the field within `allowed_s` comes before one that is in time but leaves ground.
     """
-    late = 2 if not plan.meets_deadline else int(allowed_s is not None and get_finished_field_end_s(plan) > allowed_s)
+    late = 2 if not plan.meets_deadline else int(allowed_s is not None and get_stated_finished_end_s(plan) > allowed_s)
     return late, 0.0 if late == 2 else get_finished_field_cost(plan), *build_time_sort_key(plan)
 
 
@@ -185,7 +232,37 @@ class FieldPartPlan:
 
 
 @dataclass(frozen=True)
-class PlanRanking:
+class PullFigures:
+    """What an implement needs at the drawbar, and what the tractor has there, by ASAE D497 in medium soil.
+
+    Attributes:
+        implement: "cultivator" or "drill".
+        depth_cm: working depth that was assumed; None where the draft does not depend on it.
+        draft_kn, needed_kw: of the implement at `speed_kmh`.
+        engine_kw, available_kw: of the tractor, at the drawbar the latter.
+        possible_width_m, possible_speed_kmh: the greatest that it can pull, the other being as asked for; None where
+            nothing sensible is left.
+    """
+
+    implement: str
+    width_m: float
+    speed_kmh: float
+    depth_cm: float | None
+    draft_kn: float
+    needed_kw: float
+    engine_kw: float
+    available_kw: float
+    possible_width_m: float | None
+    possible_speed_kmh: float | None
+
+    @property
+    def is_questioned(self) -> bool:
+        """Whether the implement needs more than the tractor has."""
+        return self.needed_kw > self.available_kw
+
+
+@dataclass(frozen=True, repr=False)
+class PlanRanking(ShownResult):
     """All plans of a request, best first, infeasible ones last.
 
     Attributes:
@@ -203,6 +280,7 @@ class PlanRanking:
         money_sentences: what the costs include.
         parts: further parts of a divided field, each with a plan of its own.
         changes: of a request without a plan, the smallest changes that were found to work.
+        pull: whether the tractor can pull the implement; None where its power or the draft is not known.
     """
 
     field_name: str
@@ -227,6 +305,7 @@ class PlanRanking:
     money_sentences: tuple[str, ...] = ()
     field_allowed_s: float | None = None
     changes: tuple[str, ...] = ()
+    pull: PullFigures | None = None
     parts: tuple[FieldPartPlan, ...] = ()
 
     @property
@@ -246,7 +325,7 @@ class PlanRanking:
         best = self.best
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
-        return get_field_work_end_s(best) - self.allowed_s
+        return get_stated_end_s(best) - self.allowed_s
 
 
 @dataclass(frozen=True)
@@ -310,8 +389,8 @@ class CellOutline:
     y_m: float
 
 
-@dataclass(frozen=True, eq=False)
-class PlanDrive:
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanDrive(ShownResult):
     """The drive of all tractors of one plan, for pictures. Metres, rings and lines (n, 2).
 
     Attributes:
@@ -329,6 +408,7 @@ class PlanDrive:
         cut_off: pieces of ground that obstacles cut off.
         worked_pct: share of the field that is worked.
         fault_places: places (x, y) where plans cannot be driven.
+        crs, origin_m: system and origin of the metres on the earth; None for local metres.
     """
 
     title: str
@@ -353,6 +433,8 @@ class PlanDrive:
     cut_off: tuple[UnworkedPiece, ...] = ()
     worked_pct: float | None = None
     fault_places: tuple[tuple[float, float], ...] = ()
+    crs: str | None = None
+    origin_m: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -376,8 +458,8 @@ class ThesisClaim:
     why: str
 
 
-@dataclass(frozen=True)
-class FleetStudy:
+@dataclass(frozen=True, repr=False)
+class FleetStudy(ShownResult):
     """Tables 6.1 to 6.3 beside the thesis, its claims, and the one set of assumptions behind every row."""
 
     tables: dict[str, tuple[ThesisTableRow, ...]]

@@ -12,9 +12,12 @@ from rich.table import Table
 from rich.text import Text
 
 from fields.errors import escape_controls
+from reports.common.language import translate, translate_count
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
+LEAST_ANSWER_COLUMNS = 80  # from here on an answer keeps to its lines
+MOST_ANSWER_LINES, MOST_NARROW_LINES = 5, 14
 _GAP_COLUMNS = 1
 _LEAST_TEXT_COLUMNS = 8
 BREAK_MARKS = " +-"
@@ -162,6 +165,58 @@ class WrappedSentence:
         room = max(min(options.max_width, LINE_COLUMNS) - self.indent, 1)
         for line in wrap_text(escape_controls(self.text), room):
             yield Text(" " * self.indent + line, style=self.style, overflow="fold")
+
+
+@dataclass(frozen=True)
+class AnswerLines:
+    """An answer before its table, in at most five lines where the console has 80 columns.
+
+    `sentences` always stand there, the first in bold, shortened with dots if need be. Where lines are lacking, the
+    remarks (`faults`) become their first and a count, or only a count, then the title goes, then `alternatives`.
+    """
+
+    sentences: tuple[str, ...]
+    alternatives: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    title: str = ""
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
+        width = min(options.max_width, LINE_COLUMNS)
+        most = MOST_ANSWER_LINES if options.max_width >= LEAST_ANSWER_COLUMNS else MOST_NARROW_LINES
+        first, *others = self.sentences
+        sentences = [_shorten_to_lines(first, most - count_lines(others, width) - 1, width), *others]
+        note = self._choose_fault_note(width, most - count_lines([*sentences, *self.alternatives], width))
+        has_room = count_lines([*sentences, *self.alternatives, note], width) <= most
+        sentences += self.alternatives if has_room else ()
+        if self.title and count_lines([*sentences, note], width) < most:
+            yield format_title(self.title)
+        for text in filter(None, sentences):
+            yield format_sentence(text, style="bold" if text == sentences[0] else "")
+        if note:
+            yield format_sentence(note, style="yellow")
+
+    def _choose_fault_note(self, width: int, room: int) -> str:
+        """The remarks if they fit into so many lines, the first and a count, or only a count."""
+        faults = self.faults
+        if not faults:
+            return ""
+        first = translate("{remark} {count} more: --explain.", remark=faults[0], count=len(faults) - 1)
+        for note in (" ".join(faults), *([first] if len(faults) > 1 else [])):
+            if count_lines([note], width) <= room:
+                return note
+        return translate_count("{count} remark: --explain.", "{count} remarks: --explain.", len(faults))
+
+
+def _shorten_to_lines(text: str, lines: int, width: int) -> str:
+    """The text in at most so many lines (and at least one), with dots where it goes on."""
+    while count_lines([text], width) > max(lines, 1):
+        text = f"{text.removesuffix(' ...').rpartition(' ')[0]} ..."
+    return text
+
+
+def count_lines(sentences: Iterable[str], width: int) -> int:
+    """How many lines of at most `width` columns sentences take."""
+    return sum(len(wrap_text(escape_controls(text), width)) for text in sentences if text)
 
 
 def format_title(text: str, style: str = "bold underline") -> Text:

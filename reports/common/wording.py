@@ -10,6 +10,7 @@ from datetime import datetime
 NO_VALUE = "-"
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400
+LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
 NO_BREAK = "\N{NO-BREAK SPACE}"
 
 
@@ -36,6 +37,11 @@ def round_seconds(seconds: float) -> int:
     return math.floor(seconds + 0.5)
 
 
+def round_up_to_minute(seconds: float) -> float:
+    """Seconds to the next whole minute, so that what is done by then is done."""
+    return 60.0 * math.ceil(round(seconds, 3) / 60.0)
+
+
 def format_number(value: float | None, decimals: int) -> str:
     """A figure with fixed decimals and no negative zero; a dash when it is missing or not finite."""
     if value is None or not math.isfinite(value):
@@ -45,8 +51,17 @@ def format_number(value: float | None, decimals: int) -> str:
 
 
 def format_price(value: float | None) -> str:
-    """A cost with two decimals, or none from 1000 on."""
-    return format_number(value, 2 if value is None or abs(value) < 999.995 else 0)
+    """A cost with two decimals, or none from 10 on."""
+    return format_number(value, 2 if value is None or abs(value) < LEAST_WHOLE_PRICE else 0)
+
+
+def format_price_change(price: float | None, reference: float | None) -> str | None:
+    """The difference of two costs as they are printed, with its sign; None where they are printed alike."""
+    printed = [format_price(value) for value in (price, reference)]
+    if NO_VALUE in printed or printed[0] == printed[1]:
+        return None
+    decimals = max(len(text.partition(".")[2]) for text in printed)
+    return f"{float(printed[0]) - float(printed[1]):+.{decimals}f}"
 
 
 def format_percent(share: float | None) -> str:

@@ -8,13 +8,19 @@ from typing import TYPE_CHECKING, Any
 from reports.common import palette
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, format_percent, format_price
-from reports.day.schedule_results import DayResult, MapPlace
+from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
+from reports.day.schedule_results import (
+    DayResult,
+    MapPlace,
+    get_stated_end_s,
+    get_stated_leaves_s,
+    get_stated_start_s,
+)
 from reports.day.tables import (
     FIELD_COLUMNS,
     build_field_row,
     describe_day_columns,
     describe_optimality_gap,
-    format_time_of_day,
     list_machine_rows,
     list_money_rows,
     sort_by_field,
@@ -44,8 +50,8 @@ NARROWEST_LABELLED_BAR = 0.045  # of the width: what a bar must have for its nam
 def draw_gantt(result: DayResult) -> Figure:
     """The work of every machine over the day, below it that of every field with the hours in which it may be worked.
 
-    Roads are thin and grey, breaks pale bands, rain dashed lines with its probability. A bar is the mean time; the line
-    behind a bar of a field reaches to its end in 95 % of the samples.
+    Roads are thin and grey, breaks pale bands, rain dashed lines with its probability. A bar ends at the median; the
+    line behind a bar of a field reaches to its end in 95 % of the samples.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -66,6 +72,14 @@ def draw_gantt(result: DayResult) -> Figure:
     figure.subplots_adjust(left=0.17, right=0.98, top=1.0 - 0.42 / height, bottom=bottom, hspace=1.1 / height * 2)
     figure.text(0.17, 0.16 / height, GANTT_LEGEND, fontsize=8, color=INK_COLOUR, va="center")
     return figure
+
+
+def draw_machine_day(axes: Axes, result: DayResult) -> None:
+    """The work of every machine over the day on given axes, as in the upper part of `draw_gantt`."""
+    span_start_s, span_end_s = _compute_time_span(result)
+    names = [fleet.name for fleet in result.fleets]
+    _draw_time_grid(axes, names, "By machine", result, (span_start_s, span_end_s))
+    _draw_machines(axes, result, span_end_s - span_start_s)
 
 
 def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None:
@@ -98,7 +112,9 @@ def draw_road_map(result: DayResult, *, has_title: bool = True) -> Figure | None
 
 def _compute_time_span(result: DayResult) -> tuple[float, float]:
     """First and last second of the day in the picture."""
-    ends = [job.p95_end_s for job in result.jobs] + [fleet.home_s for fleet in result.fleets if fleet.home_s]
+    ends = [job.p95_end_s for job in result.jobs] + [
+        fleet.stated_home_s for fleet in result.fleets if fleet.stated_home_s
+    ]
     last = max(ends, default=result.start_s + 6 * HOUR_S)
     return result.start_s, max(last + 0.03 * (last - result.start_s), result.start_s + HOUR_S)
 
@@ -132,12 +148,14 @@ def _draw_machines(axes: Axes, result: DayResult, span: float) -> None:
     for row, fleet in enumerate(result.fleets):
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         for job in jobs:
-            colour = palette.get_tractor_colour(row)
-            axes.barh(row, job.start_s - job.leaves_s, left=job.leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
-            axes.barh(row, job.end_s - job.start_s, left=job.start_s, height=0.5, color=colour, zorder=4)
-            _write_bar_name(axes, row, (job.start_s, job.end_s), job.field, span)
-        if jobs and fleet.home_s is not None:
-            axes.barh(row, fleet.home_s - jobs[-1].end_s, left=jobs[-1].end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
+            colour, leaves_s = palette.get_tractor_colour(row), get_stated_leaves_s(job)
+            start_s, end_s = get_stated_start_s(job), get_stated_end_s(job)
+            axes.barh(row, start_s - leaves_s, left=leaves_s, height=0.14, color=ROAD_COLOUR, zorder=3)
+            axes.barh(row, end_s - start_s, left=start_s, height=0.5, color=colour, zorder=4)
+            _write_bar_name(axes, row, (start_s, end_s), job.field, span)
+        if jobs and fleet.stated_home_s is not None:
+            end_s = get_stated_end_s(jobs[-1])
+            axes.barh(row, fleet.stated_home_s - end_s, left=end_s, height=0.14, color=ROAD_COLOUR, zorder=3)
 
 
 def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
@@ -147,9 +165,10 @@ def _draw_fields(axes: Axes, result: DayResult, span: float) -> None:
             axes.barh(row, closes - opens, left=opens, height=0.72, color=WINDOW_COLOUR, zorder=1)
     for job in result.jobs:
         row, colour = result.fields.index(job.field), palette.get_tractor_colour(names.index(job.machine))
-        _draw_bar(axes, row, (job.start_s, job.end_s, job.p95_end_s), colour)
+        start_s, end_s = get_stated_start_s(job), get_stated_end_s(job)
+        _draw_bar(axes, row, (start_s, end_s, job.p95_end_s), colour)
         probability = f"{format_percent(job.finish_probability)} %"
-        _write_bar_name(axes, row, (job.start_s, job.end_s), probability, span)
+        _write_bar_name(axes, row, (start_s, end_s), probability, span)
     for unworked in result.unworked_fields:
         row = result.fields.index(unworked.field)
         axes.text(result.start_s, row, " not done", fontsize=8, color=palette.UNWORKED_COLOUR, va="center")
@@ -253,7 +272,7 @@ def render_day_page(result: DayResult) -> str:
     road_map = draw_road_map(result, has_title=False)
     content: dict[str, Any] = {
         "title": f"A day of {len(result.fields)} fields",
-        "advice": result.advice,
+        "advice": " ".join(list_day_sentences(result)),
         "gap": describe_optimality_gap(result),
         "facts": _list_day_facts(result),
         "gantt": encode_svg_base64(draw_gantt(result)),
@@ -276,12 +295,18 @@ def render_day_page(result: DayResult) -> str:
 
 def _list_day_facts(result: DayResult) -> list[tuple[str, str]]:
     """The figures of the day, label and value."""
-    ends = [job.end_s for job in result.jobs]
     probability = result.finish_probability
     return [
         ("Fields done", f"{len(result.jobs)} of {len(result.fields)}"),
         ("Hectares done", format_number(sum(job.area_ha for job in result.jobs), 1)),
-        *([("Last field done", format_time_of_day(max(ends)))] if ends else []),
+        *_list_end_facts(result),
         *([("All in time", f"{format_percent(probability)} %")] if probability is not None else []),
         *((f"{label}, {result.currency}", money) for label, money in list_money_rows(result)),
     ]
+
+
+def _list_end_facts(result: DayResult) -> list[tuple[str, str]]:
+    if not result.jobs:
+        return []
+    done, late = (format_end_of_day(seconds) for seconds in (result.stated_end_s, result.stated_late_end_s))
+    return [("All done", done), ("95 %", late)]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from reports.common.notebook import ShownResult
 from reports.common.plan_results import Points
 
 
@@ -18,7 +19,8 @@ class DayJob:
     the rain and the end of its window, with its 95 % interval; it is done by `p50_end_s` and `p95_end_s` in half and in
     95 % of the samples. `time_s` is the time of the simulated plan without variation, `cost` that of the work,
     `lost_cost` the mean loss on ground not done in time, `worked_pct` the share of the field that the plan works.
-    `refills` counts stops to fill or empty a tank, None where nothing is carried.
+    `refills` counts stops to fill or empty a tank, None where nothing is carried. `p50_start_s` and `p50_leaves_s` are
+    the medians of the samples, as reports state them.
     """
 
     field: str
@@ -39,6 +41,23 @@ class DayJob:
     lost_cost: float = 0.0
     worked_pct: float | None = None
     refills: int | None = None
+    p50_start_s: float | None = None
+    p50_leaves_s: float | None = None
+
+
+def get_stated_start_s(job: DayJob) -> float:
+    """The begin of the work that every report states: the median of the samples, seconds of the day."""
+    return job.start_s if job.p50_start_s is None else job.p50_start_s
+
+
+def get_stated_leaves_s(job: DayJob) -> float:
+    """When the fleet leaves the place before, the median of the samples."""
+    return job.leaves_s if job.p50_leaves_s is None else job.p50_leaves_s
+
+
+def get_stated_end_s(job: DayJob) -> float:
+    """The end of the work that every report states: the median of the samples, seconds of the day."""
+    return job.p50_end_s
 
 
 @dataclass(frozen=True)
@@ -53,7 +72,10 @@ class UnworkedField:
 
 @dataclass(frozen=True)
 class FleetDay:
-    """The day of a fleet: what it is (`words`), when it leaves and is home (None if it stays), km and cost of roads."""
+    """The day of a fleet: what it is (`words`), when it leaves and is home (None if it stays), km and cost of roads.
+
+    `p50_home_s` is the median of the samples.
+    """
 
     name: str
     words: str
@@ -61,6 +83,12 @@ class FleetDay:
     home_s: float | None
     km: float
     road_cost: float = 0.0
+    p50_home_s: float | None = None
+
+    @property
+    def stated_home_s(self) -> float | None:
+        """When the fleet is home as every report states it: the median of the samples."""
+        return self.home_s if self.p50_home_s is None else self.p50_home_s
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,14 +101,15 @@ class MapPlace:
     outline: Points | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class DayResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class DayResult(ShownResult):
     """The answer to a day file.
 
     `cost` is the expected cost of the whole day: `cost` and `lost_cost` of all jobs, `road_cost` of all fleets and
     `cost` of the fields not done. `gap_pct` is by how much less another order could cost at most, by the times it is
     planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
-    field may be worked, in the order of `fields`; `breaks` are those of the drivers.
+    field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
+    and `p95_done_s` in half and in 95 % of the samples.
     """
 
     start_s: float
@@ -103,3 +132,15 @@ class DayResult:
     places: tuple[MapPlace, ...] = ()
     closest_field: str = ""
     certainty_pct: float | None = None
+    p50_done_s: float | None = None
+    p95_done_s: float | None = None
+
+    @property
+    def stated_end_s(self) -> float:
+        """When the day is done as every report states it: the median of the samples."""
+        return max(job.p50_end_s for job in self.jobs) if self.p50_done_s is None else self.p50_done_s
+
+    @property
+    def stated_late_end_s(self) -> float:
+        """When the day is done in 95 % of the samples."""
+        return max(job.p95_end_s for job in self.jobs) if self.p95_done_s is None else self.p95_done_s

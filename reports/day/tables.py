@@ -17,15 +17,16 @@ from rich.text import Text
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
-from reports.day.schedule_results import DayJob, DayResult
+from reports.day.answer import format_end_of_day, format_time_of_day, list_day_sentences
+from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s, get_stated_start_s
 
 JOB_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability",
     "finish_probability_interval", "p50_end_s", "p95_end_s", "leaves_s", "km", "time_s", "cost", "lost_cost",
-    "area_ha", "worked_pct", "refills",
+    "area_ha", "worked_pct", "refills", "p50_start_s",
 )  # fmt: skip
 NOT_DONE_KEYS = ("field", "area_ha", "cost", "reason")
-FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km", "road_cost")
+FLEET_KEYS = ("name", "words", "leaves_s", "home_s", "km", "road_cost", "p50_home_s")
 DAY_CSV_KEYS = (
     "field", "machine", "strategy", "tractors", "start_s", "end_s", "finish_probability", "p50_end_s", "p95_end_s",
     "leaves_s", "km", "time_s", "cost", "lost_cost", "area_ha", "reason",
@@ -39,11 +40,12 @@ def format_day_json(result: DayResult) -> str:
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
     ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
     ``road_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
-    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``certainty_pct`` (null: mean times).
+    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``certainty_pct`` (null: mean times),
+    ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary`` (the answer as it is printed).
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
     content = {
-        "jobs": [_build_job_entry(job) for job in result.jobs],
+        "jobs": [build_job_entry(job) for job in result.jobs],
         "not_done": [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields],
         "gap_pct": result.gap_pct,
         "advice": result.advice,
@@ -57,6 +59,9 @@ def format_day_json(result: DayResult) -> str:
         "end_s": result.end_s,
         "remarks": result.remarks,
         "certainty_pct": result.certainty_pct,
+        "p50_done_s": result.stated_end_s if result.jobs else None,
+        "p95_done_s": result.stated_late_end_s if result.jobs else None,
+        "summary": list_day_sentences(result),
     }
     return json.dumps(make_json_safe(content, DAY_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
@@ -67,13 +72,14 @@ def format_day_csv(result: DayResult) -> str:
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(DAY_CSV_KEYS)
     unworked_fields = [{key: getattr(one, key) for key in NOT_DONE_KEYS} for one in result.unworked_fields]
-    for row in (*(_build_job_entry(job) for job in result.jobs), *unworked_fields):
+    for row in (*(build_job_entry(job) for job in result.jobs), *unworked_fields):
         values = (make_json_safe(row.get(key), DAY_DECIMALS) for key in DAY_CSV_KEYS)
         writer.writerow(["" if value is None else value for value in values])
     return buffer.getvalue()
 
 
-def _build_job_entry(job: DayJob) -> dict[str, Any]:
+def build_job_entry(job: DayJob) -> dict[str, Any]:
+    """One job with `JOB_KEYS`."""
     return {key: getattr(job, key) for key in JOB_KEYS}
 
 
@@ -81,8 +87,8 @@ DAY_S = 86_400
 
 
 def build_day_table(result: DayResult) -> RenderableType:
-    """The advice, the jobs of every machine, every field, what is not done and why, and the costs."""
-    parts: list[RenderableType] = [format_sentence(result.advice), format_sentence(describe_optimality_gap(result))]
+    """What a day says beyond its first screen: the jobs of every machine, every field, what is not done, the costs."""
+    parts: list[RenderableType] = [format_sentence(describe_optimality_gap(result))]
     if result.jobs:
         parts += [Text(""), format_title("By machine"), _build_machine_table(result)]
         parts += [
@@ -105,10 +111,10 @@ def build_day_table(result: DayResult) -> RenderableType:
 def describe_day_columns(result: DayResult) -> str:
     """What the columns of the tables hold."""
     text = (
-        f"Times are hh:mm, +1 is the next day. Begins and Ends are planned with {_describe_planning_times(result)}. "
-        f"P95: the "
-        "end in 95 % of the samples, late starts included. In time %: done before the rain and within the hours of the "
-        "field. Lost: mean loss on ground that is not done by then."
+        "Times are hh:mm, +1 is the next day, and medians of the samples, late starts included. P95: the end in 95 % "
+        "of the samples. Plan's time: without delays. In time %: done before the rain and within the hours of the "
+        "field. "
+        "Lost: mean loss on ground that is not done by then."
     )
     has_service_stops = any(job.refills is not None for job in result.jobs)
     return text + " Times include filling and emptying tanks, between fields and on them." * has_service_stops
@@ -128,15 +134,6 @@ def describe_optimality_gap(result: DayResult) -> str:
     return f"Within {result.gap_pct:.1f} % of the optimal order of the fields, by {_describe_planning_times(result)}."
 
 
-def format_time_of_day(seconds: float | None) -> str:
-    """Seconds of the day as hh:mm, past midnight with +1; a dash when there are none."""
-    if seconds is None:
-        return NO_VALUE
-    minutes = round(seconds / 60.0)
-    days, minute = divmod(minutes, 24 * 60)
-    return f"{minute // 60:02d}:{minute % 60:02d}" + (f"+{days}" if days else "")
-
-
 def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
     """What every machine does, a row per field and one for the road back: machine, what, from, to, km, in time."""
     rows: list[tuple[str, ...]] = []
@@ -150,8 +147,8 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
                 (
                     name,
                     f"{job.field}: {job.strategy}",
-                    format_time_of_day(job.start_s),
-                    format_time_of_day(job.end_s),
+                    format_time_of_day(get_stated_start_s(job)),
+                    format_end_of_day(get_stated_end_s(job)),
                     format_number(job.km, 1),
                     format_percent(job.finish_probability),
                 )
@@ -162,8 +159,8 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
                 (
                     "",
                     "back",
-                    format_time_of_day(jobs[-1].end_s),
-                    format_time_of_day(fleet.home_s),
+                    format_end_of_day(get_stated_end_s(jobs[-1])),
+                    format_end_of_day(fleet.stated_home_s),
                     format_number(back, 1),
                     NO_VALUE,
                 )
@@ -191,9 +188,9 @@ def build_field_row(job: DayJob) -> tuple[str, ...]:
         format_number(job.area_ha, 2),
         job.machine,
         str(job.tractors),
-        format_time_of_day(job.start_s),
-        format_time_of_day(job.end_s),
-        format_time_of_day(job.p95_end_s),
+        format_time_of_day(get_stated_start_s(job)),
+        format_end_of_day(get_stated_end_s(job)),
+        format_end_of_day(job.p95_end_s),
         format_duration(job.time_s),
         format_percent(job.finish_probability),
         format_price(job.cost),
@@ -203,7 +200,7 @@ def build_field_row(job: DayJob) -> tuple[str, ...]:
 
 FIELD_COLUMNS = (
     TableColumn("Field", is_text=True), TableColumn("ha", drop_order=4), TableColumn("Machine", is_text=True),
-    TableColumn("Tractors", "Trac-\ntors", drop_order=5), TableColumn("Begins"), TableColumn("Ends"),
+    TableColumn("Tractors", "Trac-\ntors", drop_order=5), TableColumn("Begins"), TableColumn("Done"),
     TableColumn("P95", drop_order=2),
     TableColumn("Plan's time", "Plan's\ntime", drop_order=6), TableColumn("In time %", "In\ntime %", drop_order=1),
     TableColumn("Cost", drop_order=3), TableColumn("Lost", drop_order=4),

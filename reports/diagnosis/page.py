@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from typing import Any
-
-import numpy as np
+from urllib.parse import quote
 
 from reports.common import palette
 from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, join_list
+from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
 from reports.diagnosis.sentences import (
     SHOWN_HORIZON_S,
     SMALLEST_VISIBLE,
@@ -30,10 +30,9 @@ from reports.diagnosis.sentences import (
     name_held_out_data,
     sort_findings,
 )
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding, ResidualPlot
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
 from vehicle.model.effects import get_effect
 
-CURVE_WIDTH, CURVE_HEIGHT, CURVE_LEFT, CURVE_BOTTOM, CURVE_TOP = 720.0, 300.0, 64.0, 44.0, 12.0
 ERROR_KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))
 
 
@@ -59,8 +58,10 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         ],
         "guilty": diagnosis.guilty_block,
         "blocks": [(name, f"{b:.2f}", f"{a:.2f}") for name, (b, a) in diagnosis.block_error.items()],
-        "curve": None if diagnosis.curve is None else _build_curve_drawing(diagnosis.curve),
+        "curve": None if diagnosis.curve is None else build_curve_drawing(diagnosis.curve),
         "shown_by": _describe_curve_cause(diagnosis),
+        "evidence": build_evidence_content(diagnosis),
+        "correlations": build_correlation_table(diagnosis.correlations),
         "effects": [_describe_effect(one) for one in sort_findings(diagnosis.findings)],
         "smallest_visible": SMALLEST_VISIBLE,
         "likely": explain_likely_verdict() if any(is_calibration_effect(one) for one in diagnosis.findings) else None,
@@ -68,6 +69,7 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         if discrepancy is None
         else {"terms": list_discrepancy_terms(discrepancy), "words": describe_trusted_range(discrepancy)},
         "drive": diagnosis.next_drive,
+        "drive_plan": diagnosis.next_drive_plan and quote(diagnosis.next_drive_plan),
         "alternatives": join_list(map(get_effect_label, diagnosis.next_drive.separates))
         if diagnosis.next_drive
         else "",
@@ -177,62 +179,3 @@ def _describe_curve_cause(diagnosis: Diagnosis) -> str:
     if names:
         return f"The error from {get_effect_label(names[0])} depends on: {get_effect(names[0]).regressor}."
     return "" if equivalents or not diagnosis.depends_on else f"No known cause: {diagnosis.depends_on[0]}."
-
-
-def _build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
-    """Points, error bars and axes of the curve in drawing coordinates."""
-    lows = np.concatenate([curve.before - 2 * curve.before_error, curve.after - 2 * curve.after_error, [0.0]])
-    highs = np.concatenate([curve.before + 2 * curve.before_error, curve.after + 2 * curve.after_error, [0.0]])
-    low, high = float(lows.min()), float(highs.max())
-    pad = 0.06 * max(high - low, 1e-6)
-    low, high = low - pad, high + pad
-    lowest_at, highest_at = float(curve.regressor_values.min()), float(curve.regressor_values.max())
-    if highest_at - lowest_at < 1e-6 * max(abs(lowest_at), abs(highest_at), 1.0):
-        lowest_at, highest_at = lowest_at - 1.0, highest_at + 1.0
-
-    def scale_x(value: float) -> float:
-        return CURVE_LEFT + (value - lowest_at) / (highest_at - lowest_at) * (CURVE_WIDTH - CURVE_LEFT - 20.0)
-
-    def scale_y(value: float) -> float:
-        return CURVE_TOP + (high - value) / (high - low) * (CURVE_HEIGHT - CURVE_TOP - CURVE_BOTTOM)
-
-    series = []
-    for name, values, errors in (
-        ("before", curve.before, curve.before_error),
-        ("after", curve.after, curve.after_error),
-    ):
-        points = [
-            {
-                "x": scale_x(float(at)),
-                "y": scale_y(float(v)),
-                "top": scale_y(float(v + 2 * e)),
-                "low": scale_y(float(v - 2 * e)),
-            }
-            for at, v, e in zip(curve.regressor_values, values, errors, strict=True)
-        ]
-        series.append({"name": name, "points": points, "line": " ".join(f"{p['x']:.1f},{p['y']:.1f}" for p in points)})
-    return {
-        "width": CURVE_WIDTH,
-        "height": CURVE_HEIGHT,
-        "zero": scale_y(0.0),
-        "left": CURVE_LEFT,
-        "right": CURVE_WIDTH - 20.0,
-        "bottom": CURVE_HEIGHT - CURVE_BOTTOM,
-        "series": series,
-        "regressor": curve.regressor,
-        "quantity": curve.quantity,
-        "xticks": [(scale_x(value), text) for value, text in choose_ticks(lowest_at, highest_at)],
-        "yticks": [(scale_y(value), text) for value, text in choose_ticks(low, high)],
-    }
-
-
-def choose_ticks(low: float, high: float) -> list[tuple[float, str]]:
-    """Choose about five round values of a range (`low` below `high`), with texts that differ."""
-    span = high - low
-    step = 10.0 ** math.floor(math.log10(span / 4.0))
-    step *= min((1.0, 2.0, 2.5, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
-    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    if abs(step * 10**decimals - round(step * 10**decimals)) > 0.1:
-        decimals += 1  # a step of two and a half
-    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-    return [(n * step, format_number(n * step, decimals)) for n in range(first, last + 1)]

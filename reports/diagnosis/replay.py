@@ -60,7 +60,7 @@ def build_replay_table(replayed: ReplayResult, remarks: Sequence[str] = ()) -> G
         format_sentence(
             f"{replayed.name} against {replayed.tractor}; effects in the tractor file: {_list_effect_names(replayed)}."
         ),
-        FittedTable(columns, tuple(_list_error_rows_by_horizon(replayed))),
+        FittedTable(columns, tuple(list_error_rows_by_horizon(replayed))),
         *(format_sentence(line) for line in (*remarks, *_list_replayed_measurements(replayed))),
     )
 
@@ -69,7 +69,8 @@ def _list_effect_names(replayed: ReplayResult) -> str:
     return join_list(map(format_effect_with_id, replayed.effects))
 
 
-def _list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, str, str, str]]:
+def list_error_rows_by_horizon(replayed: ReplayResult) -> list[tuple[str, str, str, str]]:
+    """Length of the pieces and the errors across, along and of the heading, as texts."""
     return [
         (
             f"{horizon:g} s",
@@ -112,6 +113,22 @@ def draw_replay(replayed: ReplayResult) -> Figure:
     title = f"{replayed.name} against {replayed.tractor}".replace("$", r"\$")
     figure.suptitle(title, x=0.01, ha="left", fontsize=12, color=_INK_COLOUR)
     return figure
+
+
+def draw_replayed_path(axes: Axes, replayed: ReplayResult) -> None:
+    """Measured and simulated path on given axes."""
+    for segment in replayed.segments:
+        _draw_path(axes, segment)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="east, m", ylabel="north, m")
+    handles, labels = axes.get_legend_handles_labels()
+    entries = dict(zip(labels, handles, strict=True))
+    axes.legend(entries.values(), entries.keys(), frameon=False, fontsize=8)
+
+
+def describe_replay(replayed: ReplayResult) -> str:
+    """How far off the simulation is, in a sentence."""
+    return _describe_replay_error(replayed, list_error_rows_by_horizon(replayed))
 
 
 def _draw_path(axes: Axes, segment: ReplayedSegment) -> None:
@@ -164,7 +181,7 @@ def _draw_legend_above(axes: Axes) -> None:
 
 def render_replay_page(replayed: ReplayResult, remarks: Sequence[str] = ()) -> str:
     """The picture, the errors and the remarks on the log as one self-contained page."""
-    rows = _list_error_rows_by_horizon(replayed)
+    rows = list_error_rows_by_horizon(replayed)
     content = {
         "name": replayed.name,
         "tractor": replayed.tractor,

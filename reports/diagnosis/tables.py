@@ -9,6 +9,7 @@ from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import format_number, join_list
+from reports.diagnosis.evidence import build_residuals_dict, list_correlations
 from reports.diagnosis.sentences import (
     SMALLEST_VISIBLE,
     describe_confusable_effects,
@@ -73,6 +74,8 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
         },
         "calibration": diagnosis.calibration,
         "plan": None if plan is None else plan.__dict__,
+        "residuals": None if diagnosis.evidence is None else build_residuals_dict(diagnosis.evidence),
+        "correlations": list_correlations(diagnosis.correlations),
         "notes": list(diagnosis.notes),
         "tractor": diagnosis.tractor.model_dump(mode="python"),
         "hidden": None if hidden is None else {"id": hidden.id, "value": hidden.values, "words": hidden.description},

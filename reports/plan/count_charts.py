@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanRanking, PlanResult, get_finished_field_s
+from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
 from reports.common.wording import format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import (
@@ -29,7 +29,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         return None
     width, height, room_left, room_right, above, below = _FRONT_BOX
     limit = ranking.allowed_s if ranking.field_allowed_s is None else ranking.field_allowed_s
-    top = max([get_finished_field_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
+    top = max([get_ranked_s(plan) for plan in plans] + ([limit] if limit is not None else [])) * 1.06 or 1.0
     counts = sorted({plan.tractors for plan in plans})
     span = counts[-1] - counts[0]
 
@@ -46,7 +46,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
         "width": width,
         "height": height,
         "points": _place_points(
-            plans, names, [(scale_x(plan.tractors), scale_y(get_finished_field_s(plan))) for plan in plans]
+            plans, names, [(scale_x(plan.tractors), scale_y(get_ranked_s(plan))) for plan in plans]
         ),
         "line": " ".join(f"{scale_x(count)},{scale_y(time)}" for count, time in _list_pareto_points(plans)),
         "deadline": None if limit is None else {"y": scale_y(limit), "text": _describe_deadline(ranking)},
@@ -57,7 +57,7 @@ def build_time_chart(ranking: PlanRanking) -> dict[str, Any] | None:
 
 
 def _list_pareto_points(plans: list[PlanResult]) -> list[tuple[int, float]]:
-    return sorted((plan.tractors, get_finished_field_s(plan)) for plan in plans if plan.on_pareto_front)
+    return sorted((plan.tractors, get_ranked_s(plan)) for plan in plans if plan.on_pareto_front)
 
 
 def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[float, float]]) -> list[dict[str, Any]]:
@@ -83,8 +83,8 @@ def _place_points(plans: list[PlanResult], names: list[str], places: list[tuple[
 
 def _describe_plan_times(plan: PlanResult) -> str:
     """The time of a plan, and that to finish the field where it leaves ground."""
-    finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_finished_field_s(plan))}"
-    return f"{format_duration(plan.time_s)}{finish}"
+    finish = "" if format_unworked(plan) is None else f", to finish {format_duration(get_ranked_s(plan))}"
+    return f"{format_duration(get_stated_s(plan))}{finish}"
 
 
 def _choose_time_ticks(top_s: float) -> list[int]:
@@ -142,7 +142,7 @@ def build_risk_chart(ranking: PlanRanking) -> dict[str, Any] | None:
     probabilities = _ChartBand(_RISK_ABOVE, _RISK_ABOVE + height, 1.0)
     bands = [
         {
-            "name": f"Expected cost, {ranking.currency}",
+            "name": f"Cost, {ranking.currency}",
             "ticks": [
                 {"y": costs.scale_y(value), "text": _format_axis_value(value)} for value in _choose_value_ticks(top)
             ],
@@ -201,7 +201,7 @@ def choose_plan_per_count(ranking: PlanRanking) -> list[PlanResult]:
 
 def _build_risk_point(ranking: PlanRanking, plan: PlanResult, x: float, y: float) -> dict[str, Any]:
     in_time_text = "" if plan.finish_probability is None else f"{format_in_time_probability(plan)} % in time, "
-    text = f"{plan.tractors} x {plan.strategy}: {in_time_text}expected cost {format_price(plan.expected_cost)}"
+    text = f"{plan.tractors} x {plan.strategy}: {in_time_text}cost {format_price(plan.expected_cost)}"
     return {"x": x, "y": y, "best": plan is ranking.best, "text": text}
 
 

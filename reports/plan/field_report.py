@@ -123,25 +123,29 @@ def _format_fact(value: Any, separator: str = "\n") -> str:
 
 
 def build_parcels_table(parcels: Sequence[FieldSummary]) -> RenderableType:
-    """Position, id, area in hectares and number of holes of every field, or why it cannot be used."""
+    """Position, id, area in hectares and holes of every field, what it lies inside, and why it cannot be used."""
     columns = [TableColumn("#"), TableColumn("ID", is_text=True), TableColumn("Area (ha)"), TableColumn("Holes")]
-    if any(parcel.fault for parcel in parcels):
-        columns.append(TableColumn("Not usable", is_text=True))
-    rows = tuple(
-        (
+    rows = [
+        [
             str(parcel.position),
             parcel.key,
             format_number(parcel.area_ha, 2),
             NO_VALUE if parcel.holes is None else str(parcel.holes),
-            parcel.fault,
-        )[: len(columns)]
+        ]
         for parcel in parcels
-    )
-    return FittedTable(tuple(columns), rows)
+    ]
+    for heading, texts in (
+        ("Inside", [parcel.inside or "" for parcel in parcels]),
+        ("Not usable", [parcel.fault for parcel in parcels]),
+    ):
+        if any(texts):
+            columns.append(TableColumn(heading, is_text=True))
+            rows = [[*row, text] for row, text in zip(rows, texts, strict=True)]
+    return FittedTable(tuple(columns), tuple(map(tuple, rows)))
 
 
 def format_parcels_json(parcels: Sequence[FieldSummary]) -> str:
-    """A list of objects: position, id, area_ha and holes (null where it cannot be used), fault (null or why)."""
+    """A list of objects: position, id, area_ha and holes (null if not usable), fault and inside (null or text)."""
     rows = [
         {
             "position": parcel.position,
@@ -149,6 +153,7 @@ def format_parcels_json(parcels: Sequence[FieldSummary]) -> str:
             "area_ha": None if parcel.area_ha is None else round(parcel.area_ha, 4),
             "holes": parcel.holes,
             "fault": parcel.fault or None,
+            "inside": parcel.inside,
         }
         for parcel in parcels
     ]

@@ -9,7 +9,9 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import PurePath
 from typing import Any
 
@@ -23,7 +25,8 @@ from reports.plan.ranking_export import CSV_KEYS, EXPORT_DECIMALS, PLAN_KEYS, fl
 
 FieldRecord = Mapping[str, Any]
 REQUESTED_KEY = "requested_field"
-_FILE_KEYS = ("key", "sum")  # of the checkpoint file only
+MAP_KEY = "map"  # a small map of the best plan, for the page
+_FILE_KEYS = ("key", "sum", MAP_KEY)  # of the checkpoint file and the page only
 
 
 def format_many_csv_head() -> str:
@@ -35,8 +38,10 @@ def format_many_csv_rows(record: FieldRecord) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
     ranking = record["ranking"]
     empty_plan = dict.fromkeys(PLAN_KEYS) | {"feasible": False, "reason": record["refusal"]}
-    plans = [{key: plan[key] for key in PLAN_KEYS} for plan in (ranking["plans"] if ranking else [empty_plan])]
-    request_values = ranking["scenario"] if ranking else {"width_m": record["width_m"]}
+    plans = [{key: plan.get(key) for key in PLAN_KEYS} for plan in (ranking["plans"] if ranking else [empty_plan])]
+    request_values = (
+        {**ranking["scenario"], "area_ha": ranking["field"]["area_ha"]} if ranking else {"width_m": record["width_m"]}
+    )
     request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
     return _format_csv(
         [*map(format_csv_cell, flatten_entry(plan).values()), *request_cells, record[REQUESTED_KEY]] for plan in plans
@@ -50,32 +55,115 @@ def _format_csv(rows: Iterable[Sequence[Any]]) -> str:
 
 
 def format_many_fields_json(records: Sequence[FieldRecord]) -> str:
-    """``fields``: records without their key and check sum, in the order of the request."""
+    """``fields``: records without key, check sum and map, in the order of the request; ``totals``: one per width."""
     shown = [{key: value for key, value in record.items() if key not in _FILE_KEYS} for record in records]
-    return json.dumps({"fields": shown}, indent=2, ensure_ascii=False) + "\n"
+    totals = [{**asdict(one), "cost_per_ha": one.cost_per_ha} for one in sum_over_fields(records)]
+    content = {"fields": shown, "totals": make_json_safe(totals, EXPORT_DECIMALS)}
+    return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
 
 def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
-    """The best plan of every field at every width, and which fields have none and why."""
-    has_probability = any((_get_best_plan(record) or {}).get("finish_probability") is not None for record in records)
-    column_count = len(_MANY_COLUMNS) - (not has_probability)
-    rows = tuple(_build_field_plan_row(record)[:column_count] for record in records)
-    parts: list[RenderableType] = [FittedTable(_MANY_COLUMNS[:column_count], rows)]
-    legend = "The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."
-    parts += [format_sentence(text, style="dim") for text in (legend, *_describe_costs(records))]
-    without = [record for record in records if not _get_best_plan(record)]
+    """The best plan of every field at every width with totals, and which fields have none and why."""
+    table = tabulate_records(records)
+    styles = tuple("bold" if row in table.total_rows else "" for row in table.rows)
+    parts: list[RenderableType] = [FittedTable(table.columns, table.rows, styles)]
+    parts += [format_sentence(text, style="dim") for text in describe_records(records)]
+    without = list_records_without_plan(records)
     if without:
         parts += [Text(""), Text(f"Without a plan: {len(without)} of {len(records)}", style="bold underline")]
-        parts += [
-            format_sentence(f"{record[REQUESTED_KEY]} at {record['width_m']:g} m: {_explain_missing_plan(record)}")
-            for record in without
-        ]
+        parts += [format_sentence(sentence) for sentence in without]
     return Group(*parts)
+
+
+@dataclass(frozen=True)
+class RecordsTable:
+    """Columns and rows of the best plans: one for every record, then one of totals for every width (`total_rows`)."""
+
+    columns: tuple[TableColumn, ...]
+    rows: tuple[tuple[str, ...], ...]
+    total_rows: tuple[tuple[str, ...], ...]
+
+
+def tabulate_records(records: Sequence[FieldRecord]) -> RecordsTable:
+    """The best plan of every record, with totals where there are several fields."""
+    has_probability = any((get_best_plan(record) or {}).get("finish_probability") is not None for record in records)
+    column_count = len(_MANY_COLUMNS) - (not has_probability)
+    totals = sum_over_fields(records)
+    total_rows = tuple(_build_totals_row(one)[:column_count] for one in totals if one.fields > 1)
+    rows = tuple(_build_field_plan_row(record)[:column_count] for record in records)
+    return RecordsTable(_MANY_COLUMNS[:column_count], rows + total_rows, total_rows)
+
+
+def describe_records(records: Sequence[FieldRecord]) -> list[str]:
+    """What the table holds."""
+    legend = "The best plan of each field. Times are h:mm:ss; headland in metres, bearing in degrees from north."
+    has_totals = any(one.fields > 1 for one in sum_over_fields(records))
+    totals = ["Total: hectares, times one after the other, worked share and cost of the fields that have a plan."]
+    return [legend, *(totals if has_totals else []), *_describe_costs(records)]
+
+
+def list_records_without_plan(records: Sequence[FieldRecord]) -> list[str]:
+    """A sentence for every field at a width that has no plan."""
+    return [
+        f"{record[REQUESTED_KEY]} at {record['width_m']:g} m: {_explain_missing_plan(record)}"
+        for record in records
+        if not get_best_plan(record)
+    ]
+
+
+@dataclass(frozen=True)
+class FieldsTotal:
+    """Sums over the fields that have a plan at one width: hectares, seconds, cost as stated, square metres."""
+
+    width_m: float
+    fields: int
+    area_ha: float
+    time_s: float
+    cost: float
+    missed_m2: float
+    over_finished_m2: float
+
+    @property
+    def worked_pct(self) -> float:
+        """Share of the ground that is worked, percent."""
+        return 100.0 - 0.01 * self.missed_m2 / self.area_ha
+
+    @property
+    def cost_per_ha(self) -> float:
+        """Cost of a hectare of field."""
+        return self.cost / self.area_ha
+
+
+def sum_over_fields(records: Sequence[FieldRecord]) -> list[FieldsTotal]:
+    """One total for every width with a plan, in the order of the request."""
+    totals = []
+    for width_m in dict.fromkeys(record["width_m"] for record in records):
+        some = [record for record in records if record["width_m"] == width_m and get_best_plan(record)]
+        if some:
+            totals.append(_sum_records(width_m, some))
+    return totals
+
+
+def _sum_records(width_m: float, records: Sequence[FieldRecord]) -> FieldsTotal:
+    plans = [plan for record in records if (plan := get_best_plan(record))]
+
+    def sum_key(key: str) -> float:
+        return math.fsum(plan.get(key) or 0.0 for plan in plans)
+
+    return FieldsTotal(
+        width_m=width_m,
+        fields=len(records),
+        area_ha=math.fsum(record["ranking"]["field"]["area_ha"] for record in records),
+        time_s=math.fsum(get_stated_plan_s(plan) or 0.0 for plan in plans),
+        cost=math.fsum(get_stated_plan_cost(plan) or 0.0 for plan in plans),
+        missed_m2=sum_key("missed_m2"),
+        over_finished_m2=sum_key("over_finished_m2"),
+    )
 
 
 def _describe_costs(records: Sequence[FieldRecord]) -> list[str]:
     """What the costs are, where there are samples or a currency."""
-    best = [plan for record in records if (plan := _get_best_plan(record))]
+    best = [plan for record in records if (plan := get_best_plan(record))]
     units = sorted({record["ranking"].get("currency") or "" for record in records if record["ranking"]} - {""})
     has_samples = any(plan.get("expected_cost") is not None for plan in best)
     cost_kind = "expected (mean of the samples, with losses on late ground)" if has_samples else "as simulated"
@@ -97,10 +185,39 @@ _MANY_COLUMNS = (
 )
 
 
-def _get_best_plan(record: FieldRecord) -> Mapping[str, Any] | None:
+def get_best_plan(record: FieldRecord) -> Mapping[str, Any] | None:
+    """The best plan of a record; None where there is none."""
     ranking = record["ranking"]
     best: Mapping[str, Any] | None = ranking["best"] if ranking else None
     return best
+
+
+def get_stated_plan_s(plan: Mapping[str, Any]) -> float | None:
+    """The time that every report states: the median of the samples, and where there are none as simulated."""
+    seconds: float | None = plan.get("time_s") if plan.get("p50_s") is None else plan["p50_s"]
+    return seconds
+
+
+def get_stated_plan_cost(plan: Mapping[str, Any]) -> float | None:
+    """The cost that every report states: the expected one, and where there are no samples as simulated."""
+    cost: float | None = plan.get("cost") if plan.get("expected_cost") is None else plan["expected_cost"]
+    return cost
+
+
+def _build_totals_row(total: FieldsTotal) -> tuple[str, ...]:
+    return (
+        "Total",
+        format_number(total.area_ha, 2),
+        f"{total.width_m:g}",
+        "",
+        "",
+        "",
+        "",
+        format_duration(total.time_s),
+        format_number(total.worked_pct, 1),
+        format_price(total.cost),
+        "",
+    )
 
 
 def _explain_missing_plan(record: FieldRecord) -> str:
@@ -112,7 +229,7 @@ def _explain_missing_plan(record: FieldRecord) -> str:
 
 
 def _build_field_plan_row(record: FieldRecord) -> tuple[str, ...]:
-    best, ranking = _get_best_plan(record), record["ranking"]
+    best, ranking = get_best_plan(record), record["ranking"]
     name = ranking["field"]["name"] if ranking else PurePath(record[REQUESTED_KEY]).name
     request_values = ranking["scenario"] if ranking else {}
     plan: Mapping[str, Any] = best or {}
@@ -124,8 +241,8 @@ def _build_field_plan_row(record: FieldRecord) -> tuple[str, ...]:
         format_number(request_values.get("bearing_deg"), 0),
         plan.get("strategy", "none"),
         str(plan.get("tractors", NO_VALUE)),
-        format_duration(plan.get("time_s")),
+        format_duration(get_stated_plan_s(plan)),
         format_number(plan.get("worked_pct"), 1),
-        format_price(plan.get("cost") if plan.get("expected_cost") is None else plan["expected_cost"]),
+        format_price(get_stated_plan_cost(plan)),
         format_percent(plan.get("finish_probability")),
     )

@@ -344,10 +344,11 @@ def format_maps_json(
 
     `drive` is that of the best plan; `drives` are others by strategy and number of tractors. Keys: ``field``
     (name), ``begin`` (time of day of the field work, or null) and ``plans``, each with ``strategy``, ``tractors``,
-    ``title``, ``end_s``, ``width_m``, its ground in metres of the field (``boundary_m``,
-    ``holes_m``, ``obstacles_m``, ``fences_m``, ``entrance_m``, ``missed_m``), ``swaths`` and ``headland_passes`` (each
-    a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and ``points_m`` of its knots, the ``status``
-    between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling), and ``steps`` in words.
+    ``title``, ``end_s``, ``width_m``, its ground in metres of the field (``boundary_m``, ``holes_m``, ``obstacles_m``,
+    ``fences_m``, ``entrance_m``, ``missed_m``), the ``crs`` and ``origin_m`` of these metres, ``swaths`` and
+    ``headland_passes`` (each a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and ``points_m`` of
+    its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling), and
+    ``steps`` in words.
 
     Raises:
         ReportError: a drive cannot be drawn.
@@ -370,6 +371,8 @@ def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive, start: str |
         "title": drive.title,
         "end_s": max(drive.finish_s, default=0.0),
         "width_m": drive.width_m,
+        "crs": drive.crs,
+        "origin_m": list(drive.origin_m),
         "boundary_m": _round_coordinates(drive.boundary),
         "holes_m": [_round_coordinates(ring) for ring in drive.holes],
         "obstacles_m": [_round_coordinates(ring) for ring in drive.obstacles],

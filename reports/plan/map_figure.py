@@ -239,9 +239,16 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
         ReportError: the drive cannot be drawn.
     """
     check_drive(drive, least_tractors=0)
-    box = compute_extent(drive)
-    sheet = _plan_layout(drive, field_name, _compute_map_size_inches(box))
+    sheet = _plan_layout(drive, field_name, _compute_map_size_inches(compute_extent(drive)))
     figure, axes = _create_canvas(sheet)
+    draw_map_layers(axes, drive)
+    _write_title_and_lists(figure, drive, sheet)
+    return figure
+
+
+def draw_map_layers(axes: Axes, drive: PlanDrive) -> None:
+    """Everything on the ground, with scale and north arrow, but without title, legend and leg lists."""
+    box = compute_extent(drive)
     size = box.size or 1.0
     axes.set_aspect("equal")
     axes.set_xlim(box.west - _SIDE_SHARE * size, box.east + _SIDE_SHARE * size)
@@ -256,8 +263,6 @@ def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
     for place in drive.fault_places:
         axes.plot(*place, marker="o", **_FAULT_LOOK)
     draw_scale_and_north(axes, box)
-    _write_title_and_lists(figure, drive, sheet)
-    return figure
 
 
 def render_png(figure: Figure, dpi: int = 150) -> bytes:
@@ -333,7 +338,7 @@ def _plan_layout(drive: PlanDrive, field_name: str, inches: tuple[float, float])
         lists_beside if is_beside else lists_below if len(lists_below) * _LIST_INCHES + _EDGE_INCHES <= width else []
     )
     columns = max(2, int(width / _MARK_INCHES))
-    legend = _MARKS_INCHES * math.ceil(len(_build_legend_entries(drive)) / columns) + _EDGE_INCHES
+    legend = _MARKS_INCHES * math.ceil(len(build_legend_entries(drive)) / columns) + _EDGE_INCHES
     return _FigureLayout(across, up, width, _wrap_title(drive, field_name, width), legend, columns, lists, is_beside)
 
 
@@ -352,7 +357,7 @@ def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayo
     """Title, legend and leg lists."""
     edge = _EDGE_INCHES / layout.width
     figure.suptitle(
-        _escape_figure_formula("\n".join(layout.title)),
+        escape_figure_formula("\n".join(layout.title)),
         x=edge,
         y=1.0 - 0.5 * _EDGE_INCHES / layout.height,
         ha="left",
@@ -362,7 +367,7 @@ def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayo
         linespacing=1.4,
     )
     figure.legend(
-        handles=_build_legend_entries(drive),
+        handles=build_legend_entries(drive),
         loc="upper center",
         bbox_to_anchor=(0.5, (layout.legend_height + layout.lists_height) / layout.height),
         ncols=layout.columns,
@@ -376,7 +381,7 @@ def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayo
         figure.text(
             (left_edge + column * _LIST_INCHES) / layout.width,
             top / layout.height,
-            _escape_figure_formula(text),
+            escape_figure_formula(text),
             ha="left",
             va="top",
             fontsize=_LIST_POINTS,
@@ -424,8 +429,8 @@ def _format_leg_columns(drive: PlanDrive, most_rows: int) -> list[str]:
     return ["\n".join(column) for column in columns]
 
 
-def _build_legend_entries(drive: PlanDrive) -> list[Artist]:
-    """The entries of the legend."""
+def build_legend_entries(drive: PlanDrive) -> list[Artist]:
+    """What the map of a drive explains: tractors, kinds of driving, and what is on the ground."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -481,6 +486,6 @@ def _build_legend_marker(marker: str, label: str, face: str) -> Line2D:
     )
 
 
-def _escape_figure_formula(text: str) -> str:
+def escape_figure_formula(text: str) -> str:
     """Text that matplotlib does not read as a formula."""
     return text.replace("$", r"\$")

@@ -15,10 +15,12 @@ from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     UnworkedPiece,
-    get_field_work_end_s,
     get_finished_field_cost,
-    get_finished_field_end_s,
-    get_finished_field_s,
+    get_ranked_s,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_finished_end_s,
+    get_stated_s,
 )
 from reports.common.wording import (
     format_area,
@@ -30,6 +32,7 @@ from reports.common.wording import (
     join_list,
     parse_start_time,
     round_seconds,
+    round_up_to_minute,
 )
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
@@ -52,8 +55,7 @@ COLUMN_HELP = {
     "Driven over": "finished ground under wheels that drive over it, counted like unworked ground",
     "Clearance m": "smallest distance between two tractors, implements included",
     "In time %": "of the samples; a range (95 %) where they are few",
-    "Paid": "mean of the samples",
-    "Expected": "mean of the samples, with losses on late ground",
+    "Paid": "of the cost, what is paid; the rest is expected loss on late ground",
 }
 """What columns of plans hold, where their headings do not say it."""
 _NUMBER = re.compile(r"\d+(?:\.\d+)?")
@@ -219,16 +221,21 @@ def format_clock_after_start(ranking: PlanRanking, seconds: float | None) -> str
     return later.strftime("%H:%M") + {0: "", 1: " next day"}.get(days, f", {days} days later")
 
 
+def format_end_clock(ranking: PlanRanking, seconds: float) -> str | None:
+    """The clock time by which work is done, up to the minute; None without a start."""
+    return format_clock_after_start(ranking, round_up_to_minute(seconds))
+
+
 def describe_ranking(ranking: PlanRanking) -> list[str]:
     """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
     best = ranking.best
     if best is None:
-        return [_explain_no_plan(ranking)]
+        return [" ".join(filter(None, (explain_no_plan(ranking), describe_changes(ranking))))]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
     cheapest = min(priced, key=_get_compared_cost, default=None)
     best_is_cheapest = cheapest is not None and _get_compared_cost(cheapest) == _get_compared_cost(best)
     result = _describe_plan_result(ranking, best)
-    details = [*ranking.day_sentences, *_describe_unworked(ranking, best), *_list_remark(best)]
+    details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.unmet_sentence is not None:
         sentences = [ranking.unmet_sentence, *_list_advice(ranking), f"The closest plan: {result}.", *details]
     elif best.meets_deadline is False:
@@ -262,21 +269,20 @@ def _describe_other_plans(
     ranking: PlanRanking, best: PlanResult, cheapest: PlanResult | None, best_is_cheapest: bool
 ) -> list[str]:
     """The fastest and the cheapest plan where they are not the best, or that the best is the cheapest too."""
-    plans, late = list_feasible(ranking), has_late_ground_loss(ranking)
-    fastest = min((plan for plan in plans if plan.time_s is not None), key=get_finished_field_s, default=best)
+    plans = list_feasible(ranking)
+    fastest = min((plan for plan in plans if plan.time_s is not None), key=get_ranked_s, default=best)
     plans_by_name = {}
-    if fastest is not best and get_finished_field_s(fastest) != get_finished_field_s(best):
+    if fastest is not best and get_ranked_s(fastest) != get_ranked_s(best):
         plans_by_name["Fastest"] = fastest
     if cheapest is not None and not best_is_cheapest:
-        plans_by_name["Lowest expected cost" if late else "Cheapest"] = cheapest
+        plans_by_name["Cheapest"] = cheapest
     if len(plans_by_name) == 2 and fastest is cheapest:
-        plans_by_name = {"Fastest, at the lowest expected cost" if late else "Fastest and cheapest": fastest}
+        plans_by_name = {"Fastest and cheapest": fastest}
     sentences = [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in plans_by_name.items()]
     if not best_is_cheapest or best.meets_deadline:
         return sentences
-    which = "also has the lowest expected cost" if late else "is also the cheapest"
     closest_only = best.meets_deadline is False or ranking.unmet_sentence is not None
-    return [*sentences, f"{'This' if closest_only else 'The best'} plan {which}."]
+    return [*sentences, f"{'This' if closest_only else 'The best'} plan is also the cheapest."]
 
 
 def _get_compared_cost(plan: PlanResult) -> float:
@@ -285,15 +291,39 @@ def _get_compared_cost(plan: PlanResult) -> float:
 
 
 def _list_advice(ranking: PlanRanking) -> list[str]:
-    """The advice, and what its costs include."""
-    return [] if ranking.advice is None else [ranking.advice, *ranking.money_sentences]
+    """What the costs of the advice include, and how that of the best plan is made up."""
+    if ranking.advice is None:
+        return []
+    return [*ranking.money_sentences, *_divide_cost(ranking), *_describe_stated_time(ranking.best)]
+
+
+def _describe_stated_time(best: PlanResult | None) -> list[str]:
+    """What the times of a ranking with samples are; nothing without samples."""
+    if best is None or best.p50_s is None:
+        return []
+    undelayed = format_duration(best.time_s)
+    return [
+        f"Times are medians of the samples; without late starts, stops and breakdowns the best plan takes {undelayed}."
+    ]
+
+
+def _divide_cost(ranking: PlanRanking) -> list[str]:
+    """What is paid of the cost of the best plan, and what is expected loss; nothing without a loss."""
+    best = ranking.best
+    if best is None or best.expected_cost is None or best.paid_cost is None:
+        return []
+    loss = best.expected_cost - best.paid_cost
+    if loss < LEAST_COST:
+        return []
+    whole, paid, lost = (_format_in_currency(ranking, value) for value in (best.expected_cost, best.paid_cost, loss))
+    return [f"Of the cost of the best plan ({whole}) {paid} is paid and {lost} is expected loss on late ground."]
 
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     unworked = format_unworked(plan)
     leaves = "" if unworked is None else f", leaves {unworked} unworked"
-    done = "done in" if abs((plan.time_s or 0.0) - get_field_work_end_s(plan)) < SAME_TIME_S else "driven in"
-    when = _describe_time(ranking, plan.time_s, get_field_work_end_s(plan))
+    done = "done in" if abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S else "driven in"
+    when = _describe_time(ranking, get_stated_s(plan), get_stated_end_s(plan))
     stops = _describe_service_stops(plan)
     return f"{_name_plan_variant(plan)}, {done} {when}{stops}{_describe_cost(ranking, plan)}{leaves}"
 
@@ -308,8 +338,8 @@ def _describe_service_stops(plan: PlanResult) -> str:
 def name_best_late_plan(ranking: PlanRanking) -> str:
     """What to call the best plan where none meets the deadline: another may be sooner but leave more ground."""
     best = ranking.best
-    times = [plan.time_s for plan in list_feasible(ranking) if plan.time_s is not None]
-    return "closest plan" if best is None or best.time_s is None or best.time_s <= min(times) else "best plan"
+    times = [get_stated_s(plan) for plan in list_feasible(ranking) if plan.time_s is not None]
+    return "closest plan" if best is None or best.time_s is None or get_stated_s(best) <= min(times) else "best plan"
 
 
 def get_charged_traffic_m2(plan: PlanResult) -> float | None:
@@ -335,11 +365,13 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     sentences = []
     if plan.finished_s is not None:
         added = _format_added_time(plan.finished_s - (plan.time_s or 0.0))
-        clock = format_clock_after_start(ranking, get_finished_field_end_s(plan))
+        clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
         done = f" (field work done at {clock})" if clock else ""
         cost = _describe_added_cost(ranking, plan)
         is_late = (
-            plan.meets_deadline and ranking.allowed_s is not None and get_finished_field_end_s(plan) > ranking.allowed_s
+            plan.meets_deadline
+            and ranking.allowed_s is not None
+            and get_stated_finished_end_s(plan) > ranking.allowed_s
         )
         late = ", too late for the deadline" if is_late else ""
         sentences.append(f"Finishing {charged_ground} adds {added}{done}{cost}{late}.")
@@ -360,33 +392,26 @@ def _describe_added_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     return "" if added is None or added < LEAST_COST else f" and {_format_in_currency(ranking, added)}"
 
 
-def _list_remark(plan: PlanResult) -> list[str]:
-    """The remark on the best plan, such as how little of the field it works."""
-    return [f"Remark on this plan: {plan.remark}."] if plan.remark else []
-
-
-def _explain_no_plan(ranking: PlanRanking) -> str:
+def explain_no_plan(ranking: PlanRanking) -> str:
+    """Why no plan works, in a sentence."""
     if not ranking.plans:
         return "No plan was tried: allow at least one strategy, turn and number of tractors."
     first = group_refusals(ranking.plans)[0]
     figures = " (figures of the first)" if first.has_similar_reasons else ""
-    sentence = (
-        f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
-    )
-    return f"{sentence}{_describe_changes(ranking)}"
+    return f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
 
 
-def _describe_changes(ranking: PlanRanking) -> str:
+def describe_changes(ranking: PlanRanking) -> str:
     """What was tried without success, and what was found to work; empty where nothing could be tried."""
     kinds = {fault.kind for plan in ranking.plans for fault in plan.faults}
-    tried = ""
-    if kinds:
-        tried = " Driving slower there and wider margins did not help."
-    if kinds == {NO_PATH}:
-        tried = " One more headland pass did not help."
+    tried = ["Driving slower there and wider margins did not help."] if kinds else []
+    if kinds == {NO_PATH} and not any("headland pass" in change for change in ranking.changes):
+        tried = ["One more headland pass did not help."]
     if ranking.changes:
-        return f"{tried} Found to work: {' or '.join(ranking.changes)}."
-    return f"{tried} Neither did driving slower everywhere or a narrower implement." if kinds else ""
+        return " ".join([*tried, f"Found to work: {' or '.join(ranking.changes)}."])
+    if kinds:
+        tried.append("Neither did driving slower everywhere or a narrower implement.")
+    return " ".join(tried)
 
 
 def _describe_refused_count(count: int, first: RefusalGroup) -> str:
@@ -403,16 +428,14 @@ def _name_plan_variant(plan: PlanResult) -> str:
 
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
     """The time driven, and the clock time; named where it is not that of the last tractor's end."""
-    clock_text = format_clock_after_start(ranking, by_clock_s)
+    clock_text = format_end_clock(ranking, by_clock_s)
     clock_prefix = "" if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S else "field work done "
     return format_duration(seconds) + (f" ({clock_prefix}at {clock_text})" if clock_text else "")
 
 
 def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    if plan.expected_cost is not None:
-        kind = "expected " if has_late_ground_loss(ranking) else ""
-        return f", {kind}cost {_format_in_currency(ranking, plan.expected_cost)}"
-    return "" if plan.cost is None else f", cost {_format_in_currency(ranking, plan.cost)}"
+    cost = get_stated_cost(plan)
+    return "" if cost is None else f", cost {_format_in_currency(ranking, cost)}"
 
 
 def _format_in_currency(ranking: PlanRanking, value: float) -> str:
@@ -435,7 +458,7 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     missed = f", not with {join_list(late, 'or')}" if late else ""
     noun = "tractor" if meeting == [1] else "tractors"
     if ranking.chosen is not None:
-        return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}, as simulated."]
+        return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}, in half of the samples or more."]
     least_cost = min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline)
     among = "of all" if best_is_cheapest else "of them"
     if get_finished_field_cost(best) > least_cost:

@@ -5,10 +5,22 @@ from __future__ import annotations
 import csv
 import io
 import json
+from dataclasses import asdict
 from typing import Any
 
-from reports.common.plan_results import FieldPartPlan, FleetStudy, PlanRanking, PlanResult, ThesisTableRow
+from reports.common.plan_results import (
+    FieldPartPlan,
+    FleetStudy,
+    PlanRanking,
+    PlanResult,
+    PullFigures,
+    ThesisTableRow,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+)
 from reports.common.rendering import make_json_safe
+from reports.plan.answer import write_answer
 from reports.plan.plan_wording import get_clearance_m
 
 PLAN_KEYS = (
@@ -61,10 +73,26 @@ PLAN_KEYS = (
     "over_finished_m2",
     "overhang_m",
     "beyond_overhang_m",
+    "p50_done_s",
+    "p95_done_s",
+    "fuel_l",
+    "stated_end_s",
+    "stated_late_end_s",
+    "stated_cost",
+    "headland_order",
 )
 INTERVAL_KEYS = ("low", "high")
 UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
-CSV_KEYS = ("field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor")
+CSV_KEYS = (
+    "field",
+    "width_m",
+    "headland_m",
+    "bearing_deg",
+    "price_per_hour",
+    "price_per_tractor",
+    "area_ha",
+    "corners",
+)
 EXPORT_DECIMALS = 6
 
 
@@ -75,8 +103,9 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
     amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
     (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
-    ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) and ``changes``
-    (found to work where no plan does).
+    ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
+    (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
+    ``questioned`` if it is too little; null if unknown) and ``summary`` (the answer in a few sentences, as printed).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
@@ -94,8 +123,18 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "unmet": ranking.unmet_sentence,
             "parts": [_build_part_entry(part) for part in ranking.parts],
             "changes": list(ranking.changes),
+            "pull": _build_pull_entry(ranking.pull),
+            "summary": write_answer(ranking).list_sentences(),
         }
     )
+
+
+def _build_pull_entry(pull: PullFigures | None) -> dict[str, Any] | None:
+    """What the implement needs and the tractor has at the drawbar, and whether that is questioned."""
+    if pull is None:
+        return None
+    figures = {name: make_json_safe(value, 2) for name, value in asdict(pull).items()}
+    return {**figures, "questioned": pull.is_questioned}
 
 
 def _build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
@@ -121,10 +160,19 @@ def _build_entry_with_cells(plan: PlanResult, ranking: PlanRanking) -> dict[str,
 def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
     """One plan with the keys of `PLAN_KEYS`; ``min_clearance_m`` is None for one tractor.
 
+    ``stated_end_s`` (the end of field work by the clock), ``stated_late_end_s`` (in 95 % of the samples) and
+    ``stated_cost`` are the figures that every report states.
+
     ``largest_missed`` has `UNWORKED_PIECE_KEYS`: area, degrees (null for a field in local metres) and metres of the
     field; it is null where nothing is missed.
     """
-    values: dict[str, Any] = {key: getattr(plan, key) for key in PLAN_KEYS} | {"min_clearance_m": get_clearance_m(plan)}
+    stated = {
+        "stated_end_s": get_stated_end_s(plan) if plan.feasible else None,
+        "stated_late_end_s": get_stated_late_end_s(plan),
+        "stated_cost": get_stated_cost(plan),
+        "min_clearance_m": get_clearance_m(plan),
+    }
+    values: dict[str, Any] = {key: stated.get(key, getattr(plan, key, None)) for key in PLAN_KEYS}
     if (piece := plan.largest_missed) is not None:
         values["largest_missed"] = {key: getattr(piece, key) for key in UNWORKED_PIECE_KEYS}
     return {key: make_json_safe(value, EXPORT_DECIMALS) for key, value in values.items()}
@@ -141,7 +189,7 @@ def format_ranking_csv(ranking: PlanRanking) -> str:
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow((*flatten_entry(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
-    request_values = {**ranking.scenario, "field": ranking.field_name}
+    request_values = {**ranking.scenario, "field": ranking.field_name, "area_ha": ranking.area_ha}
     request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
     for plan in ranking.plans:
         writer.writerow(
@@ -172,14 +220,15 @@ def format_study_json(study: FleetStudy) -> str:
     """The study as JSON text with a trailing newline: ``tables``, ``claims`` and ``assumptions``."""
     return _format_json(
         {
-            "tables": {name: [_build_study_row(row) for row in rows] for name, rows in study.tables.items()},
+            "tables": {name: [build_study_row(row) for row in rows] for name, rows in study.tables.items()},
             "claims": [{"claim": claim.claim, "holds": claim.holds, "why": claim.why} for claim in study.claims],
             "assumptions": list(study.assumptions),
         }
     )
 
 
-def _build_study_row(row: ThesisTableRow) -> dict[str, Any]:
+def build_study_row(row: ThesisTableRow) -> dict[str, Any]:
+    """One row of a table of the study."""
     return {
         "tractors": row.tractors,
         "thesis_s": row.thesis_s,

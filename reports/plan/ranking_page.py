@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,9 +10,18 @@ from typing import Any
 from reports.common import palette
 from reports.common.effect_names import capitalize_first
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult
+from reports.common.plan_results import (
+    PlanDrive,
+    PlanRanking,
+    PlanResult,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+    get_stated_s,
+)
 from reports.common.rendering import render_template
 from reports.common.wording import (
+    NO_VALUE,
     SOFT_HYPHEN,
     format_area_or_dash,
     format_duration,
@@ -21,9 +31,12 @@ from reports.common.wording import (
     format_yes_no,
     get_start_time_of_day_s,
     insert_non_breaking_spaces,
+    parse_start_time,
 )
+from reports.plan.answer import format_money, format_stated_cost, format_stated_end, write_answer
 from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
+from reports.plan.first_screen import choose_first_plans
 from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
 from reports.plan.plan_wording import (
@@ -62,7 +75,10 @@ _PAGE_COLUMN_HELP = {
     "Worked %": "share of the field that is worked",
     "Unworked": "ground that no implement worked",
     "In time %": "share of the samples in which it is done in time",
-    "Cost": "simulated cost of the plan as driven",
+    "Cost": "expected cost: what is paid, and the loss on late ground; without samples as simulated",
+    "Done": "end of field work, the median of the samples; without samples as simulated",
+    "Time": "time to the end of field work, the median of the samples; without samples as simulated",
+    "As simulated": "time without late starts, stops and breakdowns",
     "Reversals": "how often a tractor changes between forwards and backwards",
     "To finish": "time with the unworked ground finished too, at the plan's own rate",
     "Outside m": "length of the guided path outside the boundary",
@@ -71,7 +87,6 @@ _PAGE_COLUMN_HELP = {
     "Pareto front": "no plan with as few tractors is faster",
     "Order gap %": "how much quicker another order of the tracks can be at most; - where the strategy gives the order",
     "In time": "done by the deadline in the simulation",
-    "Median time": "it is done sooner in half of the samples",
     "95 %": "it is done sooner in 95 % of the samples",
 }
 
@@ -81,28 +96,29 @@ PlanKey = tuple[str, int]  # strategy and number of tractors
 
 @dataclass(frozen=True)
 class _PageColumn:
-    """A column of the full table: heading, what it sorts by, and how it reads."""
+    """A column of the full table: heading, what it sorts by, and how it reads; `is_extra`: shown on request only."""
 
     heading: str
     value: Callable[[PlanResult], CellValue]
     text: Callable[[PlanResult], str]
     is_text: bool = False
     title: str = ""
+    is_extra: bool = False
 
 
-_COST_COLUMN = _PageColumn("Cost", lambda p: p.cost, lambda p: format_price(p.cost))
-_PAGE_COLUMNS = (
-    _PageColumn("Rank", lambda p: p.rank, lambda p: str(p.rank or "")),
+_RANK_COLUMN = _PageColumn("Rank", lambda p: p.rank, lambda p: str(p.rank or ""))
+_NAME_COLUMNS = (
     _PageColumn("Tractors", lambda p: p.tractors, lambda p: str(p.tractors)),
     _PageColumn("Strategy", lambda p: p.strategy, lambda p: p.strategy, is_text=True),
+)
+_WORKED_COLUMN = _PageColumn("Worked %", lambda p: p.worked_pct, lambda p: format_number(p.worked_pct, 1))
+_EXTRA_COLUMNS = (
     _PageColumn("Turn", lambda p: p.turn, lambda p: p.turn, is_text=True),
-    _PageColumn("Time", lambda p: p.time_s, lambda p: format_duration(p.time_s)),
+    _PageColumn("As simulated", lambda p: p.time_s, lambda p: format_duration(p.time_s)),
     _PageColumn("Tractor time", lambda p: p.tractor_time_s, lambda p: format_duration(p.tractor_time_s)),
-    _COST_COLUMN,
     _PageColumn("Turning", lambda p: p.turning_s, lambda p: format_duration(p.turning_s)),
     _PageColumn("Waiting", lambda p: p.waiting_s, lambda p: format_duration(p.waiting_s)),
     _PageColumn("Reversals", lambda p: p.reversals, lambda p: format_number(p.reversals, 0)),
-    _PageColumn("Worked %", lambda p: p.worked_pct, lambda p: format_number(p.worked_pct, 1)),
     _PageColumn("Overlap %", lambda p: p.overlap_pct, lambda p: format_number(p.overlap_pct, 1)),
     _PageColumn("Unworked", lambda p: p.missed_m2, lambda p: format_area_or_dash(p.missed_m2)),
     _PageColumn("To finish", lambda p: p.finished_s, lambda p: format_duration(p.finished_s)),
@@ -114,17 +130,38 @@ _PAGE_COLUMNS = (
     _PageColumn("Pareto front", lambda p: p.on_pareto_front, lambda p: format_yes_no(p.on_pareto_front)),
 )
 _DEADLINE_COLUMN = _PageColumn("In time", lambda p: p.meets_deadline, lambda p: format_yes_no(p.meets_deadline))
-_RISK_COLUMNS = (
-    _PageColumn("In time %", lambda p: p.finish_probability, format_in_time_probability),
-    _PageColumn("Median time", lambda p: p.p50_s, lambda p: format_duration(p.p50_s)),
-    _PageColumn("95 %", lambda p: p.p95_s, lambda p: format_duration(p.p95_s)),
-    _PageColumn("Paid", lambda p: p.paid_cost, lambda p: format_price(p.paid_cost)),
-)
-_EXPECTED_COST_COLUMN = _PageColumn("Expected cost", lambda p: p.expected_cost, lambda p: format_price(p.expected_cost))
+_PROBABILITY_COLUMN = _PageColumn("In time %", lambda p: p.finish_probability, format_in_time_probability)
+_PAID_COLUMN = _PageColumn("Paid", lambda p: p.paid_cost, lambda p: format_price(p.paid_cost))
 _SERVICE_STOP_COLUMNS = (
     _PageColumn("Refills", lambda p: p.refills, lambda p: format_number(p.refills, 0)),
     _PageColumn("Refilling", lambda p: p.refilling_s, lambda p: format_duration(p.refilling_s)),
 )
+
+
+def _list_page_columns(ranking: PlanRanking) -> list[_PageColumn]:
+    """At most eight columns that hold the answer, then those that are shown on request."""
+    plans = list_feasible(ranking)
+    done = "Time" if parse_start_time(ranking.start) is None else "Done"
+    cost = f"Cost {ranking.currency}" if ranking.currency else "Cost"
+    columns = [
+        _RANK_COLUMN,
+        *_NAME_COLUMNS,
+        _PageColumn(done, get_stated_end_s, lambda plan: format_stated_end(ranking, get_stated_end_s(plan))),
+    ]
+    if any(plan.p50_s is not None for plan in plans):
+        columns.append(
+            _PageColumn(
+                "95 %", get_stated_late_end_s, lambda plan: format_stated_end(ranking, get_stated_late_end_s(plan))
+            )
+        )
+    columns += [_PageColumn(cost, get_stated_cost, lambda plan: format_price(get_stated_cost(plan))), _WORKED_COLUMN]
+    if any(plan.finish_probability is not None for plan in plans):
+        columns.append(_PROBABILITY_COLUMN)
+    elif any(plan.meets_deadline is not None for plan in plans):
+        columns.append(_DEADLINE_COLUMN)
+    extra = [*_EXTRA_COLUMNS, *([_PAID_COLUMN] if has_late_ground_loss(ranking) else [])]
+    extra += _SERVICE_STOP_COLUMNS if any(plan.refills is not None for plan in plans) else ()
+    return [*columns, *(replace(column, is_extra=True) for column in extra)]
 
 
 def render_plan_page(
@@ -179,16 +216,8 @@ def _get_plan_key(plan: PlanResult) -> PlanKey:
 
 
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
-    plans, effects = list_feasible(ranking), describe_simulated_effects(ranking)
-    columns = (
-        [*_PAGE_COLUMNS, _DEADLINE_COLUMN]
-        if any(plan.meets_deadline is not None for plan in plans)
-        else list(_PAGE_COLUMNS)
-    )
-    if any(plan.expected_cost is not None for plan in plans):
-        columns = [column for column in columns if column is not _COST_COLUMN] + [*_RISK_COLUMNS]
-        columns += [_EXPECTED_COST_COLUMN] if has_late_ground_loss(ranking) else []
-    columns += _SERVICE_STOP_COLUMNS if any(plan.refills is not None for plan in plans) else ()
+    plans, refused, effects = list_feasible(ranking), list_refused(ranking), describe_simulated_effects(ranking)
+    columns = _list_page_columns(ranking)
     names, states = _build_drive_labels(plans, shown), list_states(shown.values())
     order_remark = describe_order_optimality(plans)
     first = next(iter(shown.values()), None)
@@ -198,7 +227,8 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "area": format_number(ranking.area_ha, 2),
         "machines": describe_machines(ranking),
         "seed": ranking.seed,
-        "headline": [insert_non_breaking_spaces(text) for text in describe_ranking(ranking)],
+        "headline": [insert_non_breaking_spaces(text) for text in write_answer(ranking).list_sentences()],
+        "details": [insert_non_breaking_spaces(text) for text in describe_ranking(ranking)] if plans else [],
         "facts": _list_plan_facts(ranking, ranking.best),
         "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else build_time_bars(first, states),
@@ -215,7 +245,8 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
             for column in columns
         ],
         "rows": [
-            _build_page_row(plan, columns, plan is ranking.best, places.get(_get_plan_key(plan))) for plan in plans
+            _build_page_row(plan, columns, plan is ranking.best, places.get(_get_plan_key(plan)))
+            for plan in choose_first_plans(ranking, math.inf)
         ],
         "remarks": [
             *([UNWORKED_HELP] if any(plan.missed_m2 is not None for plan in plans) else []),
@@ -224,17 +255,28 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
             *(() if ranking.samples else ranking.money_sentences),
             *ranking.check_sentences,
         ],
-        "refused": len(list_refused(ranking)),
         "refusals": [
+            _build_refusal_section("Refused", [plan for plan in refused if plan.bound_s is None]),
+            _build_refusal_section("Not simulated", [plan for plan in refused if plan.bound_s is not None]),
+        ],
+        "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
+    }
+
+
+def _build_refusal_section(heading: str, plans: Sequence[PlanResult]) -> dict[str, Any]:
+    """The plans that were refused, or not simulated, by reason."""
+    return {
+        "heading": heading,
+        "count": len(plans),
+        "groups": [
             {
                 "count": len(group.plans),
                 "reason": group.reason,
                 "alike": group.has_similar_reasons,
                 "members": name_refused_plans(group),
             }
-            for group in group_refusals(list_refused(ranking))
+            for group in group_refusals(plans)
         ],
-        "assumptions": [*ranking.assumptions, *([effects] if effects else [])],
     }
 
 
@@ -261,7 +303,7 @@ def _insert_soft_hyphens(heading: str) -> str:
 def _explain_column(heading: str) -> str:
     """What a column holds; "" where its heading says it."""
     help_text = _PAGE_COLUMN_HELP.get(heading) or COLUMN_HELP.get(heading) or ""
-    return capitalize_first(help_text or COLUMN_HELP.get(heading.removesuffix(" cost"), ""))
+    return capitalize_first(help_text or _PAGE_COLUMN_HELP.get(heading.split()[0], ""))
 
 
 def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | None, PlanDrive]) -> list[str]:
@@ -269,7 +311,7 @@ def _build_drive_labels(plans: Sequence[PlanResult], shown: Mapping[PlanKey | No
     by_key = {_get_plan_key(plan): plan for plan in reversed(plans)}
     return [
         f"{plan.rank}. {plan.strategy}, {format_tractor_count(plan.tractors)}, {plan.turn}, "
-        f"{format_duration(plan.time_s)}"
+        f"{format_duration(get_stated_s(plan))}"
         if (plan := by_key.get(key) if key else None)
         else drive.title
         for key, drive in shown.items()
@@ -280,19 +322,17 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
     """The figures of the best plan, label and value; unknown ones are left out."""
     if best is None:
         return []
-    has_risk, unit = best.expected_cost is not None, f" {ranking.currency}" if ranking.currency else ""
+    paid = best.paid_cost if has_late_ground_loss(ranking) else None
     facts = [
-        ("Time", format_duration(best.time_s)),
+        (
+            "Time" if parse_start_time(ranking.start) is None else "Done",
+            format_stated_end(ranking, get_stated_end_s(best)),
+        ),
+        ("95 %", format_stated_end(ranking, get_stated_late_end_s(best))),
         ("Fleet", format_tractor_count(best.tractors)),
-        (
-            "Paid" if has_risk else "Cost",
-            _append_word_unless_dash(format_price(best.paid_cost if has_risk else best.cost), unit),
-        ),
+        ("Cost", NO_VALUE if get_stated_cost(best) is None else format_stated_cost(ranking, best)),
+        ("Paid of it", NO_VALUE if paid is None else format_money(ranking, paid)),
         ("In time", _append_word_unless_dash(format_in_time_probability(best), " %")),
-        (
-            "Expected cost",
-            _append_word_unless_dash(format_price(best.expected_cost if has_late_ground_loss(ranking) else None), unit),
-        ),
         ("Worked", _format_with_unit(best.worked_pct, 1, "%")),
         ("Unworked", insert_non_breaking_spaces(format_unworked(best) or format_number(None, 0))),
         ("Overlap", _format_with_unit(best.overlap_pct, 1, "%")),
@@ -323,5 +363,5 @@ def _build_page_row(
     for column in columns:
         value = column.value(plan)
         sort = "" if value is None else str(int(value)) if isinstance(value, bool) else str(value)
-        cells.append({"sort": sort, "text": column.text(plan), "words": column.is_text})
+        cells.append({"sort": sort, "text": column.text(plan), "words": column.is_text, "extra": column.is_extra})
     return {"best": is_best, "cells": cells, "plan": drive_number}

@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
-from rich.console import Console, ConsoleOptions, Group, RenderableType
+from rich.console import Group, RenderableType
 from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, ThesisClaim, ThesisTableRow
+from reports.common.plan_results import (
+    FleetStudy,
+    PlanRanking,
+    PlanResult,
+    ThesisClaim,
+    ThesisTableRow,
+    get_stated_cost,
+    get_stated_s,
+)
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     NO_VALUE,
@@ -27,7 +35,6 @@ from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     COLUMN_HELP,
     UNWORKED_HELP,
-    describe_machines,
     describe_order_optimality,
     describe_ranking,
     describe_simulated_effects,
@@ -43,7 +50,6 @@ from reports.plan.plan_wording import (
 )
 
 _MORE_HINT = "a wider window or --json shows all"
-_NAME_BREAK_MARKS = " +"  # names of strategies and turns stay whole: they are what --strategies and --turn take
 
 
 @dataclass(frozen=True)
@@ -79,54 +85,36 @@ def _find_column_flags(ranking: PlanRanking, plans: list[PlanResult]) -> _Column
     )
 
 
-@dataclass(frozen=True)
-class _RankingTable:
-    """The table of plans; strategy and turn share a column where the console is narrow."""
+def _build_plan_table(ranking: PlanRanking, plans: list[PlanResult], flags: _ColumnFlags) -> FittedTable:
+    """A line per plan; the first cell marks the best plan."""
+    columns = _list_plan_columns(flags)
+    rows = tuple((_mark_rank(plan, ranking.best), *(column.text(plan) for column in columns[1:])) for plan in plans)
+    styles = tuple("bold" if plan is ranking.best else "" for plan in plans)
+    return FittedTable(tuple(column.column for column in columns), rows, styles, more_hint=_MORE_HINT)
 
-    plans: tuple[PlanResult, ...]
-    best: PlanResult | None
-    flags: _ColumnFlags
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
-        wide = self._build_fitted_table(_list_plan_columns(True, self.flags))
-        yield (
-            wide
-            if wide.fits_full_headings(options.max_width)
-            else self._build_fitted_table(_list_plan_columns(False, self.flags))
-        )
-
-    def _build_fitted_table(self, columns: list[_PlanColumn]) -> FittedTable:
-        rows = tuple(self._build_row(plan, columns) for plan in self.plans)
-        styles = tuple("bold" if plan is self.best else "" for plan in self.plans)
-        return FittedTable(tuple(column.column for column in columns), rows, styles, more_hint=_MORE_HINT)
-
-    def _build_row(self, plan: PlanResult, columns: list[_PlanColumn]) -> tuple[str, ...]:
-        """Cells of a row; the first marks the best plan where it is not the first one."""
-        rank, *other_cells = (column.text(plan) for column in columns)
-        return (f">{rank}" if plan is self.best and plan.rank != 1 else rank), *other_cells
+def _mark_rank(plan: PlanResult, best: PlanResult | None) -> str:
+    rank = NO_VALUE if plan.rank is None else str(plan.rank)
+    return f"{'>' if plan is best else ''}{rank}{'*' if plan.on_pareto_front else ' '}"
 
 
 def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> RenderableType:
-    """The answer in sentences, a table of plans, and what was refused and why.
+    """What a ranking says beyond its first screen: sentences, all plans, remarks, and what was refused and why.
 
     The table holds the `most_plans` fastest plans (all when None), the best plan and the Pareto front.
     """
     plans = list_feasible(ranking)
     shown = _choose_shown_plans(ranking, plans, most_plans)
-    heading = ", ".join(
-        filter(None, (ranking.field_name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking)))
-    )
-    parts: list[RenderableType] = [format_title(heading)]
-    parts += [format_sentence(text) for text in describe_ranking(ranking)]
+    parts: list[RenderableType] = [format_sentence(text) for text in describe_ranking(ranking)]
     if shown:
         flags = _find_column_flags(ranking, shown)
-        parts += [Text(""), _RankingTable(tuple(shown), ranking.best, flags)]
+        parts += [Text(""), _build_plan_table(ranking, shown, flags)]
         hidden_count = len(plans) - len(shown)
         hidden = (
             f" {hidden_count} slower plan{' is' if hidden_count == 1 else 's are'} not shown; --all shows every plan."
         )
         legend = "Times are h:mm:ss. * no plan with as few tractors is faster (Pareto front)."
-        legend += " > best plan." if ranking.best and ranking.best.rank != 1 else ""
+        legend += " > best plan." if ranking.best else ""
         legend += f" {UNWORKED_HELP}" if flags.has_unworked else ""
         parts.append(format_sentence(legend + (hidden if hidden_count else ""), style="dim"))
         parts.append(format_sentence(_describe_plan_columns(flags), style="dim"))
@@ -152,29 +140,14 @@ def _choose_shown_plans(ranking: PlanRanking, plans: list[PlanResult], most_plan
     return [p for index, p in enumerate(plans) if index < most_plans or p.on_pareto_front or p is ranking.best]
 
 
-def _list_plan_columns(is_wide: bool, flags: _ColumnFlags) -> list[_PlanColumn]:
+def _list_plan_columns(flags: _ColumnFlags) -> list[_PlanColumn]:
     """The columns; those that hold the answer are dropped last."""
-    names = (
-        [
-            _PlanColumn(TableColumn("Strategy", is_text=True, break_marks=_NAME_BREAK_MARKS), lambda p: p.strategy),
-            _PlanColumn(TableColumn("Turn", is_text=True, break_marks=_NAME_BREAK_MARKS), lambda p: p.turn),
-        ]
-        if is_wide
-        else [
-            _PlanColumn(
-                TableColumn("Strategy,\nturn", is_text=True, break_marks=_NAME_BREAK_MARKS),
-                lambda p: f"{p.strategy} {p.turn}",
-            )
-        ]
-    )
     columns = [
-        _PlanColumn(
-            TableColumn("Rank", "#"),
-            lambda p: f"{NO_VALUE if p.rank is None else p.rank}{'*' if p.on_pareto_front else ' '}",
-        ),
+        _PlanColumn(TableColumn("Rank", "#"), lambda p: NO_VALUE if p.rank is None else str(p.rank)),
         _PlanColumn(TableColumn("Tractors", "Trac-\ntors", drop_order=1), lambda p: str(p.tractors)),
-        *names,
-        _PlanColumn(TableColumn("Time"), lambda p: format_duration(p.time_s)),
+        _PlanColumn(TableColumn("Strategy", is_text=True, is_unbroken=True), lambda p: p.strategy),
+        _PlanColumn(TableColumn("Turn", is_text=True, is_unbroken=True, drop_order=9), lambda p: p.turn),
+        _PlanColumn(TableColumn("Time"), lambda p: format_duration(get_stated_s(p))),
         *_list_money_columns(flags),
         _PlanColumn(TableColumn("Turning", "Turn-\ning", drop_order=5), lambda p: format_duration(p.turning_s)),
         _PlanColumn(TableColumn("Waiting", "Wait-\ning", drop_order=6), lambda p: format_duration(p.waiting_s)),
@@ -217,20 +190,16 @@ def _list_plan_columns(is_wide: bool, flags: _ColumnFlags) -> list[_PlanColumn]:
 
 
 def _list_money_columns(flags: _ColumnFlags) -> list[_PlanColumn]:
-    """The simulated cost; with samples the mean of what is paid and, where ground may be late, of the expected cost."""
-    if not flags.has_risk:
-        return [_PlanColumn(TableColumn("Cost", drop_order=2), lambda p: format_price(p.cost))]
-    paid = _PlanColumn(
-        TableColumn("Paid", drop_order=6 if flags.has_late_costs else 2), lambda p: format_price(p.paid_cost)
-    )
-    late = _PlanColumn(TableColumn("Expected", "Expec-\nted", drop_order=2), lambda p: format_price(p.expected_cost))
-    return [paid, late] if flags.has_late_costs else [paid]
+    """The stated cost and, where ground may be late, what is paid of it."""
+    cost = _PlanColumn(TableColumn("Cost", drop_order=2), lambda p: format_price(get_stated_cost(p)))
+    paid = _PlanColumn(TableColumn("Paid", drop_order=6), lambda p: format_price(p.paid_cost))
+    return [cost, paid] if flags.has_late_costs else [cost]
 
 
 def _describe_plan_columns(flags: _ColumnFlags) -> str:
     """What the columns of plans hold, a sentence; columns that hold the same are named together."""
     headings_by_help: dict[str, list[str]] = {}
-    for column in _list_plan_columns(True, flags):
+    for column in _list_plan_columns(flags):
         heading = column.column.heading
         if heading in COLUMN_HELP:
             headings_by_help.setdefault(COLUMN_HELP[heading], []).append(heading.removesuffix(" m"))
@@ -246,7 +215,7 @@ def _build_count_table(ranking: PlanRanking) -> list[RenderableType]:
         _PlanColumn(
             TableColumn("Tractors", "Trac-\ntors"), lambda p: f"{'>' if p is ranking.best else ''}{p.tractors}"
         ),
-        _PlanColumn(TableColumn("Strategy", is_text=True, break_marks=_NAME_BREAK_MARKS), lambda p: p.strategy),
+        _PlanColumn(TableColumn("Strategy", is_text=True, is_unbroken=True), lambda p: p.strategy),
         _PlanColumn(TableColumn("In time %", "In\ntime %"), format_in_time_probability),
         _PlanColumn(TableColumn("Median time", "Median\ntime"), lambda p: format_duration(p.p50_s)),
         _PlanColumn(TableColumn("95 %"), lambda p: format_duration(p.p95_s)),

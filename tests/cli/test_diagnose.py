@@ -1,9 +1,18 @@
-"""`diagnose --demo --json` says what it hid beside what it found."""
+"""`diagnose --demo --json` says what it hid beside what it found; the sample log that comes with the program."""
 
+import io
 import json
+import math
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.truth.sample_log import HIDDEN, format_sample_log
+from vehicle.identification.logs.reader import resolve_log_path
 from vehicle.identification.verdict.demo_logs import draw_hidden_effect
 from vehicle.model.tractor import load_tractor
 
@@ -18,3 +27,40 @@ def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> Non
     low, high = next(one["interval"]["ratio"] for one in found["effects"] if one["id"] == "steering_gain")
     assert low <= hidden.values["ratio"] <= high
     assert found["plan"]["field"] == "iwamizawa" and found["tractor"]["effects"]["steering_gain"]["named"] is True
+
+
+def test_the_sample_log_says_what_was_hidden_in_it(headland: Callable[..., Any], tmp_path: Path) -> None:
+    page = tmp_path / "sample.html"
+    plan = tmp_path / "next.json"
+    outcome = headland("diagnose", "sample", "--json", "--html", str(page), "--next-drive", str(plan))
+    assert outcome.status == 0, outcome.err
+    assert "no doubt" in outcome.err and not plan.exists()
+    found = json.loads(outcome.out)
+    assert found["named"] == ["understeer"]
+    low, high = next(one["interval"]["deg_per_mps2"] for one in found["effects"] if one["id"] == "understeer")
+    assert low <= HIDDEN["understeer"]["deg_per_mps2"] <= high
+    # The errors of all bins together are those of the table, for the file as it was.
+    for bins in ("over_time_s", "by_angle_deg"):
+        errors, expected = found["residuals"][bins], found["error_before"]["10"]["cross_cm"]
+        squares = sum(one["rows"] * one["cross_before_cm"] ** 2 for one in errors) / sum(one["rows"] for one in errors)
+        assert math.sqrt(squares) == pytest.approx(expected, rel=1e-3)
+    by_speed = [one for one in found["residuals"]["by_speed_mps"] if one["low"] >= 2.0]
+    assert all(one["cross_after_cm"] < 0.6 * one["cross_before_cm"] for one in by_speed), "it shows at speed"
+    assert page.read_text(encoding="utf-8").count('class="at"') == 4
+
+
+def test_the_sample_log_is_replayed_and_gives_way_to_a_file_of_that_name(
+    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = json.loads(headland("replay", "sample", "--json").out)
+    assert found["run"] == "sample_log" and found["error"]["20"]["cross_cm"] > 10.0
+    monkeypatch.chdir(tmp_path)
+    Path("sample").write_text("time_s,easting_m\n", encoding="utf-8")
+    assert headland("replay", "sample").status != 0
+
+
+def test_the_sample_log_is_that_of_the_truth_model() -> None:
+    shipped = pd.read_csv(resolve_log_path("sample"))
+    made = pd.read_csv(io.StringIO(format_sample_log()))
+    assert list(made) == list(shipped) and resolve_log_path("sample").stat().st_size < 200_000
+    np.testing.assert_allclose(made, shipped, atol=0.002)

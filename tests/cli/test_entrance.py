@@ -57,7 +57,7 @@ def test_the_day_of_a_farm_is_told_in_lines(headland: Headland, small: Path, tmp
     result = planned(headland(*words, "--json"))
     assert result["transport_s"] == pytest.approx(150.0) and result["ready_s"] == 60.0
     assert result["done_s"] == pytest.approx(60.0 + result["time_s"], abs=1e-3)
-    late = headland(*words, "--start", "11:55", "--deadline", "10:00", "--samples", "0")
+    late = headland(*words, "--start", "11:55", "--deadline", "10:00", "--samples", "0", "--explain")
     text = " ".join(late.out.split())
     assert "The deadline at 10:00 means 10:00 the next day, as the start is at 11:55." in text
     assert "The shift ends at 12:00 before the work is done; it continues at 07:00 next day." in text

@@ -39,6 +39,10 @@ def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: 
         whole = row["requested_field"].endswith("tiny") or None not in row.values()
         assert whole and (row["feasible"] == "true") == (not row["requested_field"].endswith("tiny"))
     assert "at least 100 m2" in rows[2]["reason"]
+    assert [(row["area_ha"], row["corners"]) for row in rows if row["feasible"] == "true"] == [
+        ("0.28", "auto"), ("0.28", "auto"), ("0.3", "auto"), ("0.3", "auto"),
+    ]  # fmt: skip
+    assert {row["headland_order"] for row in rows if row["feasible"] == "true"} <= {"first", "last"}
     alone = headland("plan", f"{farm}#south", *QUICK, "--width", "4", "--csv")
     (same,) = csv.DictReader(io.StringIO(alone.out))
     assert {key: rows[5][key] for key in same} == same
@@ -99,15 +103,37 @@ def test_names_with_any_line_end_are_kept(headland: Callable[..., Any], farm: Pa
 
 
 def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any], farm: Path) -> None:
-    outcome = headland("plan", f"{farm}#*", *QUICK)
-    assert "Without a plan: 1 of 3" in outcome.out
+    outcome = headland("plan", f"{farm}#*", *QUICK, "--explain")
+    assert outcome.out.startswith("3 m: 2 of 3 fields, 0.58 ha, ") and "Without a plan: 1 of 3" in outcome.out
+    (total,) = [line.split() for line in outcome.out.splitlines() if line.startswith("Total ")]
+    assert total[1:3] == ["0.58", "3"]  # 70 x 40 and 60 x 50 m
     assert max(map(len, outcome.out.splitlines())) <= 80
+
+
+def test_a_page_shows_every_field_from_kept_answers_too(
+    headland: Callable[..., Any], farm: Path, tmp_path: Path
+) -> None:
+    """Answers kept without maps are computed again for a page; kept with maps they give the same page."""
+    kept, page = tmp_path / "kept.jsonl", tmp_path / "fields.html"
+    asked = ("plan", f"{farm}#*", *QUICK, "--checkpoint", kept, "--json")
+    plain = headland(*asked)
+    assert headland(*asked, "--html", page).out == plain.out
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 2 and "at least 100 m2" in text
+    assert 'src="http' not in text and "<script" not in text
+    before = text
+    assert headland(*asked, "--html", page).status == 3 and page.read_text(encoding="utf-8") == before
+    totals = json.loads(plain.out)["totals"]
+    best = [record["ranking"]["best"] for record in json.loads(plain.out)["fields"] if record["ranking"]]
+    assert len(totals) == 1 and totals[0]["fields"] == 2 and totals[0]["area_ha"] == pytest.approx(0.58)
+    for key in ("time_s", "cost", "missed_m2", "over_finished_m2"):
+        assert totals[0][key] == pytest.approx(sum(plan[key] for plan in best))
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--html", "page.html"), "is for one field"),
+        (("--html", "page.txt"), "does not end in .html"),
         (("--png", "map.png"), "is for one field"),
         (("--save", "plan.json"), "is for one field"),
         (("--width", "3,x"), "is not a width"),

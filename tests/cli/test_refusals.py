@@ -256,14 +256,14 @@ class TestFieldFiles:
     @pytest.fixture
     def pond(self, folder: Path) -> Iterator[Path]:
         place = folder / "pond.geojson"
-        point = feature({"type": "Point", "coordinates": [20, 20]}, role="tree")
+        point = feature({"type": "Point", "coordinates": [20, 20]}, role="crop")
         place.write_text(json.dumps({"type": "FeatureCollection", "features": [feature(SQUARE), point]}))
         yield place
         for path in (place, folder / "pond.html"):
             path.unlink(missing_ok=True)
 
     def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
-        words = "Features of the field file that are not used: 1 Point with role 'tree'"
+        words = "Features of the field file that are not used: 1 Point with role 'crop'"
         outcome = headland("field", "pond.geojson", "--local", "--json")
         assert outcome.status == 0 and len(outcome.sentences) == 1 and f"Note: {words}" in outcome.err
         assert json.loads(outcome.out)["area_ha"] == 0.6
@@ -286,7 +286,8 @@ class TestFieldFiles:
         assert_refused(drawn, "--png draws one field; leave it out with --list")
         assert table.status == 0 and all(f"plot-{i}" in table.out for i in range(94) if i != 7)
         assert [row["position"] for row in rows] == list(range(94))
-        assert rows[93] == {"position": 93, "id": "plot-93", "area_ha": 0.6, "holes": 0, "fault": None}
+        plain = {"position": 93, "id": "plot-93", "area_ha": 0.6, "holes": 0, "fault": None, "inside": None}
+        assert rows[93] == plain
         assert rows[7]["area_ha"] is None and "crosses itself" in rows[7]["fault"]
 
     def test_other_forms_and_names(self, headland: Callable[..., Any], folder: Path) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+import reports.day.notebook  # noqa: F401
+from reports.day.answer import format_time_of_day
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
 from reports.day.tables import (
@@ -19,9 +21,9 @@ from reports.day.tables import (
     build_day_table,
     format_day_csv,
     format_day_json,
-    format_time_of_day,
 )
 from reports.plan.map_figure import render_png, render_svg
+from tests.reports.test_notebook import EVIL, check_shown
 
 HOUR = 3600.0
 JOB = DayJob(
@@ -50,7 +52,10 @@ def result() -> DayResult:
     return DayResult(
         start_s=8 * HOUR,
         end_s=26 * HOUR,
-        jobs=(JOB, replace(JOB, field="night", start_s=23 * HOUR, end_s=25 * HOUR, p95_end_s=26 * HOUR)),
+        jobs=(
+            JOB,
+            replace(JOB, field="night", start_s=23 * HOUR, end_s=24.9 * HOUR, p50_end_s=25 * HOUR, p95_end_s=26 * HOUR),
+        ),
         unworked_fields=(UnworkedField("far", 1.0, 80.0, "doing it costs 3.10 more than leaving it"),),
         fleets=(FleetDay("one", "2 x A, harrow", 8 * HOUR, 25.5 * HOUR, 9.0), FleetDay("two", "B", None, None, 0.0)),
         gap_pct=2.5,
@@ -90,6 +95,9 @@ def test_keys_and_values(result: DayResult) -> None:
         "end_s",
         "remarks",
         "certainty_pct",
+        "p50_done_s",
+        "p95_done_s",
+        "summary",
     ]
     assert all(list(job) == [*JOB_KEYS] for job in data["jobs"])
     assert list(JOB_KEYS[:7]) == [
@@ -114,6 +122,7 @@ def test_keys_and_values(result: DayResult) -> None:
         "home_s": None,
         "km": 0.0,
         "road_cost": 0.0,
+        "p50_home_s": None,
     }
 
 
@@ -129,9 +138,24 @@ def test_tables_hold_every_field(result: DayResult, width: int) -> None:
     with console.capture() as captured:
         console.print(build_day_table(result))
     text = captured.get()
-    for words in ("Go.", "2.5 %", "Home $1", "night", "23:00", "01:00+1", "stays", "far", "A remark."):
+    for words in ("2.5 %", "Home $1", "night", "23:00", "01:00+1", "stays", "far", "A remark."):
         assert words in text
     assert max(map(len, text.splitlines())) <= width
+
+
+def test_in_a_notebook_a_day_has_its_jobs_as_in_the_json(result: DayResult) -> None:
+    frame, jobs = result.to_pandas(), json.loads(format_day_json(result))["jobs"]
+    assert frame["field"].tolist() == [job["field"] for job in jobs]
+    for key in ("start_s", "end_s", "p95_end_s", "cost", "worked_pct", "tractors"):
+        assert frame[key].tolist() == [job[key] for job in jobs]
+    ends = zip(frame["finish_probability_interval_low"], frame["finish_probability_interval_high"], strict=True)
+    assert [list(pair) for pair in ends] == [job["finish_probability_interval"] for job in jobs]
+    assert "<td" in check_shown(result) and result.plot().get_title("left") == "By machine"
+    named = replace(result, jobs=(replace(JOB, field=EVIL),), fields=(EVIL, "far"), advice=EVIL)
+    assert EVIL not in check_shown(named)
+    assert (
+        check_shown(replace(result, jobs=(), fleets=result.fleets[1:])) and replace(result, jobs=()).to_pandas().empty
+    )
 
 
 def test_clock_times() -> None:

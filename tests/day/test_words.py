@@ -6,18 +6,14 @@ from dataclasses import replace
 
 from planner.day.optimization.problem import make_empty_routes
 from planner.day.optimization.solver import solve_day
-from planner.day.planning import explain_not_done, format_time_of_day, write_advice
-from reports.day.schedule_results import UnworkedField
+from planner.day.planning import explain_not_done
+from reports.day.answer import list_day_sentences
+from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
 from tests.day.days import by_hand
-from tests.day.test_reports import JOB
+from tests.day.test_reports import HOUR, JOB
 
 MOVE = [[0, 600, 900], [600, 0, 300], [900, 300, 0]]
 NAMES = ["one", "two"]
-
-
-def test_times_of_day() -> None:
-    assert format_time_of_day(3599.0) == "01:00" and format_time_of_day(86_400.0 + 1800) == "00:30 of the next day"
-    assert format_time_of_day(2 * 86_400.0) == "00:00 2 days later"
 
 
 def test_the_reasons_a_field_can_have() -> None:
@@ -54,15 +50,27 @@ def test_no_time_beside_the_others() -> None:
     assert solve_day(replace(problem, home_by_s=4800)).routes == ((1, 0),)
 
 
-def test_the_advice() -> None:
-    second = replace(JOB, field="other", end_s=11 * 3600.0, finish_probability=0.6)
-    text = write_advice([JOB, second], [], 0.55, 321.0, "EUR")
-    assert text == (
-        "All 2 fields are done by 11:00 (55 % in time): one: Home $1, then other. Expected cost 321.00 EUR. "
-        "Least certain: other, 60 % in time."
+def list_told(jobs: tuple[DayJob, ...], left: tuple[UnworkedField, ...], probability: float | None) -> list[str]:
+    """The sentences of a day that costs 321 EUR."""
+    fleets = (FleetDay("one", "2 x A", 8 * HOUR, 12 * HOUR, 9.0),)
+    return list_day_sentences(
+        DayResult(8 * HOUR, 20 * HOUR, jobs, left, fleets, 0.0, 321.0, probability, "EUR", 1000, 1, "")
     )
-    left = [UnworkedField(name, 1.0, 5.0, "it is far") for name in ("a", "b", "c", "d")]
-    told = write_advice([JOB], left, 1.0, 321.0, "EUR")
-    assert told.startswith("1 of 5 fields is done by 10:00 (100 % in time): one: Home $1.")
-    assert told.endswith("c is skipped: it is far. 1 more is skipped.")
-    assert write_advice([], left, None, 20.0, "EUR") == "No field can be done on this day."
+
+
+def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
+    second = replace(JOB, field="other", end_s=9 * HOUR, p50_end_s=11 * HOUR, p95_end_s=12 * HOUR + 1.0,
+                     finish_probability=0.6, lost_cost=4.5)  # fmt: skip
+    assert list_told((JOB, second), (), 0.55) == [
+        "All 2 fields are done by 11:00 (95 % by 12:01), 321 EUR.",
+        "In time: 55 % sure, least other (60 %); late ground costs 4.50 EUR, included.",
+        "one: Home $1, then other.",
+    ]
+
+
+def test_a_day_names_what_is_skipped() -> None:
+    left = tuple(UnworkedField(name, 1.0, 5.0, "it is far") for name in ("a", "b", "c", "d"))
+    told = list_told((JOB,), left, 1.0)
+    assert told[:2] == ["1 of 5 fields is done by 10:06 (95 % by 11:00), 321 EUR.", "In time: 100 % sure."]
+    assert told[-2:] == ["c is skipped: it is far.", "1 more is skipped."]
+    assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is skipped: it is far."]

@@ -76,8 +76,10 @@ class TestReading:
         inner = feature(polygon(moved(POND, 100, 30)), name="rock")
         for features in ((feature(polygon(SQUARE_M)), inner), (inner, feature(polygon(SQUARE_M)))):
             field = read(tmp_path, *features)
-            assert [(one.kind, one.name) for one in field.obstacles] == [("area", "rock")]
-            assert field.remarks == ("1 polygon of the file inside the field is treated as an obstacle.",)
+            assert [(one.kind, one.name) for one in field.obstacles] == [("stone", "rock")]
+            (remark,) = field.remarks
+            assert remark.startswith("1 feature without a role lies in the field and is avoided as an obstacle: ")
+            assert "(1) stone 'rock', 200 m2. To" in remark and remark.endswith("--ignore rock.")
             assert field.compute_ground_with_margin(0.0).area_m2 == pytest.approx(20_000 - 200)
 
     def test_polygons_side_by_side_are_fields(self, tmp_path: Path) -> None:

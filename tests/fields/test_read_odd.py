@@ -59,14 +59,12 @@ class TestNotUsed:
 
     def test_kinds_are_counted(self, saved: Any) -> None:
         point = {"type": "Point", "coordinates": [50, 50]}
-        line = {"type": "LineString", "coordinates": [[0, 0], [1, 1]]}
         pond = polygon(moved([[0, 0], [5, 0], [5, 5]], 50, 50))
-        several = [feature(point, role="tree")] * 2 + [feature(line), feature(pond, role="entrance"), feature(None)]
+        several = [feature(point, role="crop")] * 2 + [feature(pond, role="entrance"), feature(None)]
         field = read_field(saved(collection(feature(polygon(SQUARE_M)), *several)), local=True)
         (remark,) = field.remarks
         assert remark.startswith(
-            "Features of the field file that are not used: 2 Point with role 'tree', 1 LineString, "
-            "1 Polygon with role 'entrance', "
+            "Features of the field file that are not used: 2 Point with role 'crop', 1 Polygon with role 'entrance', "
             "1 feature without a known geometry. An obstacle has the role 'obstacle' or is a hole of the boundary"
         )
 

@@ -119,13 +119,13 @@ class TestRanking:
         told = add_ranking_advice(PlanRanking("f", 1.0, 1, self.plans, allowed_s=3600.0), self.stakes)
         assert told.best is self.plans[0]
         assert told.advice == (
-            "2 tractors: 97 % before 09:00, 128.90 EUR expected (120.10 EUR paid). 1 tractor: 61 % in time, -1.50 EUR "
-            "(about equal). 3 tractors: 99 % in time, +9.40 EUR."
+            "2 tractors: 97 % before 09:00, 129 EUR expected (120 EUR paid). 1 tractor: 61 % in time, -2 EUR (about "
+            "equal). 3 tractors: 99 % in time, +9 EUR."
         )
         assert (told.currency, told.samples, told.missed_by_s) == ("EUR", 500, None)
         assert told.money_sentences == (
-            "Paid cost in EUR, mean of 500 samples: 40.00 for each tractor and hour; expected cost adds 80.00 for each "
-            "hectare not done before 09:00.",
+            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour; and 80 for each hectare not done "
+            "before 09:00.",
         )
 
     def test_a_plan_that_is_late_as_simulated_is_not_taken_while_another_is_in_time(self) -> None:
@@ -134,7 +134,12 @@ class TestRanking:
         assert told.best is self.plans[0]
 
     def test_where_none_is_in_time_the_closest_remains(self) -> None:
-        late = tuple(replace(each, meets_deadline=False, time_s=(each.time_s or 0.0) + 4000.0) for each in self.plans)
+        late = tuple(
+            replace(
+                each, meets_deadline=False, time_s=(each.time_s or 0.0) + 4000.0, p50_s=(each.p50_s or 0.0) + 4000.0
+            )
+            for each in self.plans
+        )
         told = add_ranking_advice(PlanRanking("f", 1.0, 1, late, allowed_s=3600.0), self.stakes)
         assert told.best is late[2] and told.missed_by_s == pytest.approx(2200.0)
         assert told.advice is not None and told.advice.startswith("3 tractors")
@@ -186,7 +191,7 @@ class TestWhatNoPlanMeets:
             "No plan that finishes in time is within the budget of 100.00 EUR; the cheapest costs 120.10 EUR."
         )
         assert dry.best is self.plans[0] and dry.advice is not None
-        assert "1 tractor: 61 % in time, -23.70 EUR" in dry.advice
+        assert "1 tractor: 61 % in time, -24 EUR" in dry.advice
         neither = self.told(rain="8:50", budget=90.0)
         assert neither.unmet_sentence == (
             "No plan is within the budget of 90.00 EUR; the cheapest that finishes in time costs 120.10 EUR."

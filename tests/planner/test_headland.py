@@ -12,9 +12,12 @@ import pytest
 import shapely
 from shapely.ops import substring
 
+from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
 from strategies.headland.corners import compute_missed_m2
 from strategies.registry import STRATEGIES
@@ -151,3 +154,52 @@ def test_samples_are_worked_whole(name: str, tractors: int) -> None:
 def test_refusals(options: dict[str, Any], words: str) -> None:
     with pytest.raises(RequestError, match=words):
         PlanRequest(**options)
+
+
+class TestNumberOfPasses:
+    """A rectangle of 100 m by 60 m and an implement of 3 m; turns need 8.5 m, which three passes have."""
+
+    FIELD = Field("rectangle", shapely.box(0, 0, 100, 60))
+
+    def prepare(self, **options: Any) -> PlanningContext:
+        return prepare_context(PlanRequest(field="f", bearing_deg=90.0, **options), self.FIELD)
+
+    @pytest.mark.parametrize("passes", [2, 3, 4])
+    def test_depth_and_lengths_are_those_of_a_rectangle(self, passes: int) -> None:
+        """A pass k runs 1.5 + 3 (k - 1) m inside the outline; inside all of them lie (60 - 6 n) / 3 tracks."""
+        context = self.prepare(headland_passes=passes)
+        assert (context.layout.headland_m, context.layout.headland_passes) == (3.0 * passes, passes)
+        rings_m = [2 * (100 - 2 * inside_m) + 2 * (60 - 2 * inside_m) for inside_m in (1.5, 4.5, 7.5, 10.5)[:passes]]
+        assert [one.length_m for one in context.headland_passes] == pytest.approx(rings_m, abs=0.1)
+        assert len(context.layout.swaths) == (60 - 6 * passes) / 3
+        assert context.layout.total_length_m == pytest.approx(len(context.layout.swaths) * (100 - 6 * passes), rel=0.01)
+
+    def test_too_few_for_turns_are_said(self) -> None:
+        (remark,) = self.prepare(headland_passes=2).layout.field.remarks
+        assert remark.startswith(
+            "2 headland passes are 6 m deep, and turns need 8.5 m (3 passes): where they do not fit"
+        )
+        assert self.prepare(headland_passes=3).layout.field.remarks == ()
+
+    def test_one_pass_is_refused_and_the_number_that_works_is_found(self) -> None:
+        """Nothing is left out and no pass is added unasked."""
+        small = Field("small", shapely.box(0, 0, 45, 24))
+        request = PlanRequest(
+            field="f", headland_passes=1, tractors=(1,), strategies=("split-field",), bearing_deg=90.0
+        )
+        ranking = plan(request, field=small, executor=SerialExecutor()).ranking
+        assert ranking.best is None and ranking.changes[0] == "work 2 headland passes"
+        assert "No path" in (ranking.plans[0].reason or "")
+
+    @pytest.mark.parametrize(
+        ("options", "words"),
+        [
+            ({"headland_passes": 0}, "is 0; use 1 to 50"),
+            ({"headland_passes": 51}, "is 51; use 1 to 50"),
+            ({"headland_passes": 2, "no_headland": True}, "no_headland leaves the headland"),
+            ({"headland_passes": 2, "headland_m": 6.0}, "headland_m is its depth"),
+        ],
+    )
+    def test_refusals(self, options: dict[str, Any], words: str) -> None:
+        with pytest.raises(RequestError, match=words):
+            PlanRequest(**options)

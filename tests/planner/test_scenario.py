@@ -158,7 +158,7 @@ class TestBlame:
         [
             ("field", None), ("field", 3), ("local", 1), ("width_m", "3"), ("width_m", None), ("width_m", True),
             ("bearing_deg", "n"), ("tractor", None), ("tractors", 3), ("tractors", "1-3"),
-            ("strategies", "split-field"), ("turn", None), ("start_s", "13:00"), ("seed", 1.5), ("gnss", "yes"),
+            ("strategies", "split-field"), ("turn", None), ("start_s", 1.5), ("seed", 1.5), ("gnss", "yes"),
             ("gnss_table", 3),
         ],
     )  # fmt: skip

@@ -17,6 +17,7 @@ from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, Unw
 from reports.common.rendering import make_json_safe
 from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
+STATED = ["stated_end_s", "stated_late_end_s", "stated_cost"]
 CONTRACT = [
     "rank",
     "strategy",
@@ -67,6 +68,11 @@ CONTRACT = [
     "over_finished_m2",
     "overhang_m",
     "beyond_overhang_m",
+    "p50_done_s",
+    "p95_done_s",
+    "fuel_l",
+    *STATED,
+    "headland_order",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]
@@ -82,7 +88,7 @@ def test_keys_and_order(ranking: PlanRanking) -> None:
     data = json.loads(format_ranking_json(ranking), parse_constant=no_constant)
     assert list(data) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "unmet", "parts", "changes",
+        "unmet", "parts", "changes", "summary",
     ]  # fmt: skip
     assert data["scenario"] == {} and data["unmet"] is None
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
@@ -101,7 +107,7 @@ def test_every_plan_has_the_cells_of_its_tracks(ranking: PlanRanking) -> None:
 def test_values_survive(ranking: PlanRanking) -> None:
     data = json.loads(format_ranking_json(ranking))
     for plan, entry in zip(ranking.plans, data["plans"], strict=True):
-        for key in CONTRACT:
+        for key in (one for one in CONTRACT if one not in STATED):
             value = getattr(plan, key)
             if key != "min_clearance_m":
                 assert entry[key] == (pytest.approx(value, abs=5e-7) if isinstance(value, float) else value)
@@ -158,7 +164,16 @@ def test_text_ends_once_and_repeats(ranking: PlanRanking, study: FleetStudy) -> 
 
 def test_csv_has_one_row_per_plan(ranking: PlanRanking) -> None:
     rows = list(csv.reader(io.StringIO(format_ranking_csv(ranking))))
-    asked = ["field", "width_m", "headland_m", "bearing_deg", "price_per_hour", "price_per_tractor"]
+    asked = [
+        "field",
+        "width_m",
+        "headland_m",
+        "bearing_deg",
+        "price_per_hour",
+        "price_per_tractor",
+        "area_ha",
+        "corners",
+    ]
     assert rows[0] == [*COLUMNS, *asked]
     assert (CONTRACT, asked) == ([*PLAN_KEYS], [*CSV_KEYS])
     assert len(rows) == 1 + len(ranking.plans)
@@ -167,13 +182,22 @@ def test_csv_has_one_row_per_plan(ranking: PlanRanking) -> None:
 
 def test_every_row_says_what_was_asked(ranking: PlanRanking) -> None:
     scenario = {"field": "x.geojson#2", "width_m": 3.0, "headland_m": 8.5, "bearing_deg": 90.0, "price_per_hour": 40.0,
-                "price_per_tractor": math.nan, "seed": 7}  # fmt: skip
+                "price_per_tractor": math.nan, "corners": "round", "seed": 7}  # fmt: skip
     asked = replace(ranking, scenario=scenario)
     assert json.loads(format_ranking_json(asked), parse_constant=no_constant)["scenario"] == scenario | {
         "price_per_tractor": None
     }
     for row in csv.DictReader(io.StringIO(format_ranking_csv(asked))):
-        assert [row[key] for key in CSV_KEYS] == ["Iwamizawa", "3.0", "8.5", "90.0", "40.0", ""]
+        assert [row[key] for key in CSV_KEYS] == [
+            "Iwamizawa",
+            "3.0",
+            "8.5",
+            "90.0",
+            "40.0",
+            "",
+            str(ranking.area_ha),
+            "round",
+        ]
 
 
 def test_csv_values(ranking: PlanRanking) -> None:

@@ -50,7 +50,7 @@ def test_points_are_to_scale_and_one_for_every_count() -> None:
 def test_without_a_limit_there_is_cost_alone_and_without_draws_nothing() -> None:
     free = replace(RANKING, plans=tuple(replace(each, finish_probability=None) for each in RANKING.plans))
     picture = build_risk_chart(free)
-    assert picture is not None and [band["name"] for band in picture["bands"]] == ["Expected cost, EUR"]
+    assert picture is not None and [band["name"] for band in picture["bands"]] == ["Cost, EUR"]
     undrawn = replace(free, plans=tuple(replace(each, expected_cost=None) for each in free.plans))
     assert build_risk_chart(undrawn) is None
 
@@ -66,8 +66,8 @@ def test_ticks_are_few_and_inside(cost: float) -> None:
 
 def test_the_page_shows_advice_curve_and_columns() -> None:
     page = render_plan_page(RANKING, None)
-    assert "97\N{NO-BREAK SPACE}% before\N{NO-BREAK SPACE}17:00" in page
-    for words in ("Probability and cost", "In time, %", "Expected cost", "95 %", "Checked."):
+    assert "2 tractors, a: done in\N{NO-BREAK SPACE}" in page and "97\N{NO-BREAK SPACE}% sure" in page
+    for words in ("Probability and cost", "In time, %", "Cost", "95 %", "Checked."):
         assert words in page
     plain = replace(
         RANKING, plans=(PlanResult("a", 1, "u", True, time_s=1.0),), advice=None, chosen=None, check_sentences=()

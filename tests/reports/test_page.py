@@ -135,11 +135,12 @@ def test_table_has_every_feasible_plan_with_values_to_sort_by(ranking: PlanRanki
     body = page[page.index('<table id="plans">') : page.index("</table>")]
     rows = re.findall(r"<tr[^>]*>(<td.*?)</tr>", body)
     values = [re.findall(r'data-v="([^"]*)"', row) for row in rows]
-    assert [row[0] for row in values] == ["1", "2", "3", "4", "5", "6"]
-    assert [float(row[4]) for row in values] == [1253.0, 1290.0, 1712.4, 3725.0, 4475.0, 5012.0]
-    assert [row[-1] for row in values] == ["1", "1", "1", "0", "0", "0"], "in time or not"
-    assert {len(row) for row in values} == {body.count('<th scope="col"')} == {21}
-    assert [index for index, row in enumerate(re.findall(r"<tr[^>]*><td", body)) if "best" in row] == [2]
+    assert [row[0] for row in values] == ["3", "5", "4", "1", "2", "6"], "the best, the front, then by rank"
+    assert [float(row[3]) for row in values] == [1712.4, 4475.0, 3725.0, 1253.0, 1290.0, 5012.0]
+    assert [row[6] for row in values] == ["1", "0", "0", "1", "1", "0"], "in time or not"
+    assert {len(row) for row in values} == {body.count('<th scope="col"')}
+    assert {row.count(' extra"') for row in rows} == {len(values[0]) - 7}, "seven columns are seen at first"
+    assert [index for index, row in enumerate(re.findall(r"<tr[^>]*><td", body)) if "best" in row] == [0]
 
 
 def test_columns_say_what_they_hold(ranking: PlanRanking) -> None:

@@ -105,13 +105,24 @@ def fourth() -> Tables:
     return tables
 
 
+def fifth() -> Tables:
+    """Since the fifth version files and jobs have owners, and files the time of their last change."""
+    tables = fourth()
+    tables["files"][0] |= {"owner": "office", "changed": BEGAN}
+    tables["jobs"][0]["owner"] = "office"
+    for row in (*tables["files"][1:], *tables["jobs"][1:]):
+        row["owner"] = None
+    tables["files"][1]["changed"] = None
+    return tables
+
+
 def rename(values: dict[str, Any]) -> dict[str, Any]:
     """Options with the names of today."""
     names = dict(zip(OLD_REQUEST, NEW_REQUEST, strict=True))
     return {names.get(key, key): value for key, value in values.items()}
 
 
-EARLIER = {"0001": first, "0002": second, "0003": third, "0004": fourth}
+EARLIER = {"0001": first, "0002": second, "0003": third, "0004": fourth, "0005": fifth}
 """By revision: each is to stay as it is, for a database that was made so stays as it is, too."""
 
 

@@ -10,8 +10,13 @@ from typing import Any
 from fastapi import FastAPI, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
+from planner.day.input_file import read_example_day_text
+from planner.farm.inventory import read_example_farm_text
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
+from planner.service.errors import ServiceError
+from planner.service.fleets.video_addresses import check_video_address, find_origin
 from planner.service.pages.static_files import mount_pages
+from planner.service.sandbox.form_texts import FORMS
 from tests.service import made_field
 
 BEGUN_S, BEAT_S = 200.0, 0.1
@@ -46,6 +51,8 @@ class Made:
         self.finding = NOTHING
         self.holder: str | None = None
         self.acknowledged: str | None = None
+        self.videos: dict[int, str] = {}
+        self.silent = self.cut = False  # a link that says nothing, and one that is closed
 
 
 def fake_app() -> FastAPI:
@@ -53,7 +60,10 @@ def fake_app() -> FastAPI:
     app = FastAPI()
     made = app.state.made = Made()
     lanes = [made_field.lane_of(number) for number in range(1, made_field.COUNT + 1)]
-    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(
+        SecurityHeadersMiddleware,
+        list_video_origins=lambda: [one for one in map(find_origin, made.videos.values()) if one],
+    )
 
     @app.get("/api/v1/health")
     def health() -> dict[str, Any]:
@@ -63,14 +73,19 @@ def fake_app() -> FastAPI:
     def me() -> dict[str, Any]:
         return {"name": "office", "rights": ["operate", "plan", "read"], "fleet": None, "tractor": None}
 
+    @app.get("/api/v1/background")
+    def background() -> dict[str, Any]:
+        return {"kind": "none", "attribution": "", "least_zoom": 0, "most_zoom": 0, "tile_px": 256, "bounds_deg": None}
+
     _fleets(app, made)
+    _forms(app)
     _files(app, made)
     _jobs(app, made)
 
     @app.websocket("/api/v1/fleets/{fleet}/link")
     async def link(socket: WebSocket, fleet: str) -> None:
         made.knocks += 1
-        while made.shut:
+        while made.shut or made.cut:
             await asyncio.sleep(0.01)
         try:
             await socket.accept()
@@ -158,6 +173,19 @@ def _job(kind: str, name: str, status: str, made: Made) -> dict[str, Any]:
     }
 
 
+def _forms(app: FastAPI) -> None:
+    """The forms themselves, without files of a store."""
+
+    @app.get("/api/v1/forms/{kind}")
+    def example(kind: str) -> dict[str, Any]:
+        return FORMS[kind](read_example_day_text() if kind == "day" else read_example_farm_text(), [])
+
+    @app.post("/api/v1/forms/{kind}")
+    async def change(kind: str, request: Request) -> dict[str, Any]:
+        body = await request.json()
+        return FORMS[kind](body["text"], body["changes"])
+
+
 def _jobs(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/{kind}/{name}/results/{result}")
     def result(kind: str, name: str, result: str) -> Any:
@@ -198,7 +226,7 @@ def _jobs(app: FastAPI, made: Made) -> None:
                 ]
             }
         if kind == "fleets":
-            return _fleet()
+            return _fleet() | {"videos": made.videos}
         made.polls += made.polls >= 0
         status = (
             "cancelled"
@@ -228,6 +256,15 @@ def _fleets(app: FastAPI, made: Made) -> None:
     @app.get("/api/v1/fleets/{fleet}/recording")
     def recording(fleet: str) -> Response:
         return Response(made_field.recording(), media_type="application/zip")
+
+    @app.put("/api/v1/fleets/{fleet}/tractors/{tractor}/video")
+    async def video(fleet: str, tractor: int, request: Request) -> Any:
+        address = (await request.json())["address"]
+        try:
+            made.videos = {} if address is None else {tractor: check_video_address(address)}
+        except ServiceError as refusal:
+            return JSONResponse({"error": str(refusal), "parameter": "address"}, 422)
+        return {"address": address}
 
     @app.post("/api/v1/fleets/{fleet}/stop")
     def stop(fleet: str) -> dict[str, Any]:
@@ -272,6 +309,11 @@ async def _served(socket: WebSocket, made: Made, lanes: list[dict[str, Any]]) ->
     begun, loop = asyncio.get_running_loop().time(), asyncio.get_running_loop()
     try:
         while not listening.done():
+            if made.cut:
+                return await socket.close()
+            if made.silent:
+                await asyncio.sleep(BEAT_S)
+                continue
             now = BEGUN_S + loop.time() - begun
             await socket.send_json(_tick(lanes, now))
             await socket.send_json({"kind": "alarms", "items": _alarms(made)})

@@ -35,12 +35,15 @@ PAGES = {
     "/diagnose": "text=Earlier diagnoses",
     "/diagnose/old": "iframe",
     "/replay/f1": ".player",
+    "/library": "li.shelf",
+    "/library/plans": "li.shelf",
+    "/farm": "[name='tractors.1.file']",
     "/access": "text=office: operate, plan, read",
 }
 """What each page has when it is whole."""
 EMPTY = {
     "/": "text=No fleet yet",
-    "/diagnose": "text=No logs yet",
+    "/diagnose": "text=Try it with a sample log",
     "/replay": "text=Nothing was recorded yet",
 }
 """The same of a service that is new."""
@@ -83,11 +86,11 @@ def test_every_tab_is_reached_by_keys_with_a_visible_focus(watched: WatchedPage)
     page.keyboard.press("Tab")
     assert page.evaluate("document.activeElement.className") == "skip"
     seen = set()
-    for _ in range(9):
+    for _ in range(10):
         page.keyboard.press("Tab")
         seen.add(page.evaluate("document.activeElement.dataset.tab ?? document.activeElement.id"))
         assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
-    assert {"overview", "plan", "day", "diagnose", "replay", "access", "theme"} <= seen
+    assert {"overview", "plan", "day", "diagnose", "replay", "library", "access", "theme"} <= seen
     page.focus("[data-tab=plan]")
     page.keyboard.press("Enter")
     page.wait_for_function(

@@ -21,7 +21,8 @@ from tests.service.earlier import BEGAN, EARLIER, FLEET, MEANS, NEW_REQUEST, PRO
 
 JSON = ("request", "work", "inputs", "settings", "progress", "data", "options")
 DEFAULTS: dict[str, dict[str, Any]] = {
-    "files": {"options": {}},
+    "files": {"options": {}, "owner": None, "changed": None},
+    "jobs": {"owner": None},
     "tokens": {"fleet": None, "tractor": None, "expires": None},
 }
 """What later columns say of rows that are older than they are."""

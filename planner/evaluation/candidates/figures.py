@@ -92,6 +92,7 @@ def measure_candidate(
         remark=_join_overhang_remark(candidate_run.remark, overhang, context),
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
+        headland_order=run.plan.notes.get("headland"),
         refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if context.supply is None else float(run.standing_s.sum()),
         faults=candidate_run.faults,

@@ -94,12 +94,15 @@ def _build_ordered_plans(
     return [each for each in plans if each.notes["unworked_m"] <= min_left_out_m + LEFT_OUT_TOLERANCE_M]
 
 
+LEAST_SAID_M = 0.5  # a shorter piece would read as 0 m
+
+
 def _describe_left_out(refined: RefinedPlan, plan: Plan) -> str | None:
     """The remark of a plan, with what it skips of the headland passes."""
     left_out_m = plan.notes["unworked_m"]
     remarks = [
         refined.remark,
-        f"{left_out_m:.0f} m of the headland cannot be reached and are skipped" if left_out_m else None,
+        f"{left_out_m:.0f} m of the headland cannot be reached and are skipped" if left_out_m >= LEAST_SAID_M else None,
     ]
     return "; ".join(each for each in remarks if each) or None
 
@@ -227,10 +230,13 @@ class ReachableJob:
         if self.left_out_swaths:
             plural = "s" if self.left_out_swaths > 1 else ""
             parts.append(f"{self.left_out_swaths} piece{plural} of track ({self.left_out_swaths_m:.0f} m)")
-        if self.left_out_passes_m:
+        if self.left_out_passes_m >= LEAST_SAID_M:
             parts.append(f"{self.left_out_passes_m:.0f} m of headland")
         skipped = " and ".join(parts)
-        return f"{skipped} cannot be reached and are skipped; a wider passage or headland may help" if parts else None
+        verb = "is" if self.left_out_swaths == 1 and len(parts) == 1 else "are"
+        return (
+            f"{skipped} cannot be reached and {verb} skipped; a wider passage or headland may help" if parts else None
+        )
 
     def drop_swath(self, swath: Swath) -> ReachableJob:
         """The same job without one more swath."""

@@ -62,12 +62,19 @@ def measure_finished_ground_traffic(
 
     What is worked again later is not finished, and wheels in front of a lowered implement do not count.
     """
-    strips = np.arange(len(swept.ground))
-    tyres, strip = _find_marks(run, context, swept, strips, wide=True)
-    axles, axle_strip = _find_marks(run, context, swept, strips, wide=False)
-    pressed, driven = _remove_worked_again(swept, tyres, strip), _remove_worked_again(swept, axles, axle_strip)
-    ground = clip_area(unite_areas(pressed), context.layout.field.workable_region)
-    return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground.area))
+    axles, strip = _find_marks(run, context, swept, np.arange(len(swept.ground)), wide=False)
+    driven = _remove_worked_again(swept, axles, strip)
+    ground_m2 = sum(piece.area for piece in find_driven_over_ground(run, context, swept))
+    return FinishedGroundTraffic(float(shapely.length(driven).sum()), float(ground_m2))
+
+
+def find_driven_over_ground(
+    run: SimulationRun, context: PlanningContext, swept: SweptArea
+) -> tuple[shapely.Polygon, ...]:
+    """Finished ground under wheels, headland passes included, as pieces that do not overlap."""
+    tyres, strip = _find_marks(run, context, swept, np.arange(len(swept.ground)), wide=True)
+    ground = clip_area(unite_areas(_remove_worked_again(swept, tyres, strip)), context.layout.field.workable_region)
+    return tuple(shapely.get_parts(ground))
 
 
 def compute_charged_s(run: SimulationRun, context: PlanningContext) -> float:

@@ -34,7 +34,8 @@ from planner.fleet.session.frame_timing import CommandFreshness, TractorClock, c
 from planner.fleet.session.state_recorder import MOST_WAITING_STATES, StateRecorder, build_row
 from vehicle.missions.plan_file import format_plan
 
-COVERAGE_PERIOD_S, FULL_TICK_PERIOD_S = 1.0, 1.0
+COVERAGE_PERIOD_S = 1.0
+FULL_TICK_PERIOD_S = 0.5  # pages show data older than a second as old
 UNSAVED_ALARM_S = 10.0  # without saving, after which an alarm is raised
 MOST_EVENTS = 5000  # that wait to be saved
 CLOCK_ALARM_S = 1.0  # for which a clock must be wrong before an alarm

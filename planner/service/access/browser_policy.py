@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from urllib.parse import urlsplit
 
 from starlette.datastructures import MutableHeaders
@@ -20,8 +21,9 @@ REPORT_SECURITY_POLICY = (
     "img-src data:; frame-ancestors 'self'"
 )
 """For a page made by a job: its own script and style, nothing else, and no access to this site."""
+SECURITY_POLICY_HEADER = "content-security-policy"
 SECURITY_HEADERS = {
-    "content-security-policy": CONTENT_SECURITY_POLICY,
+    SECURITY_POLICY_HEADER: CONTENT_SECURITY_POLICY,
     "x-content-type-options": "nosniff",
     "x-frame-options": "DENY",
     "referrer-policy": "no-referrer",
@@ -30,11 +32,23 @@ SECURITY_HEADERS = {
 }
 
 
-class SecurityHeadersMiddleware:
-    """Adds the headers to every answer that does not have its own."""
+def build_page_policy(video_origins: Sequence[str]) -> str:
+    """The policy of pages that may load video from these origins (scheme, host and port) as well."""
+    if not video_origins:
+        return CONTENT_SECURITY_POLICY
+    pictures = "img-src 'self' data: blob:"
+    hosts = " ".join(video_origins)
+    return CONTENT_SECURITY_POLICY.replace(pictures, f"{pictures} {hosts}; media-src 'self' {hosts}")
 
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
+
+class SecurityHeadersMiddleware:
+    """Adds the headers to every answer that does not have its own.
+
+    `list_video_origins` gives the hosts from which pages may load pictures and films besides the service's own.
+    """
+
+    def __init__(self, app: ASGIApp, list_video_origins: Callable[[], Sequence[str]] = tuple) -> None:
+        self.app, self.list_video_origins = app, list_video_origins
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """The ASGI entry point."""
@@ -47,6 +61,8 @@ class SecurityHeadersMiddleware:
                 headers = MutableHeaders(scope=message)
                 for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
+                if headers[SECURITY_POLICY_HEADER] == CONTENT_SECURITY_POLICY:
+                    headers[SECURITY_POLICY_HEADER] = build_page_policy(self.list_video_origins())
             await send(message)
 
         await self.app(scope, receive, send_with_headers)

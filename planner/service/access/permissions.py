@@ -97,6 +97,23 @@ class Caller:
             f"another token (headland token new --scope {scope} makes one)."
         )
 
+    @property
+    def owner_name(self) -> str | None:
+        """The name for what the caller makes, None for callers without a token, such as the fleet manager."""
+        return None if self.token_sha256 is None else self.name
+
+    def check_may_change(self, owner: str | None, subject: str) -> None:
+        """Raise ScopeError where something belongs to another token; an administrator may change everything.
+
+        `subject` names it at the start of the sentence; an `owner` of None stands for things of nobody.
+        """
+        if owner in (None, self.name) or self.has_right(ADMINISTER):
+            return
+        raise ScopeError(
+            f"{subject} belongs to the token {owner!r}; ask who has that token or one of the scope 'admin' to change "
+            "it, or make a copy of your own."
+        )
+
     def can_see_fleet(self, fleet: str) -> bool:
         """Whether lists show a fleet to the caller: a robot sees its own only."""
         return self.has_right(READ, fleet)

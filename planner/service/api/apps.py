@@ -29,14 +29,17 @@ from planner.request.parameter_names import strip_unit
 from planner.service.access.browser_policy import SecurityHeadersMiddleware
 from planner.service.access.one_time_links import LOGIN_PATH, BrowserLogins, OneTimeViews
 from planner.service.access.token_cache import TokenCache
-from planner.service.api import administration, job_routes, monitoring
+from planner.service.api import administration, background_routes, job_routes, monitoring
+from planner.service.api.form_routes import form_router
 from planner.service.api.job_routes import JOB_KIND_BY_PATH, all_jobs_router, build_jobs_router, views_router
 from planner.service.api.monitoring import ConnectionMetrics, FleetMetrics, JobMetrics, ServiceMetrics, find_version
 from planner.service.api.uploads import FILE_KIND_BY_PATH, build_files_router
+from planner.service.backgrounds.map_background import MapBackground
 from planner.service.fleets import fleet_routes, fleet_socket, twin_routes
 from planner.service.fleets.fleet_sessions import FleetSessions
 from planner.service.fleets.fleet_socket import PendingConnections
 from planner.service.fleets.twin_routes import TwinDiagnosis
+from planner.service.fleets.video_addresses import video_router
 from planner.service.gateway.back_office import LOOPBACK_HOST, BackOffice, OfficeForwarder, SharedSecretMiddleware
 from planner.service.gateway.connection_limits import ConnectionRegistry
 from planner.service.gateway.request_gate import RequestGate, list_route_rules, refuse_unknown_query
@@ -151,7 +154,13 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
 
 def list_control_routers() -> list[APIRouter]:
     """Routers that need the memory of the control process."""
-    return [monitoring.health_router, fleet_routes.fleet_router, twin_routes.twin_router, fleet_socket.link_router]
+    return [
+        monitoring.health_router,
+        fleet_routes.fleet_router,
+        video_router,
+        twin_routes.twin_router,
+        fleet_socket.link_router,
+    ]
 
 
 def list_back_office_routers() -> list[APIRouter]:
@@ -160,8 +169,10 @@ def list_back_office_routers() -> list[APIRouter]:
         *map(build_files_router, FILE_KIND_BY_PATH),
         *map(build_jobs_router, JOB_KIND_BY_PATH),
         job_routes.exports_router,
+        form_router,
         all_jobs_router,
         views_router,
+        background_routes.background_router,
     ]
     return [
         *parts,
@@ -211,6 +222,7 @@ def _set_up_control_state(app: FastAPI, *, reads_inline: bool) -> None:
 def _set_up_back_office_state(app: FastAPI) -> None:
     app.state.supervisor = WorkerSupervisor(app.state.settings, app.state.store)
     app.state.views = OneTimeViews()
+    app.state.background = MapBackground(app.state.settings)
 
 
 def _add_routers(app: FastAPI, routers: Sequence[APIRouter], documented_routers: Sequence[APIRouter] = ()) -> None:
@@ -238,7 +250,7 @@ def _add_middleware(app: FastAPI, control: Sequence[APIRouter], office: Sequence
         office, API_PREFIX, settings
     )
     app.add_middleware(RequestGate, settings=settings, rules=rules)
-    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(SecurityHeadersMiddleware, list_video_origins=app.state.hub.videos.list_origins)
     app.add_middleware(RequestIdMiddleware, observe=app.state.metrics.observe_request)
 
 
@@ -303,6 +315,7 @@ async def _run_office(app: FastAPI) -> AsyncIterator[None]:
     finally:
         if sweep_task is not None:
             sweep_task.cancel()
+        await app.state.background.close()
         await asyncio.to_thread(app.state.supervisor.stop)
 
 

@@ -10,6 +10,7 @@ from fields.formats.guidance import ZIP_MEDIA_TYPE, zip_files
 from planner.pipeline.outputs.guidance_lines import build_guidance, find_format
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY
 from planner.service.access.permissions import Caller, require_right
+from planner.service.api.library import CopyRequest, RenameRequest, SearchParameter
 from planner.service.api.uploads import build_download
 from planner.service.gateway.responses import JobInfo, JobList, ViewInfo, document_errors
 from planner.service.jobs.file_reading import build_client_queue_key
@@ -109,6 +110,7 @@ def build_jobs_router(path: str) -> APIRouter:
     _add_submit_route(router, kind)
     _add_read_routes(router, kind)
     _add_cancel_and_delete_routes(router, kind)
+    _add_rename_and_copy_routes(router, kind)
     return router
 
 
@@ -127,9 +129,9 @@ def _add_submit_route(router: APIRouter, kind: str) -> None:
 
 def _add_read_routes(router: APIRouter, kind: str) -> None:
     @router.get("", responses=document_errors(401, 403), operation_id=f"list_{kind}_jobs")
-    def list_jobs(request: Request, _who: ReadAccess) -> JobList:
-        """All of them, the newest first, at most 500."""
-        return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs(kind)])
+    def list_jobs(request: Request, _who: ReadAccess, search: SearchParameter = "") -> JobList:
+        """All of them or those that are searched for, the newest first, at most 500."""
+        return JobList(items=[describe_job(row) for row in request.app.state.store.list_jobs(kind, search)])
 
     @router.get("/{id}", responses=document_errors(401, 403, 404, 422), operation_id=f"watch_{kind}")
     def show_job(request: Request, _who: ReadAccess, id: str) -> JobInfo:
@@ -161,8 +163,9 @@ def _add_cancel_and_delete_routes(router: APIRouter, kind: str) -> None:
     @router.post("/{id}/cancel", responses=document_errors(401, 403, 404, 409, 422), operation_id=f"cancel_{kind}")
     def cancel_job(request: Request, caller: PlanAccess, id: str) -> JobInfo:
         """Cancel a queued or running job."""
-        row = request.app.state.store.cancel_job(id, kind)
-        request.app.state.store.add_event(None, caller.name, f"{kind} cancelled", {"id": id})
+        store = find_changeable_job(request, caller, kind, id)
+        row = store.cancel_job(id, kind)
+        store.add_event(None, caller.name, f"{kind} cancelled", {"id": id})
         return describe_job(row)
 
     @router.delete(
@@ -170,8 +173,40 @@ def _add_cancel_and_delete_routes(router: APIRouter, kind: str) -> None:
     )
     def delete_job(request: Request, caller: PlanAccess, id: str) -> None:
         """Delete a job and its results; a running one is cancelled first."""
-        request.app.state.store.delete_job(id, kind)
-        request.app.state.store.add_event(None, caller.name, f"{kind} deleted", {"id": id})
+        store = find_changeable_job(request, caller, kind, id)
+        store.delete_job(id, kind)
+        store.add_event(None, caller.name, f"{kind} deleted", {"id": id})
+
+
+def _add_rename_and_copy_routes(router: APIRouter, kind: str) -> None:
+    @router.patch("/{id}", responses=document_errors(401, 403, 404, 422), operation_id=f"rename_{kind}_job")
+    def rename_job(request: Request, caller: PlanAccess, id: str, body: RenameRequest) -> JobInfo:
+        """Give a job another name."""
+        store = find_changeable_job(request, caller, kind, id)
+        row = store.rename_job(id, kind, body.name)
+        store.add_event(None, caller.name, f"{kind} renamed", {"id": id, "to": row.name})
+        return describe_job(row)
+
+    @router.post(
+        "/{id}/copy",
+        status_code=201,
+        responses=document_errors(401, 403, 404, 409, 422),
+        operation_id=f"copy_{kind}_job",
+    )
+    def copy_job(request: Request, caller: PlanAccess, id: str, body: CopyRequest) -> JobInfo:
+        """Copy a job that has ended, with its results; the copy belongs to who makes it."""
+        store: Store = request.app.state.store
+        row = store.copy_job(id, kind, body.name, caller.owner_name)
+        store.add_event(None, caller.name, f"{kind} copied", {"id": id, "to": row.id})
+        return describe_job(row)
+
+
+def find_changeable_job(request: Request, caller: Caller, kind: str, id: str) -> Store:
+    """The store, where the caller may change a job in it; raises NotFoundError, or ScopeError for somebody else's."""
+    store: Store = request.app.state.store
+    row = store.get_job(id, kind)
+    caller.check_may_change(row.owner, f"The job {row.name!r}")
+    return store
 
 
 def describe_job(job: JobRow) -> JobInfo:
@@ -188,5 +223,6 @@ def describe_job(job: JobRow) -> JobInfo:
             "finished": job.finished,
             "request": job.request,
             "results": [each.name for each in job.results],
+            "owner": job.owner,
         }
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
-from importlib import resources
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -12,9 +13,17 @@ from fastapi import APIRouter, Depends, File, Form, Query, Request, Response, Up
 from starlette.concurrency import run_in_threadpool
 
 from fields.errors import HeadlandError
-from fields.sample_fields import list_sample_names, read_sample_text
 from planner.service.access.permissions import Caller, require_right
-from planner.service.errors import ConflictError, TooLargeError
+from planner.service.api.library import (
+    SearchParameter,
+    add_file_change_routes,
+    describe_sample,
+    find_changeable_file,
+    list_samples,
+    read_sample,
+    refuse_sample_name,
+)
+from planner.service.errors import ConflictError, NotFoundError, TooLargeError
 from planner.service.gateway.request_gate import refuse_unknown_form_parts
 from planner.service.gateway.responses import FileInfo, FileList, document_errors
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
@@ -22,8 +31,7 @@ from planner.service.jobs.input_files import InputCollector, InputFiles
 from planner.service.settings import MEGABYTE_BYTES
 from planner.service.store.file_table import MEDIA_BY_SUFFIX, SUFFIXES_BY_KIND, check_suffix
 from planner.service.store.service_store import Store
-from planner.service.store.store_part import check_name
-from vehicle.model.tractor import list_tractor_names
+from planner.service.store.store_part import is_found
 
 FILE_KIND_BY_PATH = {"fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table"}
 HAND_WRITTEN_KINDS = ("tractor", "farm")  # they stay small
@@ -31,6 +39,9 @@ ReadAccess = Annotated[Caller, Depends(require_right("read"))]
 PlanAccess = Annotated[Caller, Depends(require_right("plan"))]
 UploadParameter = Annotated[UploadFile, File(description="The file; its ending gives the format.")]
 NameParameter = Annotated[str | None, Form(description="Its name here; by default the name of the file.")]
+ReplaceParameter = Annotated[
+    bool, Form(description="A file of the same name is replaced; plans made from the old one keep it.")
+]
 LONGEST_CRS_CHARS = 400
 FORM_DEPENDENCIES = [Depends(refuse_unknown_form_parts)]
 CRS_HELP = "Coordinate system of a file that names none, such as EPSG:25832."
@@ -48,7 +59,7 @@ def build_files_router(path: str) -> APIRouter:
         _add_field_upload_route(router)
     else:
         _add_upload_route(router, kind)
-    _add_delete_route(router, kind)
+    add_file_change_routes(router, kind)
     _add_download_route(router, kind)
     if kind == "field":
         _add_field_summary_route(router)
@@ -59,11 +70,11 @@ def build_files_router(path: str) -> APIRouter:
 
 def _add_list_route(router: APIRouter, kind: str) -> None:
     @router.get("", responses=document_errors(401, 403), operation_id=f"list_{kind}s")
-    def list_files(request: Request, _who: ReadAccess) -> FileList:
-        """All of them by name; those of Headland first."""
+    def list_files(request: Request, _who: ReadAccess, search: SearchParameter = "") -> FileList:
+        """All of them by name, or those that are searched for; those of Headland first."""
         store: Store = request.app.state.store
-        samples = [_describe_sample(kind, name) for name in _list_samples(kind)]
-        return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind))])
+        samples = [describe_sample(kind, name) for name in list_samples(kind) if is_found(name, search)]
+        return FileList(items=[*samples, *(FileInfo.model_validate(row) for row in store.list_files(kind, search))])
 
 
 def _add_upload_route(router: APIRouter, kind: str) -> None:
@@ -75,10 +86,14 @@ def _add_upload_route(router: APIRouter, kind: str) -> None:
         dependencies=FORM_DEPENDENCIES,
     )
     async def upload_file(
-        request: Request, caller: PlanAccess, file: UploadParameter, name: NameParameter = None
+        request: Request,
+        caller: PlanAccess,
+        file: UploadParameter,
+        name: NameParameter = None,
+        replace: ReplaceParameter = False,
     ) -> FileInfo:
         """Upload a file. It is read before it is stored, and refused in a sentence if it is not of its kind."""
-        return await _store_upload(request, caller, kind, file, name, {})
+        return await _store_upload(request, caller, kind, file, name, {}, replace)
 
 
 def _add_field_upload_route(router: APIRouter) -> None:
@@ -97,23 +112,28 @@ def _add_field_upload_route(router: APIRouter) -> None:
         crs: Annotated[str | None, Form(max_length=LONGEST_CRS_CHARS, description=CRS_HELP)] = None,
         swap_axes: Annotated[bool, Form(description=SWAP_AXES_HELP)] = False,
         local: Annotated[bool, Form(description=LOCAL_METRES_HELP)] = False,
+        replace: ReplaceParameter = False,
     ) -> FileInfo:
         """Upload a file of fields. It is read before it is stored; later readings use the same options."""
         options: dict[str, Any] = {"crs": (crs or "").strip() or None, "swap_axes": swap_axes, "local": local}
         return await _store_upload(
-            request, who, "field", file, name, {key: value for key, value in options.items() if value}
+            request, who, "field", file, name, {key: value for key, value in options.items() if value}, replace
         )
 
 
 async def _store_upload(
-    request: Request, caller: Caller, kind: str, file: UploadFile, name: str | None, options: dict[str, Any]
+    request: Request,
+    caller: Caller,
+    kind: str,
+    file: UploadFile,
+    name: str | None,
+    options: dict[str, Any],
+    replaces: bool,
 ) -> FileInfo:
     """Read an uploaded file and store it; raises HeadlandError."""
     store: Store = request.app.state.store
     stem, suffix = _split_filename(file.filename or "", kind)
-    stored_name, suffix = check_name(name or stem), check_suffix(kind, suffix)
-    if stored_name in _list_samples(kind):
-        raise ConflictError(f"{stored_name!r} comes with Headland; choose another name.", parameter="name")
+    stored_name, suffix = refuse_sample_name(kind, name or stem), check_suffix(kind, suffix)
     content = await file.read()
     most_bytes = MEGABYTE_BYTES if kind in HAND_WRITTEN_KINDS else store.settings.upload_bytes
     if len(content) > most_bytes:
@@ -121,30 +141,59 @@ async def _store_upload(
             f"The file is larger than {most_bytes // MEGABYTE_BYTES} MB; split it or leave something out.",
             parameter="file",
         )
-    file_path = f"{kind}/{stored_name}{suffix}"
-    inputs = await run_in_threadpool(_collect_upload, store, kind, file_path, content)
-    await _check_upload(request, caller, kind, file_path, inputs, options)
-    return await run_in_threadpool(_store_checked_file, store, caller, kind, stored_name, content, suffix, options)
+    upload = Upload(kind, stored_name, suffix, content, options, replaces)
+    await run_in_threadpool(_check_taken_name, store, caller, upload)
+    inputs = await run_in_threadpool(_collect_upload, store, kind, upload.file_path, content)
+    await _check_upload(request, caller, kind, upload.file_path, inputs, options)
+    return await run_in_threadpool(_store_checked_file, store, caller, upload)
 
 
-def _store_checked_file(
-    store: Store, caller: Caller, kind: str, stored_name: str, content: bytes, suffix: str, options: dict[str, Any]
-) -> FileInfo:
-    row = store.add_file(kind, stored_name, content, suffix, options)
-    store.add_event(None, caller.name, f"{kind} uploaded", {"name": stored_name} | options)
+@dataclass(frozen=True)
+class Upload:
+    """An uploaded file under the name it gets; it `replaces` one of the same name, or is refused."""
+
+    kind: str
+    name: str
+    suffix: str
+    content: bytes
+    options: dict[str, Any]
+    replaces: bool
+
+    @property
+    def file_path(self) -> str:
+        """Its path while it is read."""
+        return f"{self.kind}/{self.name}{self.suffix}"
+
+
+def _check_taken_name(store: Store, caller: Caller, upload: Upload) -> None:
+    """Raise ScopeError where the upload would change a file of somebody else, ConflictError for a name that is taken.
+
+    This comes before the reading, which may take long.
+    """
+    try:
+        row = store.get_file(upload.kind, upload.name)
+    except NotFoundError:
+        return
+    is_same = row.sha256 == hashlib.sha256(upload.content).hexdigest()
+    if is_same and row.options == upload.options and row.suffix == upload.suffix:
+        return
+    if not is_same and not upload.replaces:
+        raise ConflictError(
+            f"There is a {row.kind} {row.name!r} with other content; replace it or choose another name.",
+            parameter="name",
+        )
+    find_changeable_file(store, caller, row.kind, row.name)
+
+
+def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInfo:
+    kind, name, suffix, options = upload.kind, upload.name, upload.suffix, upload.options
+    replaced = upload.replaces and any(row.name == name for row in store.list_files(kind))
+    if replaced:
+        row = store.replace_file(kind, name, upload.content, suffix, options)
+    else:
+        row = store.add_file(kind, name, upload.content, suffix, options, caller.owner_name)
+    store.add_event(None, caller.name, f"{kind} {'replaced' if replaced else 'uploaded'}", {"name": name} | options)
     return FileInfo.model_validate(row)
-
-
-def _add_delete_route(router: APIRouter, kind: str) -> None:
-    @router.delete(
-        "/{name}", status_code=204, responses=document_errors(401, 403, 404, 409, 422), operation_id=f"delete_{kind}"
-    )
-    def delete_file(request: Request, caller: PlanAccess, name: str) -> None:
-        """Delete a file; jobs that use it keep their copy."""
-        if name in _list_samples(kind):
-            raise ConflictError(f"{name!r} comes with Headland and cannot be deleted.", parameter="name")
-        request.app.state.store.delete_file(kind, name)
-        request.app.state.store.add_event(None, caller.name, f"{kind} deleted", {"name": name})
 
 
 def _add_download_route(router: APIRouter, kind: str) -> None:
@@ -156,9 +205,9 @@ def _add_download_route(router: APIRouter, kind: str) -> None:
     @router.get("/{name}", response_class=Response, responses=responses, operation_id=f"read_{kind}")
     def download_file(request: Request, _who: ReadAccess, name: str) -> Response:
         """The uploaded file."""
-        if name in _list_samples(kind):
+        if name in list_samples(kind):
             return build_download(
-                _read_sample(kind, name), MEDIA_BY_SUFFIX[SUFFIXES_BY_KIND[kind][0]], name + SUFFIXES_BY_KIND[kind][0]
+                read_sample(kind, name), MEDIA_BY_SUFFIX[SUFFIXES_BY_KIND[kind][0]], name + SUFFIXES_BY_KIND[kind][0]
             )
         store: Store = request.app.state.store
         row = store.get_file(kind, name)
@@ -203,7 +252,7 @@ async def _summarize_file(
 
 def _find_stored_file(store: Store, kind: str, name: str) -> tuple[str, InputFiles, dict[str, Any]]:
     """The path of a stored file, the files it needs, and its options; a sample has no path."""
-    if name in _list_samples(kind):
+    if name in list_samples(kind):
         return name, {}, {}
     collector, row = InputCollector(store), store.get_file(kind, name)
     file_path = collector.add_file(kind, name, "name")
@@ -227,23 +276,6 @@ async def _check_upload(
     except HeadlandError as refusal:
         refusal.parameter = refusal.parameter if refusal.parameter in ("crs", "swap_axes", "local") else "file"
         raise
-
-
-def _list_samples(kind: str) -> tuple[str, ...]:
-    return {"field": list_sample_names, "tractor": list_tractor_names}.get(kind, tuple)()
-
-
-def _describe_sample(kind: str, name: str) -> FileInfo:
-    suffix, content = SUFFIXES_BY_KIND[kind][0], _read_sample(kind, name)
-    return FileInfo(
-        kind=kind, name=name, suffix=suffix, size=len(content), media=MEDIA_BY_SUFFIX[suffix], created=None, sample=True
-    )
-
-
-def _read_sample(kind: str, name: str) -> bytes:
-    if kind == "field":
-        return read_sample_text(name).encode()
-    return (resources.files("vehicle") / "data" / f"{name}.toml").read_bytes()
 
 
 def _split_filename(filename: str, kind: str) -> tuple[str, str]:

@@ -139,7 +139,7 @@ class AcceptRequest(BaseModel):
 class FleetAnswer(ApiModel):
     """A fleet; `fleet` and `tractors` are as in the last tick, empty for one that could not be restored.
 
-    `recorded` is whether there is a recording to replay.
+    `recorded` is whether there is a recording to replay, `videos` are addresses of video by tractor.
     """
 
     id: str
@@ -149,6 +149,7 @@ class FleetAnswer(ApiModel):
     recorded: bool = False
     fleet: dict[str, Any] = Field(default_factory=dict)
     tractors: list[dict[str, Any]] = Field(default_factory=list)
+    videos: dict[int, str] = Field(default_factory=dict)
 
 
 class FleetList(ApiModel):
@@ -180,6 +181,7 @@ def _build_answer(sessions: FleetSessions, label: FleetLabel) -> FleetAnswer:
     if session is None:
         return answer
     now = time.monotonic()
+    answer.videos = sessions.videos.get_addresses(label.id)
     answer.recorded = max(session.recorder.received) >= 0
     answer.fleet = build_tick_fleet(session.manager, session.compute_deadline_s(), session.finish_distribution)
     answer.tractors = [

@@ -34,6 +34,7 @@ from planner.pipeline.executors import LocalPool
 from planner.request.parameter_names import strip_unit
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import BusyError, NotFoundError
+from planner.service.fleets.video_addresses import VideoAddresses
 from planner.service.store.service_store import Store
 from vehicle.model.tractor import Tractor
 
@@ -82,6 +83,7 @@ class FleetSessions:
         self.neighbourhood = Neighbourhood()
         self.faults: dict[str, str] = {}
         self.labels: dict[str, FleetLabel] = {}
+        self.videos = VideoAddresses()
         self.on_stop: Callable[[float], None] | None = None
         self.lag_s = 0.0  # delay of the last step of the fleets, itself included
         self._pool: LocalPool | None = None
@@ -219,6 +221,7 @@ class FleetSessions:
             self.neighbourhood.remove(id, time.monotonic())
         self.faults.pop(id, None)
         self.labels.pop(id, None)
+        self.videos.remove_fleet(id)
         await asyncio.to_thread(self.store.delete_fleet, id)
 
     async def restore_sessions(self) -> None:
@@ -227,6 +230,7 @@ class FleetSessions:
             if row.id in self.by_id:
                 continue
             self.labels[row.id] = FleetLabel(row.id, row.name, row.created)
+            self.videos.restore(row.id, row.settings)
             try:
                 files = {name: tuple(stored) for name, stored in row.settings.get("files", {}).items()}
                 contents = {

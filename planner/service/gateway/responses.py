@@ -62,7 +62,10 @@ class CallerInfo(ApiModel):
 
 
 class FileInfo(ApiModel):
-    """A file by its name; a `sample` comes with Headland, `options` say how a field is read (crs, swap_axes, local)."""
+    """A file by its name; a `sample` comes with Headland, `options` say how a field is read (crs, swap_axes, local).
+
+    `owner` is the name of the token that added it; it and an administrator may change and delete it.
+    """
 
     kind: str
     name: str
@@ -72,6 +75,8 @@ class FileInfo(ApiModel):
     created: str | None
     sample: bool = False
     options: dict[str, Any] = {}
+    owner: str | None = None
+    changed: str | None = None
 
 
 class FileList(ApiModel):
@@ -89,7 +94,10 @@ class JobProgress(ApiModel):
 
 
 class JobInfo(ApiModel):
-    """A job; `error` says in one sentence why it failed, `results` are the names of its files."""
+    """A job; `error` says in one sentence why it failed, `results` are the names of its files.
+
+    `owner` is the name of the token that asked for it; it and an administrator may rename, cancel and delete it.
+    """
 
     id: str
     kind: str
@@ -101,6 +109,7 @@ class JobInfo(ApiModel):
     finished: str | None
     request: dict[str, Any]
     results: list[str]
+    owner: str | None = None
 
 
 class JobList(ApiModel):

@@ -181,6 +181,19 @@ class FileReader:
         summary: ReadResult = await self._read_in_turn(client, f"summary {kind}", inputs, [file_path], options, key)
         return summary
 
+    async def read_form(
+        self,
+        client: str,
+        kind: str,
+        text: str,
+        changes: list[dict[str, Any]],
+        farm_path: str | None,
+        inputs: Mapping[str, str],
+    ) -> ReadResult:
+        """Text, values and faults of a day or farm file after changes; raises HeadlandError."""
+        form: ReadResult = await self._read_in_turn(client, f"form {kind}", inputs, [text, changes, farm_path], {})
+        return form
+
     async def _read_in_turn(
         self,
         client: str,

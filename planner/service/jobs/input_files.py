@@ -7,6 +7,7 @@ it names beside it. What a file of the farm or the day names is looked for among
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from planner.service.errors import NotFoundError, ServiceError
 from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest, JobRequest, PlanJobRequest
 from planner.service.store.file_table import SUFFIXES_BY_KIND
 from planner.service.store.service_store import Store
+from vehicle.identification.logs.reader import SAMPLE_LOG
 from vehicle.model.tractor import list_tractor_names
 
 DAY_FILE = "day/day.toml"
@@ -24,6 +26,10 @@ PATH_CHARACTERS = "/\\:\0"
 
 InputFiles = dict[str, str]
 """Files of a request: the path of each in the job's folder, and the SHA-256 of its bytes."""
+
+
+ListNames = Callable[[Mapping[str, Any]], Iterator[tuple[str, str]]]
+"""Lists kind and name of the files that a TOML file names."""
 
 
 class InputCollector:
@@ -67,6 +73,16 @@ class InputCollector:
         """The name of a built-in tractor, or the path of an uploaded one."""
         return name if name in list_tractor_names() else self.add_file("tractor", name, parameter)
 
+    def add_log(self, name: str) -> str:
+        """The name of the log of Headland, or the path of an uploaded one."""
+        return name if name == SAMPLE_LOG else self.add_file("log", name, "logs")
+
+    def add_farm_tractors(self, text: str, folder: str) -> None:
+        """The tractor files that the text of a farm names, in a folder, as far as there are any."""
+        for kind, name in _list_names_in_toml(text, _list_farm_tractors):
+            with suppress(ServiceError):
+                self.add_file(kind, name, "file", folder, name)
+
     def add_day(self, text: str) -> None:
         """The text of a day, and the files that it names."""
         sha256 = self._store.blobs.put_bytes(text.encode())
@@ -78,14 +94,11 @@ class InputCollector:
         sha256: str,
         folder: str,
         parameter: str,
-        list_names: Callable[[Mapping[str, Any]], Iterator[tuple[str, str]]],
+        list_names: ListNames,
     ) -> None:
         """Add the files that a TOML file names, beside it under those names; a file that is not TOML names none."""
-        try:
-            values = parse_toml(self._store.blobs.read_bytes(sha256).decode("utf-8-sig"))
-        except (ValueError, RecursionError):
-            return
-        for kind, name in list_names(values):
+        text = self._store.blobs.read_bytes(sha256).decode("utf-8-sig", "replace")
+        for kind, name in _list_names_in_toml(text, list_names):
             if f"{folder}/{name}" == DAY_FILE:
                 sentence = (
                     f"A {kind} of the day has the name {name!r} of the day file itself; upload it under another name."
@@ -112,7 +125,7 @@ def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], I
                 request.farm if request.farm == EXAMPLE_FARM else collector.add_file("farm", request.farm, "farm")
             )
     elif isinstance(request, DiagnosisJobRequest):
-        values["logs"] = [collector.add_file("log", name, "logs") for name in request.logs]
+        values["logs"] = [collector.add_log(name) for name in request.logs]
         values["tractor"] = collector.add_tractor(request.tractor, "tractor")
     return values, collector.inputs
 
@@ -148,9 +161,28 @@ def _is_farm_tractor(store: Store, farm: str | None, tractor: str) -> bool:
     return _strip_suffix("tractor", tractor) not in uploaded_names
 
 
+def list_tractor_users(store: Store, name: str) -> list[str]:
+    """The farms and fleets that name an uploaded tractor, in words: "the farm 'own'"."""
+    users = []
+    for farm in store.list_files("farm"):
+        text = store.blobs.read_bytes(farm.sha256).decode("utf-8-sig", "replace")
+        if any(_strip_suffix("tractor", file) == name for _, file in _list_names_in_toml(text, _list_farm_tractors)):
+            users.append(f"the farm {farm.name!r}")
+    fleets = [each.name for each in store.list_fleets() if name in each.progress.get("mended", {}).values()]
+    return users + [f"the fleet {each!r}" for each in fleets]
+
+
 def _strip_suffix(kind: str, name: str) -> str:
     """A name without the ending of its kind."""
     return next((name.removesuffix(end) for end in SUFFIXES_BY_KIND[kind] if name.endswith(end)), name)
+
+
+def _list_names_in_toml(text: str, list_names: ListNames) -> list[tuple[str, str]]:
+    """Kind and name of the files that a text names; one that is not TOML names none."""
+    try:
+        return list(list_names(parse_toml(text)))
+    except (ValueError, RecursionError):
+        return []
 
 
 def _list_farm_tractors(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

@@ -131,6 +131,8 @@ def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) 
     yield build_json_file("result.json", format_diagnosis_json(diagnosis, hidden))
     yield build_html_file("page.html", render_diagnosis_page(diagnosis, None if hidden is None else hidden.description))
     yield build_toml_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
+    if diagnosis.next_drive_plan is not None:
+        yield build_json_file("next-drive.json", diagnosis.next_drive_plan)
 
 
 def run_plan_job(job: JobContext) -> list[ResultFile]:

@@ -14,6 +14,9 @@ from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import LONGEST_NAME_CHARS
 from planner.service.store.tables import JobRow
+from reports.common.effect_names import get_effect_label
+
+SHOWN_LOGS = 3  # in the name of a job
 
 
 async def submit_job(
@@ -32,9 +35,17 @@ def _add_job(
 ) -> JobRow:
     """The job of a request that was checked."""
     request_values = body.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"})
-    row = store.add_job(kind, body.name or _choose_job_name(body), request_values, inputs, values)
+    row = store.add_job(kind, body.name or _choose_job_name(body), request_values, inputs, values, caller.owner_name)
     store.add_event(None, caller.name, f"{kind} asked for", {"id": row.id, "name": row.name})
     return row
+
+
+def _name_diagnosed_logs(body: DiagnosisJobRequest) -> str:
+    """What was diagnosed, in words."""
+    if body.demo:
+        return f"hidden {get_effect_label(body.hide)}" if body.hide else f"hidden effect (seed {body.seed or 1})"
+    more = len(body.logs) - SHOWN_LOGS
+    return ", ".join(body.logs[:SHOWN_LOGS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _choose_job_name(body: JobRequest) -> str:
@@ -43,6 +54,6 @@ def _choose_job_name(body: JobRequest) -> str:
     if isinstance(body, PlanJobRequest):
         words = str(dict(body)["field"])
     elif isinstance(body, DiagnosisJobRequest):
-        words = ", ".join(body.logs[:3]) or "demonstration"
+        words = f"{_name_diagnosed_logs(body)} against {body.tractor} on {body.ground}"
     words = re.sub(r"[^\w()+-]+", " ", words).strip(" ()+-_")[:LONGEST_NAME_CHARS].strip()
     return words or "job"

@@ -7,11 +7,12 @@ from pathlib import Path
 
 from fastapi import FastAPI
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from planner.service.pages.guide import mount_guide
+from reports.common.language import find_language, get_messages
 
 STATIC_FOLDER = Path(__file__).parent / "static"
 CACHE_HEADERS = {"cache-control": "no-cache"}
@@ -41,7 +42,11 @@ def mount_pages(app: FastAPI) -> None:
         text = files("planner.day").joinpath("example.toml").read_text(encoding="utf-8")
         return Response(text, media_type="text/plain; charset=utf-8", headers=CACHE_HEADERS)
 
+    async def send_catalogue(request: Request) -> Response:
+        return JSONResponse(get_messages(find_language(request.path_params["language"])), headers=CACHE_HEADERS)
+
     app.add_route("/", show_page, methods=["GET"], include_in_schema=False)
     app.add_route("/static/example-day.toml", show_example_day, methods=["GET"], include_in_schema=False)
+    app.add_route("/static/languages/{language}.json", send_catalogue, methods=["GET"], include_in_schema=False)
     mount_guide(app)
     app.mount("/static", _PageFiles(directory=STATIC_FOLDER), name="static")

@@ -19,12 +19,14 @@ MOST_FAULT_CHARS = 4000
 def list_readings() -> dict[str, Callable[..., Any]]:
     """All readings by name."""
     from planner.service.sandbox.file_summaries import SUMMARIES, UPLOAD_CHECKS
+    from planner.service.sandbox.form_texts import FORMS
     from planner.service.sandbox.request_checks import REQUEST_CHECKS
 
     tables: dict[str, dict[str, Callable[..., Any]]] = {
         "check": REQUEST_CHECKS,
         "upload": UPLOAD_CHECKS,
         "summary": SUMMARIES,
+        "form": FORMS,
     }
     return {f"{use} {kind}": read for use, table in tables.items() for kind, read in table.items()}
 
@@ -33,6 +35,7 @@ def load_libraries() -> None:
     """Load the libraries for reading, by summarising a sample field."""
     import pandas  # noqa: F401
     import pyogrio.raw  # noqa: F401
+    import tomlkit  # noqa: F401
 
     from planner.evaluation import context  # noqa: F401
     from planner.service.sandbox.file_summaries import summarize_field, summarize_tractor

@@ -64,6 +64,8 @@ def _is_any_field_usable(file_path: str, options: dict[str, Any]) -> bool:
 
 
 def _describe_field(field: Field) -> dict[str, Any]:
+    from fields.documents.writer import build_field_geojson
+
     shape = field.original_boundary or field.boundary
     rings = [np.asarray(ring.coords) for ring in (shape.exterior, *shape.interiors)]
     obstacles = [np.asarray(one.shape.exterior.coords) for one in field.obstacles]
@@ -76,11 +78,16 @@ def _describe_field(field: Field) -> dict[str, Any]:
         "rings_deg": _convert_lines_to_degrees(field, rings),
         "obstacles_m": _round_metres(obstacles),
         "obstacles_deg": _convert_lines_to_degrees(field, obstacles),
+        "obstacles": [
+            {"number": one.number or place, "kind": one.kind, "name": one.name, "assumed": one.is_assumed}
+            for place, one in enumerate(field.obstacles, 1)
+        ],
         "fences_m": _round_metres([np.asarray(line.coords) for line in field.fences]),
         "entrance_m": None if field.entrance is None else [round(value, 3) for value in field.entrance],
         "refill_m": None if field.service_point is None else [round(value, 3) for value in field.service_point],
         "lines": [{"name": one.name, "bearing_deg": round(one.bearing_deg, 2)} for one in field.guidance_lines],
         "remarks": list(field.remarks),
+        "geojson": json.loads(build_field_geojson(field)),
     }
 
 
@@ -117,10 +124,10 @@ def summarize_log(file_path: str) -> dict[str, Any]:
     """Size and remarks of a log, or why it cannot be used as it is; raises LogError for a file without a table."""
     from fields.errors import HeadlandError
     from planner.request.parameter_names import strip_unit
-    from vehicle.identification.logs.reader import build_log, list_remarks
+    from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
     from vehicle.identification.logs.table import extract_columns, read_table
 
-    frame = read_table(Path(file_path))
+    frame = read_table(resolve_log_path(file_path))
     extract_columns(frame, Path(file_path).stem)
     summary: dict[str, Any] = {
         "rows": len(frame),

@@ -35,11 +35,10 @@ def build_request_plan_inputs(values: Mapping[str, Any]) -> PlanInputs:
 
 def check_plan_request(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a plan request that cannot be fulfilled; all its files are read."""
-    from fields.documents.reader import read_field
     from fields.errors import attach_parameter
     from fields.geometry.field_lines import find_line_bearing_deg
     from fields.layout.swaths import check_width
-    from planner.evaluation.context_inputs import load_gnss_errors
+    from planner.evaluation.context_inputs import load_gnss_errors, read_requested_field
     from planner.request.service_points import locate_service_point
     from planner.risk.assessment import build_decision_criteria
 
@@ -50,7 +49,7 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     with attach_parameter("gnss_table"):
         load_gnss_errors(request)
     with attach_parameter("field"):
-        field = read_field(request.field, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+        field = read_requested_field(request, None)
         check_width(field, request.width_m)
         if request.guidance_line is not None:
             find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")

@@ -8,7 +8,7 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, NotFoundError, ServiceError
-from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_storable_text
+from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_found, is_storable_text
 from planner.service.store.tables import FileRow
 
 SUFFIXES_BY_KIND = {
@@ -48,7 +48,13 @@ class FileStore(StorePart):
     """Uploaded files."""
 
     def add_file(
-        self, kind: str, name: str, content: bytes, suffix: str = "", options: Mapping[str, Any] | None = None
+        self,
+        kind: str,
+        name: str,
+        content: bytes,
+        suffix: str = "",
+        options: Mapping[str, Any] | None = None,
+        owner: str | None = None,
     ) -> FileRow:
         """Store a file under its name, with the options for reading it.
 
@@ -65,6 +71,7 @@ class FileStore(StorePart):
             media=MEDIA_BY_SUFFIX[suffix],
             created=format_utc_now_ms(),
             options=dict(options or {}),
+            owner=owner,
         )
         try:
             with self.database.open_write_session() as session:
@@ -73,7 +80,7 @@ class FileStore(StorePart):
             existing = self.get_file(kind, name)
             if existing.sha256 != row.sha256:
                 raise ConflictError(
-                    f"There is a {kind} {name!r} with other content; choose another name or delete it first.",
+                    f"There is a {kind} {name!r} with other content; replace it or choose another name.",
                     parameter="name",
                 ) from None
             if existing.options != row.options:
@@ -91,10 +98,45 @@ class FileStore(StorePart):
             raise NotFoundError(f"There is no {kind} {name[:60]!r}; the list shows all.", parameter=kind)
         return row
 
-    def list_files(self, kind: str) -> list[FileRow]:
-        """All files of a kind by name."""
+    def list_files(self, kind: str, search: str = "") -> list[FileRow]:
+        """All files of a kind whose names have every word of the search, by name."""
         with self.database.open_read_session() as session:
-            return list(session.scalars(sa.select(FileRow).where(FileRow.kind == kind).order_by(FileRow.name)))
+            rows = session.scalars(sa.select(FileRow).where(FileRow.kind == kind).order_by(FileRow.name))
+            return [row for row in rows if is_found(row.name, search)]
+
+    def replace_file(
+        self, kind: str, name: str, content: bytes, suffix: str, options: Mapping[str, Any] | None = None
+    ) -> FileRow:
+        """Give a file other bytes, ending and options; jobs keep what they were asked for with.
+
+        Raises NotFoundError, ServiceError.
+        """
+        existing, suffix = self.get_file(kind, name), check_suffix(kind, suffix)
+        values = {
+            "suffix": suffix,
+            "sha256": self.blobs.put_bytes(content),
+            "size": len(content),
+            "media": MEDIA_BY_SUFFIX[suffix],
+            "options": dict(options or {}),
+        }
+        return self._update_file(existing, values)
+
+    def rename_file(self, kind: str, name: str, new_name: str) -> FileRow:
+        """Give a file another name; raises NotFoundError, ServiceError, or ConflictError where the name is taken."""
+        existing, new_name = self.get_file(kind, name), check_name(new_name)
+        try:
+            return self._update_file(existing, {"name": new_name})
+        except sa.exc.IntegrityError:
+            raise ConflictError(
+                f"There is a {kind} {new_name!r} already; choose another name.", parameter="name"
+            ) from None
+
+    def _update_file(self, row: FileRow, values: Mapping[str, Any]) -> FileRow:
+        """Change columns of a file; raises NotFoundError where it was deleted meanwhile."""
+        change = sa.update(FileRow).where(FileRow.id == row.id).values(**values, changed=format_utc_now_ms())
+        with self.database.open_write_session() as session:
+            session.execute(change)
+        return self.get_file(row.kind, values.get("name", row.name))
 
     def delete_file(self, kind: str, name: str) -> None:
         """Delete a file; jobs that use it keep their copy. Raises NotFoundError."""

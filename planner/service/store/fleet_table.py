@@ -33,6 +33,14 @@ class FleetStore(StorePart):
             existing.name, existing.plan, existing.settings = name, plan_text, dict(settings)
             return existing.created
 
+    def save_fleet_setting(self, id: str, key: str, value: Any) -> None:
+        """Store one setting of a fleet; raises NotFoundError."""
+        with self.database.open_write_session() as session:
+            row = session.get(FleetRow, id)
+            if row is None:
+                raise NotFoundError(f"There is no fleet {id[:60]!r}; the list shows all.", parameter="id")
+            row.settings = {**row.settings, key: value}
+
     def list_fleets(self) -> list[FleetRow]:
         """All fleets, the oldest first."""
         with self.database.open_read_session() as session:

@@ -10,7 +10,14 @@ from typing import Any
 import sqlalchemy as sa
 
 from planner.service.errors import BusyError, ConflictError, NotFoundError
-from planner.service.store.store_part import StorePart, check_name, format_utc_now_ms, is_storable_text
+from planner.service.store.store_part import (
+    StorePart,
+    check_name,
+    choose_copy_name,
+    format_utc_now_ms,
+    is_found,
+    is_storable_text,
+)
 from planner.service.store.tables import JobRow, ResultRow
 
 QUEUED, RUNNING, DONE, FAILED, CANCELLED = "queued", "running", "done", "failed", "cancelled"
@@ -32,6 +39,7 @@ class JobStore(StorePart):
         request: Mapping[str, Any],
         inputs: Mapping[str, str] | None = None,
         work: Mapping[str, Any] | None = None,
+        owner: str | None = None,
     ) -> JobRow:
         """Queue a job: its request, and `work`, the same as the worker takes it where that differs.
 
@@ -50,12 +58,42 @@ class JobStore(StorePart):
             all=0,
             words="",
             tries=0,
+            owner=owner,
             results=[],
         )
         with self.database.open_write_session() as session:
             waiting = session.scalar(sa.select(sa.func.count()).where(JobRow.status == QUEUED)) or 0
             if waiting >= self.settings.jobs_waiting:
                 raise BusyError(f"{waiting} jobs are waiting; cancel some, or ask again when they are done.")
+            session.add(row)
+        return row
+
+    def rename_job(self, id: str, kind: str, name: str) -> JobRow:
+        """Give a job another name; raises NotFoundError, ServiceError."""
+        row = self.get_job(id, kind)
+        change = sa.update(JobRow).where(JobRow.number == row.number).values(name=check_name(name))
+        with self.database.open_write_session() as session:
+            session.execute(change)
+        return self.get_job(id, kind)
+
+    def copy_job(self, id: str, kind: str, name: str | None = None, owner: str | None = None) -> JobRow:
+        """Copy a job that has ended, with its results; raises NotFoundError, or ConflictError for a job under way."""
+        source = self.get_job(id, kind)
+        if source.status in UNFINISHED_STATUSES:
+            raise ConflictError(f"The job {id!r} is {source.status}; copy it when it has ended.")
+        kept = ("kind", "status", "request", "work", "inputs", "done", "all", "words", "error", "finished")
+        row = JobRow(
+            **{each: getattr(source, each) for each in kept},
+            id=secrets.token_hex(6),
+            name=check_name(name or choose_copy_name(source.name)),
+            created=format_utc_now_ms(),
+            owner=owner,
+            results=[
+                ResultRow(name=each.name, sha256=each.sha256, size=each.size, media=each.media)
+                for each in source.results
+            ],
+        )
+        with self.database.open_write_session() as session:
             session.add(row)
         return row
 
@@ -71,12 +109,15 @@ class JobStore(StorePart):
             raise NotFoundError(f"There is no {kind or 'job'} {id[:60]!r}; the list shows all.", parameter="id")
         return row
 
-    def list_jobs(self, kind: str | None = None) -> list[JobRow]:
-        """Jobs of a kind or all, the newest first."""
-        query = (
-            sa.select(JobRow).where(*_build_kind_filter(kind)).order_by(JobRow.number.desc()).limit(MOST_LISTED_JOBS)
-        )
+    def list_jobs(self, kind: str | None = None, search: str = "") -> list[JobRow]:
+        """Jobs of a kind or all whose names have every word of the search, the newest first."""
+        filters = _build_kind_filter(kind)
         with self.database.open_read_session() as session:
+            if search.strip():
+                names = session.execute(sa.select(JobRow.number, JobRow.name).where(*filters).order_by(JobRow.number))
+                numbers = [number for number, name in names if is_found(name, search)]
+                filters = (JobRow.number.in_(numbers[-MOST_LISTED_JOBS:]),)
+            query = sa.select(JobRow).where(*filters).order_by(JobRow.number.desc()).limit(MOST_LISTED_JOBS)
             return list(session.scalars(query))
 
     def count_jobs(self) -> dict[str, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Collection
 from datetime import UTC, datetime
 
 from planner.service.errors import ServiceError
@@ -69,3 +70,21 @@ def check_name(name: str, parameter: str = "name") -> str:
             parameter=parameter,
         )
     return name
+
+
+COPY_SUFFIX_CHARS = 10  # room for " copy 9999"
+
+
+def choose_copy_name(name: str, taken: Collection[str] = ()) -> str:
+    """A name for a copy that is not taken: "north copy", then "north copy 2"."""
+    base = f"{name[: LONGEST_NAME_CHARS - COPY_SUFFIX_CHARS].rstrip(' .')} copy"
+    number = 1
+    while (chosen := base if number == 1 else f"{base} {number}") in taken:
+        number += 1
+    return chosen
+
+
+def is_found(name: str, search: str) -> bool:
+    """Whether a name has every word of a search, in any case."""
+    folded_name = unicodedata.normalize("NFC", name).casefold()
+    return all(word in folded_name for word in unicodedata.normalize("NFC", search).casefold().split())

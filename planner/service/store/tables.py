@@ -48,7 +48,8 @@ class TokenRow(TableBase):
 class FileRow(TableBase):
     """An uploaded file: a field, tractor, farm, log, or table of rain or of GNSS errors.
 
-    `options` say how it is read where the file does not: `crs`, `swap_axes` and `local` of a field.
+    `options` say how it is read where the file does not: `crs`, `swap_axes` and `local` of a field. `owner` is the name
+    of the token that added it, None for files of before there were owners.
     """
 
     __tablename__ = "files"
@@ -62,6 +63,8 @@ class FileRow(TableBase):
     media: Mapped[str] = mapped_column(String(80))
     created: Mapped[str] = mapped_column(String(32))
     options: Mapped[dict[str, Any]] = mapped_column(JSON, default=dict, server_default=text("'{}'"))
+    owner: Mapped[str | None] = mapped_column(NAME_TYPE, default=None)
+    changed: Mapped[str | None] = mapped_column(String(32), default=None)
 
 
 class JobRow(TableBase):
@@ -69,7 +72,7 @@ class JobRow(TableBase):
 
     `request` is what was asked for, `work` the same as it is worked on, and `inputs` are the files it reads, as they
     were when it was asked for: place in its folder, to SHA-256. While it runs `worker` is who does it, until `lease`;
-    `tries` counts how often it was begun.
+    `tries` counts how often it was begun. `owner` is the name of the token that asked for it.
     """
 
     __tablename__ = "jobs"
@@ -91,6 +94,7 @@ class JobRow(TableBase):
     worker: Mapped[str | None] = mapped_column(String(80), default=None)
     lease: Mapped[float | None] = mapped_column(Float, default=None)
     tries: Mapped[int] = mapped_column(Integer, default=0)
+    owner: Mapped[str | None] = mapped_column(NAME_TYPE, default=None)
     results: Mapped[list[ResultRow]] = relationship(
         cascade="all, delete-orphan", passive_deletes=True, order_by="ResultRow.name", lazy="selectin"
     )

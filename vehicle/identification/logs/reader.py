@@ -7,6 +7,7 @@ import glob
 import os
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+SAMPLE_LOG = "sample"  # made as planner/guide/diagnosis.md says, with an effect to find
 _SHOWN_NAMES = 3  # names of logs with the same remark
 _NEAR_LIKENESS = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
@@ -153,7 +155,7 @@ def read_log(
     sentence, for a file that is no log, a log without a usable segment, and a convention that looks wrong and is not
     among the fixes.
     """
-    path = Path(path)
+    path = resolve_log_path(path)
     return build_log(read_table(path), path.stem, fixes, wheelbase_m, reference)
 
 
@@ -229,6 +231,13 @@ def parse_conventions(fixes: Iterable[LogConvention | str]) -> frozenset[LogConv
     return given
 
 
+def resolve_log_path(path: str | Path) -> Path:
+    """Return the path of a log; the name SAMPLE_LOG is the log of Headland unless a file of that name exists."""
+    if str(path) != SAMPLE_LOG or Path(path).exists():
+        return Path(path)
+    return Path(str(resources.files("vehicle") / "data" / "sample_log.csv"))
+
+
 def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
     """Resolve names and glob patterns to files, each once, with the further names under which it was given.
 
@@ -237,7 +246,7 @@ def find_log_files(paths: Iterable[str | Path]) -> dict[Path, tuple[str, ...]]:
     files: dict[Path, list[Path]] = {}
     for pattern in paths:
         text = str(pattern)
-        matches = [Path(text)]
+        matches = [resolve_log_path(pattern)]
         if any(mark in text for mark in "*?[") and not Path(text).exists():
             matches = sorted(Path(match) for match in glob.glob(text, recursive=True))
             if not matches:

@@ -39,6 +39,7 @@ from vehicle.identification.replay.horizon_errors import (
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
+from vehicle.identification.verdict.correlations import compute_value_correlations
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     NAMED,
@@ -161,7 +162,7 @@ def diagnose_logs(
     or none has enough positions for an error, and VehicleError for an unknown ground.
     """
     count = _ProgressCounter(progress)
-    logs = correct_commanded_speeds(correct_sensors_like_others(drop_columns_coarse_elsewhere(logs)))
+    logs = correct_logs(logs)
     dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
     _refuse_sparse(dataset)
     rig = build_rig(tractor, ground, dataset.origin)
@@ -178,6 +179,11 @@ def diagnose_logs(
     )
     count.report_completion()
     return replace(diagnosis, notes=list_diagnosis_notes(logs, residual_model, tractor, diagnosis))
+
+
+def correct_logs(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs as they are replayed: without coarse columns, with sensors and commanded speeds corrected."""
+    return list(correct_commanded_speeds(correct_sensors_like_others(drop_columns_coarse_elsewhere(logs))))
 
 
 def _collect_competitors(selection: CauseSelection, explained_case: ExplainedCase) -> CompetitorsByName:
@@ -282,6 +288,7 @@ def _build_diagnosis(
         pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
         along_judged=whole_explained.case.residual_model.has_measured_speed,
         above_noise_s=unexplained.above_s,
+        correlations=compute_value_correlations(fit),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -72,7 +72,10 @@ class NextDrive:
 
 @dataclass(frozen=True, eq=False)
 class ResidualPlot:
-    """The remaining error against its regressor: bin centres, means and standard errors, before and after."""
+    """The remaining error against its regressor: bin centres, means and standard errors, before and after.
+
+    `limit` is the size of a found limit on the regressor; None where the cause is none.
+    """
 
     regressor: str
     quantity: str
@@ -81,6 +84,7 @@ class ResidualPlot:
     before_error: Array
     after: Array
     after_error: Array
+    limit: float | None = None
 
 
 @dataclass(frozen=True)
@@ -112,11 +116,77 @@ class PlanGain:
 
 
 @dataclass(frozen=True, eq=False)
+class PieceErrors:
+    """Root mean square errors (cm) per bin: `lows` to `highs` of a quantity, rows, and four errors.
+
+    Bins without rows are left out.
+    """
+
+    lows: Array
+    highs: Array
+    rows: Array
+    cross_before_cm: Array
+    cross_after_cm: Array
+    along_before_cm: Array
+    along_after_cm: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PlaceErrors:
+    """Root mean square distance (cm) in squares of a map: west and south edges (m), side (m), before and after."""
+
+    west_m: Array
+    south_m: Array
+    side_m: float
+    before_cm: Array
+    after_cm: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PathPair:
+    """One driven segment, measured and simulated before and after: time since the start (s), positions (k, 2) in m.
+
+    Each simulated path is aligned with the first seconds of the measured one, and then left alone.
+    """
+
+    name: str
+    time_s: Array
+    measured_m: Array
+    before_m: Array
+    after_m: Array
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayEvidence:
+    """All logs replayed by the tractor file as it was and by the extended one, in pieces of `piece_s`.
+
+    `over_time` counts the driving time of all logs in s; `by_speed` is in m/s, `by_angle` in degrees to the right.
+    """
+
+    piece_s: float
+    over_time: PieceErrors
+    by_speed: PieceErrors
+    by_angle: PieceErrors
+    by_place: PlaceErrors
+    paths: tuple[PathPair, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterCorrelations:
+    """Correlations (m, m) of the values of one fit, and what they are: effect and parameter."""
+
+    names: tuple[tuple[str, str], ...]
+    matrix: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The whole result; see the contract of `headland diagnose --json`.
 
     `along_judged` is False where a log lacks a measured speed: errors along the path then say nothing about the
     tractor. `above_noise_s` are the horizons with a remaining error above the noise; `unexplained_share` is for 5 s.
+    `correlations` are those of the fitted values, None where fewer than two were fitted; `evidence` is what pages show.
+    `next_drive_plan` is the text of a saved plan.
     """
 
     names: tuple[str, ...]
@@ -143,6 +213,9 @@ class Diagnosis:
     pace_mps: float = 0.0
     along_judged: bool = True
     above_noise_s: tuple[float, ...] = ()
+    correlations: ParameterCorrelations | None = None
+    evidence: ReplayEvidence | None = None
+    next_drive_plan: str | None = None
 
     @property
     def is_noise_only(self) -> bool:
@@ -222,5 +295,5 @@ class ReplayResult:
     tractor: str
     effects: tuple[str, ...]
     errors: ErrorsByHorizon
-    segments: tuple[ReplayedSegment, ...]
+    segments: tuple[ReplayedSegment, ...] = field(repr=False)
     rows_gated: int

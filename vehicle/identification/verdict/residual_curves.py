@@ -32,6 +32,7 @@ from vehicle.model.effects import (
     get_effect,
 )
 from vehicle.model.tractor import Settings
+from vehicle.sim.effect_terms import GRAVITY_MPS2
 
 RATE_SPAN_S = 1.0  # span of the rates: a receiver resolves a degree of course over about a metre
 CURVE_BINS = 12  # enough to see a curve
@@ -129,6 +130,8 @@ _REGRESSORS: dict[str, tuple[str, Callable[[DriveSegment], Array]]] = {
     TIME: ("time since the start, s", lambda s: s.start_s + s.time),
     SPEED: ("speed, m/s", lambda s: s.speed_in_gear),
 }
+_LIMIT_UNITS = {"side_slip": ("limit_g", GRAVITY_MPS2), "steering_rate": ("rate_deg_per_s", 1.0)}
+"""Effects that are limits of their regressor: the parameter, and its unit in that of the regressor."""
 _COVARIATE_REGRESSORS = {"speed": SPEED, "square": SPEED, "direction": DIRECTION, "time": TIME}
 
 
@@ -167,7 +170,17 @@ def build_residual_plot(
             for segment in residual_model.dataset.segments
         ]
     )
-    return _bin_residuals(regressor, quantity, regressor_values, before, after, residual_model)
+    limit = _find_limit(names, settings)
+    return _bin_residuals(regressor, quantity, regressor_values, before, after, residual_model, limit)
+
+
+def _find_limit(names: Sequence[str], settings: Mapping[int, Settings]) -> float | None:
+    """Return the lowest found limit in the unit of its regressor; None where the first name is no limit."""
+    if not names or names[0] not in _LIMIT_UNITS:
+        return None
+    parameter, unit = _LIMIT_UNITS[names[0]]
+    found = [float(one[names[0]][parameter]) * unit for one in settings.values() if names[0] in one]
+    return min((value for value in found if math.isfinite(value)), default=None)
 
 
 def _select_inner_rows(segment: DriveSegment) -> Mask:
@@ -177,12 +190,21 @@ def _select_inner_rows(segment: DriveSegment) -> Mask:
 
 
 def _bin_residuals(
-    regressor: str, quantity: str, regressor_values: Array, before: Array, after: Array, residual_model: ResidualModel
+    regressor: str,
+    quantity: str,
+    regressor_values: Array,
+    before: Array,
+    after: Array,
+    residual_model: ResidualModel,
+    limit: float | None = None,
 ) -> ResidualPlot | None:
     if len(regressor_values) < LEAST_CURVE_ROWS:
         return None
     edges = np.unique(np.quantile(regressor_values, np.linspace(0.0, 1.0, CURVE_BINS + 1)))
-    if 2 < len(edges) < CURVE_BINS // 2:
+    if limit is not None and len(edges) > 2:
+        # Few rows are at a limit: bins of equal width show them, and reach as far as the tractor came.
+        edges = np.linspace(float(regressor_values.min()), float(regressor_values.max()), CURVE_BINS + 1)
+    elif 2 < len(edges) < CURVE_BINS // 2:
         # Most rows may have the same value, as with a constant command: bins of equal width show the others.
         edges = np.linspace(
             float(np.quantile(regressor_values, 0.01)), float(np.quantile(regressor_values, 0.99)), CURVE_BINS + 1
@@ -211,4 +233,5 @@ def _bin_residuals(
             )
         )
     columns = np.array(parts).T
-    return ResidualPlot(regressor, quantity, *columns)
+    at, before_mean, before_error, after_mean, after_error = columns
+    return ResidualPlot(regressor, quantity, at, before_mean, before_error, after_mean, after_error, limit)

@@ -24,12 +24,12 @@ export function socketUrl(path) {
   return url;
 }
 
-async function ask(method, path, body = null, headers = {}) {
+async function ask(method, path, body = null, headers = {}, cache = "no-store") {
   const secret = token.get();
   if (secret) headers.Authorization = `Bearer ${secret}`;
   let answer;
   try {
-    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache: "no-store", credentials: "same-origin" });
+    answer = await fetch(new URL(path, ROOT), { method, body, headers, cache, credentials: "same-origin" });
   } catch {
     throw new ServiceError("The service does not answer; check that it is still running.", 0);
   }
@@ -49,11 +49,22 @@ const json = async (answer) => (answer.status === 204 ? null : answer.json());
 export const get = async (path) => json(await ask("GET", path));
 export const text = async (path) => (await ask("GET", path)).text();
 export const bytes = async (path) => (await ask("GET", path)).blob();
+/** A picture, which the browser may keep; null where there is none. */
+export async function picture(path) {
+  const answer = await ask("GET", path, null, {}, "default");
+  return answer.status === 204 ? null : createImageBitmap(await answer.blob());
+}
 export const remove = async (path) => json(await ask("DELETE", path));
+/** Put a value in the place of another. */
+export const change = async (path, body) =>
+  json(await ask("PUT", path, JSON.stringify(body), { "Content-Type": "application/json" }));
 export const post = async (path, body = {}) =>
   json(await ask("POST", path, JSON.stringify(body), { "Content-Type": "application/json" }));
 
-/** Upload one file as form data, with its options: name, crs, swap_axes, local. */
+export const patch = async (path, body) =>
+  json(await ask("PATCH", path, JSON.stringify(body), { "Content-Type": "application/json" }));
+
+/** Upload one file as form data, with its options: name, crs, swap_axes, local, replace. */
 export async function upload(path, file, more = {}) {
   const form = new FormData();
   form.append("file", file, file.name);
@@ -72,10 +83,10 @@ export const part = (text) => encodeURIComponent(text);
 /** Save a result under a name: fetched with the token, so a plain link will not do. */
 export const save = async (path, name) => keep(await bytes(path), name);
 
-/** Save an answer under the name that the service gives it, with a prefix. */
-export async function saveNamed(path, before) {
+/** Save an answer under the name that the service gives it, with a prefix if there is one. */
+export async function saveNamed(path, before = "") {
   const answer = await ask("GET", path), named = /filename\*=UTF-8''([^;]+)/.exec(answer.headers.get("content-disposition") ?? "");
-  keep(await answer.blob(), `${before}-${decodeURIComponent(named?.[1] ?? "file")}`);
+  keep(await answer.blob(), `${before && `${before}-`}${decodeURIComponent(named?.[1] ?? "file")}`);
 }
 
 function keep(blob, name) {

@@ -32,7 +32,9 @@ export function tractorTile(live, number, { fleetName = () => false } = {}) {
     const done = legs.length && fix.leg >= legs.length;
     const waits = waitsWords(fix), holds = (fix.holds ?? []).filter((hold) => !waits || hold !== BY_PLAN);
     say(doing, [done ? "done" : legWords(live.leg(number)), waits, ...(holds.length ? holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
-    say(cells.age, `fix ${age(live.age(number))}`);
+    const old = live.isOld(number);
+    node.classList.toggle("stale", old);
+    say(cells.age, `fix ${age(live.age(number))}${old && live.age(number) !== null ? " old" : ""}`);
     say(cells.speed, kmh(fix.speed_mps));
     say(cells.error, typeof fix.error_m === "number" ? `off by ${Math.round(100 * fix.error_m)}\u00A0cm` : "");
     say(cells.eta, done ? "" : typeof fix.eta_s === "number" ? `done ${timeOfDay(fix.eta_s)}` : "");
@@ -59,7 +61,7 @@ export function tractorTiles(lives, more = {}) {
   return { node, update };
 }
 
-/** Alarms of fleets, unacknowledged ones first, each with a button to acknowledge it. */
+/** Alarms of fleets, each with a button to acknowledge it: those that last first, then new ones, then critical ones. */
 export function alarmList(lives, { fleetName = () => false } = {}) {
   const list = el("ul", { class: "cards alarms", "aria-label": "Alarms" }), node = el("div", { "aria-live": "polite" }, list);
   let shown = "";
@@ -68,8 +70,8 @@ export function alarmList(lives, { fleetName = () => false } = {}) {
     const key = JSON.stringify(all.map(({ live, alarm }) => [live.id, alarm, live.mayControl]));
     if (key === shown) return;
     shown = key;
-    const seen = (one) => Boolean(one.alarm.acknowledged), grave = (one) => one.alarm.level === "critical";
-    all.sort((a, b) => seen(a) - seen(b) || grave(b) - grave(a) || b.alarm.id - a.alarm.id);
+    const over = (one) => Boolean(one.alarm.over), seen = (one) => Boolean(one.alarm.acknowledged), grave = (one) => one.alarm.level === "critical";
+    all.sort((a, b) => over(a) - over(b) || seen(a) - seen(b) || grave(b) - grave(a) || b.alarm.id - a.alarm.id);
     if (!all.length) return put(list, el("li", { class: "soft" }, "No alarms."));
     put(list, all.map(({ live, alarm }) => alarmTile(live, alarm, fleetName())));
   };
@@ -86,7 +88,7 @@ const letsGo = (alarm) => alarm.code === "unread obstacle" && !alarm.over;
 
 function alarmTile(live, alarm, fleetName) {
   const seen = alarm.acknowledged;
-  const look = `tile alarm ${alarm.level === "critical" ? "critical" : ""} ${seen ? "seen" : ""}`;
+  const look = `tile alarm ${alarm.level === "critical" ? "critical" : ""} ${seen ? "seen" : ""} ${alarm.over ? "over" : ""}`;
   return el("li", { class: look },
     el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
       el("p", { class: "small soft" }, `since ${moment(alarm.since)}${seen ? `; seen${typeof seen === "string" ? ` by ${seen}` : ""}` : ""}${alarm.over ? "; over" : ""}`)),

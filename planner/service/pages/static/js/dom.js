@@ -1,6 +1,9 @@
-// All elements are made here. Data becomes text or a property, never markup.
+// All elements are made here. Data becomes text or a property, never markup. Texts appear in the language of the reader.
+import { translate } from "./language.js";
 
 const PROPERTIES = new Set(["value", "checked", "disabled", "hidden", "selected", "indeterminate", "max", "srcdoc"]);
+const WORDS = new Set(["aria-label", "title", "alt", "placeholder"]);
+const inLanguage = (child) => (typeof child === "string" ? translate(child) : child);
 
 /** An element: `attributes` may hold handlers (onclick), `style` (custom properties), `class`, and properties. */
 export function el(name, attributes = {}, ...children) {
@@ -11,7 +14,7 @@ export function el(name, attributes = {}, ...children) {
     else if (key === "style") for (const [name, of] of Object.entries(value)) node.style.setProperty(name, of);
     else if (PROPERTIES.has(key)) node[key] = value;
     else if (value === true) node.setAttribute(key, "");
-    else if (value !== false) node.setAttribute(key, String(value));
+    else if (value !== false) node.setAttribute(key, WORDS.has(key) ? translate(String(value)) : String(value));
   }
   fill(node, children);
   return node;
@@ -32,7 +35,7 @@ export function icon(path) {
 
 /** Add children: nodes, texts, lists of them; null and false are left out. */
 export function fill(node, ...children) {
-  node.append(...children.flat(Infinity).filter((one) => one !== null && one !== undefined && one !== false));
+  node.append(...children.flat(Infinity).filter((one) => one !== null && one !== undefined && one !== false).map(inLanguage));
   return node;
 }
 
@@ -43,7 +46,8 @@ export function put(node, ...children) {
 }
 
 /** Set a text only where it changed, so that screen readers and selections are not disturbed. */
-export function say(node, text) {
+export function say(node, words) {
+  const text = translate(words);
   if (node.textContent !== text) node.textContent = text;
 }
 

@@ -1,102 +1,167 @@
-// A field drawn by hand: corners on a grid of metres, dragged or typed, with obstacles; comes out as GeoJSON.
-import { el, put, say, button, labelled, note } from "./dom.js";
+// The editor of a field: its boundary, holes, obstacles, entrance, refill place, fences and guidance lines, by pointer or keys.
+import { el, put, say, button, labelled, note, option } from "./dom.js";
+import { t } from "./language.js";
+import { backgroundOf, placementAt, placementOf } from "./background.js";
+import { Drawing, KINDS, geojsonOf, shapesOf, sizeOf } from "./shapes.js";
+import { shapeLayer, grid, gridStep, handleAt, drawnEntries } from "./drawlayers.js";
 import { MapView } from "./map.js";
-import { colours } from "./palette.js";
-import { polygon, line, hatch, word } from "./layers.js";
+import { mapLegend } from "./legend.js";
 import { hectares, number } from "./words.js";
 
-const GRAB_PX = 16, FEWEST = 3, DEGREE_M = 111320, ROUND = 10;
+export { area } from "./shapes.js";
 
-export const area = (ring) =>
-  Math.abs(ring.reduce((sum, [x, y], k) => { const [u, v] = ring[(k + 1) % ring.length]; return sum + x * v - u * y; }, 0)) / 2;
+const ROUND = 100, OFFERED = ["boundary", "hole", "pole", "area", "ditch", "entrance", "refill", "fence", "guidance"];
+const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
-/** GeoJSON of rings (the first is the outline): local metres, or about a place in degrees where one is given. */
-export function fieldGeojson(name, rings, place = null) {
-  const around = ([x, y]) => place
-    ? [place.lon + x / (DEGREE_M * Math.cos((place.lat * Math.PI) / 180)), place.lat + y / DEGREE_M].map((one) => Number(one.toFixed(8)))
-    : [Number(x.toFixed(2)), Number(y.toFixed(2))];
-  const ring = (points) => [...points, points[0]].map(around);
-  const feature = (points, properties) => ({ type: "Feature", properties, geometry: { type: "Polygon", coordinates: [ring(points)] } });
-  return { type: "FeatureCollection", features: rings.map((points, k) => feature(points, k ? { role: "obstacle" } : { name })) };
-}
+/** The editor. `saved(file, {name, local, replace}, where)` with what was drawn; `where` takes a refusal.
 
-/** The editor; `used(file, local)` with the file that was drawn. */
-export function fieldEditor(used) {
-  const view = new MapView("Drawing of the field", { short: true });
-  let rings = [[]], grabbed = null;
-  const words = el("p", { class: "small", role: "status" }), trouble = el("div");
-  const name = el("input", { value: "myfield", maxlength: "40" }), x = el("input", { type: "number", step: "any", "aria-label": "Metres east", placeholder: "metres east" }), y = el("input", { type: "number", step: "any", "aria-label": "Metres north", placeholder: "metres north" });
-  const place = el("input", { placeholder: "12.345, 51.678", inputmode: "decimal" });
-  const current = () => rings[rings.length - 1];
-  const add = (point) => { current().push(point.map((one) => Math.round(one * ROUND) / ROUND)); update(); };
+`field` is the summary of a field to be changed, `name` the file it is of, `mayReplace` whether that can be replaced. */
+export function fieldEditor(saved, { field = null, name: fileName = "myfield", mayReplace = false, near = () => null } = {}) {
+  const view = new MapView("Drawing of the field", { keys: "Shift with arrow keys moves the chosen point by a metre, Delete removes it." });
+  let drawing = new Drawing(), placement = null, origin = [0, 0], marked = false, ready = !field;
+  const words = el("p", { class: "small", role: "status" }), trouble = el("div"), legend = el("div");
+  const kind = el("select", { "aria-label": "What to draw", onchange: () => { drawing.at = { shape: drawing.shapes.findIndex((one) => one.kind === kind.value && KINDS[one.kind].one), point: -1 }; update(); } }, OFFERED.map((one) => option(one, KINDS[one].words)));
+  const points = el("select", { "aria-label": "Chosen point", onchange: () => { const [shape, point] = points.value.split(" ").map(Number); choose({ shape, point }, true); } });
+  const x = el("input", { type: "number", step: "any", "aria-label": "Metres east", placeholder: "metres east" }), y = el("input", { type: "number", step: "any", "aria-label": "Metres north", placeholder: "metres north" });
+  const degrees = el("input", { type: "checkbox", onchange: () => { nameAxes(); tellPoint(); } }), inDegrees = el("label", { class: "check", hidden: true }, degrees, "Type longitude and latitude");
+  const name = el("input", { value: fileName, maxlength: "80" }), place = el("input", { placeholder: "12.345, 51.678", inputmode: "decimal", onchange: () => goTo(place.value) });
+  const size = el("input", { type: "number", step: "any", min: "0" }), sizeLabel = labelled("Radius, m", size), title = el("input", { maxlength: "60" }), titleLabel = labelled("Its name", title);
+  const rounded = (point) => point.map((one) => Math.round(one * ROUND) / ROUND);
+
+  const choose = (at, follow = false) => {
+    drawing.at = at;
+    if (drawing.chosen && OFFERED.includes(drawing.chosen.kind)) kind.value = drawing.chosen.kind;
+    const point = drawing.chosen?.points[at.point];
+    if (follow && point) view.centre(...point);
+    update();
+  };
+  const add = (point) => { drawing.add(kind.value, rounded(point)); update(); };
+  const nameAxes = () => {
+    for (const [input, metres, turned] of [[x, "Metres east", "Longitude"], [y, "Metres north", "Latitude"]]) {
+      input.setAttribute("aria-label", degrees.checked ? turned : metres);
+      input.placeholder = (degrees.checked ? turned : metres).toLowerCase();
+    }
+  };
+  const typedPoint = () => {
+    if (x.value === "" || y.value === "") return null;
+    const given = [Number(x.value), Number(y.value)];
+    return degrees.checked && placement ? placement.fromDegrees(...given) : given;
+  };
+  const tellPoint = () => {
+    const point = drawing.chosen?.points[drawing.at.point];
+    if (!point) return;
+    const [a, b] = degrees.checked && placement ? placement.toDegrees(...point).map((one) => one.toFixed(8)) : point;
+    [x.value, y.value] = [String(a), String(b)];
+  };
+
+  const typed = button("Add corner", () => { const point = typedPoint(); if (point) add(point); x.focus(); }, "small");
+  const shift = button("Move it there", () => { const point = typedPoint(); if (point) { drawing.mark(); drawing.moveTo(point); update(); } }, "small");
+  const another = button("Begin another", () => choose({ shape: -1, point: -1 }), "small");
+  const undo = button("Undo", () => { drawing.undo(); update(); }, "small");
+  const lessPoint = button("Remove point", () => { drawing.removePoint(); update(); }, "small"), lessShape = button("Remove shape", () => { drawing.removeShape(); update(); }, "small");
+  const use = button(field ? "Save as a new field" : "Use this field", () => save(false), "main"), replace = button(t`Replace ${fileName}`, () => save(true), "", { hidden: !mayReplace });
+  const beside = button("Where the chosen field is", () => { const at = near(); if (at) { place.value = at.map((one) => one.toFixed(6)).join(", "); goTo(place.value); } }, "small", { hidden: !near() });
+  size.addEventListener("change", () => { if (Number(size.value) > 0) { drawing.mark(); drawing.chosen.properties[sizeOf(drawing.chosen.kind)] = Number(size.value); update(); } });
+  title.addEventListener("change", () => { drawing.mark(); drawing.chosen.properties.name = title.value.trim(); update(); });
+
   view.node.classList.add("drawing");
-  view.clicked = add;
+  view.clicked = (point) => ready && add(point);
   view.dragged = (phase, at) => {
     if (phase === "start") {
-      grabbed = rings.flatMap((ring) => ring.map((corner, k) => ({ ring, k, gap: Math.hypot(corner[0] - at[0], corner[1] - at[1]) * view.scale }))).filter((one) => one.gap < GRAB_PX).sort((a, b) => a.gap - b.gap)[0] ?? null;
-      return Boolean(grabbed);
+      const hit = handleAt(view, drawing, at);
+      if (hit?.middle) drawing.insert(hit.shape, hit.point, rounded(at));
+      if (hit) choose(hit.middle ? drawing.at : { shape: hit.shape, point: hit.point });
+      marked = Boolean(hit?.middle);
+      return Boolean(hit);
     }
-    grabbed.ring[grabbed.k] = at.map((one) => Math.round(one * ROUND) / ROUND);
-    update();
+    if (phase === "move" && view.moved) {
+      if (!marked) drawing.mark();
+      marked = true;
+      drawing.moveTo(rounded(at));
+      update();
+    }
     return true;
   };
-  view.layers = [grid, (ctx) => {
-    polygon(ctx, view, rings, colours.field, colours.edge, 2);
-    if (rings.length > 1) hatch(ctx, view, rings.slice(1), colours.soft);
-    for (const ring of rings) ring.forEach((corner, k) => {
-      const [px, py] = view.at(...corner), next = ring[(k + 1) % ring.length];
-      ctx.beginPath(); ctx.arc(px, py, 7, 0, 7); ctx.fillStyle = colours.panel; ctx.fill(); ctx.strokeStyle = colours.accent; ctx.lineWidth = 2.5; ctx.stroke();
-      if (ring.length > 1) {
-        const [qx, qy] = view.at(...next), length = Math.hypot(next[0] - corner[0], next[1] - corner[1]);
-        if (length * view.scale > 60) word(ctx, (px + qx) / 2, (py + qy) / 2, `${number(length, 0)} m`, colours.ink);
-      }
-    });
-  }];
+  view.canvas.addEventListener("keydown", (event) => {
+    const step = STEPS[event.key], point = drawing.chosen?.points[drawing.at.point];
+    if ((event.key === "Delete" || event.key === "Backspace") && point) drawing.removePoint();
+    else if (event.key === "z" && (event.ctrlKey || event.metaKey)) drawing.undo();
+    else if (step && event.shiftKey && point) { drawing.mark(); drawing.moveTo(rounded([point[0] + step[0], point[1] + step[1]])); }
+    else return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    update();
+  }, true);
+  view.layers = [(ctx) => { if (!view.backed) grid(ctx, view); }, (ctx) => shapeLayer(ctx, view, drawing)];
   view.fit([-20, -20, 220, 120]);
+
   const update = () => {
-    const [outline, ...holes] = rings, m2 = area(outline) - holes.reduce((sum, ring) => sum + (ring.length >= FEWEST ? area(ring) : 0), 0);
-    say(words, outline.length < FEWEST ? `Tap the corners of the field (${outline.length} so far; a grid line is ${gridStep(view)} m).` : `${outline.length} corners, ${hectares(m2)}${holes.length ? `, ${holes.length} in it` : ""}. Corners can be dragged.`);
-    use.disabled = outline.length < FEWEST;
-    inside.disabled = current().length < FEWEST;
-    undo.disabled = !rings[0].length;
+    const shape = drawing.chosen, boundary = drawing.shapes.find((one) => one.kind === "boundary"), corners = boundary?.points.length ?? 0;
+    const inside = drawing.shapes.filter((one) => ["hole", "area", "pole", "ditch"].includes(one.kind)).length;
+    say(words, corners < 3 ? t`Tap the corners of the field (${corners} so far; a grid line is ${gridStep(view)} m).` : t`${corners} corners, ${hectares(drawing.area)}${inside ? `, ${inside} in it` : ""}. Points can be dragged.${drawing.unfinished.length ? " A shape with too few points is not saved." : ""}`);
+    put(points, option("-1 -1", "none", !shape), drawing.shapes.flatMap((one, s) => one.points.map((point, p) => option(`${s} ${p}`, `${KINDS[one.kind].words}${one.properties.name && one.kind !== "boundary" ? ` ${one.properties.name}` : ""} ${p + 1}: ${point.map((value) => number(value, 1)).join(", ")}`, s === drawing.at.shape && p === drawing.at.point))));
+    const unit = shape && sizeOf(shape.kind), named = shape && ["pole", "area", "ditch", "guidance"].includes(shape.kind);
+    sizeLabel.hidden = !unit;
+    titleLabel.hidden = !named;
+    if (unit) { say(sizeLabel.firstChild, unit === "radius_m" ? "Radius, m" : "Width, m"); size.value = String(shape.properties[unit] ?? 1); }
+    if (named) title.value = shape.properties.name ?? "";
+    const point = shape?.points[drawing.at.point];
+    shift.disabled = lessPoint.disabled = !point;
+    lessShape.disabled = !shape;
+    another.disabled = !shape || Boolean(KINDS[shape.kind].one);
+    use.disabled = replace.disabled = corners < 3;
+    undo.disabled = !drawing.past.length;
+    put(legend, mapLegend(drawnEntries(drawing.shapes)));
+    tellPoint();
     view.redraw();
   };
-  const typed = button("Add corner", () => { if (x.value !== "" && y.value !== "") add([Number(x.value), Number(y.value)]); x.focus(); }, "small");
-  const undo = button("Undo", () => { if (!current().length && rings.length > 1) rings.pop(); else current().pop(); update(); }, "small");
-  const inside = button("Add an obstacle", () => { rings.push([]); update(); }, "small");
-  const use = button("Use this field", () => {
+
+  const save = (replacing) => {
     put(trouble);
-    const shapes = rings.filter((ring) => ring.length >= FEWEST), spot = placeOf(place.value);
-    if (spot === undefined) return put(trouble, note(`The place is "${place.value}"; give longitude and latitude in degrees, such as 12.345, 51.678, or leave it empty.`, "error"));
-    const text = JSON.stringify(fieldGeojson(name.value, shapes, spot));
-    used(new File([text], `${name.value.trim() || "myfield"}.geojson`, { type: "application/geo+json" }), !spot, trouble);
-  }, "main");
+    if (place.value.trim() && !placement) return put(trouble, note(t`The place is "${place.value}"; give longitude and latitude in degrees, such as 12.345, 51.678, or leave it empty.`, "error"));
+    const shapes = placement ? drawing.shapes : drawing.shapes.map((one) => ({ ...one, points: one.points.map(([a, b]) => [a + origin[0], b + origin[1]]) }));
+    const stem = replacing ? fileName : name.value.trim() || "myfield", header = placement && field ? field.geojson.headland : null;
+    const text = JSON.stringify(geojsonOf(shapes, field && replacing ? field.name : stem, { out: placement && (([a, b]) => placement.toDegrees(a, b)), header }));
+    saved(new File([text], `${stem}.geojson`, { type: "application/geo+json" }), { name: stem, local: !placement, replace: replacing }, trouble);
+  };
+
+  // The place on the earth of a new drawing; text that is no place is told when it is saved.
+  const goTo = async (text) => {
+    const [lon, lat, more] = text.split(/[,; ]+/).filter(Boolean).map(Number);
+    placement = null;
+    if (text.trim() && more === undefined && Math.abs(lon) <= 180 && Math.abs(lat) < 84) {
+      try { placement = await placementAt(lon, lat); put(trouble); } catch (error) { put(trouble, note(error.message, "error")); }
+    }
+    settle([-200, -150, 200, 150]);
+  };
+  const settle = (box) => {
+    inDegrees.hidden = !placement;
+    if (!placement) { degrees.checked = false; nameAxes(); }
+    view.setGrounds(placement ? [{ crs: placement.answer.crs, origin: field?.origin_m ?? placement.answer.origin_m, box }] : []);
+    update();
+  };
+  const load = async () => {
+    const ring = field.rings_m.flat(), box = [0, 1].map((k) => Math.min(...ring.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...ring.map((p) => p[k]))));
+    placement = field.crs ? await placementOf(field.crs, field.origin_m, [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]) : null;
+    if (field.crs && !placement) return put(trouble, note("This field cannot be changed here: the service does not know where it lies.", "error"));
+    origin = field.crs ? [0, 0] : field.origin_m;
+    drawing = new Drawing(shapesOf(field.geojson, placement ? (point) => rounded3(placement.fromDegrees(...point)) : ([a, b]) => [a - origin[0], b - origin[1]]));
+    ready = true;
+    name.value = `${fileName} changed`;
+    view.fit(box);
+    settle(box);
+  };
+  const node = el("div", { class: "stack editor" }, view.node, words, legend,
+    el("div", { class: "row" }, el("div", { class: "grow" }, labelled("Draw", kind)), el("div", { class: "grow" }, labelled("Chosen point", points))),
+    el("div", { class: "row" }, undo, another, lessPoint, lessShape),
+    el("div", { class: "row" }, el("div", { class: "grow" }, x), el("div", { class: "grow" }, y), typed, shift), inDegrees,
+    el("div", { class: "grid" }, sizeLabel, titleLabel),
+    el("div", { class: "grid" }, labelled("Name", name), !field && labelled("Place of 0, 0", place, "Longitude, latitude; leave empty for local metres.")), !field && beside, trouble, el("div", { class: "actions" }, use, replace));
+  node.addEventListener("keydown", (event) => { if (event.key === "Enter" && event.target.tagName === "INPUT") { event.preventDefault(); if (event.target === x || event.target === y) typed.click(); else event.target.blur(); } });
   update();
-  const node = el("div", { class: "stack" }, view.node, words, el("div", { class: "row" }, undo, inside),
-    el("div", { class: "row" }, el("div", { class: "grow" }, x), el("div", { class: "grow" }, y), typed),
-    el("div", { class: "grid" }, labelled("Name", name), labelled("Place of 0, 0", place, "Longitude, latitude; leave empty for local metres.")), trouble, el("div", {}, use));
+  if (field) load();
+  else backgroundOf().then((about) => { if (about?.bounds_deg && !place.value) { const [w, s, e, n] = about.bounds_deg; place.placeholder = `${((w + e) / 2).toFixed(4)}, ${((s + n) / 2).toFixed(4)}`; } });
   return { node, close: () => view.close() };
 }
 
-const gridStep = (view) => [1, 5, 10, 50, 100, 500].find((step) => step * view.scale > 24) ?? 1000;
-
-function grid(ctx, view) {
-  const step = gridStep(view), [west, north] = view.place(0, 0), [east, south] = view.place(view.width, view.height);
-  ctx.strokeStyle = colours.line;
-  ctx.globalAlpha = 0.35;
-  ctx.lineWidth = 1;
-  ctx.beginPath();
-  for (let at = Math.ceil(west / step) * step; at < east; at += step) { const [px] = view.at(at, 0); ctx.moveTo(px, 0); ctx.lineTo(px, view.height); }
-  for (let at = Math.ceil(south / step) * step; at < north; at += step) { const [, py] = view.at(0, at); ctx.moveTo(0, py); ctx.lineTo(view.width, py); }
-  ctx.stroke();
-  ctx.globalAlpha = 1;
-  line(ctx, view, [[0, south], [0, north]], colours.line, 1);
-  line(ctx, view, [[west, 0], [east, 0]], colours.line, 1);
-}
-
-// Degrees from text; null if empty, undefined if it is not a number.
-function placeOf(text) {
-  if (!text.trim()) return null;
-  const [lon, lat, more] = text.split(/[,; ]+/).filter(Boolean).map(Number);
-  return more === undefined && Math.abs(lon) <= 180 && Math.abs(lat) < 85 ? { lon, lat } : undefined;
-}
+const rounded3 = (point) => point.map((one) => Math.round(one * 1000) / 1000);

@@ -1,6 +1,13 @@
 // Choosing one of the files the service has, or adding one to them.
 import { el, put, button, labelled, option, sorry } from "./dom.js";
+import { t } from "./language.js";
 import { items, upload, get, part } from "./api.js";
+
+const CHOSEN = "headland-chosen-";
+
+/** The file of a kind that was added or picked last in this tab; it is chosen wherever that kind is asked for. */
+export const lastChosen = (kind) => sessionStorage.getItem(CHOSEN + kind);
+export const rememberChoice = (kind, name) => sessionStorage.setItem(CHOSEN + kind, name);
 
 /** A select of the files of a kind with an upload beside it; `changed(name)` after every choice. */
 export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, hint = "" } = {}) {
@@ -12,23 +19,42 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
     put(select, none !== null && option("", none), all.map((one) => option(one.name, one.sample ? `${one.name} (sample)` : one.name, one.name === wanted)));
     changed(select.value);
   };
-  const add = async (one, said = {}) => {
-    put(trouble, el("p", { class: "small soft", role: "status" }, `Adding ${one.name}\u2026`));
-    try {
-      const made = await upload(kind, one, said);
-      await list(made.name);
-      put(trouble);
-    } catch (error) {
-      put(trouble, sorry(error), (HOW.has(error.parameter) || said.crs) && howToRead(said, (more) => add(one, more)));
-    }
-  };
   file.addEventListener("change", async () => {
-    if (file.files.length) await add(file.files[0]);
+    if (file.files.length) await addFile(kind, file.files[0], trouble, (made) => list(made.name));
     file.value = "";
   });
-  await list(first);
-  const node = el("div", { class: "stack" }, labelled(title, select, hint), labelled("Add a file", file), trouble);
-  return { node, select, list, value: () => select.value || null, options: () => all.find((one) => one.name === select.value)?.options ?? {} };
+  await list((kind !== "tables" && lastChosen(kind)) || first);
+  if (!select.value && first) select.value = first;
+  const change = el("a", { class: "small", href: `#/library/${kind}` }, "Rename, replace, copy or delete in the library");
+  const node = el("div", { class: "stack" }, labelled(title, select, hint), labelled("Add a file", file), trouble, el("p", {}, change));
+  return { node, select, list, value: () => select.value || null, sample: () => Boolean(all.find((one) => one.name === select.value)?.sample), options: () => all.find((one) => one.name === select.value)?.options ?? {} };
+}
+
+/** Upload a file, and ask in `place` what is missing: how it is read, or what becomes of an older one of its name.
+
+`done(made)` with what the service stored. */
+export async function addFile(kind, file, place, done, said = {}) {
+  put(place, el("p", { class: "small soft", role: "status" }, t`Adding ${file.name}…`));
+  try {
+    const made = await upload(kind, file, said);
+    rememberChoice(kind, made.name);
+    await done(made);
+    put(place);
+  } catch (error) {
+    const again = (more) => addFile(kind, file, place, done, { ...said, ...more });
+    const taken = error.status === 409 && error.parameter === "name" && !said.replace;
+    put(place, sorry(error), taken ? nameTaken(file, said, again) : (HOW.has(error.parameter) || said.crs) && howToRead(said, again));
+    place.querySelector("button, input")?.focus();
+  }
+}
+
+// A file of that name is there already.
+function nameTaken(file, said, again) {
+  const stem = said.name ?? file.name.replace(/\.[^.]*$/, ""), name = el("input", { name: "upload-name", value: `${stem} 2`, maxlength: "100" });
+  return el("div", { class: "panel stack", role: "group", "aria-label": "The name is taken" },
+    el("p", { class: "small" }, "If this is the corrected file, replace the older one. Plans made from the older one keep it."),
+    el("div", {}, button("Replace the older file", () => again({ replace: true }), "main small")),
+    el("div", { class: "row" }, el("div", { class: "grow" }, labelled("Or keep both and call this one", name)), button("Add under this name", () => again({ name: name.value.trim() }), "small")));
 }
 
 // Questions about a file that lacks its coordinate system or axis order.

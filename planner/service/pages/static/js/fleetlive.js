@@ -4,6 +4,8 @@ import { Coverage } from "./coverage.js";
 import { part, post, token } from "./api.js";
 import { ServiceClock, Stamp } from "./control.js";
 
+/** Data older than this is shown as old. */
+export const FRESH_S = 1.0;
 const STOPPED_MS = 300, LONGEST_AHEAD_S = 1.0, TRAIL = 1500, RAD = Math.PI / 180;
 
 export class FleetLive {
@@ -51,6 +53,7 @@ export class FleetLive {
 
   on_tick(frame) {
     const now = performance.now();
+    this.heard = now;
     for (const one of frame.tractors ?? []) {
       const before = this.fixes.get(one.tractor);
       const fix = { ...before, ...one, heard: now };
@@ -117,7 +120,16 @@ export class FleetLive {
   age(number) {
     const fix = this.fixes.get(number);
     if (fix?.age_s === undefined || fix.age_s === null) return null;
-    return fix.age_s + (fix.connection === "online" ? 0 : (performance.now() - fix.heard) / 1000);
+    return fix.age_s + (performance.now() - fix.heard) / 1000;
+  }
+
+  /** How long the service has said nothing of this fleet, seconds; null before its first word. */
+  silence() { return this.heard === undefined ? null : (performance.now() - this.heard) / 1000; }
+
+  /** Whether what is shown of a tractor, or of the whole fleet, is no longer what is so. */
+  isOld(number = null) {
+    if (this.link !== "online" || (this.silence() ?? 0) > FRESH_S) return true;
+    return number !== null && (this.age(number) ?? 0) > FRESH_S;
   }
 
   leg(number) { return this.scene?.lanes[number - 1]?.[this.fixes.get(number)?.leg] ?? null; }

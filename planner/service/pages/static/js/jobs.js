@@ -1,5 +1,5 @@
 // Jobs: progress in words, cancel, the sentence of a failure, and the results.
-import { el, put, say, button, note } from "./dom.js";
+import { el, put, say, button, note, sorry } from "./dom.js";
 import { get, post, items, save, part } from "./api.js";
 import { capital, moment, size, DASH } from "./words.js";
 
@@ -63,9 +63,15 @@ export async function earlier(kind, address, title) {
 
 /** A report page of a job in a box that can reach nothing of this page; it has a policy of its own, so it has a URL. */
 export async function reportFrame(kind, id, title) {
-  const path = `${kind}/${part(id)}/results/page.html`;
-  const shown = await post(`${path}/view`).catch(() => null);
-  return el("iframe", { class: "report", title, sandbox: "allow-scripts", src: new URL(`api/v1/${shown?.path ?? path}`, document.baseURI) });
+  const path = `${kind}/${part(id)}/results/page.html`, place = el("div");
+  const address = async () => new URL(`api/v1/${(await post(`${path}/view`)).path}`, document.baseURI);
+  const alone = button("Open the report alone", async () => {
+    try { window.open(await address(), "_blank", "noopener"); } catch (error) { put(place, sorry(error)); }
+  }, "small");
+  const frame = el("iframe", { class: "report", title, sandbox: "allow-scripts", src: await address().catch(() => new URL(`api/v1/${path}`, document.baseURI)) });
+  const whole = document.createDocumentFragment();
+  whole.append(frame, el("div", { class: "under" }, el("div", {}, alone), place, el("p", { class: "small soft" }, "The report prints from a window of its own.")));
+  return whole;
 }
 
 export const fileWords = (one) => [one.sample ? "sample" : size(one.size), one.created ? moment(one.created) : ""].filter(Boolean).join(", ");

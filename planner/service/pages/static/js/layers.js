@@ -18,6 +18,32 @@ export function polygon(ctx, view, rings, fill, stroke = null, width = 1.5) {
   if (stroke) { ctx.strokeStyle = stroke; ctx.lineWidth = width; ctx.stroke(); }
 }
 
+/** The ground of a field; over a background only a breath of its colour. */
+export function soil(ctx, view, rings) {
+  ctx.globalAlpha = view.backed ? 0.3 : 1;
+  polygon(ctx, view, rings, colours.field);
+  ctx.globalAlpha = 1;
+}
+
+/** The edge of a field, pale beside it where a background lies below. */
+export function edge(ctx, view, rings, width = 1.5) {
+  if (view.backed) polygon(ctx, view, rings, null, colours.halo, width + 3);
+  polygon(ctx, view, rings, null, colours.edge, width);
+}
+
+/** A place with a word: an entrance, a refill place. */
+export function marker(ctx, view, [x, y], text) {
+  const [px, py] = view.at(x, y);
+  ctx.beginPath();
+  ctx.moveTo(px, py); ctx.lineTo(px - 7, py - 14); ctx.lineTo(px + 7, py - 14); ctx.closePath();
+  ctx.lineWidth = 3;
+  ctx.strokeStyle = colours.halo;
+  ctx.stroke();
+  ctx.fillStyle = colours.ink;
+  ctx.fill();
+  if (text) word(ctx, px, py - 23, text, colours.ink);
+}
+
 export function line(ctx, view, points, stroke, width = 1.5, dash = []) {
   if (points.length < 2) return;
   ctx.beginPath();

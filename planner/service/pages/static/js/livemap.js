@@ -3,9 +3,11 @@
 import { MapView } from "./map.js";
 import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
-import { polygon, line, hatch, tractor, word } from "./layers.js";
+import { linkCover } from "./stale.js";
+import { span } from "./words.js";
+import { polygon, line, hatch, tractor, word, soil, edge } from "./layers.js";
 
-const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6, NEAR_M = 2000;
+const REMADE_MS = 400, FRAME_MS = 30, CALM_MS = 250, APART_PX = 6, NEAR_M = 2000, GROUND_M = 150;
 
 // Fleets whose metres are of the same grid; local metres are a grid of their own.
 const gridOf = (live) => live.scene.crs ?? `local ${live.id}`;
@@ -48,6 +50,8 @@ export class LiveMap {
     Object.assign(this, { lives, chosen, follow, node: this.view.node, extra: null, only: null, layout: { key: "", at: new Map() } });
     this.view.layers = [(ctx) => this.draw(ctx)];
     this.base = document.createElement("canvas");
+    this.cover = linkCover(lives);
+    this.node.append(this.cover.node);
     this.forget = onColours(() => { this.key = ""; for (const live of this.lives()) live.coverage.again(); });
     // With reduced motion in the system's settings tractors move in steps.
     const calm = matchMedia("(prefers-reduced-motion: reduce)");
@@ -61,10 +65,11 @@ export class LiveMap {
     animate();
   }
 
-  // Redraw every frame while a fleet is online; else not.
+  // Redraw every frame while a fleet is online; else once, to show that it is not.
   step() {
-    const shown = this.shown();
-    if (shown.some((live) => live.link === "online")) {
+    const shown = this.shown(), linked = shown.some((live) => live.link === "online");
+    this.cover.update();
+    if (linked || this.linked) {
       const follow = this.follow();
       if (follow) {
         const pose = follow.live.pose(follow.number);
@@ -72,6 +77,7 @@ export class LiveMap {
       }
       this.view.draw();
     }
+    this.linked = linked;
   }
 
   shown() {
@@ -89,6 +95,8 @@ export class LiveMap {
       return [live, { group: there[k].group, shift: [east, north], box: moved(boxes[k], [east, north]) }];
     }));
     this.layout = { key, at };
+    // In metres of each fleet; some ground round the field is seen too.
+    this.view.setGrounds(shown.map((live, k) => ({ crs: live.scene.crs, origin: live.origin, box: grown(boxes[k], GROUND_M), shift: at.get(live).shift })));
     return at;
   }
 
@@ -170,16 +178,17 @@ export class LiveMap {
   }
 }
 
+const grown = ([west, south, east, north], by) => [west - by, south - by, east + by, north + by];
 const moved = (box, [x, y]) => [box[0] + x, box[1] + y, box[2] + x, box[3] + y];
 
 export function drawGround(ctx, view, scene, between = null) {
-  polygon(ctx, view, scene.rings, colours.field);
+  soil(ctx, view, scene.rings);
   between?.(ctx);
   if (scene.obstacles?.length) {
     for (const ring of scene.obstacles) polygon(ctx, view, [ring], colours.obstacle, colours.edge, 1);
     hatch(ctx, view, scene.obstacles, colours.ink);
   }
-  polygon(ctx, view, scene.rings, null, colours.edge, 1.5);
+  edge(ctx, view, scene.rings);
   for (const ring of scene.fence ?? []) line(ctx, view, [...ring, ring[0]], colours.line, 1, [2, 6]);
 }
 
@@ -206,10 +215,11 @@ function drawTractor(ctx, view, live, number, chosen) {
     const other = live.pose(wait.tractor);
     if (other) line(ctx, view, [[pose.x, pose.y], [other.x, other.y]], colours.warn, 2, [2, 5]);
   }
-  tractor(ctx, view, pose, number, { hollow: fix.connection !== "online" || live.link !== "online", chosen, width });
+  tractor(ctx, view, pose, number, { hollow: fix.connection !== "online" || live.isOld(number), chosen, width });
   if (twin && (chosen || Math.hypot(twin.x - pose.x, twin.y - pose.y) * view.scale > APART_PX)) tractor(ctx, view, twin, number, { ghost: true });
-  if (fix.connection !== "online") {
-    const [px, py] = view.at(pose.x, pose.y);
-    word(ctx, px, py + 26, fix.connection === "broken" ? "connection broken" : "offline, last here", colours.off);
+  if (fix.connection !== "online" || live.isOld(number)) {
+    const [px, py] = view.at(pose.x, pose.y), old = live.age(number);
+    const words = fix.connection === "broken" ? "connection broken" : fix.connection === "online" ? "last here" : "offline, last here";
+    word(ctx, px, py + 26, old === null ? words : `${words}, ${span(old)} ago`, colours.off);
   }
 }

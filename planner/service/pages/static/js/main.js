@@ -2,6 +2,7 @@
 import { put, note, heading, button, speak } from "./dom.js";
 import { ServiceError } from "./api.js";
 import { startTheme } from "./palette.js";
+import { startLanguage, translate } from "./language.js";
 
 const ROUTES = [
   [/^\/?$/, "overview", "overview"],
@@ -15,6 +16,10 @@ const ROUTES = [
   [/^\/diagnose\/([^/]+)$/, "diagnose", "diagnose"],
   [/^\/replay$/, "replay", "replay"],
   [/^\/replay\/([^/]+)$/, "replay", "replay"],
+  [/^\/library$/, "library", "library"],
+  [/^\/library\/([^/]+)$/, "library", "library"],
+  [/^\/farm$/, "farm", "library"],
+  [/^\/farm\/([^/]+)$/, "farm", "library"],
   [/^\/access$/, "access", "access"],
 ];
 
@@ -23,7 +28,7 @@ let close = () => {}, turn = 0;
 
 const shell = {
   title(words) {
-    document.title = `${words} \u2013 Headland`;
+    document.title = `${translate(words)} \u2013 Headland`;
     speak(words);
   },
 };
@@ -79,5 +84,6 @@ function trouble(box, error) {
 }
 
 startTheme(document.getElementById("theme"));
+await startLanguage(document.getElementById("language"));
 window.addEventListener("hashchange", () => show());
 show(true);

@@ -1,6 +1,7 @@
 // A map in metres on a canvas: north up, moved and zoomed by pointer, wheel, keys and buttons. Layers draw on it.
-import { el, button, icon } from "./dom.js";
-import { colours, onColours } from "./palette.js";
+import { el, say, button, icon } from "./dom.js";
+import { backgroundOf, drawTiles, isOn, onBackground, placementOf, switchOn, trouble } from "./background.js";
+import { colours, onColours, paper } from "./palette.js";
 
 const LOWEST_PX = 240, AROUND_PX = 110, NEAREST_PX = 60, FARTHEST_PX = 0.02, STEP = 1.3, PAN_PX = 60, CLICK_PX = 6;
 
@@ -11,13 +12,50 @@ export class MapView {
     this.tools = el("div", { class: "tools" },
       button("+", () => this.zoom(STEP), "", { "aria-label": "Zoom in" }),
       button("\u2212", () => this.zoom(1 / STEP), "", { "aria-label": "Zoom out" }),
-      button(icon("M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"), () => this.fit(), "", { "aria-label": "Show all" }));
-    this.node = el("div", { class: `map${short ? " short" : ""}` }, this.canvas, this.tools);
-    Object.assign(this, { shaped: !short, layers: [], box: [0, 0, 100, 60], x: 50, y: 30, scale: 4, fitted: true, pointers: new Map(), clicked: null, dragged: null });
+      button(icon("M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5"), () => this.fit(), "", { "aria-label": "Show all", title: "Show all" }));
+    this.switch = button("Background", () => switchOn(!isOn()), "wide", { hidden: true });
+    this.tools.prepend(this.switch);
+    this.credit = el("p", { class: "credit", hidden: true });
+    this.node = el("div", { class: `map${short ? " short" : ""}` }, this.canvas, this.credit, this.tools);
+    Object.assign(this, { shaped: !short, layers: [], box: [0, 0, 100, 60], x: 50, y: 30, scale: 4, fitted: true, pointers: new Map(), clicked: null, dragged: null, grounds: [], about: null, closed: false });
     this.listen();
     this.resizing = new ResizeObserver(() => this.resize());
     this.resizing.observe(this.node);
-    this.forget = onColours(() => this.redraw());
+    const unwatch = [onColours(() => this.redraw()), onBackground(() => { this.showSwitch(); this.redraw(); })];
+    this.forget = () => unwatch.forEach((end) => end());
+  }
+
+  /** Where the metres of this map lie on the earth, for its background: [{crs, origin, box, shift}], one for each grid.
+
+  `origin` is the easting and northing of 0, 0 of the grid, `shift` where the map draws that; of several grids each is
+  drawn within its box alone. */
+  async setGrounds(given) {
+    const asked = (this.asked = {}), around = ({ box }) => [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2];
+    this.grounds = [];
+    this.about = given.some((one) => one.crs) ? await backgroundOf() : null;
+    const found = this.about ? await Promise.all(given.map(async (one) => ({ ...one, box: given.length > 1 ? one.box : null, placement: await placementOf(one.crs, one.origin, around(one)) }))) : [];
+    if (asked !== this.asked || this.closed) return;
+    this.grounds = found.filter((one) => one.placement);
+    this.showSwitch();
+    this.redraw();
+  }
+
+  /** Whether a background is shown, so that what lies over it must be seen through. */
+  get backed() { return this.grounds.length > 0 && isOn(); }
+
+  showSwitch() {
+    this.switch.hidden = !this.grounds.length;
+    this.switch.setAttribute("aria-pressed", String(this.backed));
+    this.credit.hidden = !this.backed;
+    if (this.backed) say(this.credit, trouble() || this.about.attribution);
+  }
+
+  drawBackground(ctx) {
+    for (const ground of this.grounds) drawTiles(ctx, this, this.about, ground);
+    ctx.fillStyle = colours.ground;
+    ctx.globalAlpha = 0.18; // a veil, so that lines and words stand out
+    ctx.fillRect(0, 0, this.width, this.height);
+    ctx.globalAlpha = 1;
   }
 
   listen() {
@@ -129,6 +167,7 @@ export class MapView {
   place(px, py) { return [(px - this.width / 2) / this.scale + this.x, this.y - (py - this.height / 2) / this.scale]; }
 
   redraw() {
+    if (paper.printed) return this.draw();
     if (this.waiting) return;
     this.waiting = requestAnimationFrame(() => { this.waiting = 0; this.draw(); });
   }
@@ -139,6 +178,7 @@ export class MapView {
     ctx.setTransform(ratio, 0, 0, ratio, 0, 0);
     ctx.fillStyle = colours.ground;
     ctx.fillRect(0, 0, this.width, this.height);
+    if (this.backed) this.drawBackground(ctx);
     for (const layer of this.layers) {
       ctx.save();
       layer(ctx, this);
@@ -163,15 +203,19 @@ export class MapView {
     bar();
     ctx.fillText(words, 20 + px, y + 4);
     const x = this.width - 24;
-    ctx.beginPath();
-    ctx.moveTo(x, y - 22); ctx.lineTo(x + 6, y - 8); ctx.lineTo(x - 6, y - 8);
-    ctx.fill();
+    ctx.strokeStyle = colours.halo;
     ctx.textAlign = "center";
+    ctx.beginPath();
+    ctx.moveTo(x, y - 22); ctx.lineTo(x + 6, y - 8); ctx.lineTo(x - 6, y - 8); ctx.closePath();
+    ctx.stroke();
+    ctx.fill();
+    ctx.strokeText("N", x, y + 4);
     ctx.fillText("N", x, y + 4);
     ctx.textAlign = "start";
   }
 
   close() {
+    this.closed = true;
     this.resizing.disconnect();
     this.forget();
     cancelAnimationFrame(this.waiting);

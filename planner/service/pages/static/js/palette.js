@@ -5,6 +5,9 @@ const NAMES = ["ink", "soft", "rule", "line", "accent", "panel", "ground", "fiel
 const COUNT = 7;
 const watchers = new Set();
 
+/** Whether the page is being printed: canvases then draw at once, and light. */
+export const paper = { printed: false };
+
 /** Colours by name; `colours.tractor(n)` is that of tractor `n`, from 1. */
 export const colours = { tractor: (number) => colours[`t${(number - 1) % COUNT}`] };
 
@@ -45,5 +48,7 @@ export function startTheme(action) {
     set(choice);
   });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", read);
+  addEventListener("beforeprint", () => { paper.printed = true; document.documentElement.dataset.theme = "light"; read(); });
+  addEventListener("afterprint", () => { paper.printed = false; set(choice); });
   set(choice);
 }

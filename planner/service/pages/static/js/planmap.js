@@ -3,7 +3,8 @@ import { el, put, say, who } from "./dom.js";
 import { MapView } from "./map.js";
 import { Player, poseAt, before } from "./player.js";
 import { colours } from "./palette.js";
-import { polygon, line, hatch, tractor, trackNames } from "./layers.js";
+import { polygon, line, hatch, tractor, trackNames, soil, edge, marker } from "./layers.js";
+import { mapLegend, planEntries } from "./legend.js";
 
 const DOING = ["done", "working", "turning", "waiting", "reversing", "refilling"];
 
@@ -23,9 +24,11 @@ export class PlanMap {
     this.parts = plan.lanes.map(segments);
     this.player = new Player({ end: plan.end_s, moved: () => { this.view.redraw(); this.tell(); } });
     this.rows = plan.lanes.map((lane, n) => ({ words: el("span", { class: "small" }), n }));
-    put(this.under, this.player.node, el("ul", { class: "legend", "aria-label": "Tractors" }, this.rows.map(({ words, n }) => el("li", {}, who(n + 1), words))));
+    put(this.under, this.player.node, el("ul", { class: "legend", "aria-label": "Tractors" }, this.rows.map(({ words, n }) => el("li", {}, who(n + 1), words))), mapLegend(planEntries(plan)));
     const all = [...plan.boundary_m, ...plan.lanes.flatMap((lane) => lane.points_m)];
-    this.view.fit([0, 1].map((k) => Math.min(...all.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...all.map((p) => p[k])))));
+    const box = [0, 1].map((k) => Math.min(...all.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...all.map((p) => p[k]))));
+    this.view.fit(box);
+    this.view.setGrounds([{ crs: plan.crs, origin: plan.origin_m ?? [0, 0], box }]);
     this.tell();
   }
 
@@ -40,7 +43,7 @@ export class PlanMap {
 
   draw(ctx, view) {
     const plan = this.plan, now = this.player.now, thick = Math.max(1, plan.width_m * view.scale);
-    polygon(ctx, view, [plan.boundary_m, ...plan.holes_m], colours.field);
+    soil(ctx, view, [plan.boundary_m, ...plan.holes_m]);
     ctx.save();
     ctx.globalAlpha = 0.4;
     this.parts.forEach((parts, n) => parts.filter((part) => part.status === 1 && part.from < now).forEach((part) => {
@@ -50,13 +53,14 @@ export class PlanMap {
     for (const track of plan.swaths) line(ctx, view, track.points_m, colours.swath, 1);
     for (const ring of plan.obstacles_m) polygon(ctx, view, [ring], colours.obstacle);
     if (plan.missed_m.length) hatch(ctx, view, plan.missed_m, colours.off);
-    polygon(ctx, view, [plan.boundary_m, ...plan.holes_m], null, colours.edge, 1.5);
+    edge(ctx, view, [plan.boundary_m, ...plan.holes_m]);
     for (const fence of plan.fences_m) line(ctx, view, fence, colours.ink, 3, [6, 3]);
     this.parts.forEach((parts, n) => {
       ctx.globalAlpha = 0.55;
       parts.forEach((part) => line(ctx, view, part.points, colours.tractor(n + 1), part.status === 1 ? 1.8 : 1, part.status === 4 ? [2, 3] : []));
     });
     ctx.globalAlpha = 1;
+    if (plan.entrance_m) marker(ctx, view, plan.entrance_m, "");
     trackNames(ctx, view, plan.swaths);
     plan.lanes.forEach((lane, n) => tractor(ctx, view, poseAt(lane, now), n + 1, { width: plan.width_m }));
   }

@@ -21,9 +21,9 @@ export function remotePanel(live, number) {
   const over = button("Take over", () => live.send({ kind: "lease", tractor: number, takeover: true }), "danger");
   const leave = button("Give back", () => live.send({ kind: "leave", tractor: number }));
   const resume = button("Resume its plan", () => live.send({ kind: "resume", tractor: number }));
-  put(surface, el("h2", {}, "Remote control"), holder, el("div", { class: "row" }, take, over, leave, resume), dead, pad,
+  put(surface, el("h2", {}, "Remote control"), holder, el("div", { class: "row leases" }, take, over, leave, resume), dead, pad,
     el("label", {}, el("span", { class: "name" }, "Speed limit ", limitText), limit), now,
-    el("p", { class: "small soft" }, "Keys: hold ", el("kbd", {}, "Space"), " and steer with the arrows. Gamepad: hold a shoulder button; left stick steers, triggers drive. Touch: the disc. Releasing stops the tractor."));
+    el("p", { class: "small soft keys" }, "Keys: hold ", el("kbd", {}, "Space"), " and steer with the arrows. Gamepad: hold a shoulder button; left stick steers, triggers drive. Touch: the disc. Releasing stops the tractor."));
   let still = REPEAT_STILL;
   const send = () => {
     if (!mine()) return;
@@ -57,5 +57,5 @@ export function remotePanel(live, number) {
   };
   const sending = setInterval(send, SEND_MS);
   tell();
-  return { node: surface, tell, close: () => { clearInterval(sending); hands.close(); if (mine()) live.send({ kind: "leave", tractor: number }); } };
+  return { node: surface, tell, isMine: mine, close: () => { clearInterval(sending); hands.close(); if (mine()) live.send({ kind: "leave", tractor: number }); } };
 }

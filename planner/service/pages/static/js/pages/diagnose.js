@@ -1,6 +1,6 @@
 // Diagnose: upload measured logs, name their tractor, and read what the simulation gets wrong and why.
 import { el, put, button, heading, note, labelled, option, sorry, lookingOnly } from "../dom.js";
-import { get, post, items, upload, part, token } from "../api.js";
+import { get, post, items, save, upload, part, token } from "../api.js";
 import { filePicker } from "../files.js";
 import { earlier, fileWords, followJob, reportFrame, results } from "../jobs.js";
 
@@ -32,20 +32,36 @@ export async function open(main, shell, [id = null]) {
   };
   const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value }, run), "main");
   const demo = button("Demonstrate with simulated logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
+  const sample = button("Try it with a sample log", () => ask({ logs: ["sample"] }, sample));
   put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
       el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run per file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
       el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground))),
-      trouble, el("div", { class: "row" }, run, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
+      trouble, el("div", { class: "row" }, run, sample, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
 }
 
 async function report(main, shell, id) {
   const asked = await get(`diagnoses/${part(id)}`), trouble = el("div");
   const job = followJob("diagnoses", id, {
     again: el("a", { class: "button", href: "#/diagnose" }, "Choose other logs"),
-    done: async (done, node) => put(node, el("div", { class: "panel flush" }, await reportFrame("diagnoses", id, "Report of the diagnosis")),
+    done: async (done, node) => put(node, await nextDrive(id, done, trouble), el("div", { class: "panel flush" }, await reportFrame("diagnoses", id, "Report of the diagnosis")),
       el("section", { class: "panel" }, el("h2", {}, "Save"), results("diagnoses", done, (error) => put(trouble, sorry(error))), trouble)),
   });
-  put(main, el("p", { class: "small" }, el("a", { href: "#/diagnose" }, "\u2039 Diagnose")), heading(asked.name || "Diagnosis", (asked.request?.logs ?? []).join(", ")), job.node);
+  put(main, el("p", { class: "small" }, el("a", { href: "#/diagnose" }, "\u2039 Diagnose")), heading(asked.name || "Diagnosis", questionWords(asked.request ?? {})), job.node);
   return job.close;
+}
+
+/** What was asked: the logs or the demonstration, the tractor and the ground. */
+export function questionWords({ logs = [], demo = false, hide = null, tractor = "eg105", ground = "soil" }) {
+  const driven = demo ? `simulated logs with ${hide ? `the effect ${hide}` : "an effect"} hidden in them` : logs.join(", ");
+  return `What does the simulation of ${tractor} on ${ground} get wrong in ${driven}?`;
+}
+
+// What would settle a doubt that the logs leave: the drive in words, and its plan to save.
+async function nextDrive(id, job, trouble) {
+  if (!(job.results ?? []).some((one) => (one.name ?? one) === "next-drive.json")) return null;
+  const { next_drive: drive } = await get(`diagnoses/${part(id)}/results/result.json`);
+  return el("section", { class: "panel stack next-drive" }, el("h2", {}, "Drive to do next"),
+    el("p", {}, `${drive.words} ${drive.decides ? "It decides" : "It says most, though perhaps not enough,"} between ${drive.separates.map((name) => name.replaceAll("_", " ")).join(" and ")}; ${Math.round(drive.seconds)}\u00A0s.`),
+    el("div", { class: "row" }, button("Save the plan of this drive", () => save(`diagnoses/${part(id)}/results/next-drive.json`, "next-drive.json").catch((error) => put(trouble, sorry(error))), "main")));
 }

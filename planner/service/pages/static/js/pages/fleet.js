@@ -5,6 +5,7 @@ import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals, fleetFacts } from "../board.js";
 import { polygon, line } from "../layers.js";
+import { mapLegend, LIVE } from "../legend.js";
 import { colours } from "../palette.js";
 import { capital, clock, moment, plural, LOOKS } from "../words.js";
 
@@ -41,7 +42,7 @@ export async function open(main, shell, [id]) {
   }, "danger small");
   put(main, heading(live.name, "", state, alarms.sign, stop.node), said, proposal,
     el("div", { class: "board rest-first" },
-      el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, legend(), drawer.node)),
+      el("div", { class: "panel flush map-box" }, map.node, el("div", { class: "under" }, mapLegend(LIVE), drawer.node)),
       el("div", { class: "stack rest" }, figures,
         el("div", { class: "actions" }, start, pause, resume, recording, el("a", { class: "button", href: `#/replay/${part(id)}` }, "Replay"))),
       el("div", { class: "stack side" },
@@ -61,6 +62,7 @@ export async function open(main, shell, [id]) {
     away.hidden = now === "running";
     resume.hidden = now !== "stopped" && !(now === "running" && held);
     for (const action of [start, pause, resume, fail, repaired, away, drawer.action]) action.disabled = !live.mayControl;
+    figures.classList.toggle("stale", live.isOld());
     put(figures, facts(fleetFacts(live)));
     put(log, live.events.length ? live.events.map((event) => el("li", {}, eventWords(event))) : el("li", { class: "soft" }, "Nothing yet."));
     tiles.update(); alarms.update(); stop.update();
@@ -74,11 +76,6 @@ export async function open(main, shell, [id]) {
 
 const eventWords = ({ time, who, what, data = {} }) =>
   [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${key.replaceAll("_", " ")} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
-
-export const legend = () => el("ul", { class: "legend", "aria-label": "Legend" },
-  el("li", {}, el("i", { class: "area", style: { "--colour": "var(--t0)" } }), "worked"),
-  el("li", {}, el("i"), "base: may be driven"), el("li", {}, el("i", { class: "thin" }), "horizon: planned"),
-  el("li", {}, el("i", { class: "dashed", style: { color: "var(--warn)" } }), "waits for"), el("li", {}, el("i", { class: "ring" }), "hollow: last known place"), el("li", {}, el("i", { class: "dotted" }), "geofence"));
 
 function proposalNote(live) {
   const one = live.proposal, gone = `tractor ${one.without.join(" and ")}`;

@@ -4,6 +4,7 @@ import { items } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
 import { tractorTiles, alarmList, stopAll, refusals } from "../board.js";
+import { mapLegend, LIVE } from "../legend.js";
 import { capital, percent, plural, timeOfDay, DASH, LOOKS } from "../words.js";
 
 const LOOK_AGAIN_MS = 5000, TELL_MS = 250, OVER = new Set(["done"]);
@@ -39,7 +40,7 @@ export async function open(main, shell) {
   };
   put(main, heading("Overview", "", alarms.sign, stop.node), messages,
     el("div", { class: "board" },
-      el("div", { class: "panel flush map-box" }, map.node, below),
+      el("div", { class: "panel flush map-box" }, map.node, below, el("div", { class: "under" }, mapLegend(LIVE))),
       el("div", { class: "stack side" }, el("section", {}, el("h2", {}, "Alarms"), alarms.node), el("section", {}, el("h2", {}, "Tractors"), tiles.node)),
       el("section", { class: "rest" }, el("h2", {}, "Fleets"), fleets)));
   main.classList.add("has-stop");

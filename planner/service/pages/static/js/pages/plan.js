@@ -1,13 +1,11 @@
 // Plan a field: choose or draw it, choose machines and deadline, and run. The result has a page of its own.
-import { el, put, button, heading, note, labelled, option, facts, sorry, lookingOnly } from "../dom.js";
+import { el, put, button, heading, labelled, option, sorry, lookingOnly } from "../dom.js";
 import { post, upload, part, token } from "../api.js";
-import { filePicker, fieldSummary } from "../files.js";
+import { filePicker } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
+import { fieldMap } from "../fieldmap.js";
 import { earlier } from "../jobs.js";
-import { MapView } from "../map.js";
-import { colours } from "../palette.js";
-import { polygon, line, hatch } from "../layers.js";
-import { hectares, number } from "../words.js";
+import { number } from "../words.js";
 
 const STRATEGIES = ["row-by-row", "row-by-row-optimised", "col-by-col", "split-field", "interleaved"];
 const USUAL = ["split-field", "interleaved"];
@@ -15,7 +13,7 @@ const MORE = [
   ["speed_kmh", "Working speed, km/h", "5"], ["turn_speed_kmh", "Turn speed, km/h", ""], ["headland", "Headland depth, m", "as turns need"],
   ["bearing", "Direction of tracks, degrees", "the best"], ["radius", "Turning radius, m", "of the tractor"], ["clearance", "Least distance between machines, m", "0.5"],
   ["margin", "Distance to obstacles and fences, m", "0.3"], ["entrance", "Entrance: LON,LAT", "of the file"], ["price_per_hour", "Price per tractor and hour", "40"],
-  ["price_per_tractor", "Price per tractor brought", "0"], ["budget", "Budget", ""], ["refill", "Refill: headland, tender or LON,LAT", ""], ["seed", "Seed", "1"],
+  ["price_per_tractor", "Price per tractor brought", "0"], ["budget", "Budget", ""], ["refill", "Refill: headland, tender or LON,LAT", ""], ["obstacle", "More obstacles: LON,LAT,RADIUS", "none; several with ; between"], ["seed", "Seed", "1"],
 ];
 const CHOICES = [["operation", "Work", ["till", "sow", "spray", "harvest", "mow"]], ["turn", "Turns", ["auto", "u", "omega", "switch-back"]], ["corners", "Corners", ["auto", "square", "round"]],
   ["objective", "Objective", ["", "fastest", "cheapest", "surest"]]];
@@ -23,7 +21,8 @@ const NUMBERS = new Set(["width", "speed_kmh", "turn_speed_kmh", "headland", "be
 
 export async function open(main, shell) {
   shell.title("Plan");
-  const preview = fieldPreview(), closing = [preview.close];
+  const PLACED = ["entrance", "refill", "obstacle"];
+  const preview = fieldMap((name, text) => { form.elements[name].value = text; }), closing = [preview.close];
   const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap_axes: swap.checked });
   const [local, swap] = ["local", "swap_axes"].map((name) => el("input", { type: "checkbox", name, onchange: look })), crs = el("input", { name: "crs", placeholder: "as in the file", spellcheck: "false", onchange: look });
   const reading = el("details", {}, el("summary", {}, "How the file is read"), el("label", { class: "check" }, local, "The file is in local metres"),
@@ -54,24 +53,32 @@ export async function open(main, shell) {
   const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", "GNSS errors by a table", { accept: ".csv", none: "no table", hint: "Made with headland gnss fit." });
   const trouble = el("div"), form = el("form", { class: "stack steps", novalidate: true });
   const input = (name, title, value = "", hint = "", more = {}) => labelled(title, el("input", { name, value, ...more }), hint);
-  const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn);
-  drawing.addEventListener("toggle", () => {
-    if (!drawing.open || drawn.children.length) return;
-    const editor = fieldEditor(async (file, isLocal, where) => {
+  const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn), change = button("Change this field", () => edit(true), "small");
+  let editor = null;
+  const edit = (chosen) => {
+    const shape = chosen ? preview.field() : null, name = field.value();
+    if (chosen && !shape?.geojson) return;
+    editor?.close();
+    editor = fieldEditor(async (file, { name: called, local: isLocal, replace }, where) => {
       try {
-        const made = await upload("fields", file, { local: isLocal });
+        const made = await upload("fields", file, { name: called, local: isLocal, replace });
         await field.list(made.name);
         drawing.open = false;
       } catch (error) { put(where, sorry(error)); }
-    });
-    closing.push(editor.close);
+    }, { ...(shape ? { field: shape, name, mayReplace: !field.sample() && !parcel.value } : {}), near: preview.middle });
     put(drawn, editor.node);
+    drawing.open = true;
+  };
+  closing.push(() => editor?.close());
+  drawing.addEventListener("toggle", () => {
+    if (drawing.open && !editor) edit(false);
+    if (!drawing.open) { editor?.close(); editor = null; put(drawn); }
   });
   const strategies = el("fieldset", {}, el("legend", { class: "small" }, "Strategies"), el("div", { class: "grid" }, STRATEGIES.map((name) =>
     el("label", { class: "check" }, el("input", { type: "checkbox", name: "strategy", value: name, checked: USUAL.includes(name) }), name))));
   const run = el("button", { class: "main" }, "Run the plan");
   put(form,
-    el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, ofSeveral, byLine, reading, drawing), preview.node)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("div", { class: "row" }, change), ofSeveral, byLine, reading), preview.node), drawing),
     el("section", { class: "panel stack" }, el("h2", {}, "Machines"),
       el("div", { class: "grid" }, input("width", "Working width, m", "3", "", { inputmode: "decimal" }), input("tractors", "Tractors", "1-3", "3, 1-6 or 1,3,5"), input("implement", "Implement of the farm", "", "by its name")),
       strategies, el("details", {}, el("summary", {}, "Tractor and farm files"), el("div", { class: "two even" }, tractor.node, farm.node))),
@@ -83,6 +90,7 @@ export async function open(main, shell) {
           el("label", { class: "check" }, el("input", { type: "checkbox", name }), words))),
         el("div", { class: "two even" }, rain.node, gnss.node))),
     trouble, el("div", { class: "row" }, run));
+  for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     run.disabled = true;
@@ -114,6 +122,7 @@ function requestOf(form, files) {
   request.tractors = form.querySelector("input[name=tractors]").value.trim() || "1-6";
   request.strategies = given.getAll("strategy").join(",") || "all";
   request.field = files.field;
+  if (request.obstacle) request.obstacle = request.obstacle.split(/[;\s]+/).filter(Boolean);
   if (files.tractor && !(files.farm && files.tractor === "eg105")) request.tractor = files.tractor;
   if (files.farm) request.farm = files.farm;
   if (files.rain && !request.rain) request.rain = `${files.rain}.csv`;
@@ -135,41 +144,3 @@ function refused(form, trouble, error) {
 
 // A field of several is chosen by its key if that is unique, else by its position.
 const keyOf = (one, all) => (one.key && all.filter((other) => other.key === one.key).length === 1 ? one.key : String(one.position));
-
-// The chosen field: rings, obstacles, area, remarks.
-function fieldPreview() {
-  const view = new MapView("Map of the chosen field", { short: true }), under = el("div", { class: "under" });
-  let shape = null, asked = 0;
-  view.layers = [(ctx) => {
-    if (!shape) return;
-    polygon(ctx, view, shape.rings_m, colours.field, colours.edge, 2);
-    for (const ring of shape.obstacles_m ?? []) polygon(ctx, view, [ring], colours.obstacle);
-    if (shape.obstacles_m?.length) hatch(ctx, view, shape.obstacles_m, colours.ink);
-    for (const fence of shape.fences_m ?? []) line(ctx, view, fence, colours.ink, 3, [6, 3]);
-    if (shape.entrance_m) { const [x, y] = view.at(...shape.entrance_m); ctx.fillStyle = colours.ink; ctx.beginPath(); ctx.moveTo(x, y); ctx.lineTo(x - 7, y - 14); ctx.lineTo(x + 7, y - 14); ctx.fill(); }
-  }];
-  const box = { node: el("div", { class: "panel flush" }, view.node, under), close: () => view.close(), update: () => {}, refused: () => {} };
-  box.show = async (name, how) => {
-    if (!name) return;
-    const mine = ++asked;
-    shape = null;
-    try {
-      const summary = await fieldSummary(name, how);
-      if (mine !== asked) return;
-      shape = summary.field;
-      box.update(summary);
-      if (!shape) return put(under, note(summary.fields?.length > 1 ? `The file holds ${summary.fields.length} fields; choose one of them.` : summary.error, "warn"));
-      const points = shape.rings_m.flat();
-      view.fit([0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k])))));
-      put(under, facts([["Area", hectares(1e4 * shape.area_ha)], ["Corners", number(shape.rings_m[0].length - 1)], ["Obstacles", number((shape.obstacles_m ?? []).length)]]),
-        (shape.remarks ?? []).map((one) => el("p", { class: "small soft" }, one)));
-    } catch (error) {
-      if (mine !== asked) return;
-      put(under, sorry(error));
-      box.refused(error);
-    } finally {
-      view.redraw();
-    }
-  };
-  return box;
-}

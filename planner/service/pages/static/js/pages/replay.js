@@ -1,6 +1,6 @@
 // Replay: a recorded run of a fleet, or log files on this computer, on the map with a time slider and strip charts.
 import { el, put, button, heading, note, labelled, who, sorry } from "../dom.js";
-import { bytes, items, part } from "../api.js";
+import { bytes, items, part, text } from "../api.js";
 import { textsOf } from "../zip.js";
 import { MapView } from "../map.js";
 import { Player, before } from "../player.js";
@@ -22,12 +22,13 @@ export async function open(main, shell, [id = null]) {
   const attempt = async (how) => { put(trouble); try { show(await how()); } catch (error) { put(trouble, sorry(error)); } };
   const file = el("input", { type: "file", accept: ".csv,.zip", multiple: true });
   file.addEventListener("change", () => attempt(async () => (await Promise.all([...file.files].map(runsOf))).flat()));
+  const sample = button("Try it with a sample log", () => attempt(async () => [runOf({ name: "sample.csv", text: await text("logs/sample") })]));
   const fleets = (await items("fleets")).filter((fleet) => fleet.recorded || fleet.id === id);
   put(main, heading("Replay", "A recorded run or measured logs on the map."), trouble, stage,
     el("div", { class: "two even" },
       el("section", { class: "panel stack" }, el("h2", {}, "Recorded fleets"), fleets.length ? el("div", { class: "cards" }, fleets.map((fleet) =>
         el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: `badge ${LOOKS[fleet.fleet?.state] ?? ""}` }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
-      el("section", { class: "panel stack" }, el("h2", {}, "Files on this computer"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read in the browser and not uploaded."))));
+      el("section", { class: "panel stack" }, el("h2", {}, "Files on this computer"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read in the browser and not uploaded."), el("div", { class: "row" }, sample))));
   if (id) await attempt(async () => (await textsOf(await bytes(`fleets/${part(id)}/recording`))).map(runOf));
   return () => closing.forEach((close) => close());
 }

@@ -1,12 +1,16 @@
-// One tractor: its twin against its reports, their distance, a camera view, and its controls.
+// One tractor: its twin against its reports, their distance, a drawn view or video, and its controls.
 import { el, put, say, button, heading, facts, note, who } from "../dom.js";
 import { get, post, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
 import { StripChart } from "../charts.js";
 import { Camera } from "../camera.js";
+import { nearestThing, nearWords } from "../nearness.js";
+import { tractorCover } from "../stale.js";
+import { viewPanel } from "../video.js";
 import { remotePanel } from "../remote.js";
 import { alarmList, stopAll, refusals, connectionOf, waitsWords } from "../board.js";
+import { mapLegend, LIVE } from "../legend.js";
 import { colours } from "../palette.js";
 import { age, capital, kmh, legWords, number as figure, span, timeOfDay, DASH } from "../words.js";
 
@@ -20,13 +24,15 @@ export async function open(main, shell, [id, text]) {
   const map = new LiveMap(`Map around tractor ${number}`, { lives: one, chosen: () => ({ live, number }), short: true, follow: () => (follow ? { live, number } : null) });
   const following = el("input", { type: "checkbox", checked: true, onchange: () => { follow = following.checked; if (!follow) map.fit(); } });
   live.watch((kind) => { if (kind === "scene") { map.fit(); map.view.scale = Math.max(map.view.scale, 9); } });
-  const camera = new Camera(`View along the heading of tractor ${number}`);
+  const camera = new Camera(`Drawn view along the heading of tractor ${number}`), cover = tractorCover(live, number);
+  const view = viewPanel({ fleet: id, number, address: about.videos?.[number] ?? null, drawn: camera.node, cover: cover.node, mayChange: () => live.mayControl && !remote.isMine() });
+  const near = el("p", { class: "near num", role: "group", "aria-label": "Distance to the nearest obstacle" });
   const charts = [
     new StripChart("Place", { unit: "cm", least: 5, decimals: 1, series: [{ name: "distance", colour: "t0" }] }),
     new StripChart("Heading", { unit: "degrees", least: 1, both: true, decimals: 2, series: [{ name: "difference", colour: "t1" }] }),
   ];
   const corrected = new StripChart("Corrections", { unit: "cm", least: 5, both: true, decimals: 1, series: [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }] });
-  const figures = el("div"), badge = el("span", { class: "badge" }), remote = remotePanel(live, number), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
+  const figures = el("div", { class: "figures" }), badge = el("span", { class: "badge" }), remote = remotePanel(live, number), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   const doubt = el("div"), twin = twinPanel(id, number, doubt, corrected);
   const pause = button("Pause", () => live.send({ kind: "pause", tractor: number })), resume = button("Resume", () => live.send({ kind: "resume", tractor: number }));
   const head = heading(`Tractor ${number}`, "", badge, alarms.sign, stop.node);
@@ -34,11 +40,10 @@ export async function open(main, shell, [id, text]) {
   put(main, el("p", { class: "small" }, el("a", { href: `#/fleet/${part(id)}` }, `\u2039 ${live.name}`)), head, said, doubt,
     el("div", { class: "board" },
       el("div", { class: "stack map-box" },
-        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Follow it"), el("span", { class: "small soft" }, "dashed outline: its twin"))),
-        figures),
+        el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Follow it"), mapLegend(LIVE))),
+        near, figures),
       el("div", { class: "stack side" },
-        el("section", { class: "panel" }, el("h2", {}, "Camera"), camera.node),
-        el("div", { class: "row" }, pause, resume), remote.node),
+        view.node, el("div", { class: "row orders" }, pause, resume), remote.node),
       el("div", { class: "stack rest" },
         el("section", { class: "panel" }, el("h2", {}, "Twin against tractor"), el("div", { class: "strips" }, charts.map((chart) => chart.node), corrected.node), twin.node),
         el("section", {}, el("h2", {}, "Alarms"), alarms.node))));
@@ -47,6 +52,11 @@ export async function open(main, shell, [id, text]) {
     const fix = live.fixes.get(number) ?? {}, [words, look] = connectionOf(live, fix);
     say(badge, words);
     badge.className = `badge ${look}`;
+    const old = live.isOld(number);
+    for (const each of [figures, near]) each.classList.toggle("stale", old);
+    say(near, `${nearWords(nearestThing(live, number))} \u00B7 ${kmh(fix.speed_mps)}${old ? ` \u00B7 ${age(live.age(number))} old` : ""}`);
+    document.body.classList.toggle("steering", remote.isMine());
+    view.tell();
     put(figures, facts([["Doing", capital(legWords(live.leg(number)))], ["Waits", waitsWords(fix).replace("waits for ", "for ") || "no"], ["Speed", kmh(fix.speed_mps)],
       ["Mode", capital(fix.mode ?? DASH)], ["Age of fix", age(live.age(number))], ["Leg", Number.isInteger(fix.leg) ? `${fix.leg + 1} of ${live.scene?.lanes[number - 1]?.length ?? DASH}` : DASH],
       ["Done at", typeof fix.eta_s === "number" ? timeOfDay(fix.eta_s) : DASH], ["Against plan", fix.late_s > 5 ? `${span(fix.late_s)} late` : fix.late_s < -5 ? `${span(fix.late_s)} early` : "on time"],
@@ -60,11 +70,11 @@ export async function open(main, shell, [id, text]) {
     for (const action of [pause, resume]) action.disabled = !live.mayControl;
     alarms.update(); stop.update(); remote.tell();
   };
-  const look = () => { const pose = live.pose(number); if (pose && live.scene) camera.draw(pose, live.scene, linesOf(live, number), othersOf(live, number)); };
+  const look = () => { cover.update(); const pose = live.pose(number); if (view.isDrawn() && pose && live.scene) camera.draw(pose, live.scene, linesOf(live, number), othersOf(live, number)); };
   const timers = [setInterval(tell, TELL_MS), setInterval(look, CAMERA_MS), setInterval(twin.look, TWIN_MS)];
   tell();
   twin.look();
-  return () => { timers.forEach(clearInterval); [...charts, corrected, camera, remote, map, live].forEach((each) => each.close()); };
+  return () => { document.body.classList.remove("steering"); timers.forEach(clearInterval); [...charts, corrected, camera, remote, map, live].forEach((each) => each.close()); };
 }
 
 // Worked strips near by, the base legs of this tractor, and the next legs.

@@ -1,0 +1,110 @@
+"""Obstacles of a field that the user adds by their place, or leaves out by name or number."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from fields.errors import FieldError, mark_parameter, suggest_name
+from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, describe_assumed_obstacles
+from fields.geometry.field import Field
+from fields.geometry.geodesy import project
+from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
+from fields.text_files import shorten_value
+
+MAX_LISTED_OBSTACLES = 12
+
+
+def parse_obstacle_place(text: str) -> tuple[float, float, float]:
+    """ "9.53,56.21" or "9.53,56.21,2.5" as x, y and radius in metres; raises FieldError that names `obstacles`."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (2, 3) or not all(map(math.isfinite, numbers)):
+        raise FieldError(
+            f"{mark_parameter('obstacles')} {shorten_value(text)} is not a place; write longitude,latitude or "
+            "longitude,latitude,radius in metres, for instance 9.53,56.21,2."
+        )
+    radius_m = numbers[2] if len(numbers) == 3 else DEFAULT_SIZE_M
+    if not 0.0 < radius_m <= MAX_OBSTACLE_M:
+        raise FieldError(
+            f"{mark_parameter('obstacles')} {shorten_value(text)} has a radius of {radius_m:g} m; use more than 0 and "
+            f"at most {MAX_OBSTACLE_M:g} m."
+        )
+    return numbers[0], numbers[1], radius_m
+
+
+def add_obstacles(field: Field, texts: Sequence[str]) -> Field:
+    """The field with round obstacles at these places: longitude, latitude and perhaps radius (x, y in local metres).
+
+    Raises:
+        FieldError: a text is not a place, or the place is outside the field.
+    """
+    added = tuple(_build_added_obstacle(field, text) for text in texts)
+    return replace(field, obstacles=(*field.obstacles, *added)) if added else field
+
+
+def _build_added_obstacle(field: Field, text: str) -> Obstacle:
+    x, y, radius_m = parse_obstacle_place(text)
+    if field.crs is not None:
+        if not (-180.0 <= x <= 180.0 and -90.0 <= y <= 90.0):
+            raise FieldError(
+                f"{mark_parameter('obstacles')} {shorten_value(text)} is not on the earth; give degrees of longitude, "
+                "then of latitude."
+            )
+        x, y = (project(np.array([(x, y)]), "EPSG:4326", field.crs)[0] - np.asarray(field.origin_m)).tolist()
+    place = shapely.Point(x, y)
+    away_m = float(shapely.Polygon(field.boundary.exterior).distance(place))
+    if away_m > radius_m:
+        order = "" if field.crs is None else " (longitude first)"
+        raise FieldError(
+            f"The obstacle {text.strip()} ({mark_parameter('obstacles')}) lies {away_m:.0f} m outside field "
+            f"'{field.name}'; give a place in the field{order}."
+        )
+    return Obstacle("point", place, radius_m, f"at {text.strip()}")
+
+
+def leave_out_obstacles(field: Field, names: Sequence[str]) -> Field:
+    """The field without the obstacles of these names, or of these numbers counted from 1 in their order.
+
+    Raises:
+        FieldError: no obstacle has the name or number.
+    """
+    left_out = {number for text in names for number in _find_obstacle_numbers(field, text)}
+    if not left_out:
+        return field
+    kept = tuple(one for number, one in enumerate(field.obstacles) if number not in left_out)
+    gone = [str(field.obstacles[number]) for number in sorted(left_out)]
+    remark = f"Left out as asked, so machines drive there: {', '.join(gone)}."
+    assumed = describe_assumed_obstacles(field.obstacles)
+    others = [one for one in field.remarks if one not in assumed]
+    return replace(
+        field,
+        obstacles=kept,
+        remarks=(*describe_assumed_obstacles(kept), remark, *others),
+    )
+
+
+def _find_obstacle_numbers(field: Field, text: str) -> list[int]:
+    """Places of the obstacles that a text names: all of that name in any case, else the one of that number."""
+    wanted = text.strip().casefold()
+    names = [place for place, one in enumerate(field.obstacles) if wanted and one.name.casefold() == wanted]
+    numbers = [place for place, one in enumerate(field.obstacles) if wanted == str(one.number or place + 1)]
+    if names or numbers:
+        return names or numbers
+    raise FieldError(_explain_unknown_name(field, text))
+
+
+def _explain_unknown_name(field: Field, text: str) -> str:
+    subject = f"{mark_parameter('ignored')} {shorten_value(text.strip())} names no obstacle of field '{field.name}'"
+    if not field.obstacles:
+        return f"{subject}, which has none; leave it out."
+    close = suggest_name(text.strip(), [one.name for one in field.obstacles if one.name])
+    shown = [f"{one.number or place} {one.name or one.kind}" for place, one in enumerate(field.obstacles, 1)]
+    remainder = f" and {len(shown) - MAX_LISTED_OBSTACLES} more" if len(shown) > MAX_LISTED_OBSTACLES else ""
+    return f"{subject}{close}; give a name or number out of: {', '.join(shown[:MAX_LISTED_OBSTACLES])}{remainder}."

@@ -1,0 +1,191 @@
+"""`headland compare-headlands`: fields planned with several ways to work the headland, side by side."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+
+from planner.cli.common.options import (
+    FieldsArgument,
+    build_plan_inputs,
+    find_shift_start,
+    get_option_name,
+    inject_request_options,
+)
+from planner.request.options import convert_options_to_parameters, list_options
+from planner.request.plan_request import COMPUTING, MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
+from strategies.headland.work_order import HEADLAND_ORDERS
+from strategies.path_planning.turn_kinds import CORNERS
+
+if TYPE_CHECKING:
+    from planner.cli.common.outputs import OutputContent
+    from planner.cli.plan import ExecutorChoice
+    from planner.errors import HeadlandError
+    from planner.pipeline.headland_comparison import HeadlandQuestion
+    from reports.plan.headland_comparison import HeadlandComparison
+
+COMPARED_OPTIONS = ("corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland")
+"""Options of a plan that this command takes as lists, or not at all."""
+SHARED_OPTIONS = tuple(
+    option.name
+    for option in (*list_options(PlanRequest), *list_options(FarmChoice))
+    if option.name not in COMPARED_OPTIONS
+)
+NO_PLAN_STATUS = 3
+_ONE_FLEET: dict[str, dict[str, Any]] = {
+    "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
+    "strategies": {
+        "default": "split-field",
+        "help": "Strategies to try, separated by commas, or all; the best plan of each is compared.",
+    },
+}
+
+
+def render_refusal(refusal: HeadlandError) -> str:
+    """The sentence of a refusal with the names of options."""
+    return refusal.render_sentence(get_option_name)
+
+
+@inject_request_options(only=SHARED_OPTIONS, changes=_ONE_FLEET)
+def compare_headlands(
+    context: typer.Context,
+    fields: FieldsArgument = None,
+    corners: Annotated[
+        str, typer.Option(help="Kinds of corners: square, round, auto.", rich_help_panel=WORK)
+    ] = "square,round",
+    headland_order: Annotated[
+        Optional[str],
+        typer.Option(
+            help="When the headland is worked: first, last. By default what --operation allows.", rich_help_panel=WORK
+        ),
+    ] = None,
+    headland_passes: Annotated[
+        Optional[str],
+        typer.Option(help="Numbers of headland passes: 1,2,3. By default as many as turns need.", rich_help_panel=WORK),
+    ] = None,
+    html: Annotated[
+        Optional[Path], typer.Option(help="Write one page with a map of every plan.", rich_help_panel=OUTPUT)
+    ] = None,
+    json: Annotated[
+        bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
+    ] = False,
+    csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)] = False,
+    processes: Annotated[
+        Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
+    ] = None,
+    cluster: Annotated[
+        Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
+    ] = None,
+    **options: Any,
+) -> None:
+    """Compare ways to work the headland: corners, order and number of passes, on one field or several.
+
+    Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
+    """
+    from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
+    from planner.cli.common.terminal import print_remarks
+    from planner.cli.plan import DEFAULT_FIELD, ExecutorChoice, check_one_output
+    from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
+    from planner.pipeline.many_fields import expand_field_names, share_obstacles
+
+    check_one_output(json, csv)
+    names = expand_field_names(
+        fields or [DEFAULT_FIELD],
+        local=options["local"],
+        crs=options["crs"],
+        swap_axes=options["swap_axes"],
+        show_remarks=print_remarks,
+    )
+    choices = HeadlandChoices(
+        _parse_choices(corners, "--corners", CORNERS),
+        () if headland_order is None else _parse_choices(headland_order, "--headland-order", HEADLAND_ORDERS),
+        () if headland_passes is None else _parse_pass_counts(headland_passes),
+    )
+    executor_choice = ExecutorChoice(processes, cluster)
+    farm = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
+    build_inputs = partial(build_plan_inputs, farm=farm.farm, implement=farm.implement, context=context)
+    requests = share_obstacles([_build_request(options, name, farm.farm) for name in names])
+    inputs = [build_inputs(request) for request in requests]
+    questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
+    input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
+    check_output_paths((html, ".html"), input_files=input_files)
+    comparison = _compare(questions, executor_choice)
+    print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
+    with write_before_printing(_render_page(comparison, html)):
+        _print_comparison(comparison, json, csv)
+    if comparison.best is None or not comparison.best.is_complete:
+        raise typer.Exit(NO_PLAN_STATUS)
+
+
+def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str, ...]:
+    """The words of a list with commas, each once; raises RequestError."""
+    from fields.text_files import shorten_value
+    from planner.errors import RequestError, suggest_name
+
+    words = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
+    for word in words:
+        if word not in allowed:
+            raise RequestError(
+                f"{option} {shorten_value(word)} is unknown{suggest_name(word, allowed)}; use one or more of "
+                f"{', '.join(allowed)}, separated by commas."
+            )
+    return words
+
+
+def _parse_pass_counts(text: str) -> tuple[int, ...]:
+    """ "2", "1-3" or "1,2,4" as numbers of headland passes, each once; raises RequestError."""
+    from fields.text_files import shorten_value
+    from planner.errors import RequestError
+
+    counts: dict[int, None] = {}
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*(\d{1,3})\s*(?:-\s*(\d{1,3})\s*)?", part)
+        numbers = range(int(match[1]), int(match[2] or match[1]) + 1) if match else range(0)
+        if not numbers or numbers[0] < 1 or numbers[-1] > MAX_HEADLAND_PASSES:
+            raise RequestError(
+                f"--headland-passes {shorten_value(text)} is not a list of numbers from 1 to {MAX_HEADLAND_PASSES}; "
+                "write for instance 2, 1-3 or 1,2,4."
+            )
+        counts |= dict.fromkeys(numbers)
+    return tuple(counts)
+
+
+def _build_request(options: dict[str, Any], field: str, farm: str | None) -> PlanRequest:
+    """The request of one field, the headland left open."""
+    shift_s = None if options["deadline"] is None else find_shift_start(farm)
+    return PlanRequest.from_options(options | {"field": field}, shift_s=shift_s)
+
+
+def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
+    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.pipeline.headland_comparison import compare_headlands as compare
+
+    warm_up()
+    with (
+        executor_choice.open_executor(len(questions)) as executor,
+        create_progress_callback("Comparing headlands") as progress,
+    ):
+        return compare(questions, executor, progress, render_refusal)
+
+
+def _render_page(comparison: HeadlandComparison, html: Path | None) -> list[tuple[Path, OutputContent]]:
+    if html is None:
+        return []
+    from reports.plan.headland_page import render_headland_page
+
+    return [(html, render_headland_page(comparison))]
+
+
+def _print_comparison(comparison: HeadlandComparison, json: bool, csv: bool) -> None:
+    from planner.cli.common.terminal import print_renderable
+    from reports.plan.headland_report import build_headland_table, format_headland_csv, format_headland_json
+
+    if json or csv:
+        typer.echo(format_headland_json(comparison) if json else format_headland_csv(comparison), nl=False)
+        return
+    print_renderable(build_headland_table(comparison))

@@ -1,0 +1,95 @@
+"""Whether the tractor can pull the implement at working speed: a question to the farmer, never a refusal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from planner.farm.machines import FarmTractor
+from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
+from reports.common.plan_results import PullFigures
+from vehicle.datasheet.draft import DRAWBAR_SHARE, KMH_PER_MPS, DraftRule, find_draft_rule, get_engine_power_kw
+from vehicle.model.tractor import Tractor
+
+WIDTH_STEP_M, SPEED_STEP_KMH = 0.5, 0.5
+MIN_SUGGESTED_M, MIN_SUGGESTED_KMH = 1.5, 3.0  # nothing narrower is sold, and nobody tills more slowly
+
+
+def compute_pull_figures(
+    request: PlanRequest, tractor: Tractor, farm_tractor: FarmTractor | None = None
+) -> PullFigures | None:
+    """Power that the implement needs and the tractor has at the drawbar; None where either is unknown.
+
+    The power of the engine is that of the farm's tractor or its sheet, else that of a tractor that comes with Headland.
+    """
+    engine_kw = _find_engine_power_kw(tractor, farm_tractor)
+    rule = find_draft_rule(request.operation, request.width_m)
+    if engine_kw is None or rule is None:
+        return None
+    available_kw = DRAWBAR_SHARE * engine_kw
+    width_m, speed_mps = request.width_m, request.speed_mps
+    return PullFigures(
+        implement=rule.implement,
+        width_m=width_m,
+        speed_kmh=KMH_PER_MPS * speed_mps,
+        depth_cm=rule.depth_cm if rule.depth_cm > 1.0 else None,
+        draft_kn=rule.compute_draft_n(width_m, speed_mps) / 1000.0,
+        needed_kw=rule.compute_power_kw(width_m, speed_mps),
+        engine_kw=engine_kw,
+        available_kw=available_kw,
+        possible_width_m=_find_possible_width_m(rule, width_m, speed_mps, available_kw),
+        possible_speed_kmh=_find_possible_speed_kmh(rule, width_m, speed_mps, available_kw),
+    )
+
+
+def describe_pull(pull: PullFigures | None) -> tuple[str, ...]:
+    """How the figures of a questioned implement come about; nothing where it can be pulled."""
+    if pull is None or not pull.is_questioned:
+        return ()
+    depth = "" if pull.depth_cm is None else f" {pull.depth_cm:g} cm deep"
+    return (
+        f"The draft of the {pull.implement}, {pull.draft_kn:.0f} kN{depth} in medium soil, is that of ASAE D497, give "
+        f"or take 30 %; at the drawbar the tractor is taken to have {100.0 * DRAWBAR_SHARE:.0f} % of its "
+        f"{pull.engine_kw:g} kW.",
+    )
+
+
+def _find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) -> float | None:
+    if farm_tractor is not None and farm_tractor.power_kw is not None:
+        return farm_tractor.power_kw
+    if farm_tractor is not None and farm_tractor.sheet is not None:
+        return farm_tractor.sheet.power_kw
+    return get_engine_power_kw(tractor)
+
+
+def _find_possible_width_m(rule: DraftRule, width_m: float, speed_mps: float, available_kw: float) -> float | None:
+    """The greatest width that can be pulled at this speed, in half metres; None if no implement is so narrow."""
+    possible_m = min(width_m, width_m * available_kw / rule.compute_power_kw(width_m, speed_mps))
+    possible_m = possible_m if possible_m == width_m else _round_down(possible_m, WIDTH_STEP_M)
+    return possible_m if possible_m >= MIN_SUGGESTED_M else None
+
+
+def _find_possible_speed_kmh(rule: DraftRule, width_m: float, speed_mps: float, available_kw: float) -> float | None:
+    """The greatest speed, up to that asked for, at which this width can be pulled, in half km/h; None if too slow."""
+
+    def needs_less(speed_kmh: float) -> bool:
+        return rule.compute_power_kw(width_m, speed_kmh / KMH_PER_MPS) <= available_kw
+
+    possible_kmh = _bisect(needs_less, MIN_SPEED_KMH, KMH_PER_MPS * speed_mps)
+    if possible_kmh < KMH_PER_MPS * speed_mps:
+        possible_kmh = _round_down(possible_kmh, SPEED_STEP_KMH)
+    return possible_kmh if possible_kmh >= MIN_SUGGESTED_KMH else None
+
+
+def _bisect(is_possible: Callable[[float], bool], low: float, high: float) -> float:
+    """The greatest possible value between two, where all below it are possible; 0 if none is."""
+    if is_possible(high) or not is_possible(low):
+        return high if is_possible(high) else 0.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if is_possible(middle) else (low, middle)
+    return low
+
+
+def _round_down(value: float, step: float) -> float:
+    return math.floor(value / step + 1e-9) * step

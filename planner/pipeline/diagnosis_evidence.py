@@ -1,0 +1,165 @@
+"""What convinces of a diagnosis: all logs replayed by the tractor file as it was and by the extended one.
+
+Errors are those of the report: pieces of equal length, each aligned with the measurement by its best rotation and
+shift.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
+from vehicle.identification.replay.horizon_errors import (
+    compute_piece_errors,
+    find_piece_bounds,
+    fit_rigid_motion,
+    simulate_instruments,
+)
+from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
+from vehicle.identification.verdict.diagnose import correct_logs
+from vehicle.identification.verdict.diagnosis_types import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
+from vehicle.model.tractor import Settings, Tractor
+
+ALIGNMENT_S = 5.0  # of a path that is then left alone
+PIECES_S = 10.0, 5.0  # long enough to show a bend, else the length of the verdict
+MOST_TIME_BINS, MOST_VALUE_BINS, MOST_SQUARES = 60, 12, 24
+MOST_PATHS, MOST_PATH_S, MOST_PATH_POINTS = 12, 240.0, 400
+SMALLEST_SQUARE_M = 2.0
+FEWEST_BIN_ROWS = 10  # fewer say nothing of a bin
+ROUND_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _ErrorRows:
+    """Rows of all pieces: driving time, speed, wheel angle, place, and squared errors (k, 4) in cm2.
+
+    The errors are across before and after, then along before and after.
+    """
+
+    time_s: Array
+    speed_mps: Array
+    angle_deg: Array
+    place_m: Array
+    squares: Array
+
+
+def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> ReplayEvidence:
+    """Replay logs with a tractor file and with the extended one; raises LogError where no segment can be replayed."""
+    dataset = build_dataset(correct_logs(logs), (tractor.antenna_forward_m, tractor.antenna_right_m))
+    rigs = [build_rig_and_corrections(machine, ground, dataset.origin) for machine in (tractor, extended)]
+    longest = max(float(segment.time[-1]) for segment in dataset.segments)
+    piece_s = next((length for length in PIECES_S if longest >= length), PIECES_S[-1])
+    parts, driven_s = [], 0.0
+    for segment in dataset.segments:
+        parts.append(_measure_segment(segment, rigs, piece_s, driven_s))
+        driven_s += float(segment.time[-1] - segment.time[0])
+    rows = _ErrorRows(*(np.concatenate([getattr(part, name) for part in parts]) for name in _ErrorRows.__annotations__))
+    step_s = max(piece_s, _round_up(driven_s / MOST_TIME_BINS))
+    return ReplayEvidence(
+        piece_s,
+        bin_errors(rows.time_s, rows.squares, np.arange(0.0, driven_s + step_s, step_s), fewest_rows=1),
+        bin_errors(rows.speed_mps, rows.squares, choose_edges(rows.speed_mps)),
+        bin_errors(rows.angle_deg, rows.squares, choose_edges(rows.angle_deg)),
+        _map_errors(rows),
+        tuple(_pair_paths(segment, dataset.names[segment.run], rigs) for segment in _choose_paths(dataset.segments)),
+    )
+
+
+def _measure_segment(
+    segment: DriveSegment, rigs: Sequence[tuple[ReplayRig, Settings]], piece_s: float, driven_s: float
+) -> _ErrorRows:
+    bounds = find_piece_bounds(segment.time, piece_s)
+    errors = []
+    for rig, settings in rigs:
+        antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
+        errors.append(100.0 * compute_piece_errors(segment, antenna, heading, bounds)[:, :2])
+    squares = np.column_stack([errors[0][:, 0], errors[1][:, 0], errors[0][:, 1], errors[1][:, 1]]) ** 2
+    angle = segment.wheel if segment.wheel is not None else segment.command
+    steering = np.zeros(segment.rows) if angle is None else np.degrees(angle)
+    used = np.zeros(segment.rows, dtype=np.bool_)
+    for first, end in zip(*bounds, strict=True):
+        used[first:end] = True
+    place = np.column_stack([segment.east, segment.north])
+    return _ErrorRows(
+        driven_s + segment.time[used], segment.speed_in_gear[used], steering[used], place[used], squares[used]
+    )
+
+
+def choose_edges(values: Array) -> Array:
+    """Choose round edges of at most MOST_VALUE_BINS bins of equal width that hold all values."""
+    if len(values) == 0:
+        return np.array([0.0, 1.0])
+    low, high = float(values.min()), float(values.max())
+    step = _round_up((high - low) / (MOST_VALUE_BINS - 1)) if high > low else 1.0
+    first, last = math.floor(low / step + 1e-9), math.floor(high / step + 1e-9) + 1
+    edges: Array = step * np.arange(first, last + 1, dtype=np.float64)
+    return edges
+
+
+def _round_up(value: float) -> float:
+    """Return the next round number: 1, 2, 2.5 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(max(value, 1e-6)))
+    return float(next(factor * power for factor in ROUND_STEPS if factor * power >= value * (1.0 - 1e-9)))
+
+
+def bin_errors(values: Array, squares: Array, edges: Array, fewest_rows: int = FEWEST_BIN_ROWS) -> PieceErrors:
+    """Return the root mean squares of errors, given as squares (k, 4), in bins of a value (k,)."""
+    number = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, len(edges) - 2)
+    rows = np.bincount(number, minlength=len(edges) - 1)
+    kept = rows >= fewest_rows
+    means = [
+        np.sqrt(np.bincount(number, column, len(edges) - 1)[kept] / np.maximum(rows[kept], 1)) for column in squares.T
+    ]
+    return PieceErrors(edges[:-1][kept], edges[1:][kept], rows[kept].astype(np.float64), *means)
+
+
+def _map_errors(rows: _ErrorRows) -> PlaceErrors:
+    """Return the errors in squares of a map, both kinds together."""
+    if len(rows.place_m) == 0:
+        empty = np.zeros(0)
+        return PlaceErrors(empty, empty, SMALLEST_SQUARE_M, empty, empty)
+    low = rows.place_m.min(axis=0)
+    side = max(SMALLEST_SQUARE_M, _round_up(float(np.ptp(rows.place_m, axis=0).max()) / MOST_SQUARES))
+    cells = np.floor((rows.place_m - low) / side).astype(np.int64)
+    squares, number = np.unique(cells, axis=0, return_inverse=True)
+    number = number.ravel()
+    counts = np.bincount(number)
+    before, after = (
+        np.sqrt(np.bincount(number, rows.squares[:, first] + rows.squares[:, first + 2]) / counts) for first in (0, 1)
+    )
+    corners = low + side * squares
+    return PlaceErrors(corners[:, 0], corners[:, 1], side, before, after)
+
+
+def _choose_paths(segments: Sequence[DriveSegment]) -> list[DriveSegment]:
+    """Choose the longest segments, in the order of driving."""
+    longest = sorted(range(len(segments)), key=lambda number: -float(segments[number].time[-1]))[:MOST_PATHS]
+    return [segments[number] for number in sorted(longest)]
+
+
+def _pair_paths(segment: DriveSegment, name: str, rigs: Sequence[tuple[ReplayRig, Settings]]) -> PathPair:
+    end = max(int(np.searchsorted(segment.time, MOST_PATH_S)), 2)
+    rows = np.arange(0, end, math.ceil(end / MOST_PATH_POINTS))
+    paths = []
+    for rig, settings in rigs:
+        antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
+        turn, shift = compute_log_alignment(segment, antenna, heading)
+        paths.append((antenna @ turn.T + shift)[rows])
+    measured = np.column_stack([segment.east, segment.north])[rows]
+    return PathPair(name, segment.start_s + segment.time[rows], measured, *paths)
+
+
+def compute_log_alignment(
+    segment: DriveSegment, antenna: Array, heading: Array, seconds: float = ALIGNMENT_S
+) -> tuple[Array, Array]:
+    """Return rotation (2, 2) and shift (2,) that align the first seconds of the simulation with the measurement."""
+    rows = max(int(np.searchsorted(segment.time, seconds)), 2)
+    x, y = np.ascontiguousarray(antenna[:, 0]), np.ascontiguousarray(antenna[:, 1])
+    angle, *middles = fit_rigid_motion(0, rows, segment.east, segment.north, segment.heading, x, y, heading)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    return turn, np.array(middles[:2]) - turn @ np.array(middles[2:])

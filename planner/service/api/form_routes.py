@@ -1,0 +1,135 @@
+"""Routes of the forms for days and farms: the text of a file with changes made, its values and its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, Request
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.concurrency import run_in_threadpool
+
+from fields.nested_text import parse_toml
+from fields.sample_fields import list_sample_names
+from planner.day.input_file import read_example_day_text
+from planner.farm.inventory import read_example_farm_text
+from planner.service.access.permissions import Caller, require_right
+from planner.service.errors import ServiceError
+from planner.service.gateway.responses import ApiModel, document_errors
+from planner.service.jobs.file_reading import FileReader, build_client_queue_key
+from planner.service.jobs.input_files import EXAMPLE_FARM, InputCollector
+from planner.service.store.service_store import Store
+from vehicle.model.tractor import list_tractor_names
+
+ReadAccess = Annotated[Caller, Depends(require_right("read"))]
+FormKind = Literal["day", "farm"]
+MOST_FORM_CHARS, MOST_CHANGES, LONGEST_VALUE_CHARS = 100_000, 50, 1000
+KeyName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+Position = Annotated[int, Field(ge=0, le=999)]
+ValueText = Annotated[str, Field(max_length=LONGEST_VALUE_CHARS)]
+WholeNumber = Annotated[int, Field(ge=-(10**9), le=10**9)]
+PlainValue = bool | WholeNumber | float | ValueText | Annotated[list[ValueText], Field(max_length=100)]
+
+form_router = APIRouter(prefix="/forms", tags=["forms"])
+
+
+class FormChange(BaseModel):
+    """A value to set: `path` is its keys and positions, such as ["fields", 0, "name"]; null removes it.
+
+    An object as the value is a new entry; its position is one after the last.
+    """
+
+    model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+    path: Annotated[list[KeyName | Position], Field(min_length=1, max_length=5)]
+    value: PlainValue | dict[KeyName, PlainValue] | None
+
+
+class FormRequest(BaseModel):
+    """The text of a day or farm file (TOML), and values to change in it."""
+
+    model_config = ConfigDict(extra="forbid")
+    text: Annotated[str, Field(max_length=MOST_FORM_CHARS)]
+    changes: Annotated[list[FormChange], Field(max_length=MOST_CHANGES)] = []
+
+
+class FormFault(ApiModel):
+    """A value that cannot be used: its place, empty for the whole file, and why."""
+
+    path: list[str | int]
+    sentence: str
+
+
+class FormInfo(ApiModel):
+    """The text after the changes, its values, what is wrong, and names to choose from by key (tractor, implement)."""
+
+    text: str
+    values: dict[str, Any]
+    faults: list[FormFault]
+    choices: dict[str, list[str]]
+
+
+@form_router.get("/{kind}", responses=document_errors(401, 403, 422), operation_id="read_form_example")
+async def read_form_example(request: Request, caller: ReadAccess, kind: FormKind) -> FormInfo:
+    """The example that comes with Headland, as a form."""
+    text = read_example_day_text() if kind == "day" else read_example_farm_text()
+    return await _read_form(request, caller, kind, text, [])
+
+
+@form_router.post("/{kind}", responses=document_errors(401, 403, 422), operation_id="change_form")
+async def change_form(request: Request, caller: ReadAccess, kind: FormKind, body: FormRequest) -> FormInfo:
+    """Change values in the text of a file and read it; nothing is stored. Comments and the order stay."""
+    return await _read_form(request, caller, kind, body.text, [each.model_dump() for each in body.changes])
+
+
+async def _read_form(
+    request: Request, caller: Caller, kind: FormKind, text: str, changes: list[dict[str, Any]]
+) -> FormInfo:
+    store: Store = request.app.state.store
+    reader: FileReader = request.app.state.reader
+    farm_path, inputs = await run_in_threadpool(_collect_farm, store, kind, text, changes)
+    form = await reader.read_form(build_client_queue_key(request, caller), kind, text, changes, farm_path, inputs)
+    missing = await run_in_threadpool(list, _list_missing_files(store, form["values"]))
+    contradictions = form.pop("contradictions")
+    return FormInfo(**form | {"faults": [*form["faults"], *(missing or contradictions)]})
+
+
+def _collect_farm(
+    store: Store, kind: str, text: str, changes: list[dict[str, Any]]
+) -> tuple[str | None, dict[str, str]]:
+    """The path of the farm of a form, and the files to be written for it; None for a day without an uploaded farm."""
+    collector = InputCollector(store)
+    if kind == "farm":
+        collector.add_farm_tractors(text, "farm")
+        return "farm/own.toml", collector.inputs
+    try:
+        name = parse_toml(text).get("farm")
+    except (ValueError, RecursionError):
+        return None, {}
+    name = next((each["value"] for each in changes if each["path"] == ["farm"]), name)
+    if not isinstance(name, str) or name == EXAMPLE_FARM:
+        return None, {}
+    try:
+        return collector.add_file("farm", name, "farm"), collector.inputs
+    except ServiceError:
+        return None, {}
+
+
+def _list_missing_files(store: Store, values: Mapping[str, Any]) -> Iterator[FormFault]:
+    """Fields, farms and tractors that a file names and that are not there."""
+    for section, kind, known_names in (
+        ("fields", "field", list_sample_names()), ("tractors", "tractor", list_tractor_names()),
+    ):  # fmt: skip
+        entries = values.get(section)
+        for position, entry in enumerate(entries if isinstance(entries, list) else ()):
+            name = entry.get("file") if isinstance(entry, dict) else None
+            if isinstance(name, str) and name.partition("#")[0] not in known_names:
+                yield from _find_missing(store, kind, name.partition("#")[0], [section, position, "file"])
+    if isinstance(values.get("farm"), str) and values["farm"] != EXAMPLE_FARM:
+        yield from _find_missing(store, "farm", values["farm"], ["farm"])
+
+
+def _find_missing(store: Store, kind: str, name: str, path: list[str | int]) -> Iterator[FormFault]:
+    try:
+        InputCollector(store).add_file(kind, name, kind)
+    except ServiceError as refusal:
+        yield FormFault(path=path, sentence=str(refusal))

@@ -1,0 +1,143 @@
+"""The grid of web map tiles, and where it lies in the metres of a field.
+
+Tiles are those of XYZ and of the WMTS matrix set GoogleMapsCompatible (OGC 07-057r7, annex E.4): spherical mercator,
+row 0 in the north. A field has metres of its own; between the two a polynomial of degree 3 each way is exact to a
+millimetre over REACH_M, so that pages need no library for projections.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.geometry.geodesy import find_utm_crs, project
+from planner.service.errors import ServiceError
+
+MERCATOR, WGS84 = "EPSG:3857", "EPSG:4326"
+HALF_WIDTH_M = math.pi * 6_378_137.0
+"""Half the side of the square that the tile of zoom 0 covers, metres of mercator."""
+HIGHEST_ZOOM = 22
+REACH_M = 6_000.0
+DEGREE, GRID_POINTS, UNIT_M = 3, 9, 1_000.0
+MOST_LATITUDE_DEG = 84.0
+FloatArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tile:
+    """A tile: zoom, column from the west, row from the north; raises ServiceError outside the grid."""
+
+    zoom: int
+    column: int
+    row: int
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.zoom <= HIGHEST_ZOOM:
+            raise ServiceError(f"The zoom is {self.zoom}; use 0 to {HIGHEST_ZOOM}.", parameter="zoom")
+        for name, value in (("column", self.column), ("row", self.row)):
+            if not 0 <= value < 2**self.zoom:
+                raise ServiceError(
+                    f"The {name} is {value}; at zoom {self.zoom} use 0 to {2**self.zoom - 1}.", parameter=name
+                )
+
+    def compute_bounds_m(self) -> tuple[float, float, float, float]:
+        """West, south, east and north in metres of mercator."""
+        side_m = 2.0 * HALF_WIDTH_M / 2**self.zoom
+        west, north = self.column * side_m - HALF_WIDTH_M, HALF_WIDTH_M - self.row * side_m
+        return west, north - side_m, west + side_m, north
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where a place of the earth lies in a coordinate system of metres.
+
+    Attributes:
+        crs: the system, such as "EPSG:32632".
+        origin_m: easting and northing of the place.
+        mercator_m: the same place in metres of mercator.
+        to_mercator: coefficients for x and for y: from metres about `origin_m` to metres about `mercator_m`.
+        to_metres: the same the other way.
+        reach_m: distance from the place up to which they hold.
+        error_m: the largest error within it, metres.
+
+    Coefficients are those of u^i v^j with u and v in kilometres, in the order of `list_powers`.
+    """
+
+    crs: str
+    origin_m: tuple[float, float]
+    mercator_m: tuple[float, float]
+    to_mercator: tuple[tuple[float, ...], tuple[float, ...]]
+    to_metres: tuple[tuple[float, ...], tuple[float, ...]]
+    reach_m: float
+    error_m: float
+
+
+def list_powers() -> tuple[tuple[int, int], ...]:
+    """The powers (i, j) of the terms u^i v^j."""
+    return tuple((total - j, j) for total in range(DEGREE + 1) for j in range(total + 1))
+
+
+def place_metres(crs: str, easting_m: float, northing_m: float, reach_m: float = REACH_M) -> Placement:
+    """Where a place in metres of `crs` lies; raises ServiceError for one that has no place in mercator."""
+    origin = np.array([easting_m, northing_m])
+    ticks = np.linspace(-reach_m, reach_m, GRID_POINTS)
+    around = np.stack(np.meshgrid(ticks, ticks), -1).reshape(-1, 2)
+    mercator = _project_to_mercator(np.vstack([origin, origin + around]), crs)
+    centre, offsets = mercator[0], mercator[1:] - mercator[0]
+    forward, forward_error = _fit_polynomial(around, offsets)
+    backward, backward_error = _fit_polynomial(offsets, around)
+    return Placement(
+        crs,
+        (float(origin[0]), float(origin[1])),
+        (float(centre[0]), float(centre[1])),
+        forward,
+        backward,
+        reach_m,
+        round(max(forward_error, backward_error), 6),
+    )
+
+
+def place_degrees(longitude_deg: float, latitude_deg: float) -> Placement:
+    """The same for a place in degrees, in metres of its UTM zone; easting and northing are whole metres."""
+    if abs(latitude_deg) > MOST_LATITUDE_DEG:
+        raise ServiceError(
+            f"The latitude is {latitude_deg:g}; use -{MOST_LATITUDE_DEG:g} to {MOST_LATITUDE_DEG:g} degrees.",
+            parameter="latitude",
+        )
+    crs = find_utm_crs(longitude_deg, latitude_deg)
+    easting, northing = project(np.array([[longitude_deg, latitude_deg]]), WGS84, crs)[0].round()
+    return place_metres(crs, float(easting), float(northing))
+
+
+def evaluate_polynomial(coefficients: tuple[tuple[float, ...], tuple[float, ...]], points_m: FloatArray) -> FloatArray:
+    """A polynomial of a Placement at points of shape (n, 2), metres."""
+    values: FloatArray = _build_terms(points_m) @ np.array(coefficients).T
+    return values
+
+
+def _project_to_mercator(points: FloatArray, crs: str) -> FloatArray:
+    degrees = project(points, crs, WGS84)
+    if np.abs(degrees[:, 1]).max() > MOST_LATITUDE_DEG + 1.0:
+        raise ServiceError("The place lies at a pole, where maps have no background.", parameter="crs")
+    longitudes_deg = degrees[0, 0] + np.remainder(degrees[:, 0] - degrees[0, 0] + 180.0, 360.0) - 180.0
+    radius_m = HALF_WIDTH_M / math.pi
+    northing = radius_m * np.arctanh(np.sin(np.radians(degrees[:, 1])))
+    return np.column_stack([radius_m * np.radians(longitudes_deg), northing])
+
+
+def _fit_polynomial(
+    points_m: FloatArray, values_m: FloatArray
+) -> tuple[tuple[tuple[float, ...], tuple[float, ...]], float]:
+    """Coefficients for both values, by least squares, and the largest residual."""
+    terms = _build_terms(points_m)
+    solution = np.linalg.lstsq(terms, values_m, rcond=None)[0]
+    error_m = float(np.abs(terms @ solution - values_m).max())
+    return (tuple(solution[:, 0].tolist()), tuple(solution[:, 1].tolist())), error_m
+
+
+def _build_terms(points_m: FloatArray) -> FloatArray:
+    u, v = (points_m / UNIT_M).T
+    return np.stack([u**i * v**j for i, j in list_powers()], axis=1)

@@ -1,0 +1,142 @@
+"""Addresses of real video, one per tractor of a fleet and stored with it; browsers load them, the service never does.
+
+The page's content security policy allows the hosts of these addresses and no others (access/browser_policy.py).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any
+from urllib.parse import SplitResult, urlsplit
+
+from fastapi import APIRouter, Depends, Request
+from pydantic import BaseModel, ConfigDict, Field
+
+from planner.service.access.permissions import Caller, require_right
+from planner.service.errors import NotFoundError, ServiceError
+from planner.service.gateway.responses import ApiModel, document_errors
+
+SETTINGS_KEY = "videos"
+LONGEST_ADDRESS_CHARS = 500
+GATEWAY_SCHEMES = ("rtsp", "rtsps", "rtmp", "rtmps", "udp", "srt")
+PARAMETER = "address"
+_HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\]")
+_ADDRESS_CHARACTERS = re.compile(r"[A-Za-z0-9._~:/?#\[\]@!$&()*+=%-]+")  # no blanks, quotes, commas and semicolons
+
+video_router = APIRouter(tags=["fleets"])
+
+
+class VideoRequest(BaseModel):
+    """The address of an MJPEG or HLS stream: http, https, or a path of this service's host; null for none."""
+
+    model_config = ConfigDict(extra="forbid")
+    address: Annotated[str, Field(max_length=LONGEST_ADDRESS_CHARS)] | None
+
+
+class VideoAnswer(ApiModel):
+    """The address of a tractor, null without one."""
+
+    address: str | None
+
+
+class VideoAddresses:
+    """The addresses of all fleets, by tractor counted from 1."""
+
+    def __init__(self) -> None:
+        self._by_fleet: dict[str, dict[int, str]] = {}
+
+    def restore(self, fleet: str, settings: Mapping[str, Any]) -> None:
+        """Take the addresses from the stored settings of a fleet."""
+        self._by_fleet[fleet] = {int(number): str(one) for number, one in settings.get(SETTINGS_KEY, {}).items()}
+
+    def set_address(self, fleet: str, tractor: int, address: str | None) -> dict[str, str]:
+        """Set or remove an address; returns all of the fleet as they are stored."""
+        addresses = self._by_fleet.setdefault(fleet, {})
+        addresses.pop(tractor, None)
+        if address is not None:
+            addresses[tractor] = address
+        return {str(number): one for number, one in sorted(addresses.items())}
+
+    def get_addresses(self, fleet: str) -> dict[int, str]:
+        """The addresses of a fleet by tractor."""
+        return dict(sorted(self._by_fleet.get(fleet, {}).items()))
+
+    def remove_fleet(self, fleet: str) -> None:
+        """Forget a deleted fleet."""
+        self._by_fleet.pop(fleet, None)
+
+    def list_origins(self) -> list[str]:
+        """Scheme, host and port of every address that names a host."""
+        found = {find_origin(one) for addresses in self._by_fleet.values() for one in addresses.values()}
+        return sorted(origin for origin in found if origin)
+
+
+def check_video_address(address: str) -> str:
+    """Return a usable address; raises ServiceError, which says what to do instead."""
+    if not _ADDRESS_CHARACTERS.fullmatch(address) or len(address) > LONGEST_ADDRESS_CHARS:
+        raise _refuse(
+            address, "is no address of a video; use letters, digits and the signs of addresses, without blanks"
+        )
+    try:
+        parts = urlsplit(address)
+        port = parts.port
+    except ValueError:
+        raise _refuse(address, "is no address of a video; check its host and port") from None
+    if parts.scheme.lower() in GATEWAY_SCHEMES:
+        raise _refuse(
+            address,
+            f"cannot be played by browsers, which know no {parts.scheme.upper()}; let a gateway such as MediaMTX make "
+            "HLS of it, and give that address, which ends in .m3u8",
+        )
+    if parts.scheme:
+        _check_host(address, parts, port)
+    elif parts.netloc or not parts.path or ":" in parts.path.partition("/")[0]:
+        raise _refuse(address, "is no address of a video; begin it with http://, https:// or the path on this host")
+    return address
+
+
+def _check_host(address: str, parts: SplitResult, port: int | None) -> None:
+    if parts.scheme.lower() not in ("http", "https"):
+        raise _refuse(address, "is neither http nor https, which browsers need; use one of them")
+    if parts.username is not None or parts.password is not None or "@" in parts.netloc:
+        raise _refuse(
+            "The address", "names a user or password, which everybody who may look would see; protect the camera "
+            "by its network or a gateway instead",
+        )  # fmt: skip
+    host = parts.netloc.removesuffix(f":{port}") if port is not None else parts.netloc
+    if not _HOST.fullmatch(host):
+        raise _refuse(address, "names no host; write it as http://camera.example/stream")
+
+
+def _refuse(address: str, why: str) -> ServiceError:
+    shown = address if address == "The address" else repr(address[:80])
+    return ServiceError(f"{shown} {why}.", parameter=PARAMETER)
+
+
+def find_origin(address: str) -> str | None:
+    """Scheme, host and port of a checked address; None for a path on the service's own host."""
+    parts = urlsplit(address)
+    return f"{parts.scheme.lower()}://{parts.netloc.lower()}" if parts.scheme else None
+
+
+@video_router.put("/fleets/{id}/tractors/{tractor}/video", responses=document_errors(401, 403, 404, 422))
+async def set_video_address(
+    request: Request, who: Annotated[Caller, Depends(require_right("operate"))], id: str, tractor: int,
+    body: VideoRequest,
+) -> VideoAnswer:  # fmt: skip
+    """Set the address of a tractor's video, or remove it; pages opened from then on may load it."""
+    sessions = request.app.state.hub
+    session = sessions.get_session(id)
+    if not 1 <= tractor <= session.tractor_count:
+        raise NotFoundError(
+            f"The fleet has no tractor {tractor}; use 1 to {session.tractor_count}.", parameter="tractor"
+        )
+    address = None if body.address is None else check_video_address(body.address)
+    stored = sessions.videos.set_address(id, tractor, address)
+    await asyncio.to_thread(sessions.store.save_fleet_setting, id, SETTINGS_KEY, stored)
+    await asyncio.to_thread(
+        sessions.store.add_event, id, who.name, "video address", {"tractor": tractor, PARAMETER: address}
+    )
+    return VideoAnswer(address=address)

@@ -1,0 +1,128 @@
+"""The answer of a day in a few sentences: what is done by when, how sure that is, by which machine, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from reports.common.language import translate, translate_count
+from reports.common.wording import NO_VALUE, format_percent, format_price, round_up_to_minute
+from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s
+
+MOST_REASONS = 3  # fields that are not done, with their reason
+SURE_SHARE = 0.995
+LEAST_LOSS = 0.005  # less reads as nothing
+
+
+def list_day_sentences(result: DayResult) -> list[str]:
+    """The answer, the most important first."""
+    if not result.jobs:
+        return [translate("No field can be done on this day."), *describe_unworked_fields(result)]
+    return [
+        describe_day_end(result),
+        *describe_day_certainty(result),
+        describe_machine_orders(result.jobs),
+        *describe_unworked_fields(result),
+    ]
+
+
+def describe_day_end(result: DayResult) -> str:
+    """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples and the expected cost."""
+    count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
+    values = {
+        "done": _format_end_in_words(result.stated_end_s),
+        "late": _format_end_in_words(result.stated_late_end_s),
+        "cost": f"{format_price(result.cost)} {result.currency}",
+        "total": total,
+    }
+    if count == total > 1:
+        return translate("All {total} fields are done by {done} (95 % by {late}), {cost}.", **values)
+    return translate_count(
+        "{count} of {total} fields is done by {done} (95 % by {late}), {cost}.",
+        "{count} of {total} fields are done by {done} (95 % by {late}), {cost}.",
+        count,
+        **values,
+    )
+
+
+def describe_day_certainty(result: DayResult) -> list[str]:
+    """How sure it is that all is done in time, what is least sure, and what late ground costs."""
+    if result.finish_probability is None:
+        return []
+    share = format_percent(result.finish_probability)
+    weakest = min(result.jobs, key=lambda job: (round(job.finish_probability, 6), job.p50_end_s))
+    loss = sum(job.lost_cost for job in result.jobs)
+    money = f"{format_price(loss)} {result.currency}"
+    least = format_percent(weakest.finish_probability)
+    if len(result.jobs) == 1 or weakest.finish_probability >= SURE_SHARE:
+        if loss < LEAST_LOSS:
+            return [translate("In time: {share} % sure.", share=share)]
+        return [translate("In time: {share} % sure; late ground costs {loss}, included.", share=share, loss=money)]
+    if loss < LEAST_LOSS:
+        return [
+            translate(
+                "In time: {share} % sure, least {field} ({least} %).", share=share, field=weakest.field, least=least
+            )
+        ]
+    return [
+        translate(
+            "In time: {share} % sure, least {field} ({least} %); late ground costs {loss}, included.",
+            share=share,
+            field=weakest.field,
+            least=least,
+            loss=money,
+        )
+    ]
+
+
+def describe_machine_orders(jobs: Sequence[DayJob]) -> str:
+    """Which machine works which fields in which order."""
+    machines = dict.fromkeys(job.machine for job in jobs)
+    orders = [
+        translate(
+            "{machine}: {fields}",
+            machine=machine,
+            fields=translate(", then ").join(job.field for job in jobs if job.machine == machine),
+        )
+        for machine in machines
+    ]
+    return f"{'; '.join(orders)}."
+
+
+def describe_unworked_fields(result: DayResult) -> list[str]:
+    """The fields that are not done, with the reasons of the first."""
+    left = result.unworked_fields
+    sentences = [
+        translate("{field} is skipped: {reason}.", field=one.field, reason=one.reason) for one in left[:MOST_REASONS]
+    ]
+    more = len(left) - MOST_REASONS
+    if more > 0:
+        sentences.append(translate_count("{count} more is skipped.", "{count} more are skipped.", more))
+    return sentences
+
+
+def sort_by_machine(result: DayResult) -> list[DayJob]:
+    """Jobs by machine, in the order in which each works them."""
+    machines = [fleet.name for fleet in result.fleets]
+    return sorted(result.jobs, key=lambda job: (machines.index(job.machine), get_stated_end_s(job)))
+
+
+def format_time_of_day(seconds: float | None) -> str:
+    """Seconds of the day as hh:mm, past midnight with +1; a dash when there are none."""
+    if seconds is None:
+        return NO_VALUE
+    minutes = round(seconds / 60.0)
+    days, minute = divmod(minutes, 24 * 60)
+    return f"{minute // 60:02d}:{minute % 60:02d}" + (f"+{days}" if days else "")
+
+
+def format_end_of_day(seconds: float | None) -> str:
+    """When something is done, seconds of the day as hh:mm, up to the minute."""
+    return format_time_of_day(None if seconds is None else round_up_to_minute(seconds))
+
+
+def _format_end_in_words(seconds: float) -> str:
+    """When something is done, as a sentence says it: ``00:39 next day``."""
+    clock, _, days = format_end_of_day(seconds).partition("+")
+    if not days:
+        return clock
+    return translate_count("{clock} next day", "{clock}, {count} days later", int(days), clock=clock)

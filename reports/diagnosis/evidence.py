@@ -1,0 +1,295 @@
+"""What convinces of a diagnosis, drawn: paths to play; errors over time, speed, angle and place; the remaining error
+against what it depends on; correlations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from reports.common.effect_names import get_effect_label
+from reports.common.rendering import make_json_safe
+from reports.common.wording import format_number
+from vehicle.identification.verdict.diagnosis_types import (
+    Diagnosis,
+    ParameterCorrelations,
+    PathPair,
+    PieceErrors,
+    PlaceErrors,
+    ReplayEvidence,
+    ResidualPlot,
+)
+
+CURVE_WIDTH, CURVE_HEIGHT, CURVE_LEFT, CURVE_BOTTOM, CURVE_TOP = 720.0, 300.0, 64.0, 44.0, 12.0
+CHART_WIDTH, CHART_HEIGHT, CHART_LEFT, CHART_RIGHT, CHART_TOP, CHART_BOTTOM = 360.0, 200.0, 40.0, 8.0, 12.0, 40.0
+BAR_GAP_SHARE = 0.1  # of a bin, at both sides of its two bars
+SHADE_QUANTILE = 0.95  # of the errors before: a single bad square would leave all others pale
+STRONG_CORRELATION = 0.9  # above it one value can nearly take the place of another
+PATH_MARGIN_SHARE = 0.06
+Scale = Callable[[float], float]
+
+
+def build_evidence_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """What the page shows of the replayed logs; None where they were not replayed."""
+    evidence = diagnosis.evidence
+    if evidence is None or len(evidence.over_time.rows) == 0:
+        return None
+    quantities = [
+        ("over driving time", "driving time, min", evidence.over_time, 1.0 / 60.0),
+        ("by speed", "speed, m/s", evidence.by_speed, 1.0),
+        ("by wheel angle", "wheel angle, degrees, right positive", evidence.by_angle, 1.0),
+    ]
+    kinds = ["cross", "along"] if diagnosis.along_judged else ["cross"]
+    return {
+        "piece_s": f"{evidence.piece_s:g}",
+        "charts": [
+            _draw_bins(kind, title, axis, bins, unit) for kind in kinds for title, axis, bins, unit in quantities
+        ],
+        "maps": _draw_places(evidence.by_place),
+        "paths": _draw_paths(evidence),
+    }
+
+
+def build_residuals_dict(evidence: ReplayEvidence) -> dict[str, Any]:
+    """The errors of the replayed logs as plain values: an entry per bin."""
+
+    def list_bins(bins: PieceErrors) -> list[dict[str, float]]:
+        columns = {name.removesuffix("s"): getattr(bins, name) for name in ("lows", "highs")}
+        columns |= {name: getattr(bins, name) for name in PieceErrors.__annotations__ if name not in ("lows", "highs")}
+        return [dict(zip(columns, map(float, values), strict=True)) for values in zip(*columns.values(), strict=True)]
+
+    places = evidence.by_place
+    return {
+        "piece_s": evidence.piece_s,
+        "over_time_s": list_bins(evidence.over_time),
+        "by_speed_mps": list_bins(evidence.by_speed),
+        "by_angle_deg": list_bins(evidence.by_angle),
+        "by_place_m": [
+            {"west": float(west), "south": float(south), "side": places.side_m, "before_cm": float(before),
+             "after_cm": float(after)}
+            for west, south, before, after in zip(
+                places.west_m, places.south_m, places.before_cm, places.after_cm, strict=True
+            )
+        ],
+    }  # fmt: skip
+
+
+def list_correlations(correlations: ParameterCorrelations | None) -> list[dict[str, Any]]:
+    """Every pair of fitted values with its correlation, the strongest first."""
+    if correlations is None:
+        return []
+    pairs = [
+        {
+            "values": [".".join(correlations.names[first]), ".".join(correlations.names[second])],
+            "correlation": float(correlations.matrix[first, second]),
+        }
+        for first, second in combinations(range(len(correlations.names)), 2)
+    ]
+    return sorted(pairs, key=lambda pair: -abs(pair["correlation"]))
+
+
+def build_correlation_table(correlations: ParameterCorrelations | None) -> dict[str, Any] | None:
+    """The matrix of correlations with its names; None without two values."""
+    if correlations is None:
+        return None
+    ids = [effect for effect, _ in correlations.names]
+    names = [
+        get_effect_label(effect)
+        if ids.count(effect) == 1
+        else f"{get_effect_label(effect)}, {parameter.rpartition('_')[0] or parameter}"
+        for effect, parameter in correlations.names
+    ]
+    rows = [
+        {
+            "name": name,
+            "cells": [
+                {"text": format_number(float(value), 2), "share": f"{abs(float(value)):.2f}"}
+                for value in correlations.matrix[number, : number + 1]
+            ],
+        }
+        for number, name in enumerate(names)
+    ]
+    strong = [
+        f"{names[first]} and {names[second]}"
+        for first, second in combinations(range(len(names)), 2)
+        if abs(correlations.matrix[first, second]) > STRONG_CORRELATION
+    ]
+    return {"names": names, "rows": rows, "strong": strong}
+
+
+def _draw_bins(kind: str, title: str, axis: str, bins: PieceErrors, unit: float) -> dict[str, Any]:
+    """Two bars per bin, before and after, in drawing coordinates."""
+    before, after = (getattr(bins, f"{kind}_{when}_cm") for when in ("before", "after"))
+    lows, highs = unit * bins.lows, unit * bins.highs
+    low, high = float(lows.min()), float(highs.max())
+    top = 1.05 * max(float(np.nanmax([before, after])), 1e-6)
+    bottom = CHART_HEIGHT - CHART_BOTTOM
+
+    def scale_x(value: float) -> float:
+        return CHART_LEFT + (value - low) / (high - low) * (CHART_WIDTH - CHART_LEFT - CHART_RIGHT)
+
+    def scale_y(value: float) -> float:
+        return CHART_TOP + (top - value) / top * (bottom - CHART_TOP)
+
+    bars = []
+    for number in range(len(lows)):
+        left, right = scale_x(float(lows[number])), scale_x(float(highs[number]))
+        width = (right - left) * (1.0 - 2.0 * BAR_GAP_SHARE) / 2.0
+        for place, (name, values) in enumerate((("before", before), ("after", after))):
+            y = scale_y(float(values[number]))
+            bars.append(
+                {
+                    "name": name,
+                    "x": f"{left + (right - left) * BAR_GAP_SHARE + place * width:.1f}",
+                    "y": f"{y:.1f}",
+                    "width": f"{width:.1f}",
+                    "height": f"{bottom - y:.1f}",
+                    "value": f"{float(values[number]):.3f}",
+                    "words": (
+                        f"{format_number(float(lows[number]), 2)} to {format_number(float(highs[number]), 2)}: "
+                        f"{format_number(float(values[number]), 1)} cm {name}"
+                    ),
+                }
+            )
+    return {
+        "kind": kind,
+        "title": f"{'Across' if kind == 'cross' else 'Along'} the path, {title}",
+        "axis": axis,
+        "width": CHART_WIDTH,
+        "height": CHART_HEIGHT,
+        "left": CHART_LEFT,
+        "right": CHART_WIDTH - CHART_RIGHT,
+        "bottom": bottom,
+        "bars": bars,
+        "xticks": [(f"{scale_x(value):.1f}", text) for value, text in choose_ticks(low, high)],
+        "yticks": [(f"{scale_y(value):.1f}", text) for value, text in choose_ticks(0.0, top)],
+    }
+
+
+def _draw_places(places: PlaceErrors) -> dict[str, Any]:
+    """Squares of a map, shaded by their error, before and after on one scale."""
+    largest = max(float(np.quantile(places.before_cm, SHADE_QUANTILE)), 1e-6)
+    width, height = (float(np.ptp(edge)) + places.side_m for edge in (places.west_m, places.south_m))
+    left, top = float(places.west_m.min()), float(places.south_m.max())
+    squares = {
+        name: [
+            {
+                "x": f"{west - left:g}",
+                "y": f"{top - south:g}",
+                "shade": f"{min(error / largest, 1.0):.2f}",
+                "words": f"{format_number(float(error), 1)} cm {name}",
+            }
+            for west, south, error in zip(places.west_m, places.south_m, values, strict=True)
+        ]
+        for name, values in (("before", places.before_cm), ("after", places.after_cm))
+    }
+    return {
+        "width": f"{width:g}",
+        "height": f"{height:g}",
+        "side": f"{places.side_m:g}",
+        "squares": squares,
+        "largest": format_number(largest, 1),
+    }
+
+
+def _draw_paths(evidence: ReplayEvidence) -> dict[str, Any] | None:
+    """Paths as numbers for the page's script, and which of them gains most."""
+    if not evidence.paths:
+        return None
+    shown = max(range(len(evidence.paths)), key=lambda number: _measure_gain_m(evidence.paths[number]))
+    paths = [_convert_path(path) for path in evidence.paths]
+    return {"shown": shown, "paths": paths, "margin": PATH_MARGIN_SHARE, "first": paths[shown]}
+
+
+def _convert_path(path: PathPair) -> dict[str, Any]:
+    lines = {name: getattr(path, f"{name}_m") for name in ("measured", "before", "after")}
+    finite = np.concatenate(list(lines.values()))
+    low, high = np.nanmin(finite, axis=0), np.nanmax(finite, axis=0)
+    margin = PATH_MARGIN_SHARE * max(float((high - low).max()), 1.0)
+    drawn = {name: np.column_stack([line[:, 0] - low[0], high[1] - line[:, 1]]) for name, line in lines.items()}
+    return {
+        "name": path.name,
+        "time_s": make_json_safe(path.time_s - path.time_s[0], 2),
+        **{name: make_json_safe(line, 2) for name, line in drawn.items()},
+        "points": {name: " ".join(f"{x:.2f},{y:.2f}" for x, y in line) for name, line in drawn.items()},
+        "box": " ".join(f"{value:.2f}" for value in (-margin, -margin, *(high - low + 2.0 * margin))),
+    }
+
+
+def _measure_gain_m(path: PathPair) -> float:
+    before, after = (
+        float(np.mean(np.linalg.norm(line - path.measured_m, axis=1))) for line in (path.before_m, path.after_m)
+    )
+    return before - after
+
+
+def build_curve_drawing(curve: ResidualPlot) -> dict[str, Any]:
+    """Points, error bars and axes of the curve in drawing coordinates."""
+    lows = np.concatenate([curve.before - 2 * curve.before_error, curve.after - 2 * curve.after_error, [0.0]])
+    highs = np.concatenate([curve.before + 2 * curve.before_error, curve.after + 2 * curve.after_error, [0.0]])
+    low, high = float(lows.min()), float(highs.max())
+    pad = 0.06 * max(high - low, 1e-6)
+    low, high = low - pad, high + pad
+    lowest_at, highest_at = float(curve.regressor_values.min()), float(curve.regressor_values.max())
+    limits = _list_limits(curve, lowest_at)
+    lowest_at, highest_at = min(lowest_at, *limits, highest_at), max(highest_at, *limits, lowest_at)
+    if highest_at - lowest_at < 1e-6 * max(abs(lowest_at), abs(highest_at), 1.0):
+        lowest_at, highest_at = lowest_at - 1.0, highest_at + 1.0
+
+    def scale_x(value: float) -> float:
+        return CURVE_LEFT + (value - lowest_at) / (highest_at - lowest_at) * (CURVE_WIDTH - CURVE_LEFT - 20.0)
+
+    def scale_y(value: float) -> float:
+        return CURVE_TOP + (high - value) / (high - low) * (CURVE_HEIGHT - CURVE_TOP - CURVE_BOTTOM)
+
+    series = []
+    for name, values, errors in (
+        ("before", curve.before, curve.before_error),
+        ("after", curve.after, curve.after_error),
+    ):
+        points = [
+            {
+                "x": scale_x(float(at)),
+                "y": scale_y(float(v)),
+                "top": scale_y(float(v + 2 * e)),
+                "low": scale_y(float(v - 2 * e)),
+            }
+            for at, v, e in zip(curve.regressor_values, values, errors, strict=True)
+        ]
+        series.append({"name": name, "points": points, "line": " ".join(f"{p['x']:.1f},{p['y']:.1f}" for p in points)})
+    return {
+        "width": CURVE_WIDTH,
+        "height": CURVE_HEIGHT,
+        "zero": scale_y(0.0),
+        "left": CURVE_LEFT,
+        "right": CURVE_WIDTH - 20.0,
+        "bottom": CURVE_HEIGHT - CURVE_BOTTOM,
+        "series": series,
+        "regressor": curve.regressor,
+        "quantity": curve.quantity,
+        "limits": [(scale_x(value), format_number(abs(value), 2)) for value in limits],
+        "xticks": [(scale_x(value), text) for value, text in choose_ticks(lowest_at, highest_at)],
+        "yticks": [(scale_y(value), text) for value, text in choose_ticks(low, high)],
+    }
+
+
+def _list_limits(curve: ResidualPlot, lowest: float) -> list[float]:
+    """The limit at the sides of the axis that were driven to."""
+    if curve.limit is None:
+        return []
+    return [-curve.limit, curve.limit] if lowest < 0.0 else [curve.limit]
+
+
+def choose_ticks(low: float, high: float) -> list[tuple[float, str]]:
+    """Choose about five round values of a range (`low` below `high`), with texts that differ."""
+    span = high - low
+    step = 10.0 ** math.floor(math.log10(span / 4.0))
+    step *= min((1.0, 2.0, 2.5, 5.0, 10.0), key=lambda m: abs(span / (m * step) - 5.0))
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    if abs(step * 10**decimals - round(step * 10**decimals)) > 0.1:
+        decimals += 1  # a step of two and a half
+    first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+    return [(n * step, format_number(n * step, decimals)) for n in range(first, last + 1)]

@@ -1,0 +1,1 @@
+"""Catalogues of translated texts, one PO file per language; the English text is the key."""

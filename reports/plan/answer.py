@@ -1,0 +1,287 @@
+"""The answer of a ranking in five lines: what to do, how sure that is, what else there is, and what is wrong with it.
+
+Times and costs are the stated ones of `reports.common.plan_results`, so that every report says the same.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from reports.common.effect_names import capitalize_first
+from reports.common.language import translate, translate_count
+from reports.common.plan_results import (
+    PlanRanking,
+    PlanResult,
+    PullFigures,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_finished_end_s,
+    get_stated_late_end_s,
+)
+from reports.common.wording import (
+    format_area,
+    format_duration,
+    format_number,
+    format_percent,
+    format_price,
+    format_price_change,
+    parse_start_time,
+)
+from reports.plan.plan_wording import (
+    LEAST_COST,
+    describe_changes,
+    explain_no_plan,
+    format_clock_after_start,
+    format_end_clock,
+    is_interval_wide,
+    list_feasible,
+)
+
+SURE_SHARE = 0.995  # from here on it is not said again of an alternative
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a ranking says in sentences: each attribute is one of them, "" where there is nothing to say.
+
+    Attributes:
+        verdict: that no plan works and why, or that none meets what was asked.
+        decision: the plan to take, when it is done, its cost and how much it works; where none works what would help.
+        certainty: how sure that is, and what late ground may cost.
+        alternatives: the plans with fewer and with more tractors.
+        faults: what is wrong with the plan to take.
+        question: what of the request should be checked: whether the tractor can pull the implement.
+    """
+
+    verdict: str
+    decision: str
+    certainty: str
+    alternatives: str
+    faults: tuple[str, ...]
+    question: str = ""
+
+    def list_sentences(self) -> list[str]:
+        """All sentences, the most important first."""
+        sentences = (self.verdict, self.decision, self.question, self.certainty, self.alternatives, *self.faults)
+        return [text for text in sentences if text]
+
+
+def write_answer(ranking: PlanRanking) -> Answer:
+    """The answer of a ranking."""
+    best = ranking.best
+    if best is None:
+        return Answer(explain_no_plan(ranking), describe_changes(ranking), "", "", (), question_pull(ranking.pull))
+    return Answer(
+        _describe_verdict(ranking),
+        _describe_decision(ranking, best),
+        _describe_certainty(ranking, best),
+        _describe_alternatives(ranking, best),
+        tuple(_list_faults(ranking, best)),
+        question_pull(ranking.pull),
+    )
+
+
+def question_pull(pull: PullFigures | None) -> str:
+    """Asks whether the tractor can pull the implement where it seems too weak; else ""."""
+    if pull is None or not pull.is_questioned:
+        return ""
+    width_m, speed_kmh = pull.possible_width_m, pull.possible_speed_kmh
+    ways = [
+        *([] if width_m is None else [f"--width {width_m:g}"]),
+        *([] if speed_kmh is None else [f"--speed-kmh {speed_kmh:g}"]),
+    ]
+    figures = {
+        "width": format_number(pull.width_m, 1).removesuffix(".0"),
+        "needed": format_number(pull.needed_kw, 0),
+        "speed": format_number(pull.speed_kmh, 1).removesuffix(".0"),
+        "available": format_number(pull.available_kw, 0),
+    }
+    text = (
+        translate("The {width} m drill needs about {needed} kW at the drawbar at {speed} km/h; this tractor has about "
+                  "{available} kW: check it", **figures)
+        if pull.implement == "drill"
+        else translate("The {width} m cultivator needs about {needed} kW at the drawbar at {speed} km/h; this tractor "
+                       "has about {available} kW: check it", **figures)
+    )  # fmt: skip
+    if not ways:
+        return f"{text}."
+    if len(ways) == 1:
+        return translate("{text}, or try {way}.", text=text, way=ways[0])
+    return translate("{text}, or try {first} or {second}.", text=text, first=ways[0], second=ways[1])
+
+
+def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:
+    """When field work ends: the clock time, up to the minute; without a start how long it takes."""
+    if seconds is None or parse_start_time(ranking.start) is None:
+        return format_duration(seconds)
+    return format_end_clock(ranking, seconds) or format_duration(seconds)
+
+
+def format_money(ranking: PlanRanking, value: float | None) -> str:
+    """A cost with the currency, where that is known."""
+    return format_price(value) if ranking.currency is None else f"{format_price(value)} {ranking.currency}"
+
+
+def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
+    """The stated cost of a plan with the currency."""
+    return format_money(ranking, get_stated_cost(plan))
+
+
+def name_plan(plan: PlanResult) -> str:
+    """``2 tractors, split-field``."""
+    return translate("{tractors}, {strategy}", tractors=name_tractors(plan.tractors), strategy=plan.strategy)
+
+
+def name_tractors(count: int) -> str:
+    """``1 tractor``, ``2 tractors``."""
+    return translate_count("{count} tractor", "{count} tractors", count)
+
+
+def _describe_verdict(ranking: PlanRanking) -> str:
+    if ranking.unmet_sentence is not None:
+        return ranking.unmet_sentence
+    if ranking.missed_by_s is None:
+        return ""
+    late = math.ceil(ranking.missed_by_s / 60.0)
+    limit = _format_deadline(ranking)
+    return translate("No plan is done by {deadline}. The closest is {late} min late:", deadline=limit, late=late)
+
+
+def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
+    """``2 tractors, split-field: done 14:36 (95 % by 15:02), 119 EUR, 98.4 % worked``, without a full stop."""
+    parts = [_describe_end(ranking, plan)]
+    if get_stated_cost(plan) is not None:
+        parts.append(format_stated_cost(ranking, plan))
+    if plan.worked_pct is not None:
+        parts.append(translate("{share} % worked", share=format_number(plan.worked_pct, 1)))
+    if plan.refills is not None:
+        parts.append(translate_count("{count} refill", "{count} refills", plan.refills))
+    if plan.fuel_l is not None:
+        parts.append(translate("{litres} l", litres=format_number(plan.fuel_l, 0)))
+    return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
+
+
+def _describe_end(ranking: PlanRanking, plan: PlanResult) -> str:
+    done = format_stated_end(ranking, get_stated_end_s(plan))
+    late_s = get_stated_late_end_s(plan)
+    late = format_stated_end(ranking, late_s)
+    if parse_start_time(ranking.start) is None:
+        if late_s is None:
+            return translate("done in {time}", time=done)
+        return translate("done in {time} (95 % in {late})", time=done, late=late)
+    if late_s is None:
+        return translate("done {time}", time=done)
+    return translate("done {time} (95 % by {late})", time=done, late=late)
+
+
+def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
+    if plan.p50_s is None:
+        return translate("As simulated, without late starts, stops and breakdowns.")
+    if plan.finish_probability is None:
+        samples = f"{ranking.samples or 0:,}"
+        return translate("Median and 95 % of {samples} samples with late starts, stops, breakdowns.", samples=samples)
+    limit, share, loss = _format_limit(ranking), format_share(plan), get_late_loss(plan)
+    if loss < LEAST_COST:
+        return translate("Done {limit}: {share} sure; no ground is late.", limit=limit, share=share)
+    money = format_money(ranking, loss)
+    return translate(
+        "Done {limit}: {share} sure; late ground costs {loss}, included.", limit=limit, share=share, loss=money
+    )
+
+
+def format_share(plan: PlanResult) -> str:
+    """How sure a plan is to be done in time: ``97 %``, ``>99 %``; with its interval where samples are few."""
+    share = format_percent(plan.finish_probability)
+    interval = plan.finish_probability_interval
+    if interval is None or not is_interval_wide(interval):
+        return translate("{share} %", share=share)
+    low, high = (f"{100.0 * end:.0f}" for end in interval)
+    return translate("{share} % ({low} to {high} %)", share=share, low=low, high=high)
+
+
+def get_late_loss(plan: PlanResult) -> float:
+    """The part of the stated cost that is expected loss on ground that is not done in time."""
+    return max((plan.expected_cost or 0.0) - (plan.paid_cost or plan.expected_cost or 0.0), 0.0)
+
+
+def _format_limit(ranking: PlanRanking) -> str:
+    has_rain = ranking.scenario.get("rain") is not None
+    if ranking.allowed_s is None:
+        return translate("before the rain")
+    deadline = _format_deadline(ranking)
+    if has_rain:
+        return translate("before {deadline} and the rain", deadline=deadline)
+    return translate("before {deadline}", deadline=deadline)
+
+
+def _format_deadline(ranking: PlanRanking) -> str:
+    return (
+        format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or format_duration(ranking.allowed_s)
+    )
+
+
+def choose_alternatives(ranking: PlanRanking) -> list[PlanResult]:
+    """The best plan with the next smaller and the next larger number of tractors."""
+    best = ranking.best
+    if best is None:
+        return []
+    by_count: dict[int, PlanResult] = {}
+    for plan in sorted(list_feasible(ranking), key=lambda plan: _build_alternative_key(plan, best)):
+        by_count.setdefault(plan.tractors, plan)
+    fewer = max((count for count in by_count if count < best.tractors), default=None)
+    more = min((count for count in by_count if count > best.tractors), default=None)
+    return [by_count[count] for count in (fewer, more) if count is not None]
+
+
+def _build_alternative_key(plan: PlanResult, best: PlanResult) -> tuple[float, int]:
+    """Cheapest first where samples decide, else as they are ranked."""
+    cost = plan.expected_cost if best.expected_cost is not None else None
+    return (0.0 if cost is None else cost), plan.rank or 0
+
+
+def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
+    others = [_describe_alternative(ranking, plan, best) for plan in choose_alternatives(ranking)]
+    if not others:
+        return ""
+    return translate("Or {alternatives}.", alternatives="; ".join(others))
+
+
+def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
+    values = {
+        "tractors": name_tractors(plan.tractors),
+        "time": format_stated_end(ranking, get_stated_end_s(plan)),
+        "change": format_cost_change(ranking, plan, best),
+    }
+    if plan.finish_probability is None or min(plan.finish_probability, best.finish_probability or 0.0) >= SURE_SHARE:
+        return translate("{tractors}: {time}, {change}", **values)
+    share = format_percent(plan.finish_probability)
+    return translate("{tractors}: {time}, {share} % sure, {change}", share=share, **values)
+
+
+def format_cost_change(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
+    """The difference of the stated costs as they are printed: ``+2 EUR``; ``same cost`` where there is none."""
+    change = format_price_change(get_stated_cost(plan), get_stated_cost(best))
+    if change is None:
+        return translate("same cost")
+    return change if ranking.currency is None else f"{change} {ranking.currency}"
+
+
+def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
+    """What is wrong with the plan to take, the worst first."""
+    cut_off_m2 = sum(part.ground.m2 for part in ranking.parts) or ranking.cut_off_m2
+    faults = []
+    if ranking.parts:
+        faults.append(
+            translate("{area} of the field are cut off and planned on their own.", area=format_area(cut_off_m2))
+        )
+    elif cut_off_m2:
+        faults.append(translate("Obstacles cut off {area}, which no plan works.", area=format_area(cut_off_m2)))
+    is_late = ranking.allowed_s is not None and get_stated_finished_end_s(best) > ranking.allowed_s
+    if best.meets_deadline and is_late and best.finished_done_s is not None:
+        area = format_area(best.missed_m2 or 0.0)
+        faults.append(
+            translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
+        )
+    remarks = (best.remark or "").split("; ")
+    return faults + [f"{capitalize_first(remark).rstrip('.')}." for remark in remarks if remark]

@@ -1,0 +1,222 @@
+"""Ways to work the headland side by side, on one field or several: their figures, sums over fields, and order.
+
+The cost per hectare is that of worked ground: ground that a plan misses is charged at the plan's own rate, and so is
+finished ground that is driven over when sowing and spraying.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import PurePath
+
+from reports.common.plan_results import (
+    PlanResult,
+    get_finished_field_cost,
+    get_stated_cost,
+    get_stated_end_s,
+)
+from reports.plan.small_map import SmallMap
+
+
+@dataclass(frozen=True)
+class HeadlandChoice:
+    """One way to work the headland: kind of corners, "first" or "last", number of passes; None: planning decides."""
+
+    corners: str
+    order: str | None
+    passes: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedPlan:
+    """The best plan of a field with one way to work its headland, or why there is none.
+
+    `requested_field` is the field as named in the request; `map` is a small map of the plan where one was asked for.
+    """
+
+    requested_field: str
+    choice: HeadlandChoice
+    plan: PlanResult | None = None
+    refusal: str | None = None
+    field_name: str = ""
+    area_ha: float = 0.0
+    headland_m: float | None = None
+    currency: str | None = None
+    machines: str | None = None
+    remarks: tuple[str, ...] = ()
+    map: SmallMap | None = field(default=None, repr=False)
+
+    @property
+    def charged_cost(self) -> float:
+        """The stated cost with missed ground finished at the plan's own rate."""
+        assert self.plan is not None
+        return (get_stated_cost(self.plan) or 0.0) + get_finished_field_cost(self.plan) - (self.plan.cost or 0.0)
+
+    @property
+    def overlap_m2(self) -> float:
+        """Ground worked more than once."""
+        assert self.plan is not None
+        return 100.0 * (self.plan.overlap_pct or 0.0) * self.area_ha
+
+
+@dataclass(frozen=True, eq=False)
+class HeadlandTotals:
+    """One way to work the headland on all fields of a comparison: sums of its plans, where there are any."""
+
+    choice: HeadlandChoice
+    plans: tuple[ComparedPlan, ...]
+    field_count: int
+
+    @cached_property
+    def driven(self) -> tuple[PlanResult, ...]:
+        """The plans of the fields that have one."""
+        return tuple(each.plan for each in self.plans if each.plan is not None)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every field has a plan."""
+        return len(self.driven) == self.field_count
+
+    @property
+    def area_ha(self) -> float:
+        """Hectares of the fields that have a plan."""
+        return sum(each.area_ha for each in self.plans if each.plan is not None)
+
+    @property
+    def time_s(self) -> float:
+        """Seconds of field work, one field after the other."""
+        return sum(map(get_stated_end_s, self.driven))
+
+    @property
+    def cost(self) -> float:
+        """The stated costs."""
+        return sum(get_stated_cost(plan) or 0.0 for plan in self.driven)
+
+    @property
+    def charged_cost(self) -> float:
+        """The costs with missed ground finished, by which ways are compared."""
+        return sum(each.charged_cost for each in self.plans if each.plan is not None)
+
+    @property
+    def cost_per_ha(self) -> float | None:
+        """The cost of a worked hectare."""
+        return self.charged_cost / self.area_ha if self.driven else None
+
+    @property
+    def missed_m2(self) -> float:
+        """Ground that is not worked."""
+        return sum(plan.missed_m2 or 0.0 for plan in self.driven)
+
+    @property
+    def overlap_m2(self) -> float:
+        """Ground worked more than once."""
+        return sum(each.overlap_m2 for each in self.plans if each.plan is not None)
+
+    @property
+    def over_finished_m2(self) -> float:
+        """Finished ground under wheels, headland included."""
+        return sum(plan.over_finished_m2 or 0.0 for plan in self.driven)
+
+    @property
+    def fuel_l(self) -> float | None:
+        """Litres of fuel; None where they are not known of every plan."""
+        litres = [plan.fuel_l for plan in self.driven if plan.fuel_l is not None]
+        return sum(litres) if litres and len(litres) == len(self.driven) else None
+
+
+@dataclass(frozen=True, eq=False)
+class HeadlandComparison:
+    """Every way to work the headland on every field, in the order of the request."""
+
+    plans: tuple[ComparedPlan, ...]
+
+    @cached_property
+    def choices(self) -> tuple[HeadlandChoice, ...]:
+        """The ways compared."""
+        return tuple(dict.fromkeys(each.choice for each in self.plans))
+
+    @cached_property
+    def fields(self) -> tuple[str, ...]:
+        """The fields as requested."""
+        return tuple(dict.fromkeys(each.requested_field for each in self.plans))
+
+    @cached_property
+    def totals(self) -> tuple[HeadlandTotals, ...]:
+        """One entry per way: those that work everywhere by cost, then those that work on most fields."""
+        return tuple(self.sum_over_fields(self.plans))
+
+    @cached_property
+    def best(self) -> HeadlandTotals | None:
+        """The cheapest way that works on every field that any way works on; None where no plan works."""
+        workable = {each.requested_field for each in self.plans if each.plan is not None}
+        first = self.totals[0] if self.totals else None
+        return first if first is not None and workable and len(first.driven) == len(workable) else None
+
+    @property
+    def currency(self) -> str | None:
+        """The currency of the costs."""
+        return next((each.currency for each in self.plans if each.currency), None)
+
+    def sum_over_fields(self, plans: Iterable[ComparedPlan]) -> list[HeadlandTotals]:
+        """Totals of some plans by way, the best first."""
+        by_choice: dict[HeadlandChoice, list[ComparedPlan]] = {}
+        for each in plans:
+            by_choice.setdefault(each.choice, []).append(each)
+        totals = [HeadlandTotals(choice, tuple(some), len(some)) for choice, some in by_choice.items()]
+        return sorted(totals, key=lambda one: (-len(one.driven), round(one.charged_cost, 6), one.time_s))
+
+    @cached_property
+    def totals_by_field(self) -> Mapping[str, list[HeadlandTotals]]:
+        """The ways on each field, the best first."""
+        return {
+            name: self.sum_over_fields(each for each in self.plans if each.requested_field == name)
+            for name in self.fields
+        }
+
+    @cached_property
+    def field_names(self) -> Mapping[str, str]:
+        """The fields as their files name them, by their names in the request."""
+        names = {each.requested_field: each.field_name for each in self.plans if each.field_name}
+        return {name: names.get(name) or PurePath(name).name for name in self.fields}
+
+
+def name_choice(totals: HeadlandTotals) -> str:
+    """``square, first, 3 passes``, with what planning chose where the request left it open."""
+    choice = totals.choice
+    orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
+    parts = [choice.corners, choice.order or "/".join(orders), _name_passes(totals)]
+    return ", ".join(part for part in parts if part)
+
+
+def describe_choice(totals: HeadlandTotals) -> str:
+    """``square corners, headland first, 3 passes``."""
+    corners, *others = name_choice(totals).split(", ")
+    words = [f"{corners} corners", *(f"headland {part}" if "pass" not in part else part for part in others)]
+    return ", ".join(words)
+
+
+def _name_passes(totals: HeadlandTotals) -> str:
+    counts = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
+    if totals.choice.passes is not None or not counts:
+        counts = [totals.choice.passes] if totals.choice.passes is not None else []
+    if not counts:
+        return ""
+    return "1 pass" if counts == [1] else f"{'-'.join(map(str, dict.fromkeys([counts[0], counts[-1]])))} passes"
+
+
+def list_missing(comparison: HeadlandComparison) -> list[str]:
+    """A sentence for every reason why a way has no plan on a field."""
+    ways_by_reason: dict[tuple[str, str], list[str]] = {}
+    for name, totals in comparison.totals_by_field.items():
+        for one in totals:
+            if not one.driven:
+                reason = (one.plans[0].refusal or "no plan is feasible").rstrip(".")
+                ways_by_reason.setdefault((name, reason), []).append(name_choice(one))
+    names = comparison.field_names
+    count = len(comparison.choices)
+    return [
+        f"{names[field]}: {'every way' if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
+        for (field, reason), ways in ways_by_reason.items()
+    ]

@@ -1,0 +1,86 @@
+"""The page of a comparison of headlands: the answer, tables, and a small map of every plan; it loads nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from reports.common.rendering import render_template
+from reports.common.wording import format_duration, format_number, insert_non_breaking_spaces
+from reports.plan.headland_comparison import HeadlandComparison, HeadlandTotals, list_missing, name_choice
+from reports.plan.headland_report import (
+    FIELD_COLUMNS,
+    FIGURES_HELP,
+    build_cells,
+    build_field_cells,
+    describe_comparison,
+    describe_more,
+    format_cost_per_ha,
+    has_fuel,
+    list_columns,
+)
+
+
+def render_headland_page(comparison: HeadlandComparison) -> str:
+    """The page as HTML text."""
+    names = list(comparison.field_names.values())
+    with_fuel = has_fuel(comparison)
+    maps = [each.map for each in comparison.plans if each.map is not None]
+    return render_template(
+        "headland_comparison.html.j2",
+        {
+            "title": f"Headlands compared: {names[0] if len(names) == 1 else f'{len(names)} fields'}",
+            "machines": next((each.machines for each in comparison.plans if each.machines), None),
+            "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
+            "head": [column.heading for column in list_columns(comparison)],
+            "rows": _build_rows(list(comparison.totals), comparison.best, with_fuel),
+            "help": f"{FIGURES_HELP} {describe_more(comparison)} Times are h:mm:ss.",
+            "field_head": [column.heading for column in FIELD_COLUMNS],
+            "field_rows": [
+                {"best": False, "cells": build_field_cells(comparison, field)} for field in comparison.fields
+            ],
+            "missing": list_missing(comparison),
+            "fields": [_build_section(comparison, field, with_fuel) for field in comparison.fields],
+            "has_missed": any(one["missed"] for one in maps),
+            "has_driven_over": any(one["driven_over"] for one in maps),
+            "remarks": list(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks)),
+        },
+    )
+
+
+def _build_rows(totals: list[HeadlandTotals], best: HeadlandTotals | None, with_fuel: bool) -> list[dict[str, Any]]:
+    return [{"best": one is best, "cells": build_cells(one, best, with_fuel)} for one in totals]
+
+
+def _build_section(comparison: HeadlandComparison, field: str, with_fuel: bool) -> dict[str, Any]:
+    """One field: its table and its maps, the best way first."""
+    totals = comparison.totals_by_field[field]
+    driven = [one for one in totals if one.driven]
+    best = driven[0] if driven else None
+    return {
+        "name": comparison.field_names[field],
+        "area": format_number(best.area_ha, 2) if best else "",
+        "rows": _build_rows(totals, best, with_fuel),
+        "cards": [
+            {
+                "name": name_choice(one),
+                "best": one is best,
+                "map": one.plans[0].map,
+                "text": _describe_card(one, comparison),
+            }
+            for one in driven
+            if one.plans[0].map is not None
+        ],
+    }
+
+
+def _describe_card(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
+    """The figures below a map."""
+    parts = [format_duration(totals.time_s), format_cost_per_ha(totals, comparison)]
+    if totals.fuel_l is not None:
+        parts.append(f"{totals.fuel_l:.0f} l")
+    parts += [
+        f"missed {totals.missed_m2:.0f} m2",
+        f"overlap {totals.overlap_m2:.0f} m2",
+        f"driven over {totals.over_finished_m2:.0f} m2",
+    ]
+    return insert_non_breaking_spaces(", ".join(parts))

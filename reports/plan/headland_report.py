@@ -1,0 +1,312 @@
+"""A comparison of headlands for people and programs: sentences, table, JSON and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from reports.common.rendering import make_json_safe
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.wording import NO_VALUE, format_duration, format_number, format_price
+from reports.plan.headland_comparison import (
+    ComparedPlan,
+    HeadlandComparison,
+    HeadlandTotals,
+    describe_choice,
+    list_missing,
+    name_choice,
+)
+from reports.plan.ranking_export import EXPORT_DECIMALS, build_plan_entry, format_csv_cell
+
+ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
+MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
+FIGURES_HELP = (
+    "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: finished "
+    "ground under wheels, headland included; cost per hectare that is worked."
+)
+TOTAL_KEYS = (
+    "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "missed_m2", "overlap_m2", "over_finished_m2",
+)  # fmt: skip
+CSV_PLAN_KEYS = (
+    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "worked_pct", "missed_m2",
+    "over_finished_m2", "wheel_traffic_m2",
+)  # fmt: skip
+
+
+def format_money(value: float | None, currency: str | None) -> str:
+    """A cost with its currency, if it is known."""
+    return format_price(value) + (f" {currency}" if currency else "")
+
+
+def compute_extra_cost(totals: HeadlandTotals, best: HeadlandTotals) -> float:
+    """How much more one way costs than the best on the same ground."""
+    return totals.charged_cost - best.charged_cost
+
+
+def describe_comparison(comparison: HeadlandComparison) -> list[str]:
+    """Which way is worth it, by how much, and where: the first sentence is the answer."""
+    best = comparison.best
+    if best is None:
+        has_any = any(each.plan is not None for each in comparison.plans)
+        return [
+            "No way to work the headland works on every field; the best of each field is below."
+            if has_any
+            else "No way to work the headland works; the reasons are below."
+        ]
+    return [
+        _describe_worth(comparison, best),
+        *_describe_places(comparison, best),
+        *_describe_ground_left(comparison, best),
+    ]
+
+
+def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
+    """The first sentence: the best way and what it saves against the next and the dearest."""
+    others = [one for one in comparison.totals[1:] if len(one.driven) == len(best.driven)]
+    where = _describe_ground(comparison, best)
+    way = describe_choice(best)
+    if not others:
+        only = "Only this way works" if len(comparison.totals) > 1 else "One way was compared"
+        return f"{only}: {way}: {format_cost_per_ha(best, comparison)} on {where}."
+    dearest = others[-1]
+    if compute_extra_cost(dearest, best) < ALIKE_SHARE * best.charged_cost:
+        return (
+            f"All ways cost the same within {format_money(compute_extra_cost(dearest, best), comparison.currency)} on "
+            f"{where}; the least: {way}."
+        )
+    savings = [f"{_describe_saving(others[0], best, comparison)} less than {name_choice(others[0])}"]
+    if len(others) > 1:
+        savings.append(f"{_describe_saving(dearest, best, comparison)} less than {name_choice(dearest)}, the dearest")
+    return f"Worth it on {where}: {way}: {' and '.join(savings)}."
+
+
+def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
+    names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
+    subject = names[0] if len(names) == 1 else f"{len(names)} fields"
+    return f"{subject} ({totals.area_ha:.2f} ha)"
+
+
+def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
+    extra = compute_extra_cost(other, best)
+    return f"{format_money(extra, comparison.currency)} ({100.0 * extra / other.charged_cost:.1f} %)"
+
+
+def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
+    """The cost of a worked hectare with its currency."""
+    return f"{format_number(totals.cost_per_ha, 1)} {comparison.currency or ''}/ha"
+
+
+def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
+    """Where the best way matters most, and on which fields another one is better."""
+    if len(comparison.fields) < 2:
+        return
+    gains: dict[str, float] = {}
+    losses: dict[str, tuple[HeadlandTotals, HeadlandTotals]] = {}
+    for field, totals in comparison.totals_by_field.items():
+        driven = [one for one in totals if one.driven]
+        same = next((one for one in driven if one.choice == best.choice), None)
+        if same is None:
+            continue
+        name = comparison.field_names[field]
+        if driven[0].choice != best.choice and compute_extra_cost(same, driven[0]) >= ALIKE_SHARE * same.charged_cost:
+            losses[name] = same, driven[0]
+        elif len(driven) > 1:
+            gains[name] = compute_extra_cost(driven[-1], same)
+    if len(losses) > MOST_NAMED_FIELDS:
+        loss = format_money(sum(compute_extra_cost(*pair) for pair in losses.values()), comparison.currency)
+        yield (
+            f"On {len(losses)} of {len(comparison.fields)} fields another way is better, by {loss} together; the "
+            "second table names them."
+        )
+    else:
+        for name, (same, better) in losses.items():
+            saving = _describe_saving(same, better, comparison)
+            yield f"On {name} {describe_choice(better)} is better by {saving}."
+    if len(gains) > 1:
+        name = max(gains, key=lambda each: gains[each])
+        gain = format_money(gains[name], comparison.currency)
+        yield f"It saves most on {name}: {gain} against the dearest way there."
+
+
+def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
+    """What the best way misses and drives over, beside the ways that miss and drive over least."""
+    alike = [one for one in comparison.totals if len(one.driven) == len(best.driven)]
+    least_missed = min(alike, key=lambda one: round(one.missed_m2))
+    least_driven = min(alike, key=lambda one: round(one.over_finished_m2))
+    texts = [f"It misses {best.missed_m2:.0f} m2 and drives over {best.over_finished_m2:.0f} m2 of finished ground"]
+    if round(least_missed.missed_m2) < round(best.missed_m2):
+        texts.append(f"{name_choice(least_missed)} misses least ({least_missed.missed_m2:.0f} m2)")
+    if round(least_driven.over_finished_m2) < round(best.over_finished_m2):
+        texts.append(f"{name_choice(least_driven)} drives over least ({least_driven.over_finished_m2:.0f} m2)")
+    yield f"{'; '.join(texts)}."
+
+
+def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
+    """The columns of the table; fuel only where it is known."""
+    unit = comparison.currency or "Cost"
+    fuel = (TableColumn("Fuel l", "Fuel\nl", drop_order=2),) if has_fuel(comparison) else ()
+    return (
+        TableColumn("Headland", is_text=True),
+        TableColumn(f"{unit}/ha"),
+        TableColumn("More"),
+        TableColumn("Time"),
+        *fuel,
+        TableColumn("Missed m2", "Missed\nm2"),
+        TableColumn("Overlap m2", "Over-\nlap m2", drop_order=1),
+        TableColumn("Driven over m2", "Driven\nover m2"),
+    )
+
+
+def has_fuel(comparison: HeadlandComparison) -> bool:
+    """Whether the fuel of every way that works is known."""
+    driven = [one for one in comparison.totals if one.driven]
+    return bool(driven) and all(one.fuel_l is not None for one in driven)
+
+
+def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: bool) -> tuple[str, ...]:
+    """The row of one way: what it costs more than the best only where both work on as many fields."""
+    if not totals.driven:
+        return (name_choice(totals), *[NO_VALUE] * (6 + with_fuel))
+    is_comparable = best is not None and len(totals.driven) == len(best.driven)
+    extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
+    return (
+        name_choice(totals),
+        format_number(totals.cost_per_ha, 1),
+        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else "best",
+        format_duration(totals.time_s),
+        *([format_number(totals.fuel_l, 0)] if with_fuel else []),
+        format_number(totals.missed_m2, 0),
+        format_number(totals.overlap_m2, 0),
+        format_number(totals.over_finished_m2, 0),
+    )
+
+
+def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
+    """The answer, one line per way, one per field where there are several, and what has no plan."""
+    first, *others = describe_comparison(comparison)
+    with_fuel = has_fuel(comparison)
+    rows = tuple(build_cells(one, comparison.best, with_fuel) for one in comparison.totals)
+    styles = tuple("bold" if one is comparison.best else "" for one in comparison.totals)
+    parts: list[RenderableType] = [format_sentence(first, style="bold"), *map(format_sentence, others), Text("")]
+    if any(one.driven for one in comparison.totals):
+        parts.append(FittedTable(list_columns(comparison), rows, styles))
+        if len(comparison.fields) > 1:
+            parts += [Text(""), _build_field_table(comparison)]
+        parts += [format_sentence(f"{FIGURES_HELP} {describe_more(comparison)}", style="dim"), Text("")]
+    missing = list_missing(comparison)
+    parts += [format_title("Without a plan"), *map(format_sentence, missing)] if missing else []
+    return Group(*parts)
+
+
+def describe_more(comparison: HeadlandComparison) -> str:
+    """What the last column is."""
+    unit = f" in {comparison.currency}" if comparison.currency else ""
+    return f"More: cost{unit} on all fields above the best, with missed ground finished."
+
+
+FIELD_COLUMNS = (
+    TableColumn("Field", is_text=True),
+    TableColumn("Best headland", is_text=True),
+    TableColumn("Saves"),
+    TableColumn("Cost/ha"),
+    TableColumn("Time"),
+    TableColumn("Missed m2", "Missed\nm2", drop_order=1),
+    TableColumn("ha"),
+)
+
+
+def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, ...]:
+    """The best way on one field, and what it saves against the dearest there."""
+    driven = [one for one in comparison.totals_by_field[name] if one.driven]
+    label = comparison.field_names[name]
+    if not driven:
+        return label, "none works", *[NO_VALUE] * 5
+    best, dearest = driven[0], driven[-1]
+    return (
+        label,
+        name_choice(best),
+        format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
+        format_number(best.cost_per_ha, 1),
+        format_duration(best.time_s),
+        format_number(best.missed_m2, 0),
+        format_number(best.area_ha, 2),
+    )
+
+
+def _build_field_table(comparison: HeadlandComparison) -> FittedTable:
+    return FittedTable(FIELD_COLUMNS, tuple(build_field_cells(comparison, name) for name in comparison.fields))
+
+
+def format_headland_json(comparison: HeadlandComparison) -> str:
+    """The comparison as JSON text with a trailing newline.
+
+    Keys: ``answer`` (sentences), ``currency``, ``best`` (a way: ``corners``, ``headland_order``, ``headland_passes``;
+    null where none works everywhere), ``totals`` (one per way, the best first: the way, ``fields``, `TOTAL_KEYS`) and
+    ``fields`` (one per field and way: the way, ``headland_m``, ``plan`` as in the JSON of a plan, ``refusal``).
+    """
+    best = comparison.best
+    content = {
+        "answer": describe_comparison(comparison),
+        "currency": comparison.currency,
+        "best": None if best is None else _build_choice_entry(best),
+        "totals": [_build_totals_entry(one) for one in comparison.totals],
+        "fields": [_build_field_entry(each) for each in comparison.plans],
+    }
+    return json.dumps(make_json_safe(content, EXPORT_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _build_choice_entry(totals: HeadlandTotals) -> dict[str, Any]:
+    choice = totals.choice
+    return {"corners": choice.corners, "headland_order": choice.order, "headland_passes": choice.passes}
+
+
+def _build_totals_entry(totals: HeadlandTotals) -> dict[str, Any]:
+    figures = {key: getattr(totals, key) if totals.driven else None for key in TOTAL_KEYS}
+    return {**_build_choice_entry(totals), "fields": len(totals.driven), **figures}
+
+
+def _build_field_entry(each: ComparedPlan) -> dict[str, Any]:
+    return {
+        "requested_field": each.requested_field,
+        "field": each.field_name or None,
+        "area_ha": each.area_ha or None,
+        "corners": each.choice.corners,
+        "headland_order": each.choice.order,
+        "headland_passes": each.choice.passes,
+        "headland_m": each.headland_m,
+        "plan": None if each.plan is None else build_plan_entry(each.plan),
+        "refusal": each.refusal,
+    }
+
+
+def format_headland_csv(comparison: HeadlandComparison) -> str:
+    """A row per field and way: the way, the figures of its best plan, or the reason why there is none."""
+    head = (
+        "requested_field", "field", "area_ha", "corners", "headland_order", "headland_passes", "headland_m",
+        *CSV_PLAN_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason",
+    )  # fmt: skip
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerow(head)
+    for each in comparison.plans:
+        cells = make_json_safe(list(_iter_csv_cells(each, comparison.currency)), EXPORT_DECIMALS)
+        writer.writerow(map(format_csv_cell, cells))
+    return buffer.getvalue()
+
+
+def _iter_csv_cells(each: ComparedPlan, currency: str | None) -> Iterator[Any]:
+    plan = each.plan
+    yield from (each.requested_field, each.field_name or None, each.area_ha or None, each.choice.corners)
+    yield (None if plan is None else plan.headland_order) or each.choice.order
+    yield (None if plan is None else plan.headland_passes) or each.choice.passes
+    yield each.headland_m
+    yield from (None if plan is None else getattr(plan, key) for key in CSV_PLAN_KEYS)
+    yield None if plan is None else each.overlap_m2
+    yield None if plan is None else each.charged_cost / each.area_ha
+    yield from (currency, each.refusal)

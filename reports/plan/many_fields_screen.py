@@ -1,0 +1,116 @@
+"""The first screen of many fields for a terminal: what all come to, a row per field and width, and what has no plan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import PurePath
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from reports.common.language import translate, translate_count
+from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence
+from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
+from reports.plan.many_fields import (
+    REQUESTED_KEY,
+    FieldRecord,
+    FieldsTotal,
+    get_best_plan,
+    get_stated_plan_cost,
+    get_stated_plan_s,
+    list_records_without_plan,
+    sum_over_fields,
+)
+
+MOST_ROWS = 14
+
+
+def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:
+    """What the fields come to at each width, the plan of every field, and what to type next."""
+    faults = [
+        sentence.replace(record[REQUESTED_KEY], PurePath(record[REQUESTED_KEY]).name, 1)
+        for record in records
+        for sentence in list_records_without_plan([record])
+    ]
+    parts: list[RenderableType] = [AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults)), Text("")]
+    parts.append(_build_table(records[:MOST_ROWS]))
+    parts.append(format_sentence(_write_legend(records), style="dim"))
+    hidden = len(records) - MOST_ROWS
+    if hidden > 0:
+        text = translate_count("{count} more row: --explain.", "{count} more rows: --explain.", hidden)
+        parts.append(format_sentence(text, style="dim"))
+    if with_next:
+        text = translate("Add --explain (and why), --html fields.html (maps), --csv (every plan).")
+        parts.append(format_sentence(text, style="dim"))
+    return Group(*parts)
+
+
+def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
+    """What the fields that have a plan come to, a sentence for every width, and how many have none."""
+    fields = len({record[REQUESTED_KEY] for record in records})
+    sentences = [_describe_total(total, fields, _find_currency(records)) for total in sum_over_fields(records)]
+    return sentences or [translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)]
+
+
+def _describe_total(total: FieldsTotal, fields: int, currency: str) -> str:
+    """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
+    return translate(
+        "{width} m: {count} of {fields} fields, {area} ha, {time} in all, {cost} ({rate}/ha), {worked} % worked.",
+        width=f"{total.width_m:g}",
+        count=total.fields,
+        fields=fields,
+        area=format_number(total.area_ha, 2),
+        time=format_duration(total.time_s),
+        cost=f"{format_price(total.cost)} {currency}".strip(),
+        rate=f"{format_price(total.cost_per_ha)} {currency}".strip(),
+        worked=format_number(total.worked_pct, 1),
+    )
+
+
+def _find_currency(records: Sequence[FieldRecord]) -> str:
+    return next((one["ranking"]["currency"] for one in records if one["ranking"] and one["ranking"]["currency"]), "")
+
+
+def _build_table(records: Sequence[FieldRecord]) -> FittedTable:
+    """At most seven columns; the width only where there are several."""
+    has_widths = len({record["width_m"] for record in records}) > 1
+    has_probability = any((get_best_plan(record) or {}).get("finish_probability") is not None for record in records)
+    last = TableColumn(translate("Worked %"), translate("Work\n%"), drop_order=2)
+    if has_probability:
+        last = TableColumn(translate("In time %"), translate("In\ntime %"), drop_order=2)
+    columns = [
+        TableColumn(translate("Field"), is_text=True, is_unbroken=True),
+        TableColumn(translate("Width")) if has_widths else TableColumn(translate("ha"), drop_order=4),
+        TableColumn(translate("Tractors"), translate("Trac-\ntors")),
+        TableColumn(translate("Strategy"), is_text=True, is_unbroken=True, drop_order=3),
+        TableColumn(translate("Time")),
+        TableColumn(translate("Cost {currency}", currency=_find_currency(records)).strip(), drop_order=1),
+        last,
+    ]
+    rows = tuple(_build_row(record, has_widths, has_probability) for record in records)
+    return FittedTable(tuple(columns), rows, more_hint=translate("--explain shows more"))
+
+
+def _build_row(record: FieldRecord, has_widths: bool, has_probability: bool) -> tuple[str, ...]:
+    ranking, plan = record["ranking"], get_best_plan(record)
+    name = ranking["field"]["name"] if ranking else PurePath(record[REQUESTED_KEY]).name
+    area = format_number(ranking["field"]["area_ha"], 2) if ranking else NO_VALUE
+    size = f"{record['width_m']:g}" if has_widths else area
+    if plan is None:
+        return name, size, NO_VALUE, translate("no plan"), NO_VALUE, NO_VALUE, NO_VALUE
+    share = format_percent(plan.get("finish_probability")) if has_probability else format_number(plan["worked_pct"], 1)
+    return (
+        name,
+        size,
+        str(plan["tractors"]),
+        plan["strategy"],
+        format_duration(get_stated_plan_s(plan)),
+        format_price(get_stated_plan_cost(plan)),
+        share,
+    )
+
+
+def _write_legend(records: Sequence[FieldRecord]) -> str:
+    if any((get_best_plan(record) or {}).get("p50_s") is not None for record in records):
+        return translate("The recommended plan of each field; times are medians, costs means of the samples.")
+    return translate("The recommended plan of each field; times and costs are as simulated.")

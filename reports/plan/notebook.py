@@ -1,0 +1,288 @@
+"""Rankings, single plans, drives and the fleet study in a notebook: in short, as a fragment, as a table and drawn."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+from fields.errors import escape_controls, shorten_middle
+from reports.common import palette
+from reports.common.notebook import (
+    NOT_DRAWN,
+    ResultView,
+    ShownTable,
+    build_view,
+    encode_picture,
+    render_fragment,
+)
+from reports.common.plan_results import (
+    FleetStudy,
+    PlanDrive,
+    PlanRanking,
+    PlanResult,
+    get_ranked_s,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+)
+from reports.common.rendering import make_json_safe
+from reports.common.wording import (
+    format_duration,
+    format_minutes,
+    format_number,
+    format_price,
+    format_tractor_count,
+)
+from reports.plan.answer import name_plan, write_answer
+from reports.plan.drive_geometry import check_drive, compute_extent
+from reports.plan.first_screen import build_answer_table, choose_first_plans, count_other_plans, write_legend
+from reports.plan.map_figure import build_legend_entries, draw_map_layers, escape_figure_formula
+from reports.plan.plan_wording import describe_machines, list_feasible
+from reports.plan.ranking_export import (
+    build_plan_entry,
+    build_study_row,
+    flatten_entry,
+    format_ranking_csv,
+    format_ranking_json,
+    format_study_json,
+)
+from reports.plan.ranking_page import render_plan_page
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from pandas import DataFrame
+
+MOST_ROWS = 12  # of plans in a fragment; to_pandas has all
+MOST_TITLE_CHARS = 80  # above a drawing
+MAP_INCHES, LEAST_MAP_INCHES = 7.5, 3.0  # width of a map, and its least height
+TEXT_COLUMNS = ("field", "strategy", "turn", "reason", "remark")
+Files = Mapping[str, Callable[[], str | bytes]]
+
+
+@build_view.register
+def build_ranking_view(ranking: PlanRanking) -> ResultView:
+    """A ranking: its answer, the table of its plans, and time by number of tractors."""
+    files: Files = {
+        ".csv": lambda: format_ranking_csv(ranking),
+        ".json": lambda: format_ranking_json(ranking),
+        ".html": lambda: render_plan_page(ranking, None, {}),
+    }
+    return ResultView(
+        summary=lambda: summarise_ranking(ranking),
+        html=lambda: render_ranking_fragment(ranking, None),
+        table=lambda: build_ranking_frame(ranking),
+        draw=(lambda axes: draw_times(axes, ranking)) if list_feasible(ranking) else None,
+        not_drawn=f"{NOT_DRAWN}, as no plan works.",
+        files=files,
+    )
+
+
+def build_answer_view(ranking: PlanRanking, picture: Callable[[], PlanDrive], files: Files) -> ResultView:
+    """A ranking with the map of its best plan, or of the field where no plan works."""
+
+    def draw(axes: Axes) -> None:
+        drive = picture()
+        draw_drive(axes, drive, f"{ranking.field_name}: {drive.title}")
+
+    return ResultView(
+        summary=lambda: summarise_ranking(ranking),
+        html=lambda: render_ranking_fragment(ranking, picture()),
+        table=lambda: build_ranking_frame(ranking),
+        draw=draw,
+        figure_inches=(MAP_INCHES, MAP_INCHES),
+        files=files,
+    )
+
+
+@build_view.register
+def build_plan_view(plan: PlanResult) -> ResultView:
+    """One plan of a ranking: its figures."""
+    return ResultView(
+        summary=lambda: summarise_plan(plan),
+        html=lambda: render_fragment(
+            summarise_plan(plan), [plan.remark] if plan.remark else [], [_build_figures_table(plan)]
+        ),
+        table=lambda: _build_frame([flatten_entry(build_plan_entry(plan))]),
+        not_drawn=f"{NOT_DRAWN}: this is one row of a ranking; draw the answer of plan(), which has the drive.",
+    )
+
+
+@build_view.register
+def build_drive_view(drive: PlanDrive) -> ResultView:
+    """A drive on its field: the map, and the seconds of each tractor."""
+
+    def draw(axes: Axes) -> None:
+        draw_drive(axes, drive, drive.title)
+
+    return ResultView(
+        summary=lambda: f"{drive.title}; {format_tractor_count(len(drive.xy))}, {len(drive.swaths)} tracks",
+        html=lambda: render_fragment(drive.title, [], [], _encode_map(drive), "Map of the field and the drive"),
+        table=lambda: _build_frame(_list_drive_rows(drive)),
+        draw=draw,
+        figure_inches=(MAP_INCHES, MAP_INCHES),
+    )
+
+
+@build_view.register
+def build_study_view(study: FleetStudy) -> ResultView:
+    """The fleet study: rows beside the thesis, and its claims."""
+    held = sum(claim.holds for claim in study.claims)
+    summary = f"{held} of {len(study.claims)} claims of the thesis hold in the simulation"
+    return ResultView(
+        summary=lambda: summary,
+        html=lambda: render_fragment(f"{summary}.", [], _list_study_tables(study)),
+        table=lambda: _build_frame(_list_study_rows(study)),
+        draw=lambda axes: _draw_study(axes, study),
+        files={".json": lambda: format_study_json(study)},
+    )
+
+
+def summarise_ranking(ranking: PlanRanking) -> str:
+    """Field and answer in a few sentences: the plan to take, when it is done, its cost, and how sure that is."""
+    answer = write_answer(ranking)
+    decision = f"{answer.decision}." if answer.decision else ""
+    sentences = " ".join(filter(None, (answer.verdict, decision, answer.certainty)))
+    return f"{ranking.field_name}, {format_number(ranking.area_ha, 2)} ha. {sentences}"
+
+
+def summarise_plan(plan: PlanResult) -> str:
+    """One plan in a sentence: who, how long, what it costs, or why it cannot be driven."""
+    name = f"{name_plan(plan)}, turns {plan.turn}"
+    if not plan.feasible:
+        return f"{name}: not feasible, {plan.reason or 'no reason was given'}"
+    late_s, cost = get_stated_late_end_s(plan), get_stated_cost(plan)
+    late = "" if late_s is None else f" (95 % in {format_duration(late_s)})"
+    parts = [f"{name}: done in {format_duration(get_stated_end_s(plan))}{late}"]
+    parts += [] if cost is None else [f"cost {format_price(cost)}"]
+    parts += [] if plan.worked_pct is None else [f"{format_number(plan.worked_pct, 1)} % worked"]
+    return ", ".join(parts)
+
+
+def build_ranking_frame(ranking: PlanRanking) -> DataFrame:
+    """A row per plan with the columns, order and values of the CSV."""
+    import pandas as pd
+
+    types = dict.fromkeys(TEXT_COLUMNS, "str")
+    text = io.StringIO(format_ranking_csv(ranking))
+    return pd.read_csv(text, dtype=types, keep_default_na=False, na_values=[""])
+
+
+def _build_frame(rows: list[dict[str, Any]]) -> DataFrame:
+    import pandas as pd
+
+    return pd.DataFrame(rows)
+
+
+def render_ranking_fragment(ranking: PlanRanking, drive: PlanDrive | None) -> str:
+    """Answer, map and table of a ranking for a notebook."""
+    heading = ", ".join(
+        filter(None, (ranking.field_name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking)))
+    )
+    picture = None if drive is None else _encode_map(drive)
+    tables = [_build_plans_table(ranking)] if list_feasible(ranking) else []
+    sentences = write_answer(ranking).list_sentences()
+    return render_fragment(heading, sentences, tables, picture, "Map of the field and the best plan")
+
+
+def _build_plans_table(ranking: PlanRanking) -> ShownTable:
+    """The table of the first screen, with its legend; the best plan is the first row."""
+    plans = choose_first_plans(ranking, MOST_ROWS)
+    table = build_answer_table(ranking, plans)
+    headings = [" ".join(column.heading.split()) for column in table.columns]
+    text_columns = frozenset(place for place, column in enumerate(table.columns) if column.is_text)
+    note = " ".join([write_legend(ranking, plans), *count_other_plans(ranking, plans)])
+    return ShownTable(headings, table.rows, text_columns, 0 if ranking.best else None, note)
+
+
+def _build_figures_table(plan: PlanResult) -> ShownTable:
+    """The figures of one plan that are known, by their names in files."""
+    entry = flatten_entry(build_plan_entry(plan))
+    rows = [(key, str(value)) for key, value in entry.items() if value is not None]
+    return ShownTable(("Figure", "Value"), rows, frozenset({0}))
+
+
+def draw_drive(axes: Axes, drive: PlanDrive, title: str = "") -> None:
+    """The map of a drive on given axes, with title and legend."""
+    check_drive(drive, least_tractors=0)
+    draw_map_layers(axes, drive)
+    axes.set_title(_shorten_title(title), loc="left", fontsize=10)
+    axes.legend(
+        handles=build_legend_entries(drive), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=4, frameon=False,
+        fontsize=8,
+    )  # fmt: skip
+
+
+def _shorten_title(title: str) -> str:
+    """A title that fits on a drawing: one line, and no formula."""
+    return escape_figure_formula(escape_controls(shorten_middle(title, MOST_TITLE_CHARS)))
+
+
+def _encode_map(drive: PlanDrive) -> str:
+    """The map as PNG in base64, its height by the shape of the field; its title is text above it."""
+    box = compute_extent(drive)
+    height = MAP_INCHES * min(box.height / (box.width or 1.0), 1.3) + 1.4
+    return encode_picture(lambda axes: draw_drive(axes, drive), (MAP_INCHES, max(height, LEAST_MAP_INCHES)))
+
+
+def _list_drive_rows(drive: PlanDrive) -> list[dict[str, Any]]:
+    """Seconds in every state, a row per tractor."""
+    return [
+        {"tractor": number + 1, "finish_s": drive.finish_s[number]}
+        | {f"{state}_s": values[number] for state, values in drive.seconds.items()}
+        for number in range(len(drive.xy))
+    ]
+
+
+def draw_times(axes: Axes, ranking: PlanRanking) -> None:
+    """Minutes to finish the field by number of tractors, a colour per strategy, and the best plan ringed."""
+    plans = list_feasible(ranking)
+    for place, name in enumerate(dict.fromkeys(plan.strategy for plan in plans)):
+        points = sorted((plan.tractors, get_ranked_s(plan) / 60.0) for plan in plans if plan.strategy == name)
+        counts, minutes = zip(*points, strict=True)
+        axes.plot(counts, minutes, marker="o", linestyle="none", color=palette.get_tractor_colour(place), label=name)
+    best = ranking.best
+    if best is not None:
+        axes.plot(
+            best.tractors, get_ranked_s(best) / 60.0, marker="o", markersize=13, markerfacecolor="none",
+            markeredgecolor="black", linestyle="none", label="best plan",
+        )  # fmt: skip
+    axes.set_xticks(sorted({plan.tractors for plan in plans}))
+    axes.set_ylim(bottom=0.0)
+    axes.set(xlabel="tractors", ylabel="time to finish the field, min", title=_shorten_title(ranking.field_name))
+    axes.legend(frameon=False, fontsize=8)
+
+
+def _list_study_rows(study: FleetStudy) -> list[dict[str, Any]]:
+    return [
+        {"table": name, **make_json_safe(build_study_row(row))} for name, rows in study.tables.items() for row in rows
+    ]
+
+
+def _list_study_tables(study: FleetStudy) -> list[ShownTable]:
+    """The rows of all tables, and the claims."""
+    rows = [
+        (
+            name, row.label, str(row.tractors), format_minutes(row.thesis_s), format_minutes(row.time_s),
+            format_number(row.difference_pct, 1), row.note,
+        )
+        for name, table in study.tables.items()
+        for row in table
+    ]  # fmt: skip
+    headings = ("Table", "Row", "Tractors", "Thesis, min:s", "Simulated, min:s", "Difference %", "Note")
+    claims = [(claim.claim, "yes" if claim.holds else "no", claim.why) for claim in study.claims]
+    return [
+        ShownTable(headings, rows, frozenset({0, 1, 6})),
+        ShownTable(("Claim", "Holds", "Why"), claims, frozenset({0, 1, 2})),
+    ]
+
+
+def _draw_study(axes: Axes, study: FleetStudy) -> None:
+    """Minutes of the thesis and of the simulation, two bars per row."""
+    rows = [(f"{name} {row.label}", row) for name, table in study.tables.items() for row in table]
+    for place, (_, row) in enumerate(rows):
+        axes.barh(place - 0.2, row.thesis_s / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[4])
+        axes.barh(place + 0.2, (row.time_s or 0.0) / 60.0, height=0.38, color=palette.TRACTOR_COLOURS[0])
+    axes.set_yticks(range(len(rows)), [label for label, _ in rows], fontsize=8)
+    axes.invert_yaxis()
+    axes.set(xlabel="minutes; pale: thesis, dark: simulated")

@@ -1,0 +1,79 @@
+"""A small map of one plan for pages with many of them: thousandths of the larger side, y down, as SVG path data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from reports.common.palette import TRACTOR_COLOURS
+from reports.common.plan_results import PlanDrive, Points
+from reports.plan.drive_geometry import (
+    WORKING,
+    build_swath_outline,
+    choose_round_length_m,
+    compute_extent,
+    split_by_status,
+)
+
+SIDE, MARGIN, FOOT = 1000.0, 25.0, 70.0
+"""Of the larger side of the field, of the margin around it, and of the room below for the scale bar."""
+PATH_TOLERANCE_SHARE = 0.002  # of the larger side
+SmallMap = dict[str, Any]
+"""Plain values that can be kept as JSON; `reports/small_map.html.j2` draws them."""
+
+
+@dataclass(frozen=True)
+class _SmallViewport:
+    """Converts metres, y north, to whole thousandths of the larger side, y down."""
+
+    west: float
+    north: float
+    scale: float
+
+    def format_path(self, points: Points, is_closed: bool = False) -> str:
+        """SVG path data of a polyline (n, 2)."""
+        flat = np.rint((points - (self.west, self.north)) * (self.scale, -self.scale) + MARGIN).astype(int).tolist()
+        steps = [f"{x - x0} {y - y0}" for (x0, y0), (x, y) in pairwise(flat) if (x, y) != (x0, y0)]
+        return f"M{flat[0][0]} {flat[0][1]}" + (f"l{' '.join(steps)}" if steps else "") + ("z" if is_closed else "")
+
+    def format_rings(self, rings: Iterable[Points]) -> str:
+        """SVG path data of closed rings."""
+        return "".join(self.format_path(ring, is_closed=True) for ring in rings)
+
+
+def build_small_map(drive: PlanDrive, driven_over: Sequence[Points] = ()) -> SmallMap:
+    """The field with headland passes, the path of every tractor, missed ground, and rings of ground `driven_over`."""
+    box = compute_extent(drive)
+    size_m = box.size or 1.0
+    scale = SIDE / size_m
+    view = _SmallViewport(box.west, box.north, scale)
+    bar_m = choose_round_length_m(max(box.width, 0.5 * size_m) / 3)
+    return {
+        "width": round(box.width * scale + 2 * MARGIN),
+        "height": round(box.height * scale + 2 * MARGIN + FOOT),
+        "field": view.format_rings([drive.boundary, *drive.holes]),
+        "obstacles": view.format_rings(drive.obstacles),
+        "swaths": view.format_rings(build_swath_outline(swath, drive.width_m) for swath in drive.swaths),
+        "headland_passes": [
+            {"line": view.format_path(one.points), "tint": one.number % 2} for one in drive.headland_passes
+        ],
+        "pass_width": round(drive.width_m * scale),
+        "missed": view.format_rings(drive.unworked),
+        "driven_over": view.format_rings(driven_over),
+        "lanes": [_draw_lane(drive, number, view, PATH_TOLERANCE_SHARE * size_m) for number in range(len(drive.xy))],
+        "bar": round(bar_m * scale),
+        "bar_text": f"{bar_m:g} m",
+    }
+
+
+def _draw_lane(drive: PlanDrive, number: int, view: _SmallViewport, tolerance_m: float) -> dict[str, Any]:
+    """The path of a tractor: where it works, and the rest."""
+    pieces = split_by_status(drive.xy[number], drive.status[number], tolerance_m)
+    lines = {"work": "", "turn": ""}
+    for piece in pieces:
+        lines["work" if piece.status == WORKING else "turn"] += view.format_path(piece.points)
+    return {"colour": number % len(TRACTOR_COLOURS), **lines}

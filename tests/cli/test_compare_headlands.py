@@ -1,0 +1,124 @@
+"""`headland compare-headlands`: one line per way, what fits on 80 columns, JSON, CSV, page, and bad input."""
+
+import csv
+import io
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+QUICK = ("--local", "--tractors", "1", "--processes", "1", "--bearing", "90")
+WAYS = ("--corners", "square,round", "--headland-order", "last", "--headland-passes", "3")
+
+
+@pytest.fixture
+def farm(tmp_path: Path) -> Path:
+    """Two rectangles in local metres: 40 m by 30 m and 36 m by 30 m."""
+    features = [
+        {
+            "type": "Feature", "id": name, "properties": {"name": name},
+            "geometry": {"type": "Polygon", "coordinates": [[[x, 0], [x + w, 0], [x + w, 30], [x, 30], [x, 0]]]},
+        }
+        for name, x, w in (("north", 0, 40), ("south", 400, 36))
+    ]  # fmt: skip
+    path = tmp_path / "farm.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
+    return path
+
+
+def mask_figures(line: str) -> str:
+    """The line with `#` for every figure, so that it stays the same on any machine."""
+    return re.sub(r"\s+", " ", re.sub(r"\+?\d[\d.:]*", "#", line)).strip()
+
+
+def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) -> None:
+    outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS)
+    lines = outcome.out.splitlines()
+    assert outcome.status == 0 and outcome.err == "" and max(map(len, lines)) <= 80
+    assert re.match(r"Worth it on 2 fields \(0\.23 ha\): (square|round) corners, headland last, 3 passes: ", lines[0])
+    head = next(index for index, line in enumerate(lines) if line.startswith("Headland "))
+    assert lines[head].split() == [
+        "Headland", "EUR/ha", "More", "Time", "Missed", "m2", "Overlap", "m2", "Driven", "over", "m2",
+    ]  # fmt: skip
+    rows = [mask_figures(line) for line in lines[head + 1 : head + 3]]
+    assert sorted(rows, key=lambda row: "best" not in row) == rows
+    assert {row.split(",")[0] for row in rows} == {"square", "round"}
+    for row in rows:
+        assert re.fullmatch(r"(square|round), last, # passes # (best|#) # # # #", row), row
+    assert lines[head + 4].split()[:4] == ["Field", "Best", "headland", "Saves"]
+    assert [line.split()[0] for line in lines[head + 5 : head + 7]] == ["north", "south"]
+    assert len(lines) <= 24
+
+
+def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
+    page = tmp_path / "headlands.html"
+    told = json.loads(headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--json", "--html", page).out)
+    outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--csv")
+    rows = list(csv.DictReader(io.StringIO(outcome.out)))
+    assert [(row["field"], row["corners"], row["headland_order"], row["headland_passes"]) for row in rows] == [
+        (field, corners, "last", "3") for field in ("north", "south") for corners in ("square", "round")
+    ]
+    assert [row["area_ha"] for row in rows] == ["0.12", "0.12", "0.108", "0.108"]
+    for row, entry in zip(rows, told["fields"], strict=True):
+        assert float(row["time_s"]) == entry["plan"]["time_s"] and float(row["cost"]) == entry["plan"]["cost"]
+        assert row["corners"] == entry["corners"] and entry["refusal"] is None
+    assert {one["corners"] for one in told["totals"]} == {"square", "round"}
+    assert told["best"] == {"corners": told["totals"][0]["corners"], "headland_order": "last", "headland_passes": 3}
+    for one in told["totals"]:
+        mine = [row for row in rows if row["corners"] == one["corners"]]
+        assert one["cost"] == pytest.approx(sum(float(row["cost"]) for row in mine))
+        assert one["cost_per_ha"] == pytest.approx(sum(float(row["finished_cost"]) for row in mine) / 0.228)
+        assert one["fields"] == 2 and one["area_ha"] == pytest.approx(0.228)
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 4 and "src=" not in text and "<script" not in text
+    assert " ".join(told["answer"][0].split()[:3]) in text.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_a_way_without_a_plan_is_named_with_its_reason(headland: Callable[..., Any], farm: Path) -> None:
+    outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-passes", "1,3",
+                       "--headland-order", "last")  # fmt: skip
+    assert outcome.status == 0  # another way works
+    assert "Only this way works: round corners, headland last, 3 passes" in outcome.out
+    words = " ".join(outcome.out.split())
+    assert "south: round, last, 1 pass: No path" in words and "Found to work: work 2 headland passes." in words
+    assert outcome.sentences == [
+        "Note: One headland pass is 3 m deep, and turns need 8.5 m (3 passes): where they do not fit, they lead over "
+        "tracks."
+    ]
+
+
+def test_no_field_no_table(headland: Callable[..., Any], tmp_path: Path) -> None:
+    outcome = headland("compare-headlands", tmp_path / "lost.geojson", *QUICK)
+    assert outcome.status == 3 and "EUR/ha" not in outcome.out
+    assert "lost.geojson: every way: There is no field file" in outcome.out
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--corners", "sharp"), "--corners 'sharp' is unknown; use one or more of"),
+        (("--corners", "square,,round"), "--corners '' is unknown"),
+        (("--corners", "squar"), "did you mean 'square'"),
+        (("--headland-order", "never"), "--headland-order 'never' is unknown; use one or more of first, last"),
+        (("--headland-passes", "0"), "--headland-passes '0' is not a list of numbers from 1 to 50"),
+        (("--headland-passes", "3-1"), "write for instance 2, 1-3 or 1,2,4"),
+        (("--headland-passes", "two"), "--headland-passes 'two' is not a list"),
+        (("--headland-passes", "999999999999"), "is not a list of numbers"),
+        (("--no-headland",), "No such option"),
+        (("--json", "--csv"), "choose one"),
+        (("--html", "page.txt"), "does not end in .html"),
+        (("--html", "farm.html.geojson"), "does not end in .html"),
+        (("--tractors", "0"), "0 tractors cannot be planned"),
+    ],
+)
+def test_bad_input_is_one_sentence_before_any_work(
+    headland: Callable[..., Any], farm: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], words: str
+) -> None:
+    monkeypatch.setattr("planner.cli.common.terminal.warm_up", lambda: pytest.fail("something was computed"))
+    monkeypatch.chdir(farm.parent)
+    outcome = headland("compare-headlands", "farm.geojson#north", "--local", *options)
+    assert (outcome.status, outcome.out, len(outcome.sentences)) == (2, "", 1)
+    assert words in outcome.err

@@ -1,0 +1,66 @@
+"""Whether a tractor can pull its implement: ASAE D497 by hand, and when the farmer is asked."""
+
+from __future__ import annotations
+
+import pytest
+
+from planner.evaluation.pull_check import compute_pull_figures, describe_pull
+from planner.farm.machines import FarmTractor
+from planner.request.plan_request import PlanRequest
+from reports.plan.answer import question_pull
+from vehicle.datasheet.draft import DRAWBAR_SHARE, find_draft_rule
+from vehicle.datasheet.sheet import Datasheet
+from vehicle.model.tractor import load_tractor
+
+KMH = 1.0 / 3.6
+EG105 = load_tractor("eg105")
+
+
+def test_draft_by_hand() -> None:
+    """6 m at 12 km/h: 40 tines, each 0.85 x (46 + 2.8 x 12) x 10 cm; a drill of 3 m 300 N per metre at any speed."""
+    till, sow = find_draft_rule("till", 6.0), find_draft_rule("sow", 3.0)
+    assert till is not None and sow is not None
+    assert till.compute_draft_n(6.0, 12 * KMH) == pytest.approx(40 * 0.85 * 79.6 * 10)
+    assert till.compute_power_kw(6.0, 12 * KMH) == pytest.approx(27.064 * 12 / 3.6)
+    assert sow.compute_draft_n(3.0, 5 * KMH) == sow.compute_draft_n(3.0, 15 * KMH) == pytest.approx(900.0)
+    assert all(find_draft_rule(name, 3.0) is None for name in ("spray", "harvest", "mow"))
+
+
+def test_the_question_and_what_it_suggests() -> None:
+    """What is suggested can be pulled, and a step more cannot."""
+    pull = compute_pull_figures(PlanRequest(width_m=6.0, speed_mps=12 * KMH), EG105)
+    assert pull is not None and pull.is_questioned and pull.available_kw == pytest.approx(DRAWBAR_SHARE * 77)
+    assert question_pull(pull) == (
+        "The 6 m cultivator needs about 90 kW at the drawbar at 12 km/h; this tractor has about 56 kW: check it, "
+        f"or try --width {pull.possible_width_m:g} or --speed-kmh {pull.possible_speed_kmh:g}."
+    )
+    assert "27 kN 10 cm deep" in describe_pull(pull)[0]
+    assert pull.possible_width_m is not None and pull.possible_speed_kmh is not None
+    for width_m, speed_kmh in ((pull.possible_width_m, 12.0), (6.0, pull.possible_speed_kmh)):
+        more = (width_m + 0.5, speed_kmh) if width_m < 6 else (width_m, speed_kmh + 0.5)
+        for (width, speed), expected in (((width_m, speed_kmh), False), (more, True)):
+            one = compute_pull_figures(PlanRequest(width_m=width, speed_mps=speed * KMH), EG105)
+            assert one is not None and one.is_questioned is expected
+
+
+def test_no_question_where_it_can_be_pulled_or_nothing_is_known() -> None:
+    usual = compute_pull_figures(PlanRequest(), EG105)
+    assert usual is not None and question_pull(usual) == "" and describe_pull(usual) == ()
+    heavy = PlanRequest(width_m=6.0, speed_mps=12 * KMH)
+    assert compute_pull_figures(heavy, load_tractor("mr1000a")) is None and question_pull(None) == ""
+    assert compute_pull_figures(PlanRequest(operation="mow", width_m=9.0, speed_mps=5.0), EG105) is None
+
+
+def test_the_power_of_a_farm_wins() -> None:
+    heavy = PlanRequest(width_m=6.0, speed_mps=12 * KMH)
+    strong = compute_pull_figures(heavy, EG105, FarmTractor(name="a", power_kw=200.0))
+    assert strong is not None and not strong.is_questioned and strong.engine_kw == 200.0
+    sheet = Datasheet(wheelbase_m=2.4, width_m=2.0, turning_radius_m=5.0, power_kw=40.0)
+    weak = compute_pull_figures(heavy, EG105, FarmTractor(name="b", sheet=sheet))
+    assert weak is not None and weak.engine_kw == 40.0 and weak.is_questioned
+
+
+def test_nothing_senseless_is_suggested() -> None:
+    pull = compute_pull_figures(PlanRequest(width_m=40.0, speed_mps=25 * KMH), EG105)
+    assert pull is not None and pull.possible_speed_kmh is None and pull.possible_width_m is None
+    assert question_pull(pull).endswith("has about 56 kW: check it.")

@@ -1,0 +1,162 @@
+"""Collects the texts that people read, in English, and adds those that a catalogue lacks to its PO file."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from io import BytesIO
+from typing import Any
+
+from babel.messages.catalog import Catalog
+from babel.messages.jslexer import tokenize
+from babel.messages.pofile import read_po, write_po
+
+from tests.test_structure import ROOT
+
+CATALOGUES = ROOT / "reports" / "languages"
+SCRIPTS = ROOT / "planner" / "service" / "pages" / "static" / "js"
+SHELL = SCRIPTS.parent / "index.html"
+STYLES = SCRIPTS.parent / "css"
+NO_TEXT = re.compile(
+    r".*(system-ui|sans-serif).*|\(prefers-.*|[A-Z]{3,6}|Bearer|Content-Type|[a-z]+(, [a-z]+)+|[MLmlHhVv]\d.*"
+)
+"""Strings of scripts that name fonts, media, methods, headers, selectors or drawings."""
+OWN_NAMES = frozenset(
+    (
+        "Accept", "AgOpenGPS", "Deutsch", "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
+        "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point",
+        "Polygon", "Shapefile",
+    )
+)  # fmt: skip
+"""Names that are the same in every language."""
+
+Text = str | tuple[str, str]
+"""A text, or its forms for one and for many."""
+
+
+def collect_texts() -> set[Text]:
+    """All texts of the command line and of the page."""
+    return {*_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts()}
+
+
+def read_catalogue(language: str) -> Catalog:
+    """The PO file of a language."""
+    return read_po(BytesIO((CATALOGUES / f"{language}.po").read_bytes()), locale=language)
+
+
+def find_untranslated(language: str) -> list[Text]:
+    """Texts that a catalogue lacks or leaves empty."""
+    catalogue = read_catalogue(language)
+    messages = {message.id: message.string for message in catalogue}
+    empty = ("", ("",), ("", ""))
+    return sorted((text for text in collect_texts() if messages.get(text, "") in empty), key=str)
+
+
+def write_catalogue(language: str) -> None:
+    """Add the missing texts to a PO file, untranslated, and remove those that nobody reads any more."""
+    before, after = read_catalogue(language), Catalog(locale=language)
+    for text in sorted(collect_texts(), key=str):
+        known = before.get(text[0] if isinstance(text, tuple) else text)
+        after.add(text, known.string if known is not None and known.id == text else "")
+    buffer = BytesIO()
+    write_po(buffer, after, width=0, omit_header=False, include_previous=False)
+    (CATALOGUES / f"{language}.po").write_bytes(_shorten_header(buffer.getvalue(), language))
+
+
+def _shorten_header(content: bytes, language: str) -> bytes:
+    """The PO file with what tools need in its header, and no dates, which change at every run."""
+    forms = {"ja": "nplurals=1; plural=0;", "fr": "nplurals=2; plural=(n > 1);"}
+    plural = forms.get(language, "nplurals=2; plural=(n != 1);")
+    head = (
+        'msgid ""\nmsgstr ""\n"Content-Type: text/plain; charset=UTF-8\\n"\n'
+        f'"Language: {language}\\n"\n"Plural-Forms: {plural}\\n"\n'
+    )
+    return (head + "\n" + content.decode().split("\n\n", 1)[1]).encode()
+
+
+def _iter_marked_texts() -> Iterator[Text]:
+    """Literals that the code gives to `translate` and `translate_count`."""
+    for package in ("planner", "reports"):
+        for path in (ROOT / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                yield from _read_call(node)
+
+
+def _read_call(node: ast.AST) -> Iterator[Text]:
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+        return
+    literals = [each.value for each in node.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
+    if node.func.id == "translate" and literals:
+        yield literals[0]
+    elif node.func.id == "translate_count" and len(literals) >= 2:
+        yield (literals[0], literals[1])
+
+
+def _iter_help_texts() -> Iterator[str]:
+    """Help of all commands and options."""
+    import typer.main
+
+    from planner.cli.main import EXAMPLE, app, split_paragraphs
+
+    waiting: list[Any] = [typer.main.get_command(app)]
+    while waiting:
+        command = waiting.pop()
+        waiting.extend(getattr(command, "commands", {}).values())
+        for described in (command, *command.params):
+            if getattr(described, "help", None):
+                paragraphs = split_paragraphs(described.help)
+                yield from (EXAMPLE if each.startswith(EXAMPLE) else each for each in paragraphs)
+
+
+def _iter_page_texts() -> Iterator[str]:
+    """Strings of the scripts that look like texts, and templates marked with t."""
+    for path in sorted(SCRIPTS.rglob("*.js")):
+        yield from read_script(path.read_text(encoding="utf-8"))
+
+
+def read_script(script: str) -> Iterator[str]:
+    """Texts of one script: strings with a capital letter or a space, and templates marked with t."""
+    tokens = [
+        each for each in tokenize(script, template_string=True, jsx=False, dotted=False) if "comment" not in each.type
+    ]
+    tokens = [each for each in tokens if each.type != "whitespace"]
+    for before, token in zip([None, *tokens], tokens, strict=False):
+        if token.type == "template_string" and before is not None and before.value == "t":
+            parts = re.split(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}", _unescape(token.value[1:-1]))
+            yield "".join(f"{part}{{{index}}}" for index, part in enumerate(parts[:-1])) + parts[-1]
+        elif token.type == "string" and (before is None or before.value not in ("class", "from")):
+            text = _unescape(token.value[1:-1])
+            if is_text(text):
+                yield text
+
+
+def is_text(string: str) -> bool:
+    """Whether a string of a script is read by people."""
+    if not re.search(r"[A-Za-z]{2}", string) or string in OWN_NAMES or NO_TEXT.fullmatch(string):
+        return False
+    return string[0].isupper() or (" " in string and not set(string.split()) <= read_class_names())
+
+
+@cache
+def read_class_names() -> frozenset[str]:
+    """Names of classes in the style sheets and of kinds of elements."""
+    sheets = " ".join(path.read_text(encoding="utf-8") for path in sorted(STYLES.glob("*.css")))
+    return frozenset(re.findall(r"\.([a-z][a-z0-9-]*)", sheets)) | {"button"}
+
+
+def _unescape(string: str) -> str:
+    """A string as the script means it."""
+    return (
+        re.sub(r"\\u([0-9A-Fa-f]{4})", lambda found: chr(int(found[1], 16)), string)
+        .replace('\\"', '"')
+        .replace("\\n", "\n")
+    )
+
+
+def _iter_shell_texts() -> Iterator[str]:
+    """Texts and labels of the page around all others."""
+    shell = SHELL.read_text(encoding="utf-8")
+    yield from (text.strip() for text in re.findall(r">([^<>]*[A-Za-z]{2}[^<>]*)<", shell))
+    yield from re.findall(r'(?:aria-label|alt|title)="([^"]+)"', shell)

@@ -1,0 +1,265 @@
+"""A comparison of headlands in words and tables, from figures made by hand; pages of it and of many fields."""
+
+import io
+import json
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from reports.common.plan_results import PlanDrive, PlanResult
+from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison, list_missing
+from reports.plan.headland_page import render_headland_page
+from reports.plan.headland_report import build_headland_table, describe_comparison, format_headland_json
+from reports.plan.many_fields import build_many_fields_table, sum_over_fields
+from reports.plan.many_fields_page import render_many_fields_page
+from reports.plan.ranking_export import build_plan_entry
+from reports.plan.small_map import build_small_map
+
+BROWSER = next((path for name in ("chromium", "chromium-browser") if (path := shutil.which(name))), None)
+SQUARE, ROUND = HeadlandChoice("square", "first", 3), HeadlandChoice("round", "last", 2)
+
+
+def make_plan(time_s: float, missed_m2: float, field_m2: float, **figures: Any) -> PlanResult:
+    """A plan at 36 an hour, 0.01 a second; missed ground is charged at its rate."""
+    cost = 0.01 * time_s
+    charged = field_m2 / (field_m2 - missed_m2)
+    return PlanResult(
+        "split-field", 2, "omega", True, time_s=time_s, cost=cost, finished_s=time_s * charged,
+        finished_cost=cost * charged, missed_m2=missed_m2, worked_pct=100.0 * (1.0 - missed_m2 / field_m2),
+        **{"overlap_pct": 1.0, "over_finished_m2": 50.0, **figures},
+    )  # fmt: skip
+
+
+def compare(name: str, choice: HeadlandChoice, plan: PlanResult | None, area_ha: float, **more: Any) -> ComparedPlan:
+    return ComparedPlan(f"farm.geojson#{name}", choice, plan, field_name=name, area_ha=area_ha, currency="EUR", **more)
+
+
+@pytest.fixture
+def comparison() -> HeadlandComparison:
+    """One hectare and two hectares: square misses nothing, round a tenth of a hectare of the small field."""
+    return HeadlandComparison(
+        (
+            compare("east", SQUARE, make_plan(3600.0, 0.0, 10_000.0), 1.0),
+            compare("east", ROUND, make_plan(3240.0, 1000.0, 10_000.0, over_finished_m2=10.0), 1.0),
+            compare("west", SQUARE, make_plan(7200.0, 0.0, 20_000.0), 2.0),
+            compare("west", ROUND, make_plan(6000.0, 0.0, 20_000.0, over_finished_m2=10.0), 2.0),
+        )
+    )
+
+
+def print_table(renderable: Any, width: int) -> list[str]:
+    console = Console(width=width, record=True, file=io.StringIO())
+    console.print(renderable)
+    return [line.rstrip() for line in console.export_text().splitlines()]
+
+
+def test_missed_ground_is_charged(comparison: HeadlandComparison) -> None:
+    """3240 s for nine tenths of a hectare cost 36 a hectare, as 3600 s for all of it do."""
+    square, round_ = comparison.totals[1], comparison.totals[0]
+    assert (round_.choice, square.choice) == (ROUND, SQUARE)
+    assert round_.cost == pytest.approx(92.4) and round_.charged_cost == pytest.approx(36.0 + 60.0)
+    assert square.cost_per_ha == pytest.approx(108.0 / 3.0) and round_.cost_per_ha == pytest.approx(96.0 / 3.0)
+    assert round_.missed_m2 == 1000.0 and round_.overlap_m2 == pytest.approx(300.0) and round_.time_s == 9240.0
+    east, west = comparison.totals_by_field.values()
+    assert east[0].charged_cost == pytest.approx(east[1].charged_cost) and west[0].choice == ROUND
+
+
+def test_the_answer_says_which_how_much_and_where(comparison: HeadlandComparison) -> None:
+    assert describe_comparison(comparison) == [
+        "Worth it on 2 fields (3.00 ha): round corners, headland last, 2 passes: 12 EUR (11.1 %) less than square, "
+        "first, 3 passes.",
+        "It saves most on west: 12 EUR against the dearest way there.",
+        "It misses 1000 m2 and drives over 20 m2 of finished ground; square, first, 3 passes misses least (0 m2).",
+    ]
+
+
+def test_first_screen_at_80_columns(comparison: HeadlandComparison) -> None:
+    assert print_table(build_headland_table(comparison), 80) == [
+        "Worth it on 2 fields (3.00 ha): round corners, headland last, 2 passes: 12 EUR",
+        "(11.1 %) less than square, first, 3 passes.",
+        "It saves most on west: 12 EUR against the dearest way there.",
+        "It misses 1000 m2 and drives over 20 m2 of finished ground; square, first, 3",
+        "passes misses least (0 m2).",
+        "",
+        "Headland                EUR/ha More    Time Missed m2 Overlap m2 Driven over m2",
+        "round, last, 2 passes     32.0 best 2:34:00      1000        300             20",
+        "square, first, 3 passes   36.0  +12 3:00:00         0        300            100",
+        "",
+        "Field Best headland         Saves Cost/ha    Time Missed m2   ha",
+        "east  round, last, 2 passes  0.00    36.0 0:54:00      1000 1.00",
+        "west  round, last, 2 passes    12    30.0 1:40:00         0 2.00",
+        "Sums of the best plan of every field. Missed: not worked; overlap: worked more",
+        "than once; driven over: finished ground under wheels, headland included; cost",
+        "per hectare that is worked. More: cost in EUR on all fields above the best, with",
+        "missed ground finished.",
+        "",
+    ]
+
+
+@pytest.mark.parametrize("width", [60, 80, 120])
+def test_no_line_is_too_long_with_fuel(comparison: HeadlandComparison, width: int) -> None:
+    plans = tuple(replace(each, plan=replace(each.plan, fuel_l=12.4)) for each in comparison.plans if each.plan)
+    lines = print_table(build_headland_table(HeadlandComparison(plans)), width)
+    assert max(map(len, lines)) <= width
+    assert width < 80 or any("Fuel" in line for line in lines)
+    part = (replace(plans[0], plan=replace(comparison.plans[0].plan, fuel_l=None)), *plans[1:])  # type: ignore[type-var]
+    assert "Fuel" not in " ".join(print_table(build_headland_table(HeadlandComparison(part)), 120))
+
+
+def test_a_field_with_another_best_way_is_named(comparison: HeadlandComparison) -> None:
+    """East: square 36 EUR, round 40 EUR; west: 72 and 60."""
+    dear = replace(comparison.plans[1], plan=make_plan(4000.0, 0.0, 10_000.0))
+    changed = HeadlandComparison((comparison.plans[0], dear, *comparison.plans[2:]))
+    assert changed.best is not None and changed.best.choice == ROUND
+    assert "On east square corners, headland first, 3 passes is better by 4.00 EUR (10.0 %)." in describe_comparison(
+        changed
+    )
+
+
+def test_many_fields_with_another_best_way_are_counted(comparison: HeadlandComparison) -> None:
+    """Three fields on which square saves 4 EUR each, and one on which round saves 24."""
+    plans: list[ComparedPlan] = []
+    for name in ("a", "b", "c"):
+        plans.append(compare(name, SQUARE, make_plan(3600.0, 0.0, 10_000.0), 1.0))
+        plans.append(compare(name, ROUND, make_plan(4000.0, 0.0, 10_000.0), 1.0))
+    plans += [
+        compare("west", SQUARE, make_plan(7200.0, 0.0, 20_000.0), 2.0),
+        compare("west", ROUND, make_plan(4800.0, 0.0, 20_000.0), 2.0),
+    ]
+    sentences = describe_comparison(HeadlandComparison(tuple(plans)))
+    assert sentences[1] == "On 3 of 4 fields another way is better, by 12 EUR together; the second table names them."
+
+
+def test_ways_that_cost_the_same_are_said_to(comparison: HeadlandComparison) -> None:
+    plan = make_plan(3600.0, 0.0, 10_000.0)
+    alike = HeadlandComparison(
+        (compare("east", SQUARE, plan, 1.0), compare("east", ROUND, replace(plan, cost=36.1, finished_cost=36.1), 1.0))
+    )
+    assert describe_comparison(alike)[0] == (
+        "All ways cost the same within 0.10 EUR on east (1.00 ha); the least: square corners, headland first, 3 passes."
+    )
+
+
+def test_ways_that_fail_come_last_and_are_not_compared(comparison: HeadlandComparison) -> None:
+    failed = ComparedPlan("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
+    partial = HeadlandComparison((*comparison.plans[:3], failed))
+    assert [one.choice for one in partial.totals] == [SQUARE, ROUND] and partial.best is partial.totals[0]
+    assert list_missing(partial) == ["west: round, last, 2 passes: No path leads from track 1."]
+    assert describe_comparison(partial)[0].startswith("Only this way works: square corners")
+    data = json.loads(format_headland_json(partial))
+    assert data["best"] == {"corners": "square", "headland_order": "first", "headland_passes": 3}
+    assert [(one["corners"], one["fields"]) for one in data["totals"]] == [("square", 2), ("round", 1)]
+    nothing = HeadlandComparison((failed,))
+    assert nothing.best is None and describe_comparison(nothing) == [
+        "No way to work the headland works; the reasons are below."
+    ]
+    assert list_missing(nothing)[0].startswith("farm.geojson#west: round, last, 2 passes: ")
+    split = HeadlandComparison(
+        (
+            comparison.plans[0],
+            replace(failed, requested_field="farm.geojson#east", choice=ROUND),
+            comparison.plans[3],
+            replace(failed, choice=SQUARE),
+        )
+    )
+    assert split.best is None and describe_comparison(split)[0].startswith("No way to work the headland works on every")
+
+
+def test_a_small_map_is_small_and_in_its_frame(listed_drive: PlanDrive) -> None:
+    ring = np.array([[100.0, 30.0], [110.0, 30.0], [110.0, 31.0], [100.0, 31.0]])
+    drawn = build_small_map(listed_drive, [ring])
+    assert json.loads(json.dumps(drawn)) == drawn and len(json.dumps(drawn)) < 60_000
+    assert len(drawn["lanes"]) == len(listed_drive.xy) and all(lane["work"] for lane in drawn["lanes"])
+    assert drawn["driven_over"].startswith("M") and drawn["driven_over"].count("z") == 1
+    x, y = map(int, drawn["driven_over"][1:].split("l")[0].split())
+    assert 0 < x < drawn["width"] and 0 < y < drawn["height"]
+
+
+def make_record(name: str, area_ha: float, plan: PlanResult, drawing: dict[str, Any] | None) -> dict[str, Any]:
+    entry = build_plan_entry(replace(plan, rank=1, headland_passes=3, headland_order="last"))
+    return {
+        "requested_field": f"farm.geojson#{name}", "width_m": 3.0, "refusal": None, "map": drawing,
+        "ranking": {
+            "field": {"name": name, "area_ha": area_ha}, "plans": [entry], "best": entry, "unmet": None,
+            "currency": "EUR", "summary": ["2 tractors, split-field: done in 1:00:00."],
+            "scenario": {"tractor": "Yanmar EG105", "width_m": 3.0, "headland_m": 9.0, "bearing_deg": 90.0},
+        },
+    }  # fmt: skip
+
+
+@pytest.fixture
+def records(drive: PlanDrive) -> list[dict[str, Any]]:
+    refused = {"requested_field": "farm.geojson#tiny", "width_m": 3.0, "refusal": "It is too small.", "ranking": None}
+    return [
+        make_record("east", 1.0, make_plan(3600.0, 0.0, 10_000.0), build_small_map(drive)),
+        make_record("west", 2.0, make_plan(5400.0, 600.0, 20_000.0), build_small_map(drive)),
+        refused,
+    ]
+
+
+def test_totals_of_fields_leave_out_what_has_no_plan(records: list[dict[str, Any]]) -> None:
+    """Three hectares in 9000 s for 90 EUR; 600 m2 of 30,000 are missed."""
+    (total,) = sum_over_fields(records)
+    assert (total.fields, total.area_ha, total.time_s, total.missed_m2) == (2, 3.0, 9000.0, 600.0)
+    assert total.cost == pytest.approx(90.0) and total.cost_per_ha == pytest.approx(30.0)
+    assert total.worked_pct == pytest.approx(98.0)
+    (row,) = [line.split() for line in print_table(build_many_fields_table(records), 120) if line.startswith("Total ")]
+    assert row == ["Total", "3.00", "3", "2:30:00", "98.0", "90"]
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    if BROWSER is None:
+        pytest.skip("no browser is installed")
+    sync_api = pytest.importorskip("playwright.sync_api")
+    with sync_api.sync_playwright() as play:
+        found = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield found
+        found.close()
+
+
+class TestPages:
+    def test_compared_headlands(
+        self, browser: Any, comparison: HeadlandComparison, listed_drive: PlanDrive, tmp_path: Path
+    ) -> None:
+        drawing = build_small_map(listed_drive, [np.array([[100.0, 30.0], [110.0, 30.0], [110.0, 31.0]])])
+        page = render_headland_page(HeadlandComparison(tuple(replace(each, map=drawing) for each in comparison.plans)))
+        shown = open_page(browser, page, tmp_path)
+        assert shown.locator("h1").inner_text() == "Headlands compared: 2 fields"
+        assert shown.locator(".lead").inner_text().startswith("Worth it on\N{NO-BREAK SPACE}2 fields")
+        assert shown.locator("figure svg").count() == 4 and shown.locator("figure.best").count() == 2
+        assert "driven over when finished" in shown.locator(".legend").inner_text()
+        assert shown.locator("tr.best td").first.inner_text() == "round, last, 2 passes"
+        check_faults(shown)
+
+    def test_many_fields(self, browser: Any, records: list[dict[str, Any]], tmp_path: Path) -> None:
+        shown = open_page(browser, render_many_fields_page(records), tmp_path)
+        assert "2 fields, 3.00 ha: 2:30:00" in shown.locator(".lead").inner_text().replace("\N{NO-BREAK SPACE}", " ")
+        assert shown.locator("figure svg").count() == 2
+        shown.locator("td a", has_text="west").click()
+        assert shown.evaluate("document.querySelector(':target h2').textContent").startswith("west")
+        assert "farm.geojson#tiny at 3 m: It is too small." in shown.locator("ul.plain").inner_text()
+        check_faults(shown)
+
+
+def open_page(browser: Any, text: str, folder: Path) -> Any:
+    """The page in a browser that reaches nothing else."""
+    path = folder / "page.html"
+    path.write_text(text, encoding="utf-8")
+    shown = browser.new_page()
+    shown.route("http*://**", lambda route: pytest.fail(f"{route.request.url} was asked for"))
+    shown.goto(path.as_uri())
+    return shown
+
+
+def check_faults(shown: Any) -> None:
+    from tests.service.accessibility import find_faults_at_widths
+
+    assert find_faults_at_widths(shown) == []
+    shown.close()

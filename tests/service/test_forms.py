@@ -1,0 +1,154 @@
+"""Days and farms as forms: text and values are two views of one thing, and each fault has its place."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from starlette.testclient import TestClient
+
+from planner.day.input_file import read_example_day_text
+from planner.farm.inventory import read_example_farm_text
+from planner.service.sandbox.form_texts import read_day_form, read_farm_form
+from tests.service.conftest import SMALL, Shared
+from tests.service.test_library import add, add_field
+
+DAY = read_example_day_text()
+
+
+def change(client: TestClient, kind: str, text: str, *changes: tuple[list[Any], Any]) -> Any:
+    """The form after changes of (path, value)."""
+    body = {"text": text, "changes": [{"path": path, "value": value} for path, value in changes]}
+    answer = client.post(f"/api/v1/forms/{kind}", json=body)
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+def find_fault(form: Any, *path: str | int) -> str:
+    """The sentence at a place; fails where there is none."""
+    sentence: str = next(each["sentence"] for each in form["faults"] if each["path"] == list(path))
+    return sentence
+
+
+@pytest.mark.parametrize(("kind", "text"), [("day", DAY), ("farm", read_example_farm_text())])
+def test_the_example_is_a_form_without_faults(shared: Shared, kind: str, text: str) -> None:
+    client, _ = shared
+    form = client.get(f"/api/v1/forms/{kind}").json()
+    assert form["text"] == text and form["faults"] == [] and form["values"] == tomllib.loads(text)
+    assert form["choices"]["tractor"] == ["Fendt 724", "EG105"]
+    assert change(client, kind, text) == form
+
+
+def test_values_are_set_added_and_removed_and_comments_stay(shared: Shared) -> None:
+    client, _ = shared
+    form = change(
+        client, "day", DAY, (["start"], "06:30"), (["fields", 0, "name"], "Große \"Breite\"\n"), (["rain"], None),
+        (["fields", 3], {"file": "denmark"}), (["fields", 3, "windows"], ["08:00-12:00", "13:00-14:00"]),
+        (["roads", 0], None), (["fleets", 0, "count"], 1), (["certainty_pct"], 80),
+    )  # fmt: skip
+    values = tomllib.loads(form["text"])
+    assert values == form["values"] and form["faults"] == []
+    assert values["start"] == "06:30" and "rain" not in values and values["certainty_pct"] == 80
+    assert values["fields"][0]["name"] == 'Große "Breite"\n' and values["fleets"][0]["count"] == 1
+    assert values["fields"][3] == {"file": "denmark", "windows": ["08:00-12:00", "13:00-14:00"]}
+    assert not values.get("roads")
+    kept = [line.partition("#")[2] for line in DAY.splitlines() if "#" in line and "percent" not in line]
+    assert all(comment in form["text"] for comment in kept if "straight line" not in comment)
+    farm = change(
+        client, "farm", "", (["tractors", 0], {"name": "red"}), (["tractors", 0, "sheet", "wheelbase_m"], 2.5)
+    )
+    assert tomllib.loads(farm["text"]) == {"tractors": [{"name": "red", "sheet": {"wheelbase_m": 2.5}}]}
+
+
+def test_a_bad_value_is_told_of_at_its_place(shared: Shared) -> None:
+    client, _ = shared
+    form = change(
+        client, "day", DAY, (["start"], "25:00"), (["fields", 1, "windows"], ["9-12 o'clock"]),
+        (["roads", 0, "km"], -3), (["fleets", 1, "count"], 0), (["fields", 2, "file"], None),
+    )  # fmt: skip
+    assert "25:00" in find_fault(form, "start") and "hours" in find_fault(form, "fields", 1, "windows", 0)
+    assert find_fault(form, "roads", 0, "km").startswith("-3") and "0 to 1000" in find_fault(form, "roads", 0, "km")
+    assert "1 to" in find_fault(form, "fleets", 1, "count")
+    assert find_fault(form, "fields", 2, "file") == "Give a field file or sample."
+    assert all(each["sentence"].endswith(".") for each in form["faults"]) and len(form["faults"]) == 5
+
+
+def test_contradictions_are_told_of_where_their_names_are(shared: Shared) -> None:
+    client, token = shared
+    form = change(client, "day", DAY, (["fleets", 0, "tractor"], "Deutz"))
+    assert "has no tractor 'Deutz'" in find_fault(form, "fleets", 0, "tractor")
+    form = change(client, "day", DAY, (["fleets", 0, "count"], 9))
+    assert "the farm only 2" in find_fault(form)
+    form = change(client, "day", DAY, (["fields", 1, "file"], "nowhere"), (["farm"], "gone.toml"))
+    assert "no field 'nowhere'" in find_fault(form, "fields", 1, "file") and "no farm 'gone'" in find_fault(
+        form, "farm"
+    )
+    assert add_field(client, token, "nowhere").status_code == 201
+    farm = read_example_farm_text().replace("EG105", "robot").encode()
+    assert add(client, token, "farms", "gone.toml", farm).status_code == 201
+    form = change(client, "day", form["text"])
+    assert form["choices"]["tractor"] == ["Fendt 724", "robot"]
+    assert "has no tractor 'EG105'" in find_fault(form, "fleets", 1, "tractor")
+    assert change(client, "day", form["text"], (["fleets", 1, "tractor"], "robot"))["faults"] == []
+    farm_form = change(client, "farm", farm.decode(), (["tractors", 1, "file"], "gone.toml"))
+    assert "no tractor 'gone'" in find_fault(farm_form, "tractors", 1, "file")
+    for kind, name in (("fields", "nowhere"), ("farms", "gone")):
+        assert client.delete(f"/api/v1/{kind}/{name}", headers=token).status_code == 204
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a = ", "[[fields]]\nfile = 1\nfile = 2", "x" * 5, "a = " + "[" * 40 + "]" * 40, "=", "\x00", "a.b = 1\na = 2"],
+)
+def test_a_text_that_is_not_toml_is_told_of(shared: Shared, text: str) -> None:
+    client, _ = shared
+    form = change(client, "day", text)
+    assert form["text"] == text and form["values"] == {} and "not TOML" in find_fault(form)
+    answer = client.post("/api/v1/forms/day", json={"text": text, "changes": [{"path": ["start"], "value": "07:00"}]})
+    assert answer.status_code == 422 and "Correct the text first" in answer.json()["error"]
+
+
+@pytest.mark.parametrize(
+    "path", [["fields", 7], ["fields", "name"], ["start", "x"], ["fields", 9, "name"], ["yard", 0], ["start", 0]]
+)
+def test_a_change_without_a_place_is_refused(shared: Shared, path: list[Any]) -> None:
+    client, _ = shared
+    body = {"text": DAY.replace("[yard]", 'start = "1"\n[yard]', 0), "changes": [{"path": path, "value": "x"}]}
+    answer = client.post("/api/v1/forms/day", json=body)
+    assert answer.status_code == 422 and answer.json()["error"].endswith("."), answer.text
+
+
+def test_odd_values_do_not_break_the_answer(shared: Shared) -> None:
+    client, _ = shared
+    form = change(
+        client, "day", "a = inf\nb = nan\nc = 2026-05-01\nfields = 3\nfleets = [[1]]\n[yard]\nlon = 07:00:00\n"
+    )
+    assert form["values"]["a"] == "inf" and form["values"]["c"] == "2026-05-01" and form["faults"]
+    form = change(client, "day", 'fields = [{file = "denmark"}]\n', (["fields", 0, "name"], "x"))
+    assert form["values"] == {"fields": [{"file": "denmark", "name": "x"}]}
+
+
+@given(
+    names=st.lists(st.text(st.characters(blacklist_categories=["Cs"]), max_size=30), min_size=1, max_size=4),
+    km=st.floats(0, 1000),
+)
+@settings(max_examples=25, deadline=None)
+def test_what_a_form_writes_it_reads(names: list[str], km: float) -> None:
+    changes: list[Any] = []
+    for position, name in enumerate(names):
+        changes += [{"path": ["roads", position], "value": {"km": km}}]
+        changes += [{"path": ["roads", position, "between"], "value": [name, "yard"]}]
+    text = read_day_form("# kept\n", changes)["text"]
+    assert text.startswith("# kept\n")
+    assert tomllib.loads(text) == {"roads": [{"km": km, "between": [name, "yard"]} for name in names]}
+    emptied = read_farm_form(text, [{"path": ["roads", 0], "value": None} for _ in names])["text"]
+    assert not tomllib.loads(emptied).get("roads")
+
+
+def test_a_form_stores_nothing(client: TestClient) -> None:
+    change(client, "farm", read_example_farm_text())
+    store: Any = client.app.state.store  # type: ignore[attr-defined]
+    assert store.blobs.list_paths() == [] and SMALL

@@ -1,0 +1,202 @@
+"""The library and the forms of days and farms in a browser, with the service itself behind them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from playwright.sync_api import Browser, Page
+
+from planner.service.api.apps import create_app
+from planner.service.settings import ServiceSettings
+from tests.service.accessibility import find_faults_at_widths, open_all_details
+from tests.service.conftest import SMALL
+from tests.service.test_library import LARGER
+from tests.service.watching import WIDE, WatchedPage, needs_browser, serve_app, until
+
+pytestmark = [needs_browser, pytest.mark.slow]
+Service = tuple[WatchedPage, FastAPI]
+
+
+@pytest.fixture
+def service(browser: Browser, tmp_path: Path) -> Iterator[Service]:
+    """A page with a planner's token, and the service behind it."""
+    app = create_app(ServiceSettings(data=tmp_path / "data", workers=0), reads_inline=True)
+    token = app.state.store.create_token_text("office", "operator planner")
+    with serve_app(app) as base:
+        watched = WatchedPage(browser, base, token)
+        yield watched, app
+        watched.page.context.close()
+
+
+def list_cards(page: Page) -> list[str]:
+    """The names in the library."""
+    return page.locator("li.shelf b").all_inner_texts()
+
+
+def open_change(page: Page, name: str) -> None:
+    """Unfold what can be done with a thing."""
+    page.click(f"summary[aria-label='Change {name}']")
+    page.wait_for_selector(f"[aria-label='Copy: {name}']")
+
+
+def test_a_field_is_added_replaced_renamed_copied_and_deleted(service: Service, tmp_path: Path) -> None:
+    watched, app = service
+    field, store = tmp_path / "north.geojson", app.state.store
+    field.write_bytes(SMALL)
+    page = watched.open("/library")
+    page.wait_for_selector("text=4 entries")
+    page.set_input_files("input[type=file]", field)
+    page.wait_for_selector("text=5 entries")
+    assert page.evaluate("document.activeElement.getAttribute('aria-label')") == "Change north"
+    watched.well()
+    field.write_bytes(LARGER)
+    page.set_input_files("input[type=file]", field)
+    page.click("text=Replace the older file")
+    until(page, lambda: store.blobs.read_bytes(store.get_file("field", "north").sha256) == LARGER)
+    page.wait_for_selector("[aria-label='The name is taken']", state="detached")
+    field.write_bytes(SMALL)
+    page.set_input_files("input[type=file]", field)
+    page.fill("input[name=upload-name]", "south")
+    page.click("text=Add under this name")
+    page.wait_for_selector("text=6 entries")
+    watched.said.clear()  # a refusal is a failed request, which a browser tells of
+
+    open_change(page, "north")
+    page.click("[aria-label='Rename: north']")
+    page.fill("input[name=new-name]", "a/b")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("text=The name 'a/b' cannot be used")
+    page.click("[aria-label='Rename: north']")
+    page.fill("input[name=new-name]", "Große Breite")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("b:has-text('Große Breite')")
+    open_change(page, "Große Breite")
+    page.click("[aria-label='Copy: Große Breite']")
+    page.wait_for_selector("b:has-text('Große Breite copy')")
+    page.fill("input[name=search]", "BREITE copy")
+    page.wait_for_selector("text=1 entry")
+    open_change(page, "Große Breite copy")
+    page.click("[aria-label='Delete: Große Breite copy']")
+    page.click(".panel button.danger:has-text('Delete'):not([aria-label])")
+    page.wait_for_selector("text=Nothing is called BREITE copy.")
+    page.fill("input[name=search]", "")
+    page.wait_for_selector("text=6 entries")
+    assert [row.name for row in store.list_files("field")] == ["Große Breite", "south"]
+    open_change(page, "denmark")
+    assert page.locator("[aria-label='Delete: denmark']").is_disabled()
+    page.wait_for_selector("text=This comes with Headland: copy it to change it.")
+    open_change(page, "south")
+    assert find_faults_at_widths(page) == []
+    page.set_viewport_size(WIDE)
+    page.click("[aria-label='Plan it: Große Breite']")
+    page.wait_for_selector("select[name=fields]")
+    assert page.input_value("select[name=fields]") == "Große Breite", "the selection follows"
+
+
+def test_somebody_elses_things_are_only_looked_at(service: Service) -> None:
+    watched, app = service
+    app.state.store.add_file("field", "theirs", SMALL, owner="yard")
+    done = app.state.store.add_job("plan", "their plan", {}, owner="yard")
+    app.state.store.cancel_job(done.id)
+    page = watched.open("/library/plans")
+    open_change(page, "their plan")
+    page.wait_for_selector("text=This belongs to yard")
+    assert page.locator("[aria-label='Rename: their plan']").is_disabled()
+    page.click("[aria-label='Copy: their plan']")
+    page.wait_for_selector("b:has-text('their plan copy')")
+    open_change(page, "their plan copy")
+    page.click("[aria-label='Rename: their plan copy']")
+    page.fill("input[name=new-name]", "mine")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("b:text-is('mine')")
+    assert list_cards(page) == ["mine", "their plan"]
+    page.click("nav[aria-label='Kinds of things'] >> text=Fields")
+    open_change(page, "theirs")
+    assert page.locator("[aria-label='Delete: theirs']").is_disabled()
+    watched.well()
+
+
+def test_a_day_is_made_in_the_form_and_in_the_text(service: Service) -> None:
+    watched, app = service
+    page = watched.open("/day")
+    page.wait_for_selector("text=Add at least one field.")
+    page.click("text=Add a field")
+    page.wait_for_function("() => document.activeElement.name === 'fields.0.file'")
+    page.select_option("[name='fields.0.file']", "denmark")
+    page.fill("[name='fields.0.windows']", "8 to 12")
+    page.press("[name='fields.0.windows']", "Tab")
+    page.wait_for_selector("[name='fields.0.windows'][aria-invalid=true]")
+    described = page.get_attribute("[name='fields.0.windows']", "aria-describedby")
+    assert "range of hours" in page.locator(f"[id='{described}']").inner_text()
+    page.fill("[name='fields.0.windows']", "08:00-12:00, 13:00-19:00")
+    page.click("text=Add a fleet")
+    page.wait_for_selector("[name='fleets.0.tractor'] option:text-is('EG105')", state="attached")
+    page.select_option("[name='fleets.0.tractor']", "EG105")
+    page.fill("[name='fleets.0.count']", "2,5")
+    page.press("[name='fleets.0.count']", "Tab")
+    page.wait_for_selector("[name='fleets.0.count'][aria-invalid=true]")
+    page.fill("[name='fleets.0.count']", "2")
+    page.press("[name='fleets.0.count']", "Tab")
+    page.wait_for_function("() => !document.querySelector('[aria-invalid]')")
+    open_all_details(page)
+    text = page.input_value("[name=day-text]")
+    page.fill("[name=day-text]", text.replace("denmark", "netherlands") + "# from the office\n")
+    page.wait_for_function("() => document.querySelector(\"[name='fields.0.file']\").value === 'netherlands'")
+    page.fill("[name=start]", "06:30")
+    page.press("[name=start]", "Tab")
+    page.wait_for_function("() => document.querySelector('[name=day-text]').value.includes('06:30')")
+    assert "# from the office" in page.input_value("[name=day-text]")
+    assert find_faults_at_widths(page) == []
+    page.set_viewport_size(WIDE)
+    page.fill("[name=name]", "Tuesday")
+    page.click("text=Plan the day")
+    page.wait_for_selector("text=Waiting for its turn.")
+    job = app.state.store.list_jobs("day")[0]
+    asked: dict[str, Any] = tomllib.loads(job.request["day"])
+    assert job.name == "Tuesday" and asked["start"] == "06:30"
+    windows = ["08:00-12:00", "13:00-19:00"]
+    assert asked["fields"] == [{"file": "netherlands", "windows": windows}]
+    assert asked["fleets"] == [{"name": "fleet 1", "count": 2, "tractor": "EG105"}]
+    page.click("text=Cancel")
+    page.click("text=Change this day and plan again")
+    page.wait_for_function("() => document.querySelector(\"[name='start']\")?.value === '06:30'")
+    watched.well()
+
+
+def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
+    watched, app = service
+    page = watched.open("/farm")
+    page.wait_for_selector("[name='tractors.1.file']")
+    page.fill("[name='prices.fuel_per_l']", "1,35")
+    page.fill("[name='implements.0.width_m']", "-3")
+    page.press("[name='implements.0.width_m']", "Tab")
+    page.wait_for_selector("[name='implements.0.width_m'][aria-invalid=true]")
+    page.fill("[name=name]", "Hof Süd")
+    page.click("text=Save the farm")
+    page.wait_for_selector("text=implements.cultivator.width_m = -3")
+    assert app.state.store.list_files("farm") == []
+    watched.said.clear()
+    page.fill("[name='implements.0.width_m']", "4")
+    page.click("[aria-label='Remove this implement: tanker']")
+    page.wait_for_selector("[name='implements.3.name']", state="detached")
+    page.click("text=Save the farm")
+    page.wait_for_selector("h1:has-text('Hof Süd')")
+    content = app.state.store.blobs.read_bytes(app.state.store.get_file("farm", "Hof Süd").sha256).decode()
+    farm = tomllib.loads(content)
+    assert farm["prices"]["fuel_per_l"] == 1.35 and farm["implements"][0]["width_m"] == 4
+    assert len(farm["implements"]) == 3 and "# behind the rear axle" in content
+    page.fill("[name='times.shift_start']", "05:00")
+    page.press("[name='times.shift_start']", "Tab")
+    page.wait_for_function("() => document.querySelector('[name=farm-text]').value.includes('05:00')")
+    page.click("text=Save the farm")
+    page.wait_for_selector("text=Saved as Hof Süd")
+    saved = app.state.store.get_file("farm", "Hof Süd")
+    assert tomllib.loads(app.state.store.blobs.read_bytes(saved.sha256).decode())["times"]["shift_start"] == "05:00"
+    watched.open("/plan")
+    until(page, lambda: page.input_value("select[name=farms]") == "Hof Süd")
+    watched.well()

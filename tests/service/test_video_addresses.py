@@ -1,0 +1,106 @@
+"""Addresses of video: what is one, who may set it, what the page may then load, and that it is kept."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+
+from planner.service.access.browser_policy import CONTENT_SECURITY_POLICY, build_page_policy
+from planner.service.errors import ServiceError
+from planner.service.fleets.fleet_sessions import FleetLabel
+from planner.service.fleets.video_addresses import VideoAddresses, check_video_address, find_origin
+from tests.service.conftest import bearer
+
+PUT = "/api/v1/fleets/f1/tractors/{}/video"
+CAMERA = "https://gateway.example:8443/tractor-1/index.m3u8"
+
+
+class Session:
+    """As much of a fleet as the route asks."""
+
+    id, name, tractor_count = "f1", "north", 2
+
+
+@pytest.fixture
+def fleet(app: FastAPI, client: TestClient, monkeypatch: pytest.MonkeyPatch) -> Iterator[TestClient]:
+    app.state.store.save_fleet("f1", "north", "{}", {"times": 1.0})
+    app.state.hub.labels["f1"] = FleetLabel("f1", "north", "2026-11-20T08:00:00Z")
+    monkeypatch.setattr(app.state.hub, "get_session", lambda _: Session())
+    yield client
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "http://camera/stream", CAMERA, "http://192.168.1.20:8080/?action=stream", "http://[fd00::5]:81/cam",
+        "/video/1.m3u8", "video/1.mjpg",
+    ],
+)  # fmt: skip
+def test_http_and_paths_are_addresses(address: str) -> None:
+    assert check_video_address(address) == address
+
+
+@pytest.mark.parametrize(
+    ("address", "why"),
+    [
+        ("rtsp://camera/1", "which know no RTSP"), ("javascript:alert(1)", "neither http nor https"),
+        ("data:image/png;base64,AA", "letters, digits"), ("//camera/1", "begin it with http"), ("", "letters, digits"),
+        ("http://a b/", "letters, digits"), ("http://camera; script-src *", "letters, digits"),
+        ("http://camera,http://other/", "letters, digits"), ("http://anna:secret@camera/1", "user or password"),
+        ("http:///1", "names no host"), ("http://*/1", "names no host"), ("http://camera:99999/", "host and port"),
+        ("http://'self'/", "letters, digits"), ("ftp://camera/1", "neither http nor https"), ("camera:8080", "neither"),
+    ],
+)  # fmt: skip
+def test_all_else_is_refused_in_a_sentence_that_keeps_secrets(address: str, why: str) -> None:
+    with pytest.raises(ServiceError) as refusal:
+        check_video_address(address)
+    assert why in str(refusal.value) and str(refusal.value).endswith(".") and "secret" not in str(refusal.value)
+
+
+def test_the_policy_allows_the_hosts_of_addresses_and_no_others() -> None:
+    videos = VideoAddresses()
+    videos.restore("f1", {"videos": {"1": CAMERA, "2": "/video/2.m3u8"}})
+    videos.set_address("f2", 1, "HTTP://Camera.example/a/b.mjpg")
+    assert videos.list_origins() == ["http://camera.example", "https://gateway.example:8443"]
+    policy = build_page_policy(videos.list_origins())
+    rules = dict(rule.strip().split(" ", 1) for rule in policy.split(";"))
+    assert rules["media-src"] == "'self' http://camera.example https://gateway.example:8443"
+    assert rules["img-src"] == f"'self' data: blob: {rules['media-src'].removeprefix(chr(39) + 'self' + chr(39) + ' ')}"
+    others = dict(rule.strip().split(" ", 1) for rule in CONTENT_SECURITY_POLICY.split(";"))
+    assert {key: value for key, value in rules.items() if key not in ("img-src", "media-src")} == {
+        key: value for key, value in others.items() if key != "img-src"
+    }
+    assert build_page_policy([]) == CONTENT_SECURITY_POLICY
+    assert find_origin("/video/2.m3u8") is None
+
+
+def test_operators_set_it_and_pages_may_load_it_until_it_is_removed(app: FastAPI, fleet: TestClient) -> None:
+    operator = bearer(app, "operator")
+    assert fleet.put(PUT.format(1), json={"address": CAMERA}).status_code == 401
+    assert fleet.put(PUT.format(1), json={"address": CAMERA}, headers=bearer(app, "planner")).status_code == 403
+    assert CAMERA.split("/")[2] not in fleet.get("/").headers["content-security-policy"]
+    assert fleet.put(PUT.format(1), json={"address": CAMERA}, headers=operator).json() == {"address": CAMERA}
+    assert "media-src 'self' https://gateway.example:8443" in fleet.get("/").headers["content-security-policy"]
+    kept = app.state.store.get_fleet("f1").settings
+    assert kept == {"times": 1.0, "videos": {"1": CAMERA}}
+    assert app.state.store.list_events(fleet="f1")[-1].data == {"tractor": 1, "address": CAMERA}
+    refused = fleet.put(PUT.format(1), json={"address": "rtsp://camera/1"}, headers=operator)
+    assert refused.status_code == 422 and refused.json()["parameter"] == "address"
+    assert fleet.put(PUT.format(3), json={"address": CAMERA}, headers=operator).status_code == 404
+    assert fleet.put(PUT.format(1), json={"address": None}, headers=operator).json() == {"address": None}
+    assert not re.search("media-src", fleet.get("/").headers["content-security-policy"])
+
+
+def test_addresses_are_there_again_after_a_restart(app: FastAPI, fleet: TestClient) -> None:
+    app.state.store.save_fleet_setting("f1", "videos", {"2": CAMERA})
+    hub: Any = app.state.hub
+    asyncio.run(hub.restore_sessions())
+    assert hub.videos.get_addresses("f1") == {2: CAMERA}
+    hub.videos.remove_fleet("f1")
+    assert hub.videos.list_origins() == []
