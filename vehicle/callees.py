@@ -12,7 +12,7 @@ from typing import Any
 from numba.core import event
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
-from numba.core.typing import make_concrete_template
+from numba.core.typing.templates import make_concrete_template
 
 
 class _LinkedLibrary(JITCodeLibrary):
@@ -26,7 +26,7 @@ class _LinkedLibrary(JITCodeLibrary):
         self._finalized = True
 
 
-class _LinkedPipeline(Compiler):  # type: ignore[misc]
+class _LinkedPipeline(Compiler):
     """numba's pipeline up to code that can be linked."""
 
     def __init__(

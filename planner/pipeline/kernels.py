@@ -29,6 +29,7 @@ from planner.pipeline.executors import create_executor
 from vehicle.jit import is_compiled
 
 PLAN, MORE = "plan", "more"
+COMPILING = "Compiling functions"
 LIST_FILE = "kernels.csv"
 POLL_S = 0.3
 RECORD_HOMES = {
@@ -179,7 +180,8 @@ def _parse_type(word: str) -> Any:
         element = numba.from_dtype(getattr(import_module(RECORD_HOMES[kind]), kind))
     else:
         element = numba.from_dtype(np.dtype(kind))
-    return numba.types.Array(element, int(shape[0]), shape[1]) if shape else element
+    array: Any = numba.types.Array
+    return array(element, int(shape[0]), shape[1]) if shape else element
 
 
 def format_types(types: Sequence[Any]) -> str:
@@ -188,11 +190,12 @@ def format_types(types: Sequence[Any]) -> str:
 
 
 def _format_type(kind: Any) -> str:
+    is_tuple = isinstance(kind, numba.types.BaseTuple)
     if isinstance(kind, numba.types.Array):
         return f"{_format_type(kind.dtype)}:{kind.ndim}{kind.layout}"
-    if isinstance(kind, numba.types.BaseTuple):
+    if is_tuple:
         name = getattr(kind, "instance_class", None)
-        return f"{f'{name.__module__}.{name.__qualname__}' if name else ''}({format_types(tuple(kind))})"
+        return f"{f'{name.__module__}.{name.__qualname__}' if name else ''}({format_types(list(kind))})"
     if isinstance(kind, numba.types.Record):
         names = [name for name, home in RECORD_HOMES.items() if kind == _parse_type(name)]
         return names[0]

@@ -65,9 +65,10 @@ def write_list() -> None:
             for code in codes:
                 for key, seconds in record(code, {"NUMBA_CACHE_DIR": kept}).items():
                     found.setdefault(key, (use, seconds))
+    rows = [(use != kernels.PLAN, name, types, use, seconds) for (name, types), (use, seconds) in found.items()]
     text = io.StringIO()
-    rows = [(use, f"{seconds:.1f}", name, types) for (name, types), (use, seconds) in found.items()]
-    csv.writer(text, lineterminator="\n").writerows(sorted(rows, key=lambda row: (row[0] != kernels.PLAN, *row[2:])))
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows((use, f"{seconds:.1f}", name, types) for _, name, types, use, seconds in sorted(rows))
     (Path(kernels.__file__).parent / kernels.LIST_FILE).write_text(text.getvalue(), encoding="utf-8")
 
 

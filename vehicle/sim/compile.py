@@ -236,9 +236,10 @@ def _limit_speeds(path: Array, cumulative: Array, rows: Array, tractor: Tractor)
     limits = [build_driving_limits(tractor, ground.name) for ground in GROUNDS]
     lateral, length = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
     one = limits[0]
+    first, last, grounds = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
     limit_runs(
-        path, cumulative, *(np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground")),
-        lateral, length, one.steering_mps, one.window_m, one.deceleration_mps2,
+        path, cumulative, first, last, grounds, lateral, length,
+        one.steering_mps, one.window_m, one.deceleration_mps2,
     )  # fmt: skip
 
 
