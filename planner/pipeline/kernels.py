@@ -88,7 +88,7 @@ def compile_kernels(kernels: Sequence[Kernel], processes: int | None = None, rep
     shares = share_kernels(kernels, processes or os.cpu_count() or 1)
     if not shares:
         return
-    with create_executor(len(shares), len(shares)) as executor, _watch(kernels, report):
+    with create_executor(len(shares), len(shares)) as executor, _Watch(kernels, report):
         futures: list[Future[None]] = []
         if isinstance(executor, ProcessPoolExecutor):
             futures = [executor.submit(compile_share, share) for share in shares[1:]]
@@ -126,7 +126,7 @@ def compile_share(kernels: Sequence[Kernel]) -> None:
             gc.enable()
 
 
-class _watch:  # noqa: N801
+class _Watch:
     """While it is open, another thread reports how far the compilation is."""
 
     def __init__(self, kernels: Sequence[Kernel], report: Report | None) -> None:
