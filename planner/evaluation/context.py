@@ -341,13 +341,9 @@ def prepare_context(
 
 
 def _lay_out_field(
-    create: partial[PlanningContext],
-    field: Field,
-    radius_m: float,
-    reach: TurnReach,
-    small_widths: float,
+    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, small_widths: float,
     report_layouts: Report | None,
-) -> PlanningContext:
+) -> PlanningContext:  # fmt: skip
     """The context of the quickest layout; obstacles less than `small_widths` working widths across are bypassed."""
     request, tractor, implement = (create.keywords[name] for name in ("request", "tractor", "implement"))
     field, headland_m = _prepare_ground(
