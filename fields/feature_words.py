@@ -151,12 +151,18 @@ class Meaning:
 
 def find_meaning(properties: Mapping[str, Any]) -> Meaning:
     """The meaning of a feature by its kind, role, name or layer, or by other properties if they name an obstacle."""
-    texts = {key.casefold(): value.strip() for key, value in properties.items() if isinstance(value, str)}
-    tags = [f"{key} {texts[key]}" for key in OSM_KEYS if texts.get(key) not in (None, "", "no")]
-    meanings = [find_word_meaning(text) for text in (*(texts.get(key, "") for key in NAME_KEYS), *tags)]
-    weak = [find_word_meaning(texts.get(key, "")) for key in WEAK_KEYS]
+    texts = {
+        key.casefold(): text for key, value in properties.items() if isinstance(value, str) and (text := value.strip())
+    }
+    tags = [f"{key} {texts[key]}" for key in OSM_KEYS if texts.get(key, "no") != "no"]
+    meanings = [find_word_meaning(text) for text in (*_pick(texts, NAME_KEYS), *tags)]
+    weak = [find_word_meaning(text) for text in _pick(texts, WEAK_KEYS)]
     obstacle = next((one for one in (*meanings, *weak) if one.use == OBSTACLE), None)
     return obstacle or next((one for one in meanings if one.use), Meaning())
+
+
+def _pick(texts: Mapping[str, str], keys: Iterable[str]) -> list[str]:
+    return [texts[key] for key in keys if key in texts]
 
 
 def find_name(properties: Mapping[str, Any]) -> str:
@@ -165,6 +171,7 @@ def find_name(properties: Mapping[str, Any]) -> str:
     return next((name for name in names if name), "")
 
 
+@lru_cache(maxsize=10_000)
 def find_word_meaning(text: str) -> Meaning:
     """The meaning of a name or kind.
 
@@ -202,8 +209,11 @@ def is_label(name: str, field_names: Iterable[str]) -> bool:
 
 def _split_words(text: str) -> list[str]:
     """Words in small letters without accents."""
-    plain = unicodedata.normalize("NFKD", text.casefold().translate(_PLAIN_LETTERS))
-    return _WORD.findall("".join(one for one in plain if not unicodedata.combining(one)))
+    plain = text.casefold()
+    if not plain.isascii():
+        plain = unicodedata.normalize("NFKD", plain.translate(_PLAIN_LETTERS))
+        plain = "".join(one for one in plain if not unicodedata.combining(one))
+    return _WORD.findall(plain)
 
 
 @cache

@@ -40,6 +40,7 @@ LONG = (
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+os.environ["HEADLAND_LANGUAGE"], os.environ["HEADLAND_UNITS"] = "en", "metric"  # whatever the machine speaks
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
 settings.register_profile("headland", deadline=None, derandomize="HEADLAND_TEST_SEED" in os.environ)
 settings.load_profile("headland")

@@ -53,8 +53,9 @@ def read_field(
     a Point with its ``radius_m``, a LineString with its ``width_m``, or a Polygon; a ``kind`` such as ``pole`` or
     ``ditch`` gives a default size. A line or Polygon with ``role: headland`` is the inner edge of a headland. The
     boundary may have ``edge: fence`` all round; a LineString along it with ``edge: fence`` or ``edge: open`` describes
-    one side, and one with ``role: guidance``, or with only a name, is a line that swaths can be laid along. Heights
-    are dropped and open rings closed.
+    one side, and one with ``role: guidance``, or with only a name, is a line that swaths can be laid along. Points,
+    short lines and polygons within the field that have no role are obstacles, unless their words or number say
+    otherwise (`fields.geometry.assumed_obstacles`); remarks name them. Heights are dropped and open rings closed.
 
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.

@@ -19,11 +19,13 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from itertools import count
 from pathlib import Path, PurePosixPath
+from typing import Any
 from xml.etree.ElementTree import Element
 
 from shapely import Polygon
 
 from fields.errors import FieldError
+from fields.feature_words import ENTRANCE, OBSTACLE, REFILL, find_word_meaning
 from fields.formats.archive import ArchiveMembers, is_archive, read_file_beside
 from fields.formats.features import Feature, build_document
 from fields.formats.gdal import WGS84
@@ -45,7 +47,8 @@ TASKDATA_FILE = "taskdata.xml"
 BOUNDARY_TYPE, MAINFIELD_TYPE, OBSTACLE_TYPES = "1", "9", {"3": "water", "4": "building", "5": "road", "6": "area"}
 HEADLAND_TYPE = "10"
 OUTER_RING, INNER_RING, GUIDANCE_LINE_TYPE = "1", "2", "5"
-ENTRANCE_TYPE, OBSTACLE_POINT_TYPE = "3", "5"
+ENTRANCE_TYPE, OBSTACLE_POINT_TYPE, FLAG_TYPES = "3", "5", ("1", "2")
+OBSTACLE_LINE_TYPE, DEFAULT_LINE_WIDTH_MM = "9", 1000
 PATTERN_TYPES = {"1": "AB", "2": "A+", "3": "curve", "4": "pivot", "5": "spiral"}
 MAX_SHOWN_NAMES = 5
 MAX_AREA_RATIO = 1.2
@@ -153,6 +156,7 @@ def _read_partfield(element: Element, notes: list[str]) -> list[Feature]:
         *_remove_duplicates(boundaries),
         *(one for one in features if one not in boundaries),
         *_read_points(element),
+        *_read_obstacle_lines(element, name, notes),
         *_read_guidance_lines(element, name, notes),
     ]
 
@@ -255,7 +259,7 @@ def _parse_position(point: Element) -> list[float] | None:
 
 
 def _read_points(element: Element) -> list[Feature]:
-    """Point features: the entrance and obstacles."""
+    """Point features: the entrance, obstacles, and flags that are named like either."""
     features = []
     for point in element.findall("PNT"):
         place = _parse_position(point)
@@ -265,6 +269,30 @@ def _read_points(element: Element) -> list[Feature]:
             features.append(
                 _build_feature("Point", place, {"role": "obstacle", "kind": "pole", "name": point.get("B") or ""})
             )
+        elif (
+            place is not None
+            and point.get("A") in FLAG_TYPES
+            and find_word_meaning(point.get("B") or "").use
+            in (
+                OBSTACLE,
+                ENTRANCE,
+                REFILL,
+            )
+        ):
+            features.append(_build_feature("Point", place, {"name": (point.get("B") or "").strip()}))
+    return features
+
+
+def _read_obstacle_lines(element: Element, name: str, notes: list[str]) -> list[Feature]:
+    """Lines of the type obstacle, with their width in millimetres (attribute C)."""
+    features = []
+    for line in element.findall("LSG"):
+        points = _read_positions(line, notes, name) if line.get("A") == OBSTACLE_LINE_TYPE else []
+        width_mm = line.get("C") or ""
+        if len(points) > 1:
+            width_m = (int(width_mm) if width_mm.isdecimal() and int(width_mm) else DEFAULT_LINE_WIDTH_MM) / 1000.0
+            properties = {"role": "obstacle", "name": (line.get("B") or "").strip(), "width_m": width_m}
+            features.append(_build_feature("LineString", points, properties))
     return features
 
 
@@ -313,7 +341,7 @@ def _build_line_from_heading(line: Element, pattern: Element, name: str) -> Feat
     )
 
 
-def _build_feature(kind: str, coordinates: object, properties: dict[str, str]) -> Feature:
+def _build_feature(kind: str, coordinates: object, properties: dict[str, Any]) -> Feature:
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
 
 

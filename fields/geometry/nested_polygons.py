@@ -78,10 +78,10 @@ def find_parent_polygons(polygons: Sequence[RawPolygon]) -> dict[int, int]:
 def _build_plane_polygon(raw: RawPolygon) -> shapely.Polygon:
     """A polygon in the coordinates of the file, empty if they cannot be used."""
     try:
-        rings = parse_rings(raw.coordinates, "")
-    except FieldError:
+        rings = [np.array(ring, dtype=np.float64)[:, :2] for ring in raw.coordinates]
+        shape = shapely.Polygon(rings[0], rings[1:])
+    except (TypeError, ValueError, LookupError, OverflowError, shapely.errors.GEOSException):
         return shapely.Polygon()
-    shape = shapely.Polygon(rings[0], rings[1:])
     return shape if shape.is_valid else shapely.Polygon()
 
 

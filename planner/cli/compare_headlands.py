@@ -115,6 +115,7 @@ def compare_headlands(
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)
     comparison = _compare(questions, executor_choice)
+    _refuse_unreadable_field(comparison)
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
     with write_before_printing(_render_page(comparison, html)):
         _print_comparison(comparison, json, csv)
@@ -173,6 +174,15 @@ def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorCho
         return compare(questions, executor, progress, render_refusal)
 
 
+def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:
+    """Raise RequestError where the only field is refused for one reason, whatever the way."""
+    from planner.errors import RequestError
+
+    reasons = {each.refusal for each in comparison.plans if not each.field_name}
+    if len(comparison.fields) == 1 and len(reasons) == 1 and not any(each.field_name for each in comparison.plans):
+        raise RequestError(str(reasons.pop()))
+
+
 def _render_page(comparison: HeadlandComparison, html: Path | None) -> list[tuple[Path, OutputContent]]:
     if html is None:
         return []
@@ -188,4 +198,4 @@ def _print_comparison(comparison: HeadlandComparison, json: bool, csv: bool) -> 
     if json or csv:
         typer.echo(format_headland_json(comparison) if json else format_headland_csv(comparison), nl=False)
         return
-    print_renderable(build_headland_table(comparison))
+    print_renderable(build_headland_table, comparison)

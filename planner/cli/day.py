@@ -194,12 +194,12 @@ def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> No
     from planner.cli.common.terminal import print_renderable
     from reports.day.first_screen import build_day_screen
 
-    print_renderable(build_day_screen(result, with_next=not explain))
+    print_renderable(build_day_screen, result, with_next=not explain)
     if explain:
         from reports.day.tables import build_day_table
 
         print_renderable("")
-        print_renderable(build_day_table(result))
+        print_renderable(build_day_table, result)
 
 
 def _render_day_outputs(

@@ -122,7 +122,7 @@ def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bo
     from planner.cli.common.terminal import print_renderable
     from reports.diagnosis.tables import build_diagnosis_table
 
-    print_renderable(build_diagnosis_table(diagnosis))
+    print_renderable(build_diagnosis_table, diagnosis)
     if hidden is not None:
         from reports.common.effect_names import format_effect_with_id
         from reports.common.text_tables import format_sentence
@@ -167,4 +167,4 @@ def replay(
         else:
             from planner.cli.common.terminal import print_renderable
 
-            print_renderable(build_replay_table(result.replayed, result.remarks))
+            print_renderable(build_replay_table, result.replayed, result.remarks)

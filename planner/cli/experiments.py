@@ -41,7 +41,7 @@ def design(
         else:
             from reports.trials.report import build_trials_table
 
-            print_renderable(build_trials_table((sheet,)))
+            print_renderable(build_trials_table, (sheet,))
 
 
 OptionalNumber = Optional[float]
@@ -96,7 +96,7 @@ def drive(
 
             typer.echo(format_drive_json(result), nl=False)
         else:
-            print_renderable(describe_drive(result))
+            print_renderable(describe_drive, result)
 
 
 def study(json: AsJson = False) -> None:
@@ -117,7 +117,7 @@ def study(json: AsJson = False) -> None:
         return
     from reports.plan.ranking_table import build_study_tables
 
-    print_renderable(build_study_tables(result))
+    print_renderable(build_study_tables, result)
 
 
 ExperimentPng = Annotated[Optional[Path], typer.Option(help="Write the pictures of one experiment.")]
@@ -161,7 +161,7 @@ def validate(
         else:
             from reports.trials.report import build_trials_table
 
-            print_renderable(build_trials_table(sheets))
+            print_renderable(build_trials_table, sheets)
 
 
 def render_experiment_outputs(

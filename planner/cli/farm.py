@@ -69,4 +69,4 @@ def check(
     from planner.cli.common.terminal import print_renderable
     from reports.trials.report import build_trials_table
 
-    print_renderable(build_trials_table((build_farm_sheet(farm_file, file),)))
+    print_renderable(build_trials_table, (build_farm_sheet(farm_file, file),))

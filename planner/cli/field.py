@@ -33,8 +33,9 @@ def field(
 ) -> None:
     """Show area, obstacles, cells, headland passes and tracks of a field, unworked ground and why, and which turns fit.
 
-    In a GeoJSON file, tractors avoid a feature with role "obstacle" and do not cross a boundary, or a line along it,
-    with edge "fence"; "open" lines are openings, and a point with role "entrance" is the gate.
+    In a GeoJSON file, tractors avoid a feature with role "obstacle" or without a role (--ignore leaves one out) and do
+    not cross a boundary, or a line along it, with edge "fence"; "open" lines are openings, and a point with role
+    "entrance" is the gate.
 
     Example: headland field denmark --width 6 --png denmark.png
     """
@@ -76,7 +77,7 @@ def _print_facts(facts: dict[str, Any], json: bool) -> None:
     from planner.cli.common.terminal import print_renderable
     from reports.plan.field_report import build_field_report
 
-    print_renderable(build_field_report(facts))
+    print_renderable(build_field_report, facts)
 
 
 def _draw_map(planning_context: PlanningContext) -> bytes:
@@ -98,4 +99,4 @@ def _list_parcels(field: str, local: bool, crs: str | None, swap_axes: bool, jso
         return
     from planner.cli.common.terminal import print_renderable
 
-    print_renderable(build_parcels_table(parcels))
+    print_renderable(build_parcels_table, parcels)

@@ -164,7 +164,7 @@ def new(
     print_remarks(describe_unusual_values(sheet))
     machine = build_tractor(tractor_name, sheet)
     with write_before_printing([(file, FILE_BANNER + format_tractor_toml(machine))]):
-        print_renderable(build_trials_table((_build_overview(machine, file),)))
+        print_renderable(build_trials_table, (_build_overview(machine, file),))
 
 
 @tractor.command()
@@ -201,7 +201,7 @@ def check(
         else:
             from reports.trials.report import build_trials_table
 
-            print_renderable(build_trials_table((sheet,)))
+            print_renderable(build_trials_table, (sheet,))
 
 
 def _prompt_datasheet(name: str | None, values: dict[str, float | str | None]) -> tuple[str, Datasheet]:

@@ -8,19 +8,19 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import inspect
 import io
 import os
 import re
 import sys
 import traceback
 from collections.abc import Iterator
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, Optional
 
 import typer
 from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
+from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
 from planner.cli.compare_headlands import compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
@@ -36,11 +36,10 @@ from planner.cli.server import backup, restore, serve, token
 from planner.cli.setup import setup
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
-from reports.common.language import ENGLISH, choose_language, get_language, set_language, translate
+from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the help
-EXAMPLE = "Example: "
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
 
 
@@ -51,39 +50,18 @@ class MisuseError(Exception):
 class CommandGroup(TyperGroup):
     """All commands; usage errors of typer become one sentence, like every other refusal."""
 
-    def make_context(self, *arguments: Any, **options: Any) -> Any:
-        """As typer does, with usage errors converted and help in the language of the user."""
-        set_language(choose_language(os.environ))
-        _translate_help(self)
-        with _convert_usage_errors():
-            return super().make_context(*arguments, **options)
+    def make_context(self, info_name: str | None, args: list[str], *others: Any, **options: Any) -> Any:
+        """As typer does, with usage errors converted and help in the language of the reader."""
+        set_reader(FILES)
+        set_reader(choose_reader(args, os.environ))
+        with use_reader(), _convert_usage_errors():
+            translate_help(self)
+            return super().make_context(info_name, args, *others, **options)
 
     def invoke(self, ctx: Any) -> Any:
         """As typer does, with usage errors converted."""
         with _convert_usage_errors():
             return super().invoke(ctx)
-
-
-def _translate_help(command: Any) -> None:
-    """Put the texts of a command, its options and its subcommands in the language in use."""
-    if get_language() == ENGLISH:
-        return
-    for described in (command, *command.params):
-        if getattr(described, "help", None):
-            described.help = "\n\n".join(translate_paragraph(each) for each in split_paragraphs(described.help))
-    for subcommand in getattr(command, "commands", {}).values():
-        _translate_help(subcommand)
-
-
-def split_paragraphs(text: str) -> list[str]:
-    """The paragraphs of a help text, each in one line."""
-    return [" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n")]
-
-
-def translate_paragraph(paragraph: str) -> str:
-    """A paragraph in the language in use; the command of an example stays."""
-    word, colon, command = paragraph.partition(EXAMPLE)
-    return f"{translate(EXAMPLE)}{command}" if colon and not word else translate(paragraph)
 
 
 @contextlib.contextmanager
@@ -120,6 +98,8 @@ def describe_headland(
     version: Annotated[
         bool, typer.Option("--version", callback=print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
+    language: Annotated[Optional[str], typer.Option(metavar="LANGUAGE", is_eager=True, help=LANGUAGE_HELP)] = None,
+    units: Annotated[Optional[str], typer.Option(metavar="UNITS", is_eager=True, help=UNITS_HELP)] = None,
 ) -> None:
     """Plan field work for a fleet of robot tractors: simulate every plan, rank by time and tractor count.
 
@@ -261,7 +241,10 @@ def _discard_output() -> None:
 
 
 def _fail(sentence: str, status: int) -> NoReturn:
-    print(f"Error: {make_one_line(_shorten_arguments(sentence))}", file=sys.stderr)
+    text = f"Error: {sentence}"
+    with contextlib.suppress(Exception), use_reader():  # a catalogue may be what cannot be read
+        text = translate("Error: {sentence}", sentence=translate_sentence(sentence))
+    print(make_one_line(_shorten_arguments(text)), file=sys.stderr)
     try:
         if sys.stdout is not None:
             sys.stdout.flush()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as jsons
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
@@ -107,6 +107,7 @@ def plan_batch(
     with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
         _write_index_page(records, html)
+    _print_field_remarks(records)
     return all(_has_accepted_plan(record) for record in records)
 
 
@@ -194,6 +195,20 @@ def _build_record(key: str, question: FieldQuestion, answer: FieldAnswer) -> Rec
     return add_checksum(record if answer.map is None else record | {MAP_KEY: answer.map})
 
 
+def _print_field_remarks(records: Iterable[Record]) -> None:
+    """Print remarks on field files and machines, each once: with its field, unless it is said of several."""
+    from planner.cli.common.terminal import print_remarks
+
+    fields_by_remark: dict[str, dict[str, None]] = {}
+    for ranking in (record["ranking"] for record in records if record["ranking"]):
+        question = (ranking.get("pull") or {}).get("question")
+        for text in (*ranking.get("remarks", ()), *([question] if question else [])):
+            fields_by_remark.setdefault(text, {})[ranking["field"]["name"]] = None
+    print_remarks(
+        text if len(fields) > 1 else f"{next(iter(fields))}: {text}" for text, fields in fields_by_remark.items()
+    )
+
+
 def _has_accepted_plan(record: Record) -> bool:
     """Whether there is a plan, in time where there is a deadline."""
     best = record["ranking"] and record["ranking"]["best"]
@@ -224,10 +239,10 @@ def _open_record_printer(json: bool, csv: bool, explain: bool) -> Iterator[Calla
     if json:
         typer.echo(format_many_fields_json(records), nl=False)
     elif not csv:
-        print_renderable(build_many_fields_screen(records, with_next=not explain))
+        print_renderable(build_many_fields_screen, records, with_next=not explain)
         if explain:
             print_renderable("")
-            print_renderable(build_many_fields_table(records))
+            print_renderable(build_many_fields_table, records)
 
 
 NO_PLAN_STATUS = 3
@@ -387,12 +402,12 @@ def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, 
     from planner.cli.common.terminal import print_renderable
     from reports.plan.first_screen import build_first_screen
 
-    print_renderable(build_first_screen(ranking, shows_all=show_all, with_next=not explain))
+    print_renderable(build_first_screen, ranking, shows_all=show_all, with_next=not explain)
     if explain:
         from reports.plan.ranking_table import build_ranking_table
 
         print_renderable("")
-        print_renderable(build_ranking_table(ranking, most_plans=None if show_all else 20))
+        print_renderable(build_ranking_table, ranking, most_plans=None if show_all else 20)
 
 
 def _render_plan_outputs(
@@ -432,5 +447,5 @@ def _render_plan_outputs(
     if save and result.run:
         from planner.pipeline.outputs.saved_plans import write_saved_plan
 
-        results.append((save, write_saved_plan(result.context, result.run.plan)))
+        results.append((save, write_saved_plan(result.context, result.run.plan, result.ranking)))
     return results

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -13,7 +14,7 @@ import typer
 from planner.cli.common.options import AsJson
 
 if TYPE_CHECKING:
-    from planner.pipeline.outputs.saved_plans import SavedPlanRun
+    from planner.pipeline.outputs.saved_plans import SavedPlanRun, StatedFigures
     from reports.plan.guidance_export import GuidanceFiles
 
 
@@ -66,7 +67,7 @@ def export(
             if json:
                 typer.echo(export_json(guidance, guidance_files, names), nl=False)
             else:
-                print_renderable(build_export_table(guidance, guidance_files, names))
+                print_renderable(build_export_table, guidance, guidance_files, names)
 
 
 def _place_files(
@@ -155,7 +156,7 @@ def show(
     if json:
         typer.echo(format_leg_lists_json(saved_run.steps, _summarise_plan(saved_run), tractor), nl=False)
         return
-    print_renderable(build_leg_tables(_format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor))
+    print_renderable(build_leg_tables, _format_title(saved_run), saved_run.steps, _format_start(saved_run), tractor)
 
 
 def _describe_contacts(saved_run: SavedPlanRun) -> list[str]:
@@ -168,21 +169,50 @@ def _describe_contacts(saved_run: SavedPlanRun) -> list[str]:
 
 def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
     """The facts of the plan that precede its legs."""
+    from planner.pipeline.outputs.saved_plans import read_stated_figures
+
+    stated = read_stated_figures(saved_run.saved)
     return {
         "field": saved_run.request.field,
         "strategy": _get_strategy(saved_run),
         "start": _format_start(saved_run),
         "time_s": saved_run.run.duration_s,
+        "stated": None if stated is None else asdict(stated),
     }
 
 
 def _format_title(saved_run: SavedPlanRun) -> str:
+    from planner.pipeline.outputs.saved_plans import read_stated_figures
     from reports.common.wording import format_duration, format_tractor_count
 
     description = ", ".join(
         filter(None, (_get_strategy(saved_run), format_tractor_count(saved_run.saved.plan.tractors)))
     )
-    return f"{saved_run.request.field}: {description}, done in {format_duration(saved_run.run.duration_s)}"
+    title = f"{saved_run.request.field}: {description}"
+    undelayed = format_duration(saved_run.run.duration_s)
+    stated = read_stated_figures(saved_run.saved)
+    if stated is None:
+        return f"{title}, done in {undelayed}"
+    return f"{title}, {_format_stated_figures(saved_run, stated)}"
+
+
+def _format_stated_figures(saved_run: SavedPlanRun, stated: StatedFigures) -> str:
+    """When it is done and what it costs, as the ranking of the plan stated it."""
+    from reports.common.wording import format_duration, format_price, round_up_to_minute
+
+    def format_end(seconds: float) -> str:
+        if saved_run.request.start_s is None:
+            return f"in {format_duration(seconds)}"
+        return f"by {saved_run.request.format_clock_after(round_up_to_minute(seconds))}"
+
+    parts = [f"done {format_end(stated.end_s)}"]
+    if stated.late_end_s is not None:
+        parts[0] += f" (95 % {format_end(stated.late_end_s)})"
+    if stated.cost is not None:
+        parts.append(f"{format_price(stated.cost)} {stated.currency or ''}".rstrip())
+    if stated.late_end_s is not None:
+        parts.append(f"without delays in {format_duration(saved_run.run.duration_s)}")
+    return ", ".join(parts)
 
 
 def _get_strategy(saved_run: SavedPlanRun) -> str | None:

@@ -118,6 +118,8 @@ def _run_server(settings: ServiceSettings) -> None:
     connections = ConnectionRegistry(compute_connection_limits())
     office = BackOffice(settings, run_back_office)
     app = create_control_app(settings, office, connections)
+    if settings.is_own_machine:
+        app.state.logins.make_token = app.state.store.create_browser_token
     config = uvicorn.Config(
         app, log_config=None, access_log=False, proxy_headers=False, server_header=False, ws=LimitedWebSocket,
         http=build_limited_protocol_class(connections, app.state.book.is_operator_token), ws_max_size=MAX_FRAME_BYTES,
@@ -155,7 +157,9 @@ def _print_service_address(settings: ServiceSettings, logins: BrowserLogins, por
 
     logins.on_used = show_login
     typer.echo(f"Headland listens on http://{host}:{port}/ and stores its data in {settings.data}; Ctrl-C ends it.")
-    show_login(logins.code, "Open this address to look around, once")
+    show_login(logins.code, "Open this address in your browser, once")
+    typer.echo(f"A token for somebody else: headland token new{settings.data_option} --scope planner --name NAME")
+    sys.stdout.flush()
 
 
 def _require_tokens(settings: ServiceSettings) -> None:
@@ -170,7 +174,7 @@ def _require_tokens(settings: ServiceSettings) -> None:
     if not any_token:
         raise ServiceError(
             f"The host {settings.host} is open to other machines, which need a token, and there is none; make one with "
-            "headland token new --scope operator, or leave out --host.",
+            f"headland token new{settings.data_option} --scope operator, or leave out --host.",
             parameter="host",
         )
 
@@ -238,7 +242,8 @@ def restore(
     with hold_service_lock(settings), open_store(settings) as store:
         count = restore_backup(store, file)
     typer.echo(
-        f"The database and {count} files of {file} are restored to {settings.data}; start headland serve with them."
+        f"The database and {count} files of {file} are restored to {settings.data}; begin with "
+        f"headland serve{settings.data_option}."
     )
 
 

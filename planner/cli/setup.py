@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import typer
-
 
 def setup() -> None:
     """Compile everything for this machine now, on all cores, so that no command waits for it later.
@@ -11,7 +9,7 @@ def setup() -> None:
     Example: headland setup
     """
     from planner.cli.common.progress import open_stage_bar
-    from planner.cli.common.terminal import LOADING, compile_missing, estimate_compile_s
+    from planner.cli.common.terminal import LOADING, compile_missing, estimate_compile_s, print_sentence
 
     with open_stage_bar(LOADING) as bar:
         from planner.pipeline.kernels import COMPILING, MORE, PLAN, list_missing_kernels
@@ -20,4 +18,4 @@ def setup() -> None:
         bar.expect({COMPILING: estimate_compile_s(missing)})
         compile_missing(missing, bar)
         count = len(missing) - len(list_missing_kernels((PLAN, MORE)))
-    typer.echo(f"Compiled {count} functions for this machine." if missing else "Everything is compiled already.")
+    print_sentence(f"Compiled {count} functions for this machine." if missing else "Everything is compiled already.")

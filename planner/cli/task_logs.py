@@ -57,7 +57,7 @@ def compare(
             return
         from planner.cli.common.terminal import print_renderable
 
-        print_renderable(build_comparison_table(comparison))
+        print_renderable(build_comparison_table, comparison)
 
 
 def learn(
@@ -106,7 +106,7 @@ def learn(
         from planner.cli.common.terminal import print_renderable
         from reports.common.text_tables import format_sentence
 
-        print_renderable(build_learned_table(learned_farm.values, learned_farm.notes))
+        print_renderable(build_learned_table, learned_farm.values, learned_farm.notes)
         unchanged_count = sum(one.done.startswith("kept") for one in learned_farm.values)
         unchanged_text = f"; {unchanged_count} unchanged (--replace takes the learned ones)" if unchanged_count else ""
         print_renderable(
@@ -166,7 +166,7 @@ def import_logs(
     from reports.common.text_tables import format_sentence
     from reports.task_logs.run_tables import build_runs_table
 
-    print_renderable(build_runs_table(imported_runs.runs))
+    print_renderable(build_runs_table, imported_runs.runs)
     print_renderable(
         format_sentence(f"Written to {output}: {len(imported_runs.runs)} x log (CSV) and its data (JSON).")
     )

@@ -43,6 +43,7 @@ from planner.day.input_file import YARD, DayField, DayFile, get_fleet_machines, 
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
+from planner.evaluation.pull_check import compute_pull_figures
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import locate_road_end
 from planner.pipeline.executors import SerialExecutor
@@ -52,6 +53,7 @@ from planner.risk.monte_carlo import DEFAULT_SAMPLES
 from planner.risk.plan_choice import format_hours
 from reports.day.answer import list_day_sentences
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
+from reports.plan.answer import question_pull
 
 
 @dataclass(frozen=True)
@@ -281,6 +283,7 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         samples=solved.samples,
         seed=solved.seed,
         advice="",
+        questions=tuple(_question_pulls(solved)),
         remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
         fields=tuple(field.name for field in prepared.fields),
         windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
@@ -422,6 +425,21 @@ def _list_remarks(solved: _SolvedDay) -> list[str]:
     if len(solved.prepared.places) == len(solved.prepared.fields):
         remarks.append("The place of the yard is unknown, so every fleet starts at its first field.")
     return remarks
+
+
+def _question_pulls(solved: _SolvedDay) -> list[str]:
+    """Questions about fleets that work somewhere and whose tractors seem too weak for their implement."""
+    questions: list[str] = []
+    for fleet, route, tasks in zip(
+        solved.prepared.day.fleets, solved.solution.routes, solved.prepared.tasks, strict=True
+    ):
+        task = next((tasks[number] for number in route if tasks[number] is not None), None)
+        if task is not None:
+            farm_tractor = get_fleet_machines(fleet, solved.prepared.farm)[0]
+            pull = compute_pull_figures(task.request, task.tractor, farm_tractor)
+            question = question_pull(pull, suggests_options=False)
+            questions += [f"{fleet.name}: {question}"] if question else []
+    return questions
 
 
 def _convert_windows_to_clock(frame: DayHours, windows: Sequence[tuple[int, int]]) -> tuple[tuple[float, float], ...]:

@@ -28,8 +28,8 @@ from vehicle.model.tractor import Settings, Tractor
 ALIGNMENT_S = 5.0  # of a path that is then left alone
 PIECES_S = 10.0, 5.0  # long enough to show a bend, else the length of the verdict
 MOST_TIME_BINS, MOST_VALUE_BINS, MOST_SQUARES = 60, 12, 24
-MOST_PATHS, MOST_PATH_S, MOST_PATH_POINTS = 12, 240.0, 400
-SMALLEST_SQUARE_M = 2.0
+MOST_PATHS, MOST_PATH_S, MOST_PATH_POINTS = 12, 240.0, 240
+SMALLEST_SQUARE_M = 0.1  # model cars drive on a few metres
 FEWEST_BIN_ROWS = 10  # fewer say nothing of a bin
 ROUND_STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 

@@ -26,10 +26,11 @@ import numba
 import numpy as np
 
 from planner.pipeline.executors import create_executor
+from reports.common.language import mark_text
 from vehicle.jit import is_compiled
 
 PLAN, MORE = "plan", "more"
-COMPILING = "Compiling functions"
+COMPILING = mark_text("Compiling functions")
 LIST_FILE = "kernels.csv"
 POLL_S = 0.3
 RECORD_HOMES = {

@@ -27,6 +27,7 @@ from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
+from reports.common.language import mark_text
 from reports.common.notebook import ResultView, ShownResult
 from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanRanking
 from reports.plan.map_figure import draw_plan_map, render_png
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 StageReport = Callable[[str, int, int], None]
-LAYING_OUT, SIMULATING = "Laying out the field", "Simulating plans"
+LAYING_OUT, SIMULATING = mark_text("Laying out the field"), mark_text("Simulating plans")
 STAGES_S = {LAYING_OUT: 4.0, SIMULATING: 6.0}
 """The stages of `plan`, with about the seconds of each for a field of some hectares."""
 SINGLE_STRATEGY = "row-by-row"
@@ -106,7 +107,7 @@ class PlanningResult(ShownResult):
             raise RequestError(
                 "No plan is feasible, so there is no plan to save; .html and .png show where plans fail."
             )
-        return write_saved_plan(self.context, self.run.plan)
+        return write_saved_plan(self.context, self.run.plan, self.ranking)
 
 
 def _start_stage(report_stage: StageReport | None, words: str, total: int = 0) -> Progress | None:

@@ -168,6 +168,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
         pull=_compute_pull(context),
+        field_remarks=field.remarks,
     )
     return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
 

@@ -39,6 +39,7 @@ from planner.request.validation import (
     Text,
     TimeText,
     check_option_limits,
+    format_given_values,
     raise_request_errors,
 )
 from strategies.headland.work_order import HEADLAND_FIRST, HEADLAND_LAST, HEADLAND_ORDERS
@@ -84,7 +85,7 @@ _PRICE = NumberLimits(high=MAX_PRICE)
 
 
 @raise_request_errors
-@dataclass(frozen=True, config=STRICT)
+@dataclass(frozen=True, repr=False, config=STRICT)
 class PlanRequest:
     """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
 
@@ -345,6 +346,10 @@ class PlanRequest:
             raise RequestError(
                 f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
             )
+
+    def __repr__(self) -> str:
+        """What differs from the defaults, as Python would write it."""
+        return format_given_values(self)
 
     @classmethod
     def from_options(cls, values: Mapping[str, Any], *, shift_s: int | None = None) -> PlanRequest:

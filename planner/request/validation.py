@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Hashable, Mapping
+from dataclasses import fields
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_type_hints
@@ -96,6 +97,14 @@ def _build_request_error(model: type, error: ValidationError, given: Mapping[str
         return TypeError(f"{model.__name__} has no parameter {name!r}.")
     type_text = _TYPE_TEXTS[get_plain_type(annotations[name])]
     return RequestError(f"{mark_parameter(name)} is {shorten_value(given[name])}; give {type_text}.")
+
+
+def format_given_values(request: Any) -> str:
+    """A request with the values that differ from its defaults, as Python would write it."""
+    values = [(each.name, getattr(request, each.name)) for each in fields(request)]
+    defaults = {each.name: each.default for each in fields(request)}
+    given = (f"{name}={value!r}" for name, value in values if value != defaults[name])
+    return f"{type(request).__name__}({', '.join(given)})"
 
 
 def check_option_limits(request: Any) -> None:

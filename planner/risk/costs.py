@@ -186,6 +186,16 @@ def compute_simulated_cost(run: SimulationRun, terms: CostTerms) -> float:
     )
 
 
+def estimate_fuel_l(run: SimulationRun, terms: CostTerms) -> float:
+    """Litres of fuel of all tractors in the field, as simulated; engines idle while waiting."""
+    prices, shares = terms.prices, run.compute_time_shares()
+    work_s, turn_s = float(shares["working"].sum()), float(shares["turning"].sum() + shares["reversing"].sum())
+    idle_s = max(float(np.sum(run.finish_s)) - work_s - turn_s, 0.0)
+    load_s = work_s * prices.work_load + turn_s * prices.turn_load + idle_s * IDLE_LOAD
+    power_kw = _get_value(terms.tractor, "power_kw", prices.tractor_power_kw)
+    return load_s / HOUR_S * power_kw * prices.fuel_l_per_kwh
+
+
 def describe_prices(prices: FarmPrices) -> str:
     """What the prices cover, such as "machines, fuel and people"."""
     per_hour = prices.per_hour

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import os
 import re
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -90,6 +91,16 @@ class ServiceSettings:
     def local(self) -> bool:
         """Whether only this machine can reach the service."""
         return is_loopback(self.host)
+
+    @property
+    def is_own_machine(self) -> bool:
+        """Whether those who use the service sit at this machine, as far as the settings say: no proxy, this host."""
+        return self.local and not self.public_url
+
+    @property
+    def data_option(self) -> str:
+        """The option that names the folder in commands for the user, " --data FOLDER"; "" for the default folder."""
+        return "" if self.data == find_default_data() else f" --data {shlex.quote(str(self.data))}"
 
     @property
     def upload_bytes(self) -> int:

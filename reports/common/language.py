@@ -1,22 +1,45 @@
 """Texts for people in their language: English is written in the code and is the key of every catalogue.
 
-Catalogues are PO files in `reports/languages`. A text that a catalogue lacks stays English.
+Catalogues are PO files in `reports/languages`. A text that a catalogue lacks stays English. What programs read (JSON,
+CSV, files, logs) is English too: texts are in the language of the reader only within `use_reader`, where a screen is
+printed. A sentence that was made elsewhere, in a worker or in a saved result, is found again by its key
+(`translate_sentence`).
 """
 
 from __future__ import annotations
 
 import gettext
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 ENGLISH = "en"
 LANGUAGE_NAMES = {ENGLISH: "English", "de": "Deutsch", "es": "Español", "fr": "Français", "ja": "日本語"}
+METRIC, US = "metric", "us"
+UNIT_SYSTEMS = (METRIC, US)
 LANGUAGE_VARIABLE = "HEADLAND_LANGUAGE"
+UNITS_VARIABLE = "HEADLAND_UNITS"
 LOCALE_VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
-_language: ContextVar[str] = ContextVar("language", default=ENGLISH)
+LEAST_KEY_LETTERS = 6  # of a key around its values, for a sentence to be known by it
+_PLACEHOLDER = re.compile(r"\{(\w+)\}")
+
+
+@dataclass(frozen=True)
+class Reader:
+    """Who reads a text: the code of the language, and "metric" or "us" units."""
+
+    language: str = ENGLISH
+    units: str = METRIC
+
+
+FILES = Reader()  # what programs read
+_reader: ContextVar[Reader] = ContextVar("reader", default=FILES)
+_in_use: ContextVar[Reader] = ContextVar("reader in use", default=FILES)
 
 
 def choose_language(environment: Mapping[str, str]) -> str:
@@ -33,24 +56,39 @@ def find_language(tag: str) -> str:
     return language if language in LANGUAGE_NAMES else ENGLISH
 
 
-def set_language(language: str) -> None:
-    """Print texts in this language from here on, in this context."""
-    _language.set(language)
+def set_reader(reader: Reader) -> None:
+    """Print screens for this reader from here on, in this context."""
+    _reader.set(reader)
+
+
+@contextmanager
+def use_reader(reader: Reader | None = None) -> Iterator[None]:
+    """Make texts for a reader within a block, by default for the one that was set."""
+    token = _in_use.set(_reader.get() if reader is None else reader)
+    try:
+        yield
+    finally:
+        _in_use.reset(token)
+
+
+def use_language(language: str) -> Any:
+    """Make texts in a language, with metric units, within a block."""
+    return use_reader(Reader(language))
 
 
 def get_language() -> str:
     """The code of the language in use."""
-    return _language.get()
+    return _in_use.get().language
 
 
-@contextmanager
-def use_language(language: str) -> Iterator[None]:
-    """Print texts in a language within a block."""
-    token = _language.set(language)
-    try:
-        yield
-    finally:
-        _language.reset(token)
+def get_units() -> str:
+    """The units in use: "metric" or "us"."""
+    return _in_use.get().units
+
+
+def mark_text(text: str) -> str:
+    """The text as it is: it is translated where it is printed, and this call puts it into the catalogues."""
+    return text
 
 
 def translate(text: str, /, **values: object) -> str:
@@ -65,28 +103,87 @@ def translate_count(one: str, many: str, count: int, /, **values: object) -> str
     return catalogue.ngettext(one, many, count).format(count=count, **values)
 
 
+def translate_sentence(sentence: str) -> str:
+    """A finished English sentence in the language in use, found by the key that it was made from; else unchanged."""
+    language = get_language()
+    if language == ENGLISH or not sentence:
+        return sentence
+    exact = get_messages(language).get(sentence)
+    return exact or (_translate_by_pattern(sentence, language) if " " in sentence else sentence)
+
+
+def _translate_by_pattern(sentence: str, language: str) -> str:
+    for pattern, translated in _list_patterns(language):
+        match = pattern.fullmatch(sentence)
+        if match:
+            return _fill_in(translated, {name: translate_sentence(value) for name, value in match.groupdict().items()})
+    return sentence
+
+
+def _fill_in(text: str, values: Mapping[str, str]) -> str:
+    return _PLACEHOLDER.sub(lambda found: values.get(f"v_{found[1]}", found[0]), text)
+
+
+@cache
+def _list_patterns(language: str) -> list[tuple[re.Pattern[str], str]]:
+    """Keys with values as patterns, those with most text first, and their translations."""
+    patterns = []
+    for key, translated in get_messages(language).items():
+        letters = len(re.findall(r"[A-Za-z]", _PLACEHOLDER.sub("", key)))
+        if _PLACEHOLDER.search(key) and letters >= LEAST_KEY_LETTERS:
+            patterns.append((letters, _build_pattern(key), translated))
+    patterns.sort(key=lambda entry: -entry[0])
+    return [(pattern, translated) for _, pattern, translated in patterns]
+
+
+def _build_pattern(key: str) -> re.Pattern[str]:
+    """What sentences made from a key look like; a name that stands twice has the same value twice."""
+    parts, known = [], set[str]()
+    for place, part in enumerate(_PLACEHOLDER.split(key)):
+        if place % 2 == 0:
+            parts.append(re.escape(part))
+        else:
+            parts.append(f"(?P=v_{part})" if part in known else f"(?P<v_{part}>.*?)")
+            known.add(part)
+    return re.compile("".join(parts), re.DOTALL)
+
+
 @cache
 def load_catalogue(language: str) -> gettext.GNUTranslations:
-    """The catalogue of a language other than English."""
+    """The catalogue of a language other than English, without texts that are not translated yet."""
     from io import BytesIO
 
     from babel.messages.mofile import write_mo
-    from babel.messages.pofile import read_po
 
-    text = files("reports.languages").joinpath(f"{language}.po").read_bytes()
+    catalogue = _read_catalogue(language)
+    for one in list(catalogue):
+        if one.id and not _is_translated(one):
+            catalogue.delete(one.id)
     compiled = BytesIO()
-    write_mo(compiled, read_po(BytesIO(text), locale=language))
+    write_mo(compiled, catalogue)
     compiled.seek(0)
     return gettext.GNUTranslations(compiled)
 
 
-def get_messages(language: str) -> dict[str, str]:
-    """All texts of a catalogue without plural forms, by their English; none for English."""
-    if language == ENGLISH:
-        return {}
+@cache
+def get_messages(language: str) -> Mapping[str, str]:
+    """All translated texts of a catalogue by their English, each form of a count on its own; none for English."""
+    messages: dict[str, str] = {}
+    for one in () if language == ENGLISH else _read_catalogue(language):
+        if one.id and _is_translated(one):
+            keys, texts = ((one.id,), (one.string,)) if isinstance(one.id, str) else (one.id, one.string)
+            messages |= {keys[0]: texts[0], keys[-1]: texts[-1]}
+    return messages
+
+
+def _read_catalogue(language: str) -> Any:
     from io import BytesIO
 
     from babel.messages.pofile import read_po
 
-    catalogue = read_po(BytesIO(files("reports.languages").joinpath(f"{language}.po").read_bytes()), locale=language)
-    return {str(one.id): str(one.string) for one in catalogue if isinstance(one.id, str) and one.id and one.string}
+    content = files("reports.languages").joinpath(f"{language}.po").read_bytes()
+    return read_po(BytesIO(content), locale=language)
+
+
+def _is_translated(message: Any) -> bool:
+    return bool(message.string) if isinstance(message.string, str) else all(message.string)

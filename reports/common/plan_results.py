@@ -78,7 +78,7 @@ class PlanResult(ShownResult):
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something, leaves the field, or finds no path.
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
-        fuel_l: litres of fuel of the fleet, where they are known.
+        fuel_l: litres of fuel of the fleet in the field, by the values of a farm; None without one.
     """
 
     strategy: str
@@ -281,6 +281,7 @@ class PlanRanking(ShownResult):
         parts: further parts of a divided field, each with a plan of its own.
         changes: of a request without a plan, the smallest changes that were found to work.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
+        field_remarks: sentences on the field file, such as what of it is avoided as an obstacle.
     """
 
     field_name: str
@@ -306,6 +307,7 @@ class PlanRanking(ShownResult):
     field_allowed_s: float | None = None
     changes: tuple[str, ...] = ()
     pull: PullFigures | None = None
+    field_remarks: tuple[str, ...] = ()
     parts: tuple[FieldPartPlan, ...] = ()
 
     @property

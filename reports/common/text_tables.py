@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from fields.errors import escape_controls
-from reports.common.language import translate, translate_count
+from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.wording import NO_BREAK, insert_non_breaking_spaces
 
 LINE_COLUMNS = 100  # columns; longer lines are hard to read
@@ -39,6 +39,16 @@ class TableColumn:
     is_unbroken: bool = False
     break_marks: str = BREAK_MARKS
 
+    @property
+    def full_title(self) -> str:
+        """The heading in the language in use."""
+        return translate_sentence(self.heading)
+
+    @property
+    def short_title(self) -> str:
+        """The short heading in the language in use, "" where there is none."""
+        return translate_sentence(self.short_heading)
+
 
 @dataclass(frozen=True)
 class FittedTable:
@@ -54,7 +64,7 @@ class FittedTable:
     rows: tuple[tuple[str, ...], ...]
     styles: tuple[str, ...] = ()
     has_header: bool = True
-    more_hint: str = "a wider window or --json shows more"
+    more_hint: str = mark_text("a wider window or --json shows more")
     has_lines: bool = False
 
     def __post_init__(self) -> None:
@@ -69,8 +79,9 @@ class FittedTable:
             return
         yield self._build_rich_table(places, widths, short)
         if len(places) < len(self.columns):
-            missing = ", ".join(c.heading for n, c in enumerate(self.columns) if n not in places)
-            yield format_sentence(f"No room for: {missing}; {self.more_hint}.", style="dim")
+            missing = ", ".join(c.full_title for n, c in enumerate(self.columns) if n not in places)
+            hint = translate(self.more_hint)
+            yield format_sentence(translate("No room for: {columns}; {hint}.", columns=missing, hint=hint), style="dim")
 
     def fits_full_headings(self, width: int) -> bool:
         """Whether every column has room under its full heading."""
@@ -112,7 +123,7 @@ class FittedTable:
         if spare < 0:
             return None
         extra_widths = [
-            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].heading) * self.has_header)
+            max(_measure_widest([row[n] for row in self.rows]), cell_len(self.columns[n].full_title) * self.has_header)
             - least
             for n, least in zip(places, widths, strict=True)
         ]
@@ -129,7 +140,7 @@ class FittedTable:
         for number, width in zip(places, widths, strict=True):
             column = self.columns[number]
             full = _measure_heading(column, False, self.has_header) <= width
-            heading = column.short_heading if short and column.short_heading and not full else column.heading
+            heading = column.short_title if short and column.short_title and not full else column.full_title
             lines = [line for part in heading.split("\n") for line in break_text_at_marks(part, width)]
             justify = "left" if column.is_text else "right"
             table.add_column(Text("\n".join(lines)), justify=justify, width=width, overflow="fold")  # type: ignore[arg-type]
@@ -148,7 +159,7 @@ class FittedTable:
     def _print_as_list(self) -> Iterable[RenderableType]:
         for row in self.rows:
             for number, (column, cell) in enumerate(zip(self.columns, row, strict=True)):
-                head = f"{column.heading}: " if column.heading and self.has_header else ""
+                head = f"{column.full_title}: " if column.heading and self.has_header else ""
                 text = (head + cell).replace("\n", " ").strip()
                 yield format_sentence(text, indent=0 if not number else 2)
 
@@ -163,7 +174,7 @@ class WrappedSentence:
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
         room = max(min(options.max_width, LINE_COLUMNS) - self.indent, 1)
-        for line in wrap_text(escape_controls(self.text), room):
+        for line in wrap_text(escape_controls(translate_sentence(self.text)), room):
             yield Text(" " * self.indent + line, style=self.style, overflow="fold")
 
 
@@ -221,7 +232,7 @@ def count_lines(sentences: Iterable[str], width: int) -> int:
 
 def format_title(text: str, style: str = "bold underline") -> Text:
     """A heading of a table, in one line."""
-    return Text(escape_controls(text), style=style)
+    return Text(escape_controls(translate_sentence(text)), style=style)
 
 
 def format_sentence(text: str, style: str = "", indent: int = 0) -> WrappedSentence:
@@ -276,5 +287,5 @@ def _measure_heading(column: TableColumn, short: bool, is_shown: bool) -> int:
     """Columns a heading needs: it may be broken at spaces, a short one at its line ends too."""
     if not is_shown:
         return 0
-    text = column.short_heading if short and column.short_heading else column.heading
+    text = column.short_title if short and column.short_title else column.full_title
     return max((cell_len(word) for word in re.split(r"\s", text)), default=0)

@@ -7,6 +7,9 @@ import re
 from collections.abc import Iterable
 from datetime import datetime
 
+from reports.common.language import translate, translate_count
+from reports.common.units import format_area as format_area
+
 NO_VALUE = "-"
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400
@@ -73,11 +76,6 @@ def format_percent(share: float | None) -> str:
     return format_number(None if share is None else 100.0 * share, 0)
 
 
-def format_area(m2: float) -> str:
-    """An area in hectares, or in square metres where it is under a tenth of one."""
-    return f"{m2 / 10_000.0:.2f} ha" if m2 >= 1000.0 else f"{m2:.0f} m2"
-
-
 def format_area_or_dash(m2: float | None) -> str:
     """An area as `format_area` has it; a dash when it is not known."""
     return NO_VALUE if m2 is None else format_area(m2)
@@ -85,23 +83,28 @@ def format_area_or_dash(m2: float | None) -> str:
 
 def insert_non_breaking_spaces(text: str) -> str:
     """The text with non-breaking spaces before values and before ha, m2 and %."""
-    return re.sub(r"(?<=[a-z:]) (?=\(?\d)|(?<=\d) (?=ha\b|m2\b|%)", NO_BREAK, text)
+    return re.sub(r"(?<=[a-z:]) (?=\(?\d)|(?<=\d) (?=(?:ha|m2|ac|ft2)\b|%)", NO_BREAK, text)
 
 
 def format_yes_no(value: bool | None) -> str:
     """``yes``, ``no`` or a dash."""
-    return NO_VALUE if value is None else "yes" if value else "no"
+    return NO_VALUE if value is None else translate("yes") if value else translate("no")
 
 
 def format_tractor_count(count: int) -> str:
     """``1 tractor``, ``3 tractors``."""
-    return f"{count} tractor" if count == 1 else f"{count} tractors"
+    return translate_count("{count} tractor", "{count} tractors", count)
 
 
 def join_list(items: Iterable[object], conjunction: str = "and") -> str:
-    """``1, 3 and 5``."""
+    """``1, 3 and 5``; the conjunction is "and" or "or"."""
     words = [str(item) for item in items]
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {conjunction} {words[-1]}" if words else "none"
+    if len(words) < 2:
+        return words[0] if words else translate("none")
+    first, last = ", ".join(words[:-1]), words[-1]
+    if conjunction == "or":
+        return translate("{items} or {last}", items=first, last=last)
+    return translate("{items} and {last}", items=first, last=last)
 
 
 def parse_start_time(text: str | None) -> datetime | None:

@@ -19,6 +19,7 @@ def list_day_sentences(result: DayResult) -> list[str]:
         return [translate("No field can be done on this day."), *describe_unworked_fields(result)]
     return [
         describe_day_end(result),
+        *result.questions,
         *describe_day_certainty(result),
         describe_machine_orders(result.jobs),
         *describe_unworked_fields(result),

@@ -109,7 +109,8 @@ class DayResult(ShownResult):
     `cost` of the fields not done. `gap_pct` is by how much less another order could cost at most, by the times it is
     planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
     field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
-    and `p95_done_s` in half and in 95 % of the samples.
+    and `p95_done_s` in half and in 95 % of the samples. `questions` are about tractors that seem too weak for their
+    implement.
     """
 
     start_s: float
@@ -134,6 +135,7 @@ class DayResult(ShownResult):
     certainty_pct: float | None = None
     p50_done_s: float | None = None
     p95_done_s: float | None = None
+    questions: tuple[str, ...] = ()
 
     @property
     def stated_end_s(self) -> float:

@@ -40,7 +40,8 @@ def format_day_json(result: DayResult) -> str:
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
     ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
     ``road_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
-    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``certainty_pct`` (null: mean times),
+    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check),
+    ``certainty_pct`` (null: mean times),
     ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary`` (the answer as it is printed).
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
@@ -58,6 +59,7 @@ def format_day_json(result: DayResult) -> str:
         "start_s": result.start_s,
         "end_s": result.end_s,
         "remarks": result.remarks,
+        "questions": result.questions,
         "certainty_pct": result.certainty_pct,
         "p50_done_s": result.stated_end_s if result.jobs else None,
         "p95_done_s": result.stated_late_end_s if result.jobs else None,

@@ -44,6 +44,7 @@ def build_evidence_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
     ]
     kinds = ["cross", "along"] if diagnosis.along_judged else ["cross"]
     return {
+        "is_unchanged": all(np.array_equal(path.before_m, path.after_m) for path in evidence.paths),
         "piece_s": f"{evidence.piece_s:g}",
         "charts": [
             _draw_bins(kind, title, axis, bins, unit) for kind in kinds for title, axis, bins, unit in quantities
@@ -201,7 +202,8 @@ def _draw_paths(evidence: ReplayEvidence) -> dict[str, Any] | None:
         return None
     shown = max(range(len(evidence.paths)), key=lambda number: _measure_gain_m(evidence.paths[number]))
     paths = [_convert_path(path) for path in evidence.paths]
-    return {"shown": shown, "paths": paths, "margin": PATH_MARGIN_SHARE, "first": paths[shown]}
+    lines = {name: " ".join(f"{x},{y}" for x, y in paths[shown][name]) for name in ("measured", "before", "after")}
+    return {"shown": shown, "paths": paths, "box": paths[shown]["box"], "lines": lines}
 
 
 def _convert_path(path: PathPair) -> dict[str, Any]:
@@ -214,7 +216,6 @@ def _convert_path(path: PathPair) -> dict[str, Any]:
         "name": path.name,
         "time_s": make_json_safe(path.time_s - path.time_s[0], 2),
         **{name: make_json_safe(line, 2) for name, line in drawn.items()},
-        "points": {name: " ".join(f"{x:.2f},{y:.2f}" for x, y in line) for name, line in drawn.items()},
         "box": " ".join(f"{value:.2f}" for value in (-margin, -margin, *(high - low + 2.0 * margin))),
     }
 

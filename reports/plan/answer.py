@@ -19,8 +19,8 @@ from reports.common.plan_results import (
     get_stated_finished_end_s,
     get_stated_late_end_s,
 )
+from reports.common.units import format_area, format_speed, format_volume, format_width
 from reports.common.wording import (
-    format_area,
     format_duration,
     format_number,
     format_percent,
@@ -82,7 +82,7 @@ def write_answer(ranking: PlanRanking) -> Answer:
     )
 
 
-def question_pull(pull: PullFigures | None) -> str:
+def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) -> str:
     """Asks whether the tractor can pull the implement where it seems too weak; else ""."""
     if pull is None or not pull.is_questioned:
         return ""
@@ -92,19 +92,19 @@ def question_pull(pull: PullFigures | None) -> str:
         *([] if speed_kmh is None else [f"--speed-kmh {speed_kmh:g}"]),
     ]
     figures = {
-        "width": format_number(pull.width_m, 1).removesuffix(".0"),
+        "width": format_width(round(pull.width_m, 1)),
         "needed": format_number(pull.needed_kw, 0),
-        "speed": format_number(pull.speed_kmh, 1).removesuffix(".0"),
+        "speed": format_speed(pull.speed_kmh / 3.6).replace(".0 ", " "),
         "available": format_number(pull.available_kw, 0),
     }
     text = (
-        translate("The {width} m drill needs about {needed} kW at the drawbar at {speed} km/h; this tractor has about "
+        translate("The {width} drill needs about {needed} kW at the drawbar at {speed}; this tractor has about "
                   "{available} kW: check it", **figures)
         if pull.implement == "drill"
-        else translate("The {width} m cultivator needs about {needed} kW at the drawbar at {speed} km/h; this tractor "
+        else translate("The {width} cultivator needs about {needed} kW at the drawbar at {speed}; this tractor "
                        "has about {available} kW: check it", **figures)
     )  # fmt: skip
-    if not ways:
+    if not ways or not suggests_options:
         return f"{text}."
     if len(ways) == 1:
         return translate("{text}, or try {way}.", text=text, way=ways[0])
@@ -158,7 +158,7 @@ def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.refills is not None:
         parts.append(translate_count("{count} refill", "{count} refills", plan.refills))
     if plan.fuel_l is not None:
-        parts.append(translate("{litres} l", litres=format_number(plan.fuel_l, 0)))
+        parts.append(format_volume(plan.fuel_l))
     return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
 
 
@@ -184,10 +184,12 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     limit, share, loss = _format_limit(ranking), format_share(plan), get_late_loss(plan)
     if loss < LEAST_COST:
         return translate("Done {limit}: {share} sure; no ground is late.", limit=limit, share=share)
-    money = format_money(ranking, loss)
-    return translate(
-        "Done {limit}: {share} sure; late ground costs {loss}, included.", limit=limit, share=share, loss=money
-    )
+    values = {"limit": limit, "share": share, "loss": format_money(ranking, loss)}
+    if ranking.allowed_s is None:
+        return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
+    if ranking.scenario.get("rain") is None:
+        return translate("Done {limit}: {share} sure; late ground costs {loss} on average, included.", **values)
+    return translate("Done {limit}: {share} sure; late ground costs {loss}, included.", **values)
 
 
 def format_share(plan: PlanResult) -> str:

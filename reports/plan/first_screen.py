@@ -13,7 +13,7 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from fields.errors import shorten_middle
-from reports.common.language import translate, translate_count
+from reports.common.language import mark_text, translate, translate_count
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
@@ -22,13 +22,14 @@ from reports.common.plan_results import (
     get_stated_late_end_s,
 )
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence
+from reports.common.units import format_hectares
 from reports.common.wording import format_duration, format_number, format_price, format_yes_no, parse_start_time
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.plan_wording import describe_machines, format_in_time_probability, list_feasible, list_refused
 
 MOST_ROWS, LEAST_ROWS = 8, 5
 _MOST_NAME_LETTERS = 40
-_MORE_HINT = "a wider window or --explain shows more"
+_MORE_HINT = mark_text("a wider window or --explain shows more")
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,7 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
         ]
     parts += [format_sentence(text, style="dim") for text in count_other_plans(ranking, plans)]
     if with_next:
+        parts += [] if plans else [Text("")]
         parts += [format_sentence(text, style="dim") for text in _suggest_commands(ranking)]
     return Group(*parts)
 
@@ -77,7 +79,7 @@ def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[Pl
 
 def _format_heading(ranking: PlanRanking) -> str:
     name = shorten_middle(ranking.field_name, _MOST_NAME_LETTERS)
-    return ", ".join(filter(None, (name, f"{format_number(ranking.area_ha, 2)} ha", describe_machines(ranking))))
+    return ", ".join(filter(None, (name, format_hectares(ranking.area_ha), describe_machines(ranking))))
 
 
 def build_answer_table(ranking: PlanRanking, plans: Sequence[PlanResult]) -> FittedTable:
@@ -141,8 +143,8 @@ def _mark_count(ranking: PlanRanking, plan: PlanResult) -> str:
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
     if any(plan.p50_s is not None for plan in plans):
-        return translate("> recommended; * fastest with so few; times are medians, costs means of samples.")
-    return translate("> recommended; * fastest with so few; times and costs are as simulated.")
+        return translate("> recommended; * none with as few is faster; times are medians, costs are means.")
+    return translate("> recommended; * none with as few is faster; times and costs are as simulated.")
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:

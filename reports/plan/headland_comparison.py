@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePath
 
+from reports.common.language import translate, translate_count
 from reports.common.plan_results import (
     PlanResult,
     get_finished_field_cost,
@@ -184,26 +185,31 @@ class HeadlandComparison:
 
 def name_choice(totals: HeadlandTotals) -> str:
     """``square, first, 3 passes``, with what planning chose where the request left it open."""
-    choice = totals.choice
-    orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
-    parts = [choice.corners, choice.order or "/".join(orders), _name_passes(totals)]
+    parts = [totals.choice.corners, _name_order(totals), _name_passes(totals)]
     return ", ".join(part for part in parts if part)
 
 
 def describe_choice(totals: HeadlandTotals) -> str:
     """``square corners, headland first, 3 passes``."""
-    corners, *others = name_choice(totals).split(", ")
-    words = [f"{corners} corners", *(f"headland {part}" if "pass" not in part else part for part in others)]
-    return ", ".join(words)
+    corners = translate("{corners} corners", corners=totals.choice.corners)
+    order = _name_order(totals)
+    parts = [corners, translate("headland {order}", order=order) if order else "", _name_passes(totals)]
+    return ", ".join(part for part in parts if part)
+
+
+def _name_order(totals: HeadlandTotals) -> str:
+    orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
+    return totals.choice.order or "/".join(orders)
 
 
 def _name_passes(totals: HeadlandTotals) -> str:
-    counts = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
-    if totals.choice.passes is not None or not counts:
-        counts = [totals.choice.passes] if totals.choice.passes is not None else []
+    planned = sorted({plan.headland_passes for plan in totals.driven if plan.headland_passes})
+    counts = planned if totals.choice.passes is None else [totals.choice.passes]
     if not counts:
         return ""
-    return "1 pass" if counts == [1] else f"{'-'.join(map(str, dict.fromkeys([counts[0], counts[-1]])))} passes"
+    if counts[0] == counts[-1]:
+        return translate_count("{count} pass", "{count} passes", counts[0])
+    return translate("{least}-{most} passes", least=counts[0], most=counts[-1])
 
 
 def list_missing(comparison: HeadlandComparison) -> list[str]:
@@ -212,11 +218,11 @@ def list_missing(comparison: HeadlandComparison) -> list[str]:
     for name, totals in comparison.totals_by_field.items():
         for one in totals:
             if not one.driven:
-                reason = (one.plans[0].refusal or "no plan is feasible").rstrip(".")
+                reason = (one.plans[0].refusal or translate("no plan is feasible")).rstrip(".")
                 ways_by_reason.setdefault((name, reason), []).append(name_choice(one))
     names = comparison.field_names
     count = len(comparison.choices)
     return [
-        f"{names[field]}: {'every way' if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
+        f"{names[field]}: {translate('every way') if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
         for (field, reason), ways in ways_by_reason.items()
     ]

@@ -8,15 +8,14 @@ from reports.common.rendering import render_template
 from reports.common.wording import format_duration, format_number, insert_non_breaking_spaces
 from reports.plan.headland_comparison import HeadlandComparison, HeadlandTotals, list_missing, name_choice
 from reports.plan.headland_report import (
-    FIELD_COLUMNS,
-    FIGURES_HELP,
     build_cells,
     build_field_cells,
     describe_comparison,
-    describe_more,
+    describe_figures,
     format_cost_per_ha,
     has_fuel,
     list_columns,
+    list_field_columns,
 )
 
 
@@ -33,8 +32,8 @@ def render_headland_page(comparison: HeadlandComparison) -> str:
             "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
             "head": [column.heading for column in list_columns(comparison)],
             "rows": _build_rows(list(comparison.totals), comparison.best, with_fuel),
-            "help": f"{FIGURES_HELP} {describe_more(comparison)} Times are h:mm:ss.",
-            "field_head": [column.heading for column in FIELD_COLUMNS],
+            "help": f"{describe_figures(comparison)} Times are h:mm:ss.",
+            "field_head": [column.heading for column in list_field_columns(comparison)],
             "field_rows": [
                 {"best": False, "cells": build_field_cells(comparison, field)} for field in comparison.fields
             ],

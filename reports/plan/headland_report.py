@@ -11,8 +11,20 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from reports.common.language import translate, translate_count
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
+from reports.common.units import (
+    convert_hectares,
+    convert_litres,
+    convert_rate_per_hectare,
+    convert_square_metres,
+    format_hectares,
+    format_square_metres,
+    get_area_unit,
+    get_small_area_unit,
+    get_volume_unit,
+)
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_price
 from reports.plan.headland_comparison import (
     ComparedPlan,
@@ -26,10 +38,6 @@ from reports.plan.ranking_export import EXPORT_DECIMALS, build_plan_entry, forma
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
-FIGURES_HELP = (
-    "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: finished "
-    "ground under wheels, headland included; cost per hectare that is worked."
-)
 TOTAL_KEYS = (
     "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "missed_m2", "overlap_m2", "over_finished_m2",
 )  # fmt: skip
@@ -55,9 +63,9 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
     if best is None:
         has_any = any(each.plan is not None for each in comparison.plans)
         return [
-            "No way to work the headland works on every field; the best of each field is below."
+            translate("No way to work the headland works on every field; the best of each field is below.")
             if has_any
-            else "No way to work the headland works; the reasons are below."
+            else translate("No way to work the headland works; the reasons are below.")
         ]
     return [
         _describe_worth(comparison, best),
@@ -72,24 +80,54 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
     where = _describe_ground(comparison, best)
     way = describe_choice(best)
     if not others:
-        only = "Only this way works" if len(comparison.totals) > 1 else "One way was compared"
-        return f"{only}: {way}: {format_cost_per_ha(best, comparison)} on {where}."
+        rate = format_cost_per_ha(best, comparison)
+        if len(comparison.totals) > 1:
+            return translate("Only this way works: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
+        return translate("One way was compared: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
     dearest = others[-1]
     if compute_extra_cost(dearest, best) < ALIKE_SHARE * best.charged_cost:
-        return (
-            f"All ways cost the same within {format_money(compute_extra_cost(dearest, best), comparison.currency)} on "
-            f"{where}; the least: {way}."
+        extra = format_money(compute_extra_cost(dearest, best), comparison.currency)
+        return translate(
+            "All ways cost the same within {extra} on {fields}; the least: {way}.", extra=extra, fields=where, way=way
         )
-    savings = [f"{_describe_saving(others[0], best, comparison)} less than {name_choice(others[0])}"]
-    if len(others) > 1:
-        savings.append(f"{_describe_saving(dearest, best, comparison)} less than {name_choice(dearest)}, the dearest")
-    return f"Worth it on {where}: {way}: {' and '.join(savings)}."
+    alike = [one for one in others if compute_extra_cost(one, best) < ALIKE_SHARE * best.charged_cost]
+    if alike:
+        return translate(
+            "Worth it on {fields}: {way}: {saving} less than {dearest}, the dearest; {alike}.",
+            fields=where,
+            way=way,
+            saving=_describe_saving(dearest, best, comparison),
+            dearest=name_choice(dearest),
+            alike=_describe_alike(alike, best, comparison),
+        )
+    values = {
+        "fields": where,
+        "way": way,
+        "saving": _describe_saving(others[0], best, comparison),
+        "next": name_choice(others[0]),
+    }
+    if len(others) == 1:
+        return translate("Worth it on {fields}: {way}: {saving} less than {next}.", **values)
+    return translate(
+        "Worth it on {fields}: {way}: {saving} less than {next} and {more} less than {dearest}, the dearest.",
+        **values,
+        more=_describe_saving(dearest, best, comparison),
+        dearest=name_choice(dearest),
+    )
+
+
+def _describe_alike(alike: list[HeadlandTotals], best: HeadlandTotals, comparison: HeadlandComparison) -> str:
+    """That other ways cost nearly the same as the best."""
+    extra = format_money(compute_extra_cost(alike[-1], best), comparison.currency)
+    if len(alike) == 1:
+        return translate("{way} costs the same within {extra}", way=name_choice(alike[0]), extra=extra)
+    return translate("{count} other ways cost the same within {extra}", count=len(alike), extra=extra)
 
 
 def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
     names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
-    subject = names[0] if len(names) == 1 else f"{len(names)} fields"
-    return f"{subject} ({totals.area_ha:.2f} ha)"
+    subject = names[0] if len(names) == 1 else translate_count("{count} field", "{count} fields", len(names))
+    return f"{subject} ({format_hectares(totals.area_ha)})"
 
 
 def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
@@ -99,7 +137,8 @@ def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: He
 
 def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
     """The cost of a worked hectare with its currency."""
-    return f"{format_number(totals.cost_per_ha, 1)} {comparison.currency or ''}/ha"
+    rate = format_number(convert_rate_per_hectare(totals.cost_per_ha), 1)
+    return f"{rate} {comparison.currency or ''}/{get_area_unit()}"
 
 
 def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -120,18 +159,22 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
             gains[name] = compute_extra_cost(driven[-1], same)
     if len(losses) > MOST_NAMED_FIELDS:
         loss = format_money(sum(compute_extra_cost(*pair) for pair in losses.values()), comparison.currency)
-        yield (
-            f"On {len(losses)} of {len(comparison.fields)} fields another way is better, by {loss} together; the "
-            "second table names them."
+        yield translate(
+            "On {count} of {fields} fields another way is better, by {saving} together; the second table names them.",
+            count=len(losses),
+            fields=len(comparison.fields),
+            saving=loss,
         )
     else:
         for name, (same, better) in losses.items():
             saving = _describe_saving(same, better, comparison)
-            yield f"On {name} {describe_choice(better)} is better by {saving}."
+            yield translate(
+                "On {field} {way} is better by {saving}.", field=name, way=describe_choice(better), saving=saving
+            )
     if len(gains) > 1:
         name = max(gains, key=lambda each: gains[each])
         gain = format_money(gains[name], comparison.currency)
-        yield f"It saves most on {name}: {gain} against the dearest way there."
+        yield translate("It saves most on {field}: {saving} against the dearest way there.", field=name, saving=gain)
 
 
 def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -139,28 +182,49 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
     alike = [one for one in comparison.totals if len(one.driven) == len(best.driven)]
     least_missed = min(alike, key=lambda one: round(one.missed_m2))
     least_driven = min(alike, key=lambda one: round(one.over_finished_m2))
-    texts = [f"It misses {best.missed_m2:.0f} m2 and drives over {best.over_finished_m2:.0f} m2 of finished ground"]
+    texts = [
+        translate(
+            "It misses {missed} and drives over {driven} of finished ground",
+            missed=format_square_metres(best.missed_m2),
+            driven=format_square_metres(best.over_finished_m2),
+        )
+    ]
     if round(least_missed.missed_m2) < round(best.missed_m2):
-        texts.append(f"{name_choice(least_missed)} misses least ({least_missed.missed_m2:.0f} m2)")
+        area = format_square_metres(least_missed.missed_m2)
+        texts.append(translate("{way} misses least ({area})", way=name_choice(least_missed), area=area))
     if round(least_driven.over_finished_m2) < round(best.over_finished_m2):
-        texts.append(f"{name_choice(least_driven)} drives over least ({least_driven.over_finished_m2:.0f} m2)")
+        area = format_square_metres(least_driven.over_finished_m2)
+        texts.append(translate("{way} drives over least ({area})", way=name_choice(least_driven), area=area))
     yield f"{'; '.join(texts)}."
 
 
 def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
-    unit = comparison.currency or "Cost"
-    fuel = (TableColumn("Fuel l", "Fuel\nl", drop_order=2),) if has_fuel(comparison) else ()
-    return (
-        TableColumn("Headland", is_text=True),
-        TableColumn(f"{unit}/ha"),
-        TableColumn("More"),
-        TableColumn("Time"),
-        *fuel,
-        TableColumn("Missed m2", "Missed\nm2"),
-        TableColumn("Overlap m2", "Over-\nlap m2", drop_order=1),
-        TableColumn("Driven over m2", "Driven\nover m2"),
+    unit = comparison.currency or translate("Cost")
+    fuel = (
+        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=2),)
+        if has_fuel(comparison)
+        else ()
     )
+    return (
+        TableColumn(translate("Headland"), is_text=True),
+        TableColumn(f"{unit}/{get_area_unit()}"),
+        TableColumn(translate("More")),
+        TableColumn(translate("Time")),
+        *fuel,
+        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
+        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=1),
+        _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
+    )
+
+
+def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
+    """A column of figures whose heading stands in two lines where there is little room, the second from its last words.
+
+    ``Driven over m2`` becomes ``Driven`` above ``over m2``.
+    """
+    first, _, rest = heading.partition(" ")
+    return TableColumn(heading, f"{first}\n{rest}", drop_order=drop_order)
 
 
 def has_fuel(comparison: HeadlandComparison) -> bool:
@@ -177,13 +241,13 @@ def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: 
     extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
     return (
         name_choice(totals),
-        format_number(totals.cost_per_ha, 1),
-        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else "best",
+        format_number(convert_rate_per_hectare(totals.cost_per_ha), 1),
+        NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
         format_duration(totals.time_s),
-        *([format_number(totals.fuel_l, 0)] if with_fuel else []),
-        format_number(totals.missed_m2, 0),
-        format_number(totals.overlap_m2, 0),
-        format_number(totals.over_finished_m2, 0),
+        *([format_number(convert_litres(totals.fuel_l), 0)] if with_fuel else []),
+        format_number(convert_square_metres(totals.missed_m2), 0),
+        format_number(convert_square_metres(totals.overlap_m2), 0),
+        format_number(convert_square_metres(totals.over_finished_m2), 0),
     )
 
 
@@ -198,27 +262,34 @@ def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
         parts.append(FittedTable(list_columns(comparison), rows, styles))
         if len(comparison.fields) > 1:
             parts += [Text(""), _build_field_table(comparison)]
-        parts += [format_sentence(f"{FIGURES_HELP} {describe_more(comparison)}", style="dim"), Text("")]
+        parts += [format_sentence(describe_figures(comparison), style="dim"), Text("")]
     missing = list_missing(comparison)
-    parts += [format_title("Without a plan"), *map(format_sentence, missing)] if missing else []
+    parts += [format_title(translate("Without a plan")), *map(format_sentence, missing)] if missing else []
     return Group(*parts)
 
 
-def describe_more(comparison: HeadlandComparison) -> str:
-    """What the last column is."""
-    unit = f" in {comparison.currency}" if comparison.currency else ""
-    return f"More: cost{unit} on all fields above the best, with missed ground finished."
+def describe_figures(comparison: HeadlandComparison) -> str:
+    """What the columns are."""
+    figures = translate(
+        "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: "
+        "finished ground under wheels, headland included; cost per hectare that is worked."
+    )
+    more = translate("More: cost on all fields above the best, with missed ground finished.")
+    return f"{figures} {more}"
 
 
-FIELD_COLUMNS = (
-    TableColumn("Field", is_text=True),
-    TableColumn("Best headland", is_text=True),
-    TableColumn("Saves"),
-    TableColumn("Cost/ha"),
-    TableColumn("Time"),
-    TableColumn("Missed m2", "Missed\nm2", drop_order=1),
-    TableColumn("ha"),
-)
+def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
+    """The columns of the table with the best way on each field."""
+    unit = comparison.currency or translate("Cost")
+    return (
+        TableColumn(translate("Field"), is_text=True),
+        TableColumn(translate("Best headland"), is_text=True),
+        TableColumn(translate("Saves")),
+        TableColumn(f"{unit}/{get_area_unit()}"),
+        TableColumn(translate("Time")),
+        _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit()), drop_order=1),
+        TableColumn(get_area_unit()),
+    )
 
 
 def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, ...]:
@@ -226,21 +297,22 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
     driven = [one for one in comparison.totals_by_field[name] if one.driven]
     label = comparison.field_names[name]
     if not driven:
-        return label, "none works", *[NO_VALUE] * 5
+        return label, translate("none works"), *[NO_VALUE] * 5
     best, dearest = driven[0], driven[-1]
     return (
         label,
         name_choice(best),
         format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
-        format_number(best.cost_per_ha, 1),
+        format_number(convert_rate_per_hectare(best.cost_per_ha), 1),
         format_duration(best.time_s),
-        format_number(best.missed_m2, 0),
-        format_number(best.area_ha, 2),
+        format_number(convert_square_metres(best.missed_m2), 0),
+        format_number(convert_hectares(best.area_ha), 2),
     )
 
 
 def _build_field_table(comparison: HeadlandComparison) -> FittedTable:
-    return FittedTable(FIELD_COLUMNS, tuple(build_field_cells(comparison, name) for name in comparison.fields))
+    rows = tuple(build_field_cells(comparison, name) for name in comparison.fields)
+    return FittedTable(list_field_columns(comparison), rows)
 
 
 def format_headland_json(comparison: HeadlandComparison) -> str:

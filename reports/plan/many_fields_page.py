@@ -17,9 +17,11 @@ from reports.plan.many_fields import (
     MAP_KEY,
     FieldRecord,
     FieldsTotal,
+    RecordsTable,
     describe_records,
     get_best_plan,
     get_stated_plan_cost,
+    get_stated_plan_s,
     list_records_without_plan,
     sum_over_fields,
     tabulate_records,
@@ -27,6 +29,8 @@ from reports.plan.many_fields import (
 
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
+PAGE_HEADINGS = ("Field", "Time", "Cost", "In time %", "Worked %", "Width", "Tractors", "Strategy", "ha")
+"""Columns in the order of the page, on which those to the right may be hidden; the layout is in CSV and JSON."""
 
 
 def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
@@ -38,6 +42,7 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
         if get_best_plan(record)
     ]
     anchors = [f"field-{number}" if get_best_plan(record) else "" for number, record in enumerate(records)]
+    places = _list_places(table)
     maps = [one["map"] for one in sections if one["map"]]
     return render_template(
         "many_fields.html.j2",
@@ -45,12 +50,12 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
             "title": f"{len({record['requested_field'] for record in records})} fields: plans",
             "machines": _describe_machines(records),
             "lead": _describe_totals(records),
-            "columns": table.columns,
+            "columns": [table.columns[place] for place in places],
             "rows": [
-                {"cells": row, "is_total": row in table.total_rows, "anchor": anchor}
+                {"cells": [row[place] for place in places], "is_total": row in table.total_rows, "anchor": anchor}
                 for row, anchor in zip(table.rows, anchors + [""] * len(table.total_rows), strict=True)
             ],
-            "legend": describe_records(records),
+            "legend": ["The best plan of each field. Times are h:mm:ss.", *describe_records(records)[1:]],
             "without": list_records_without_plan(records),
             "sections": sections,
             "plan_head": PLAN_HEAD,
@@ -58,6 +63,12 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
             "has_driven_over": any(one["driven_over"] for one in maps),
         },
     )
+
+
+def _list_places(table: RecordsTable) -> list[int]:
+    """The columns that the page shows, as places in the table."""
+    headings = [column.heading for column in table.columns]
+    return [headings.index(heading) for heading in PAGE_HEADINGS if heading in headings]
 
 
 def _has_widths(records: Sequence[FieldRecord]) -> bool:
@@ -110,7 +121,7 @@ def _build_section(record: FieldRecord, anchor: str, names_width: bool) -> dict[
 def _list_facts(ranking: Mapping[str, Any], best: Mapping[str, Any]) -> str:
     area = f"{ranking['field']['area_ha']:.2f} ha"
     cost = f"{format_price(get_stated_plan_cost(best))} {ranking.get('currency') or ''}".strip()
-    return f"{area}, {format_duration(best.get('time_s'))}, {cost}"
+    return f"{area}, {format_duration(get_stated_plan_s(best))}, {cost}"
 
 
 def _is_same(plan: Mapping[str, Any], best: Mapping[str, Any] | None) -> bool:
@@ -122,7 +133,7 @@ def _build_plan_cells(plan: Mapping[str, Any]) -> tuple[str, ...]:
     headland = f"{plan['headland_passes']} x {plan.get('headland_order') or ''}" if plan.get("headland_passes") else ""
     return (
         f"{count} {'tractor' if count == 1 else 'tractors'}, {plan['strategy']}",
-        format_duration(plan.get("time_s")),
+        format_duration(get_stated_plan_s(plan)),
         format_price(get_stated_plan_cost(plan)),
         format_number(plan.get("worked_pct"), 1),
         format_area_or_dash(plan.get("missed_m2")),

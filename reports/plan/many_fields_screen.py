@@ -10,6 +10,15 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence
+from reports.common.units import (
+    convert_hectares,
+    convert_rate_per_hectare,
+    format_hectares,
+    format_width,
+    get_area_unit,
+    get_length_unit,
+    is_us,
+)
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.plan.many_fields import (
     REQUESTED_KEY,
@@ -55,14 +64,14 @@ def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
 def _describe_total(total: FieldsTotal, fields: int, currency: str) -> str:
     """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
     return translate(
-        "{width} m: {count} of {fields} fields, {area} ha, {time} in all, {cost} ({rate}/ha), {worked} % worked.",
-        width=f"{total.width_m:g}",
+        "{width}: {count} of {fields} fields, {area}, {time} in all, {cost} ({rate}), {worked} % worked.",
+        width=format_width(total.width_m),
         count=total.fields,
         fields=fields,
-        area=format_number(total.area_ha, 2),
+        area=format_hectares(total.area_ha),
         time=format_duration(total.time_s),
         cost=f"{format_price(total.cost)} {currency}".strip(),
-        rate=f"{format_price(total.cost_per_ha)} {currency}".strip(),
+        rate=f"{format_price(convert_rate_per_hectare(total.cost_per_ha))} {currency}".strip() + f"/{get_area_unit()}",
         worked=format_number(total.worked_pct, 1),
     )
 
@@ -80,7 +89,7 @@ def _build_table(records: Sequence[FieldRecord]) -> FittedTable:
         last = TableColumn(translate("In time %"), translate("In\ntime %"), drop_order=2)
     columns = [
         TableColumn(translate("Field"), is_text=True, is_unbroken=True),
-        TableColumn(translate("Width")) if has_widths else TableColumn(translate("ha"), drop_order=4),
+        TableColumn(_name_width()) if has_widths else TableColumn(get_area_unit(), drop_order=4),
         TableColumn(translate("Tractors"), translate("Trac-\ntors")),
         TableColumn(translate("Strategy"), is_text=True, is_unbroken=True, drop_order=3),
         TableColumn(translate("Time")),
@@ -91,11 +100,16 @@ def _build_table(records: Sequence[FieldRecord]) -> FittedTable:
     return FittedTable(tuple(columns), rows, more_hint=translate("--explain shows more"))
 
 
+def _name_width() -> str:
+    """The heading of widths; metres are not said."""
+    return translate("Width {unit}", unit=get_length_unit()) if is_us() else translate("Width")
+
+
 def _build_row(record: FieldRecord, has_widths: bool, has_probability: bool) -> tuple[str, ...]:
     ranking, plan = record["ranking"], get_best_plan(record)
     name = ranking["field"]["name"] if ranking else PurePath(record[REQUESTED_KEY]).name
-    area = format_number(ranking["field"]["area_ha"], 2) if ranking else NO_VALUE
-    size = f"{record['width_m']:g}" if has_widths else area
+    area = format_number(convert_hectares(ranking["field"]["area_ha"]), 2) if ranking else NO_VALUE
+    size = format_width(record["width_m"]).partition(" ")[0] if has_widths else area
     if plan is None:
         return name, size, NO_VALUE, translate("no plan"), NO_VALUE, NO_VALUE, NO_VALUE
     share = format_percent(plan.get("finish_probability")) if has_probability else format_number(plan["worked_pct"], 1)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     NO_PATH,
     FieldPartPlan,
@@ -22,8 +23,8 @@ from reports.common.plan_results import (
     get_stated_finished_end_s,
     get_stated_s,
 )
+from reports.common.units import format_area, format_width
 from reports.common.wording import (
-    format_area,
     format_duration,
     format_number,
     format_percent,
@@ -196,7 +197,8 @@ def describe_machines(ranking: PlanRanking) -> str | None:
     scenario = ranking.scenario
     if "tractor" not in scenario or "width_m" not in scenario:
         return None
-    return f"{scenario['tractor']}, {scenario.get('implement') or 'implement'} {scenario['width_m']:g} m"
+    implement = scenario.get("implement") or translate("implement")
+    return f"{scenario['tractor']}, {implement} {format_width(scenario['width_m'])}"
 
 
 def describe_simulated_effects(ranking: PlanRanking) -> str | None:
@@ -218,7 +220,8 @@ def format_clock_after_start(ranking: PlanRanking, seconds: float | None) -> str
         return None
     later = start + timedelta(seconds=round_seconds(seconds))
     days = (later.date() - start.date()).days
-    return later.strftime("%H:%M") + {0: "", 1: " next day"}.get(days, f", {days} days later")
+    clock = later.strftime("%H:%M")
+    return translate_count("{clock} next day", "{clock}, {count} days later", days, clock=clock) if days else clock
 
 
 def format_end_clock(ranking: PlanRanking, seconds: float) -> str | None:
@@ -395,31 +398,46 @@ def _describe_added_cost(ranking: PlanRanking, plan: PlanResult) -> str:
 def explain_no_plan(ranking: PlanRanking) -> str:
     """Why no plan works, in a sentence."""
     if not ranking.plans:
-        return "No plan was tried: allow at least one strategy, turn and number of tractors."
+        return translate("No plan was tried: allow at least one strategy, turn and number of tractors.")
     first = group_refusals(ranking.plans)[0]
-    figures = " (figures of the first)" if first.has_similar_reasons else ""
-    return f"No plan works: {_describe_refused_count(len(ranking.plans), first)}: {first.reason.rstrip('.')}{figures}."
+    values = {
+        "refused": _describe_refused_count(len(ranking.plans), first),
+        "reason": translate_sentence(first.reason.rstrip(".")),
+    }
+    if first.has_similar_reasons:
+        return translate("No plan works: {refused}: {reason} (figures of the first).", **values)
+    return translate("No plan works: {refused}: {reason}.", **values)
 
 
 def describe_changes(ranking: PlanRanking) -> str:
     """What was tried without success, and what was found to work; empty where nothing could be tried."""
     kinds = {fault.kind for plan in ranking.plans for fault in plan.faults}
-    tried = ["Driving slower there and wider margins did not help."] if kinds else []
+    tried = [translate("Driving slower there and wider margins did not help.")] if kinds else []
     if kinds == {NO_PATH} and not any("headland pass" in change for change in ranking.changes):
-        tried = ["One more headland pass did not help."]
+        tried = [translate("One more headland pass did not help.")]
     if ranking.changes:
-        return " ".join([*tried, f"Found to work: {' or '.join(ranking.changes)}."])
+        changes = join_list(map(translate_sentence, ranking.changes), "or")
+        return " ".join([*tried, translate("Found to work: {changes}.", changes=changes)])
     if kinds:
-        tried.append("Neither did driving slower everywhere or a narrower implement.")
+        tried.append(translate("Neither did driving slower everywhere or a narrower implement."))
     return " ".join(tried)
 
 
 def _describe_refused_count(count: int, first: RefusalGroup) -> str:
     """How many were refused and how many for the reason that follows: ``both were refused because``."""
     same_count = len(first.plans)
-    everyone = {1: "the only one was", 2: "both were"}.get(count, f"all {count} were")
-    share = "" if same_count == count else f", {'one' if same_count == 1 else same_count} of them"
-    return f"{everyone} refused{share} because"
+    if count == 1:
+        return translate("the only one was refused because")
+    if same_count == count:
+        return (
+            translate("both were refused because")
+            if count == 2
+            else translate("all {count} were refused because", count=count)
+        )
+    same = translate("one") if same_count == 1 else same_count
+    if count == 2:
+        return translate("both were refused, {same} of them because", same=same)
+    return translate("all {count} were refused, {same} of them because", count=count, same=same)
 
 
 def _name_plan_variant(plan: PlanResult) -> str:

@@ -20,7 +20,7 @@ from reports.common.plan_results import (
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
-from reports.plan.answer import write_answer
+from reports.plan.answer import question_pull, write_answer
 from reports.plan.plan_wording import get_clearance_m
 
 PLAN_KEYS = (
@@ -105,7 +105,8 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
     ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
     (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
-    ``questioned`` if it is too little; null if unknown) and ``summary`` (the answer in a few sentences, as printed).
+    ``questioned`` if it is too little; null if unknown), ``remarks`` (on the field file) and ``summary`` (the answer in
+    a few sentences, as it is printed).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
@@ -124,6 +125,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "parts": [_build_part_entry(part) for part in ranking.parts],
             "changes": list(ranking.changes),
             "pull": _build_pull_entry(ranking.pull),
+            "remarks": list(ranking.field_remarks),
             "summary": write_answer(ranking).list_sentences(),
         }
     )
@@ -134,7 +136,7 @@ def _build_pull_entry(pull: PullFigures | None) -> dict[str, Any] | None:
     if pull is None:
         return None
     figures = {name: make_json_safe(value, 2) for name, value in asdict(pull).items()}
-    return {**figures, "questioned": pull.is_questioned}
+    return {**figures, "questioned": pull.is_questioned, "question": question_pull(pull) or None}
 
 
 def _build_part_entry(part: FieldPartPlan) -> dict[str, Any]:

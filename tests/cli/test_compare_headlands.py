@@ -90,10 +90,15 @@ def test_a_way_without_a_plan_is_named_with_its_reason(headland: Callable[..., A
     ]
 
 
-def test_no_field_no_table(headland: Callable[..., Any], tmp_path: Path) -> None:
+def test_a_lost_file_is_refused_alone_and_named_among_others(
+    headland: Callable[..., Any], farm: Path, tmp_path: Path
+) -> None:
     outcome = headland("compare-headlands", tmp_path / "lost.geojson", *QUICK)
-    assert outcome.status == 3 and "EUR/ha" not in outcome.out
-    assert "lost.geojson: every way: There is no field file" in outcome.out
+    assert (outcome.status, outcome.out, len(outcome.sentences)) == (2, "", 1)
+    assert outcome.err.startswith("Error: There is no field file")
+    outcome = headland("compare-headlands", tmp_path / "lost.geojson", f"{farm}#north", *QUICK, *WAYS)
+    assert outcome.status == 3 and "Worth it on north" in outcome.out
+    assert "lost.geojson: every way: There is no field file" in " ".join(outcome.out.split())
 
 
 @pytest.mark.parametrize(

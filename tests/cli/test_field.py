@@ -221,3 +221,26 @@ def test_ground_that_a_ditch_cuts_off_is_told_and_drawn(headland: Callable[..., 
     (row,) = [one for one in told["unworked"] if one["reason"] == "cut off by obstacles"]
     assert row["area_m2"] == pytest.approx(told["cut_off_m2"], rel=0.02)
     assert picture.stat().st_size > 10_000
+
+
+def test_obstacles_are_added_and_left_out(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+    field = {"type": "Feature", "properties": {}, "geometry": json.loads(small.read_text())}
+    mast = {"type": "Point", "coordinates": [20.0, 40.0]}
+    marked = tmp_path / "marked.geojson"
+    features = [field, {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": mast}]
+    marked.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    words = ("field", marked, "--local", "--json", "--no-headland")
+    with_mast = headland(*words)
+    assert "(1) pylon 'Strommast', radius 3 m. To leave one out" in " ".join(with_mast.err.split())
+    (obstacle,) = json.loads(with_mast.out)["obstacles"]
+    assert (obstacle["number"], obstacle["kind"], obstacle["radius_m"]) == (1, "pylon", 3.0)
+    other = headland(*words, "--ignore", "strommast", "--obstacle", "10,60,2", "--obstacle", "30,20")
+    assert [one["radius_m"] for one in json.loads(other.out)["obstacles"]] == [2.0, 1.0]
+    assert "Left out as asked, so machines drive there" in other.err
+    for more, expected in (
+        (("--ignore", "Baum"), "--ignore 'Baum' names no obstacle of field"),
+        (("--obstacle", "500,20"), "The obstacle 500,20 (--obstacle) lies"),
+        (("--obstacle", "x"), "--obstacle 'x' is not a place"),
+    ):
+        refused = headland(*words, *more)
+        assert refused.status == 2 and expected in refused.err and refused.err.count("\n") == 1

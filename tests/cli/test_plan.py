@@ -33,7 +33,7 @@ def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
     assert list(answer) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "unmet", "parts", "changes", "pull", "summary",
+        "unmet", "parts", "changes", "pull", "remarks", "summary",
     ]  # fmt: skip
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}

@@ -144,7 +144,7 @@ def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable
     assert outcome.status == 0
     assert json.loads(outcome.out)["fence_m"] == pytest.approx(130, abs=7), "it bends off gradually"
     told = " ".join(outcome.err.split())
-    assert "1 LineString with role 'drain', 1 Point." in told
+    assert "1 LineString with role 'drain'." in told and "(1) point, radius 1 m" in told
     assert "of 90 m of a line with edge 'fence'" in told and "the rest is not used" in told
 
 

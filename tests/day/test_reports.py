@@ -94,6 +94,7 @@ def test_keys_and_values(result: DayResult) -> None:
         "start_s",
         "end_s",
         "remarks",
+        "questions",
         "certainty_pct",
         "p50_done_s",
         "p95_done_s",

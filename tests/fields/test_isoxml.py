@@ -174,3 +174,19 @@ def test_a_boundary_that_is_said_to_be_the_hole_of_its_holes(tmp_path: Path) -> 
     field = read_field(write_taskdata(tmp_path, text))
     assert field.boundary.area == pytest.approx(56_800, rel=2e-3) and len(field.boundary.interiors) == 2
     assert any("swapped" in one for one in field.remarks)
+
+
+def test_flags_named_like_obstacles_and_lines_of_obstacles(tmp_path: Path) -> None:
+    flags = "".join(
+        '<PNT A="{}" B="{}" C="{:.9f}" D="{:.9f}"/>'.format(kind, name, *place(east, 50))
+        for kind, name, east in (("1", "Strommast", 50), ("2", "Marker 7", 90), ("1", "Einfahrt", 0), ("9", "Mast", 70))
+    )
+    ditch = f'<LSG A="9" B="ditch" C="1500">{points((120, 20), (120, 80))}</LSG>'
+    wall = f'<LSG A="9">{points((150, 20), (150, 80))}</LSG>'
+    field = read(tmp_path, partfield(polygon() + flags + ditch + wall))
+    assert [(one.kind, one.name, one.half_width_m) for one in field.obstacles] == [
+        ("line", "ditch", 0.75),
+        ("line", "", 0.5),
+        ("pylon", "Strommast", 3.0),
+    ]
+    assert field.entrance is not None

@@ -1,5 +1,6 @@
 """Costs by hand from the equations of farm accounting, and the money of a plan in every draw."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ from planner.risk.costs import (
     compute_paid_per_sample,
     compute_remaining_value,
     compute_repair_cost,
+    compute_simulated_cost,
     estimate_cost,
+    estimate_fuel_l,
 )
 from planner.risk.monte_carlo import SampledOutcomes
 
@@ -113,3 +116,21 @@ class TestPlan:
     def test_no_draw_varies_no_error(self) -> None:
         found = estimate_cost(sample([[2.0, 2.0]]), build_hire_terms(40.0, 0.0), area_ha=1.0)
         assert (found.paid, found.paid_error) == (80.0, 0.0)
+
+
+class TestFuel:
+    """Two tractors: an hour of work, half an hour of turns, a quarter of an hour of waiting."""
+
+    def run(self) -> Any:
+        shares = {"working": [2000.0, 1600.0], "turning": [900.0, 600.0], "reversing": [200.0, 100.0]}
+        arrays = {name: np.array(values) for name, values in shares.items()}
+        return SimpleNamespace(compute_time_shares=lambda: arrays, finish_s=np.array([3500.0, 2800.0]))
+
+    def test_litres_are_power_by_load(self) -> None:
+        prices = but(FarmPrices(), work_load=0.6, turn_load=0.3, fuel_l_per_kwh=0.25)
+        litres = estimate_fuel_l(self.run(), CostTerms(prices, FarmTractor(name="t", power_kw=100.0)))
+        assert litres == pytest.approx((1.0 * 0.6 + 0.5 * 0.3 + 0.25 * 0.1) * 100.0 * 0.25)
+
+    def test_cost_of_fuel_is_that_of_the_litres(self) -> None:
+        terms = CostTerms(but(NOTHING, fuel_per_l=2.0, oil_share=0.0))
+        assert compute_simulated_cost(self.run(), terms) == pytest.approx(2.0 * estimate_fuel_l(self.run(), terms))

@@ -21,6 +21,7 @@ from planner.pipeline.many_fields import (
     hash_question,
     iter_answers,
     read_answer_file,
+    share_obstacles,
 )
 from planner.request.option_texts import parse_widths
 from planner.request.plan_request import PlanRequest
@@ -65,6 +66,38 @@ def told(answer: FieldAnswer) -> str:
 
 def test_a_star_stands_for_every_field_of_a_file(farm: Path) -> None:
     assert expand_field_names([f"{farm}#*"], local=True) == (f"{farm}#north", f"{farm}#tiny", f"{farm}#south")
+
+
+def test_a_pond_is_left_out_of_all_fields_and_told(farm: Path) -> None:
+    document = json.loads(farm.read_text())
+    document["features"].append(feature("pond", 20, 10, 10))
+    document["features"][-1]["geometry"]["coordinates"][0] = [[20, 10], [30, 10], [30, 20], [20, 20], [20, 10]]
+    farm.write_text(json.dumps(document))
+    remarks: list[str] = []
+    names = expand_field_names([f"{farm}#*", f"{farm}#pond"], local=True, show_remarks=remarks.extend)
+    assert names == (f"{farm}#north", f"{farm}#tiny", f"{farm}#south", f"{farm}#pond")
+    assert len(remarks) == 1 and "'pond' (in 'north')" in remarks[0]
+
+
+def test_obstacles_and_names_count_where_they_lie(farm: Path) -> None:
+    """A tree is in the south field, 430,20 as well; what no field has is refused, and so is a number."""
+    document = json.loads(farm.read_text())
+    tree = {"type": "Point", "coordinates": [450, 20]}
+    document["features"].append({"type": "Feature", "properties": {"name": "Eiche"}, "geometry": tree})
+    farm.write_text(json.dumps(document))
+    names = (f"{farm}#north", f"{farm}#south")
+
+    def share(**more: tuple[str, ...]) -> list[PlanRequest]:
+        return share_obstacles([PlanRequest(name, local=True, **more) for name in names])  # type: ignore[arg-type]
+
+    north, south = share(obstacles=("430,20",), ignored=("eiche",))
+    assert (north.obstacles, north.ignored, south.obstacles, south.ignored) == ((), (), ("430,20",), ("eiche",))
+    with pytest.raises(HeadlandError, match="lies 930 m outside"):
+        share(obstacles=("1000,20",))
+    with pytest.raises(HeadlandError, match="names no obstacle"):
+        share(ignored=("Mast",))
+    with pytest.raises(HeadlandError, match="with several fields give the name"):
+        share(ignored=("1",))
 
 
 def test_fields_of_one_name_are_told_apart_by_position(tmp_path: Path) -> None:

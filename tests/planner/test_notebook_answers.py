@@ -101,7 +101,7 @@ def test_what_is_missing_for_geometries_is_said(answer: PlanningResult, monkeypa
 def test_files_are_those_of_the_command(answer: PlanningResult, refused: PlanningResult, tmp_path: Path) -> None:
     assert answer.run is not None
     text = answer.save(tmp_path / "best.json").read_text(encoding="utf-8")
-    assert text == write_saved_plan(answer.context, answer.run.plan)
+    assert text == write_saved_plan(answer.context, answer.run.plan, answer.ranking)
     assert parse_saved_plan(text).plan.tractors == answer.run.plan.tractors
     assert answer.save(tmp_path / "a.csv").read_text(encoding="utf-8") == format_ranking_csv(answer.ranking)
     for one in (answer, refused):
@@ -140,6 +140,12 @@ def test_times_that_are_none_are_refused(given: Any, sentence: str) -> None:
     with pytest.raises(RequestError) as refusal:
         PlanRequest(start_s=given)
     assert str(refusal.value).startswith(sentence) and refusal.value.parameter == "start_s"
+
+
+def test_a_request_prints_what_it_asks_for() -> None:
+    request = PlanRequest("denmark", start_s=46_800, tractors=(1, 2))
+    assert repr(request) == "PlanRequest(field='denmark', tractors=(1, 2), start_s=46800)"
+    assert eval(repr(request)) == request and eval(repr(PlanRequest())) == PlanRequest()
 
 
 def test_days_and_farms_take_times_without_quotes() -> None:

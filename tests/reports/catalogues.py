@@ -13,6 +13,7 @@ from babel.messages.catalog import Catalog
 from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
+from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT
 
 CATALOGUES = ROOT / "reports" / "languages"
@@ -32,13 +33,21 @@ OWN_NAMES = frozenset(
 )  # fmt: skip
 """Names that are the same in every language."""
 
+PRINTING = {
+    "translate": 1, "mark_text": 1, "create_progress_callback": 1, "format_title": 1, "format_sentence": 1,
+    "print_sentence": 1, "TableColumn": 2,
+}  # fmt: skip
+"""Functions whose first arguments are texts, and how many."""
+
 Text = str | tuple[str, str]
 """A text, or its forms for one and for many."""
 
 
 def collect_texts() -> set[Text]:
     """All texts of the command line and of the page."""
-    return {*_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts()}
+    return {
+        *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(), *iter_sentences()
+    }  # fmt: skip
 
 
 def read_catalogue(language: str) -> Catalog:
@@ -77,7 +86,7 @@ def _shorten_header(content: bytes, language: str) -> bytes:
 
 
 def _iter_marked_texts() -> Iterator[Text]:
-    """Literals that the code gives to `translate` and `translate_count`."""
+    """Literals that the code gives to functions that translate or print."""
     for package in ("planner", "reports"):
         for path in (ROOT / package).rglob("*.py"):
             for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -87,24 +96,27 @@ def _iter_marked_texts() -> Iterator[Text]:
 def _read_call(node: ast.AST) -> Iterator[Text]:
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
         return
-    literals = [each.value for each in node.args if isinstance(each, ast.Constant) and isinstance(each.value, str)]
-    if node.func.id == "translate" and literals:
-        yield literals[0]
-    elif node.func.id == "translate_count" and len(literals) >= 2:
-        yield (literals[0], literals[1])
+    keys = [key for key in map(build_key, node.args[:2]) if key]
+    if node.func.id == "translate_count" and len(keys) == 2:
+        yield (keys[0], keys[1])
+    elif node.func.id in PRINTING and keys:
+        yield from (key for key in keys[: PRINTING[node.func.id]] if re.search(r"[A-Za-z]{2}", key))
 
 
 def _iter_help_texts() -> Iterator[str]:
     """Help of all commands and options."""
     import typer.main
 
-    from planner.cli.main import EXAMPLE, app, split_paragraphs
+    from planner.cli.common.reader import EXAMPLE, split_paragraphs
+    from planner.cli.main import app
 
     waiting: list[Any] = [typer.main.get_command(app)]
     while waiting:
         command = waiting.pop()
         waiting.extend(getattr(command, "commands", {}).values())
         for described in (command, *command.params):
+            if getattr(described, "rich_help_panel", None):
+                yield described.rich_help_panel
             if getattr(described, "help", None):
                 paragraphs = split_paragraphs(described.help)
                 yield from (EXAMPLE if each.startswith(EXAMPLE) else each for each in paragraphs)

@@ -91,13 +91,13 @@ def test_first_screen_at_80_columns(comparison: HeadlandComparison) -> None:
         "round, last, 2 passes     32.0 best 2:34:00      1000        300             20",
         "square, first, 3 passes   36.0  +12 3:00:00         0        300            100",
         "",
-        "Field Best headland         Saves Cost/ha    Time Missed m2   ha",
-        "east  round, last, 2 passes  0.00    36.0 0:54:00      1000 1.00",
-        "west  round, last, 2 passes    12    30.0 1:40:00         0 2.00",
+        "Field Best headland         Saves EUR/ha    Time Missed m2   ha",
+        "east  round, last, 2 passes  0.00   36.0 0:54:00      1000 1.00",
+        "west  round, last, 2 passes    12   30.0 1:40:00         0 2.00",
         "Sums of the best plan of every field. Missed: not worked; overlap: worked more",
         "than once; driven over: finished ground under wheels, headland included; cost",
-        "per hectare that is worked. More: cost in EUR on all fields above the best, with",
-        "missed ground finished.",
+        "per hectare that is worked. More: cost on all fields above the best, with missed",
+        "ground finished.",
         "",
     ]
 
@@ -143,6 +143,16 @@ def test_ways_that_cost_the_same_are_said_to(comparison: HeadlandComparison) -> 
     )
     assert describe_comparison(alike)[0] == (
         "All ways cost the same within 0.10 EUR on east (1.00 ha); the least: square corners, headland first, 3 passes."
+    )
+
+
+def test_a_way_that_costs_nearly_the_same_is_said_so(comparison: HeadlandComparison) -> None:
+    """36.00, 36.10 and 40 EUR: a tenth is no reason to change."""
+    ways = {ROUND: 3600.0, SQUARE: 3610.0, HeadlandChoice("square", "last", 2): 4000.0}
+    plans = [compare("east", way, make_plan(time_s, 0.0, 10_000.0), 1.0) for way, time_s in ways.items()]
+    assert describe_comparison(HeadlandComparison(tuple(plans)))[0] == (
+        "Worth it on east (1.00 ha): round corners, headland last, 2 passes: 4.00 EUR (10.0 %) less than square, last, "
+        "2 passes, the dearest; square, first, 3 passes costs the same within 0.10 EUR."
     )
 
 

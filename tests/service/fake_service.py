@@ -71,7 +71,13 @@ def fake_app() -> FastAPI:
 
     @app.get("/api/v1/me")
     def me() -> dict[str, Any]:
-        return {"name": "office", "rights": ["operate", "plan", "read"], "fleet": None, "tractor": None}
+        return {
+            "name": "office",
+            "rights": ["operate", "plan", "read"],
+            "fleet": None,
+            "tractor": None,
+            "token_command": "headland token new",
+        }
 
     @app.get("/api/v1/background")
     def background() -> dict[str, Any]:

@@ -34,7 +34,9 @@ def legs_of(tractor: int) -> list[dict[str, Any]]:
 
 def lane_of(tractor: int) -> dict[str, Any]:
     """Knots in time of a tractor that begins 15 s after the one before."""
-    time, points, status, at = [0.0], [], [], 15.0 * (tractor - 1)
+    points: list[Point] = []
+    status: list[int] = []
+    time, at = [0.0], 15.0 * (tractor - 1)
     steps = []
     for leg in legs_of(tractor):
         begun = at

@@ -311,3 +311,39 @@ def test_sockets_of_other_sites_pages_are_refused(app: FastAPI, token: dict[str,
         with client.websocket_connect("ws://127.0.0.1:8765/try", headers=headers) as socket:
             socket.send_json({"token": given})
             assert socket.receive_json() == (403 if refused else expected), headers
+
+
+def test_the_login_of_the_own_machine_brings_a_token_until_somebody_makes_one(app: FastAPI) -> None:
+    store, logins = app.state.store, app.state.logins
+    logins.make_token = store.create_browser_token
+    with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+        used = logins.code
+        answer = client.get("/login", params={"code": used}, follow_redirects=False)
+        assert answer.status_code == 303 and answer.headers["cache-control"] == "no-store"
+        path, _, token = answer.headers["location"].partition("#token=")
+        assert path == "/" and [row.name for row in store.list_tokens()] == ["browser 1"]
+        about = client.get("/api/v1/me", headers={"Authorization": f"Bearer {token}"}).json()
+        assert (
+            about["rights"] == ["operate", "plan", "read"] and f"--data {store.settings.data}" in about["token_command"]
+        )
+        again = client.get("/login", params={"code": used}, follow_redirects=False)
+        assert again.headers["location"] == "/", "an address is worth a token once"
+        another = client.get("/login", params={"code": logins.code}, follow_redirects=False)
+        assert "#token=hl_" in another.headers["location"], "its user opened the next address, as the tab was closed"
+        made = client.post("/api/v1/fields/denmark/copy", json={}, headers={"Authorization": f"Bearer {token}"}).json()
+        assert made["owner"] is None, "a browser gets another token with each login"
+        store.create_token_text("office", "planner")
+        last = client.get("/login", params={"code": logins.code}, follow_redirects=False)
+        assert last.headers["location"] == "/" and len(store.list_tokens()) == 3
+        assert client.post("/api/v1/fields/denmark/copy", json={}).status_code == 401, "the cookie alone only reads"
+
+
+def test_refusals_name_the_folder_to_those_who_may_know_it(app: FastAPI, client: TestClient) -> None:
+    folder = app.state.settings.data
+    refused = client.delete("/api/v1/fields/x").json()["error"]
+    assert f"headland token new --data {folder} --scope planner makes one" in refused
+    stranger = TestClient(app, base_url=HERE, client=("127.0.0.1", 50001)).delete("/api/v1/fields/x").json()["error"]
+    assert str(folder) not in stranger and "headland token new --scope planner makes one" in stranger
+    proxied = create_app(ServiceSettings(data=folder.parent / "far", workers=0, public_url="https://farm.example"))
+    assert proxied.state.settings.is_own_machine is False
+    proxied.state.store.close()

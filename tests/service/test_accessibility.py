@@ -43,6 +43,15 @@ def test_a_page_is_accessible_at_every_width(watched: WatchedPage, path: str, wh
         page.set_viewport_size(WIDE)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("path", ["guide/", "guide/service", "guide/reference", "guide/?q=headland"])
+def test_the_guide_is_accessible(watched: WatchedPage, path: str) -> None:
+    page = watched.page
+    page.goto(f"{watched.base}{path}")
+    assert find_faults_at_widths(page) == []
+    page.set_viewport_size(WIDE)
+
+
 PRINTED = {
     "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File"]),
     "/plan": ("text=Earlier plans", ["Plan a field", "Working width, m"], ["Run the plan", "Choose File", "Overview"]),

@@ -119,6 +119,7 @@ def test_steering_on_a_telephone_keeps_map_distance_and_stop_in_sight(
         seen[name] = box
     assert seen[".map canvas"]["height"] >= 130 and seen[".pad"]["width"] >= 150
     assert seen[".pad"]["y"] + seen[".pad"]["height"] <= seen["button.stop"]["y"], "the pad is not below the stop"
+    assert "could not be read" in page.inner_text(".urgent"), "the newest grave alarm that lasts stays in sight"
     assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
     assert re.search(r"\d\sm to .+, (ahead|behind|left|right)", page.inner_text(".near").replace("\xa0", " "))
     page.click("text=Give back")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,6 +12,7 @@ import pytest
 from fastapi import FastAPI
 from playwright.sync_api import Browser, Page
 
+from planner.farm.inventory import read_example_farm_text
 from planner.service.api.apps import create_app
 from planner.service.settings import ServiceSettings
 from tests.service.accessibility import find_faults_at_widths, open_all_details
@@ -200,3 +202,62 @@ def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
     watched.open("/plan")
     until(page, lambda: page.input_value("select[name=farms]") == "Hof Süd")
     watched.well()
+
+
+MAST_FIELD = {
+    "type": "FeatureCollection",
+    "features": [
+        {"type": "Feature", "properties": {"name": "mast field"}, "geometry": {
+            "type": "Polygon", "coordinates": [[[0, 0], [90, 0], [90, 120], [0, 120], [0, 0]]]}},
+        {"type": "Feature", "properties": {"name": "Strommast"}, "geometry": {
+            "type": "Point", "coordinates": [40, 60]}},
+    ],
+}  # fmt: skip
+
+
+def test_every_choice_of_a_plan_is_asked_and_asked_again(service: Service, tmp_path: Path) -> None:
+    watched, app = service
+    store = app.state.store
+    store.add_file("farm", "own", read_example_farm_text().encode())
+    (tmp_path / "mast.geojson").write_text(json.dumps(MAST_FIELD))
+    page = watched.open("/plan")
+    page.click("summary:has-text('How the file is read')")
+    page.set_input_files("input[aria-label='Add a file: Field']", tmp_path / "mast.geojson")
+    page.wait_for_function("() => document.querySelector('select[name=fields]').value === 'mast'")
+    page.check("input[name=local]")
+    page.wait_for_selector("text=1: Strommast")
+    page.uncheck("[name=keep]")
+    page.click("summary:has-text('Tractor and farm files')")
+    page.select_option("select[name=farms]", "own")
+    page.wait_for_selector("[name=implement] option:text-is('drill')", state="attached")
+    page.select_option("[name=implement]", "drill")
+    page.select_option("[name=farm_tractor]", "EG105")
+    page.select_option("[name=headland_order]", "headland_last")
+    page.fill("[name=headland_passes]", "2")
+    page.select_option("[name=corners]", "round")
+    open_all_details(page)
+    page.fill("[name=min_speed_kmh]", "4,5")
+    page.fill("[name=max_speed_kmh]", "3")
+    page.fill("[name=overhang]", "0.2")
+    page.fill("[name=obstacle]", "20,20,2; 30,30")
+    page.click("text=Run the plan")
+    page.wait_for_selector("[aria-invalid=true]")
+    watched.said.clear()
+    page.fill("[name=max_speed_kmh]", "9")
+    page.click("text=Run the plan")
+    page.wait_for_selector("text=Waiting for its turn.")
+    first = store.list_jobs("plan")[0].request
+    expected = {
+        "field": "mast", "local": True, "ignore": ["Strommast"], "farm": "own", "implement": "drill",
+        "tractor": "EG105", "headland_last": True, "headland_passes": 2, "corners": "round",
+        "min_speed_kmh": 4.5, "max_speed_kmh": 9,
+        "overhang": 0.2, "obstacle": ["20,20,2", "30,30"], "strategies": "split-field,interleaved",
+    }  # fmt: skip
+    assert first | expected == first
+    page.click("text=Cancel")
+    page.click("text=Change and plan again")
+    page.wait_for_selector("text=1: Strommast")
+    page.wait_for_selector("[name=implement] option:text-is('drill')", state="attached")
+    page.click("text=Run the plan")
+    page.wait_for_selector("text=Waiting for its turn.")
+    assert store.list_jobs("plan")[0].request == first, "nothing is lost on the way back"

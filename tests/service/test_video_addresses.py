@@ -97,9 +97,15 @@ def test_operators_set_it_and_pages_may_load_it_until_it_is_removed(app: FastAPI
     assert not re.search("media-src", fleet.get("/").headers["content-security-policy"])
 
 
-def test_addresses_are_there_again_after_a_restart(app: FastAPI, fleet: TestClient) -> None:
+def test_addresses_are_there_again_after_a_restart(
+    app: FastAPI, fleet: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def refuse(*_: object) -> None:
+        raise ServiceError("The plan is not read here.")
+
     app.state.store.save_fleet_setting("f1", "videos", {"2": CAMERA})
     hub: Any = app.state.hub
+    monkeypatch.setattr(hub, "run_in_process", refuse)
     asyncio.run(hub.restore_sessions())
     assert hub.videos.get_addresses("f1") == {2: CAMERA}
     hub.videos.remove_fleet("f1")

@@ -13,14 +13,15 @@ from typing import Any
 import pytest
 import uvicorn
 from fastapi import FastAPI
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, ConsoleMessage, Error, Page, Request, ViewportSize
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
 needs_browser = pytest.mark.skipif(
     BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
 )
-WIDE, NARROW = {"width": 1280, "height": 860}, {"width": 390, "height": 844}
+WIDE: ViewportSize = {"width": 1280, "height": 860}
+NARROW: ViewportSize = {"width": 390, "height": 844}
 
 
 @contextlib.contextmanager
@@ -43,14 +44,26 @@ class WatchedPage:
     """A page with what its console said and what it asked for."""
 
     def __init__(self, browser: Browser, base: str, token: str | None = None) -> None:
-        self.base, self.said, self.asked = base, [], []
+        self.base = base
+        self.said: list[str] = []
+        self.asked: list[str] = []
         self.page: Page = browser.new_context(viewport=WIDE, color_scheme="light", reduced_motion="reduce").new_page()
         self.page.set_default_timeout(15_000)
-        self.page.on("console", lambda message: self.said.append(message.text) if message.type != "log" else None)
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("console", self._note_message)
+        self.page.on("pageerror", self._note_error)
+        self.page.on("request", self._note_request)
         if token:
             self.page.add_init_script(f'if (origin !== "null") sessionStorage.setItem("headland-token", "{token}")')
+
+    def _note_message(self, message: ConsoleMessage) -> None:
+        if message.type != "log":
+            self.said.append(message.text)
+
+    def _note_error(self, error: Error) -> None:
+        self.said.append(str(error))
+
+    def _note_request(self, request: Request) -> None:
+        self.asked.append(request.url)
 
     def open(self, path: str) -> Page:
         self.page.goto(f"{self.base}#{path}")

@@ -16,7 +16,7 @@ N_PER_KN, KMH_PER_MPS = 1000.0, 3.6
 DRAWBAR_SHARE = 0.73
 """Of the engine's power, at the drawbar: front-wheel assist on tilled soil (D497, figure 1, with the shaft's power)."""
 ENGINE_POWER_KW: Mapping[str, float] = {"Yanmar EG105": 77.0}
-"""By name, of tractors that come with Headland: 105 PS (the maker's type; thesis, Table 2.1)."""
+"""By name, of tractors that come with Headland: 105 PS by the maker's type."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
 from rich.text import Text
 
+from reports.common.language import Reader, get_language, get_units, translate, use_reader
+
 PRIOR_S = 4.0  # the seconds that were expected count as much as that many seconds observed
 REFRESHES_PER_S = 4
 
@@ -18,7 +20,9 @@ class StageBar:
     """What is done of several stages, whose seconds are expected beforehand, and the seconds that are left."""
 
     def __init__(self, words: str) -> None:
-        self.words = words
+        with use_reader():
+            self._reader = Reader(get_language(), get_units())  # other threads report and draw, and know no reader
+            self.words = translate(words)
         self.left_s: float | None = None
         self.share: float | None = None
         self._expected_s: dict[str, float] = {}
@@ -31,7 +35,10 @@ class StageBar:
 
     def report(self, words: str, done: int, total: int, share: float | None = None) -> None:
         """So many of a total are done in a stage, by default the same share of its work; a total of 0 is unknown."""
-        self.words = f"{words}: {done} of {total}" if total else words
+        with use_reader(self._reader):
+            self.words = translate(words)
+            if total:
+                self.words = translate("{words}: {done} of {total}", words=self.words, done=done, total=total)
         share = share if share is not None else done / total if total else 0.0
         before_s = 0.0
         for stage, expected_s in self._expected_s.items():
@@ -57,7 +64,9 @@ class StageBar:
         if self.left_s is None:
             return ""
         left_s = max(0, round(self.left_s - (time.monotonic() - self._reported_s)))
-        return f"about {left_s // 60}:{left_s % 60:02d} left" if left_s else "nearly done"
+        with use_reader(self._reader):
+            time_left = f"{left_s // 60}:{left_s % 60:02d}"
+            return translate("about {time_left} left", time_left=time_left) if left_s else translate("nearly done")
 
 
 class _WordsColumn(ProgressColumn):

@@ -7,9 +7,10 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from fields.errors import make_one_line
+from reports.common.language import mark_text, translate, translate_sentence, use_reader
 
 if TYPE_CHECKING:
     from planner.cli.common.progress import StageBar
@@ -17,8 +18,7 @@ if TYPE_CHECKING:
 
 COMPILE_NOTICE_S = 3.0
 MIN_COLUMNS, DEFAULT_COLUMNS, MAX_COLUMNS = 20, 80, 160
-COMPILING_MESSAGE = "Compiling the simulator for this machine ({} functions): first run only, about {} s."
-LOADING = "Loading the simulator"
+LOADING = mark_text("Loading the simulator")
 
 
 @contextmanager
@@ -59,33 +59,51 @@ def estimate_compile_s(kernels: Sequence[Kernel]) -> float:
     return max((sum(kernel.seconds for kernel in share) for share in shares), default=0.0)
 
 
+def describe_compiling(count: int, seconds: float) -> str:
+    """What is compiled, and about how long that takes, down to 5 s."""
+    with use_reader():
+        return translate(
+            "Compiling the simulator for this machine ({count} functions): first run only, about {seconds} s.",
+            count=count,
+            seconds=5 * max(1, round(seconds / 5)),
+        )
+
+
 def compile_missing(kernels: Sequence[Kernel], bar: StageBar) -> None:
     """Compile kernels on all cores; where no bar can be drawn, a sentence says that it takes a while."""
     from planner.pipeline.kernels import COMPILING, compile_kernels
 
     seconds = estimate_compile_s(kernels)
     if seconds > COMPILE_NOTICE_S and not sys.stderr.isatty():
-        print(COMPILING_MESSAGE.format(len(kernels), 5 * max(1, round(seconds / 5))), file=sys.stderr, flush=True)
+        print_sentence(describe_compiling(len(kernels), seconds), err=True)
     compile_kernels(kernels, report=partial(bar.report, COMPILING))
 
 
 def print_remarks(sentences: Iterable[str]) -> None:
     """Print remarks on the input on standard error, one line each."""
     for sentence in sentences:
-        print(f"Note: {make_one_line(sentence)}", file=sys.stderr, flush=True)
+        with use_reader():
+            text = translate("Note: {sentence}", sentence=translate_sentence(sentence))
+        print(make_one_line(text), file=sys.stderr, flush=True)
 
 
 def print_sentence(sentence: str, *, err: bool = False) -> None:
     """Print a sentence in one line, on standard output or standard error."""
-    print(make_one_line(sentence), file=sys.stderr if err else sys.stdout, flush=True)
+    with use_reader():
+        text = translate_sentence(sentence)
+    print(make_one_line(text), file=sys.stderr if err else sys.stdout, flush=True)
 
 
-def print_renderable(renderable: object) -> None:
-    """Print on standard output, at most 160 columns wide, 80 if the width is unknown."""
+def print_renderable(renderable: object, *arguments: Any, **options: Any) -> None:
+    """Print on standard output, at most 160 columns wide, 80 if the width is unknown.
+
+    A function is called with what follows it, so that its texts are in the language and units of the reader.
+    """
     from rich.console import Console
 
     width = max(min(Console().width or DEFAULT_COLUMNS, MAX_COLUMNS), MIN_COLUMNS)
-    Console(width=width).print(renderable)
+    with use_reader():
+        Console(width=width).print(renderable(*arguments, **options) if callable(renderable) else renderable)
 
 
 _THREAD_VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")

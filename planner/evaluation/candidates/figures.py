@@ -20,7 +20,7 @@ from planner.evaluation.ground.overhang import Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
-from planner.risk.costs import compute_simulated_cost, compute_travel_cost
+from planner.risk.costs import compute_simulated_cost, compute_travel_cost, estimate_fuel_l
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
 from vehicle.missions.run import DONE, SimulationRun
 
@@ -93,6 +93,7 @@ def measure_candidate(
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),
+        fuel_l=None if context.cost_terms is None else estimate_fuel_l(run, context.cost_terms),
         refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if context.supply is None else float(run.standing_s.sum()),
         faults=candidate_run.faults,

@@ -157,7 +157,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "source": field.source,
         "area_ha": round(field.area_ha, 4),
         "holes": len(field.workable_region.interiors),
-        "obstacles": [_describe_obstacle(one, place, context) for place, one in enumerate(field.obstacles, 1)],
+        "obstacles": [_describe_obstacle(one, context) for one in field.obstacles],
         "bypassed": len(field.small_obstacles),
         "cut_off_m2": round(field.cut_off_m2, 1),
         "fence_m": round(sum(fence.length for fence in field.fences), 1),
@@ -209,12 +209,12 @@ def _describe_headland(edge: HeadlandEdge) -> dict[str, Any]:
     }
 
 
-def _describe_obstacle(obstacle: Obstacle, place_in_list: int, context: PlanningContext) -> dict[str, Any]:
-    """An obstacle: number, kind, name, size, place and the margin kept to it."""
+def _describe_obstacle(obstacle: Obstacle, context: PlanningContext) -> dict[str, Any]:
+    """An obstacle: number in its file, kind, name, size, place and the margin kept to it."""
     form = obstacle.geometry.geom_type
     place = shapely.point_on_surface(obstacle.geometry)
     return {
-        "number": obstacle.number or place_in_list,
+        "number": obstacle.number,
         "kind": obstacle.kind,
         "name": obstacle.name or None,
         "radius_m": round(obstacle.half_width_m, 3) if form == POINT else None,

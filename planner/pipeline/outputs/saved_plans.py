@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,13 @@ from planner.evaluation.context_inputs import load_gnss_errors
 from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
-from reports.common.plan_results import DriverLeg
+from reports.common.plan_results import (
+    DriverLeg,
+    PlanRanking,
+    get_stated_cost,
+    get_stated_end_s,
+    get_stated_late_end_s,
+)
 from vehicle.errors import MissionError
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan
@@ -136,9 +142,13 @@ def read_machines(saved: SavedPlan, request: PlanRequest) -> tuple[Tractor, Impl
 COORDINATE_DECIMALS = 4
 
 
-def write_saved_plan(context: PlanningContext, plan: Plan) -> str:
-    """A plan as JSON: legs and gates with the request and the machines they are for."""
+STATED_KEY = "stated"  # in the notes of the plan: its time and cost as its ranking states them
+
+
+def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking | None = None) -> str:
+    """A plan as JSON: legs and gates with the request and the machines they are for, and what its ranking states."""
     field = context.layout.field
+    plan = replace(plan, notes={**plan.notes, **_export_stated_figures(plan, ranking)})
     request_values = asdict(context.request) | export_machines(context)
     text = format_plan(
         add_coordinates(plan, field),
@@ -149,6 +159,45 @@ def write_saved_plan(context: PlanningContext, plan: Plan) -> str:
         point_speeds=compute_point_speeds(plan, context.tractor),
     )
     return text + "\n"
+
+
+@dataclass(frozen=True)
+class StatedFigures:
+    """The end of field work (s by the clock; in half and in 95 % of the samples) and the cost that a ranking stated."""
+
+    end_s: float
+    late_end_s: float | None
+    cost: float | None
+    currency: str | None
+
+
+def read_stated_figures(saved: SavedPlan) -> StatedFigures | None:
+    """What the ranking of a saved plan stated; None where nothing readable was saved."""
+    stated = saved.plan.notes.get(STATED_KEY)
+    if not isinstance(stated, dict) or not isinstance(stated.get("end_s"), int | float):
+        return None
+    late_end_s, cost = (
+        stated[key] if isinstance(stated.get(key), int | float) else None for key in ("late_end_s", "cost")
+    )
+    currency = stated.get("currency")
+    return StatedFigures(stated["end_s"], late_end_s, cost, currency if isinstance(currency, str) else None)
+
+
+def _export_stated_figures(plan: Plan, ranking: PlanRanking | None) -> dict[str, Any]:
+    """Time (s) and cost of a plan as every report states them; empty without its ranking."""
+    key = plan.notes.get("strategy"), plan.tractors
+    results = [] if ranking is None else ranking.plans
+    result = next((each for each in results if each.feasible and (each.strategy, each.tractors) == key), None)
+    if result is None or ranking is None:
+        return {}
+    return {
+        STATED_KEY: {
+            "end_s": get_stated_end_s(result),
+            "late_end_s": get_stated_late_end_s(result),
+            "cost": get_stated_cost(result),
+            "currency": ranking.currency,
+        }
+    }
 
 
 def _export_ground(context: PlanningContext) -> dict[str, Any]:

@@ -27,8 +27,11 @@ LOGIN_VALID_S = 30 * 24 * 3600.0
 class BrowserLogins:
     """The code of the next login, and the browsers that have logged in since the start.
 
-    When a code is used, `on_used` is called with the next one, so that it can be shown.
+    When a code is used, `on_used` is called with the next one, so that it can be shown. `make_token`, if it is set,
+    gives the browser that logs in a token of its own, or None.
     """
+
+    make_token: Callable[[], str | None] | None = None
 
     def __init__(
         self,
@@ -43,7 +46,7 @@ class BrowserLogins:
 
     def redeem_code(self, code: str) -> str:
         """The value of the cookie for a code, which is then used up. Raises TokenError."""
-        if not hmac.compare_digest(code.encode("utf-8", "surrogatepass"), self.code.encode()):
+        if not self.is_current_code(code):
             raise TokenError(
                 "This login address is used up or from an earlier start; open the one that headland serve "
                 "printed last.",
@@ -59,6 +62,10 @@ class BrowserLogins:
         if self.on_used is not None:
             self.on_used(self.code)
         return cookie
+
+    def is_current_code(self, code: str) -> bool:
+        """Whether a code is the one that was shown last and is not used."""
+        return hmac.compare_digest(code.encode("utf-8", "surrogatepass"), self.code.encode())
 
     def is_logged_in(self, connection: HTTPConnection) -> bool:
         """Whether a connection has the cookie of a browser that has logged in."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from fastapi import Depends
@@ -16,7 +16,9 @@ from planner.service.access.browser_policy import check_origin
 from planner.service.access.one_time_links import BrowserLogins
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ScopeError, TokenError
+from planner.service.settings import ServiceSettings
 from planner.service.store.tables import TokenRow
+from planner.service.store.token_table import BROWSER_TOKEN_PREFIX
 
 BEARER_SCHEME = HTTPBearer(
     auto_error=False, description="A token of headland token new; a browser that has logged in reads without one."
@@ -60,7 +62,8 @@ class RequiredRight:
 class Caller:
     """Who sends a request: name, scopes and SHA-256 of the token (None without one).
 
-    A robot is bound to a `tractor`, counted from 1, of a `fleet`.
+    A robot is bound to a `tractor`, counted from 1, of a `fleet`. `data_option` names the folder of the service in the
+    commands that refusals give, where the caller may know it.
     """
 
     name: str
@@ -68,6 +71,7 @@ class Caller:
     token_sha256: str | None = None
     fleet: str | None = None
     tractor: int | None = None
+    data_option: str = ""
 
     def has_right(self, right: str, fleet: str | None = None, tractor: int | None = None) -> bool:
         """Whether the caller has a right, for a fleet and one of its tractors where these are given."""
@@ -85,22 +89,26 @@ class Caller:
         if self.token_sha256 is None:
             raise TokenError(
                 f"This needs a token of the scope {scope.split()[0]!r}; send it as 'Authorization: Bearer hl_...' "
-                f"(headland token new --scope {scope} makes one)."
+                f"({self.format_token_command(scope)} makes one)."
             )
         if "robot" in self.scopes:
             raise ScopeError(
                 f"The token {self.name!r} is for tractor {self.tractor} of the fleet {self.fleet} alone, to drive and "
-                f"read it; use another token (headland token new --scope {scope} makes one)."
+                f"read it; use another token ({self.format_token_command(scope)} makes one)."
             )
         raise ScopeError(
             f"The token {self.name!r} has the scope {' '.join(self.scopes)!r} and this needs {scope.split()[0]!r}; use "
-            f"another token (headland token new --scope {scope} makes one)."
+            f"another token ({self.format_token_command(scope)} makes one)."
         )
+
+    def format_token_command(self, scope: str) -> str:
+        """The command that makes a token of a scope for the service."""
+        return f"headland token new{self.data_option} --scope {scope}"
 
     @property
     def owner_name(self) -> str | None:
-        """The name for what the caller makes, None for callers without a token, such as the fleet manager."""
-        return None if self.token_sha256 is None else self.name
+        """The name for what the caller makes; None without a token and for browsers, which get a new one each time."""
+        return None if self.token_sha256 is None or self.name.startswith(BROWSER_TOKEN_PREFIX) else self.name
 
     def check_may_change(self, owner: str | None, subject: str) -> None:
         """Raise ScopeError where something belongs to another token; an administrator may change everything.
@@ -159,11 +167,14 @@ async def identify_caller(connection: HTTPConnection, token_text: str | None) ->
     known_caller = connection.scope.get(CALLER_SCOPE_KEY)
     if isinstance(known_caller, Caller):
         return known_caller
+    settings: ServiceSettings = connection.app.state.settings
+    option = settings.data_option if settings.is_own_machine else ""
     if token_text is None:
         logins: BrowserLogins = connection.app.state.logins
-        return Caller(BROWSER_NAME, ("read",)) if logins.is_logged_in(connection) else Caller(ANONYMOUS_NAME, ())
+        is_known = logins.is_logged_in(connection)
+        return Caller(BROWSER_NAME, ("read",), data_option=option) if is_known else Caller(ANONYMOUS_NAME, ())
     token_cache: TokenCache = connection.app.state.book
-    return build_caller(await token_cache.identify_token_async(token_text))
+    return replace(build_caller(await token_cache.identify_token_async(token_text)), data_option=option)
 
 
 async def identify_socket(websocket: WebSocket, first_frame_token: str | None = None) -> Caller:

@@ -42,10 +42,10 @@ class PlacementInfo(ApiModel):
     """
 
     crs: str
-    origin_m: tuple[float, float]
-    mercator_m: tuple[float, float]
-    to_mercator: tuple[tuple[float, ...], tuple[float, ...]]
-    to_metres: tuple[tuple[float, ...], tuple[float, ...]]
+    origin_m: list[float]
+    mercator_m: list[float]
+    to_mercator: list[list[float]]
+    to_metres: list[list[float]]
     reach_m: float
     error_m: float
 
@@ -61,7 +61,7 @@ def read_background(request: Request, _who: ReadAccess) -> BackgroundInfo:
         least_zoom=0 if facts is None else facts.least_zoom,
         most_zoom=0 if facts is None else facts.most_zoom,
         tile_px=TILE_PX,
-        bounds_deg=background.bounds_deg,
+        bounds_deg=None if background.bounds_deg is None else list(background.bounds_deg),
     )
 
 

@@ -17,6 +17,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse
 
 from planner.errors import HeadlandError
+from planner.service.access.one_time_links import BrowserLogins
 from planner.service.access.permissions import RIGHTS_BY_SCOPE, Caller, identify_caller, read_bearer, require_right
 from planner.service.access.token_cache import TokenCache
 from planner.service.errors import ServiceError, StorageError
@@ -171,7 +172,10 @@ async def show_readiness(request: Request, response: Response) -> ReadinessInfo:
 async def show_caller(caller: OwnReadAccess) -> CallerInfo:
     """The caller: name of the token, and its rights."""
     rights = sorted({right for scope in caller.scopes for right in RIGHTS_BY_SCOPE[scope]})
-    return CallerInfo(name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor)
+    command = caller.format_token_command("planner --scope operator")
+    return CallerInfo(
+        name=caller.name, rights=rights, fleet=caller.fleet, tractor=caller.tractor, token_command=command
+    )
 
 
 async def log_in_browser(request: Request) -> Response:
@@ -181,12 +185,17 @@ async def log_in_browser(request: Request) -> Response:
     """
     if request.method != "GET":
         return build_message_response(405, "This address takes GET.", {"allow": "GET"})
-    if request.app.state.logins.is_logged_in(request):
+    logins: BrowserLogins = request.app.state.logins
+    code = request.query_params.get("code", "")
+    if logins.is_logged_in(request) and not (logins.make_token and logins.is_current_code(code)):
         return RedirectResponse("/", 303)  # opened again from the history or a bookmark
     try:
-        response: Response = request.app.state.logins.log_in_browser(request.query_params.get("code", ""))
+        response = logins.log_in_browser(code)
+        token_text = await run_in_threadpool(logins.make_token) if logins.make_token else None
     except ServiceError as error:
         return build_refusal_response(error)
+    if token_text is not None:
+        response.headers["location"] = f"/#token={token_text}"  # what follows the # is sent to nobody
     return response
 
 

@@ -101,10 +101,11 @@ class GeoTiffFile:
     def read_tile(self, tile: Tile) -> bytes | None:
         """PNG of a tile, None where the picture does not reach. Raises TileError."""
         from rasterio.enums import ColorInterp, Resampling
-        from rasterio.transform import from_bounds
         from rasterio.vrt import WarpedVRT
 
-        place = from_bounds(*tile.compute_bounds_m(), TILE_PX, TILE_PX)
+        west, south, _, north = tile.compute_bounds_m()
+        pixel_m = (north - south) / TILE_PX
+        place = self._rasterio.Affine(pixel_m, 0.0, west, 0.0, -pixel_m, north)
         with self._lock, self._open_picture() as picture:
             has_alpha = ColorInterp.alpha in picture.colorinterp
             with WarpedVRT(
@@ -120,7 +121,7 @@ class GeoTiffFile:
 
     def _read_facts(self) -> FileFacts:
         from rasterio.enums import ColorInterp
-        from rasterio.warp import calculate_default_transform, transform_bounds
+        from rasterio.warp import transform_bounds
 
         with self._open_picture() as picture:
             if picture.crs is None:
@@ -131,12 +132,11 @@ class GeoTiffFile:
                 )
             if ColorInterp.palette in picture.colorinterp:
                 raise self._refuse("has a palette", "convert it with gdal_translate -expand rgb")
-            place, _, _ = calculate_default_transform(
-                picture.crs, MERCATOR, picture.width, picture.height, *picture.bounds
-            )
+            west, south, east, north = transform_bounds(picture.crs, MERCATOR, *picture.bounds)
+            pixel_m = min((east - west) / picture.width, (north - south) / picture.height)
             bounds = transform_bounds(picture.crs, "EPSG:4326", *picture.bounds)
             has_overviews = bool(picture.overviews(1))
-        finest = _find_zoom(abs(place.a))
+        finest = _find_zoom(pixel_m)
         widest = int(np.log2(MOST_PIXELS_PER_TILE / TILE_PX**2) / 2)
         return FileFacts("", 0 if has_overviews else max(0, finest - widest), finest, tuple(bounds))
 

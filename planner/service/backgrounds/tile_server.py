@@ -43,6 +43,7 @@ class TileServer:
             task.cancel()
         if self._client is not None:
             await self._client.aclose()
+            self._client = None
 
     async def read_tile(self, tile: Tile) -> bytes | None:
         """The bytes of a tile, None where the server has none. Raises TileError.

@@ -53,12 +53,16 @@ class ReadinessInfo(ApiModel):
 
 
 class CallerInfo(ApiModel):
-    """The caller; a robot is bound to one tractor of one fleet."""
+    """The caller; a robot is bound to one tractor of one fleet.
+
+    `token_command` makes a token where it is entered on the machine of the service.
+    """
 
     name: str
     rights: list[str]
     fleet: str | None
     tractor: int | None
+    token_command: str
 
 
 class FileInfo(ApiModel):

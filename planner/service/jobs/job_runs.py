@@ -193,6 +193,6 @@ def _write_plan_results(planned: PlanningResult) -> Iterator[ResultFile]:
     if (picture := drive or field_picture) is not None:
         yield build_png_file("map.png", render_png(draw_plan_map(picture, ranking.field_name)))
     if best is not None and planned.run is not None:
-        yield build_json_file("plan.json", write_saved_plan(planned.context, planned.run.plan))
+        yield build_json_file("plan.json", write_saved_plan(planned.context, planned.run.plan, ranking))
     for (strategy, tractors), legs in planned.plans.items():
-        yield build_json_file(f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs))
+        yield build_json_file(f"plan-{strategy}-{tractors}.json", write_saved_plan(planned.context, legs, ranking))

@@ -68,4 +68,6 @@ def _render_topic_list() -> str:
 
 def _build_page(title: str, content: str, query: str = "") -> str:
     topics = "".join(f'<li><a href="{page.topic}">{escape(page.topic)}</a></li>' for page in list_pages())
+    for box in ("pre", "table"):  # they may scroll, so keys must reach them
+        content = content.replace(f"<{box}>", f'<{box} tabindex="0">')
     return PAGE.format(title=escape(title), content=content, topics=topics, query=escape(query[:80], quote=True))

@@ -79,8 +79,8 @@ def _describe_field(field: Field) -> dict[str, Any]:
         "obstacles_m": _round_metres(obstacles),
         "obstacles_deg": _convert_lines_to_degrees(field, obstacles),
         "obstacles": [
-            {"number": one.number or place, "kind": one.kind, "name": one.name, "assumed": one.is_assumed}
-            for place, one in enumerate(field.obstacles, 1)
+            {"number": one.number, "kind": one.kind, "name": one.name, "assumed": one.is_assumed}
+            for one in field.obstacles
         ],
         "fences_m": _round_metres([np.asarray(line.coords) for line in field.fences]),
         "entrance_m": None if field.entrance is None else [round(value, 3) for value in field.entrance],

@@ -7,6 +7,7 @@ import re
 import secrets
 from collections.abc import Iterable
 from datetime import UTC, date, datetime, timedelta
+from itertools import count
 from typing import Any
 
 import sqlalchemy as sa
@@ -25,6 +26,9 @@ NEVER, ROBOT_TOKEN_LIFE = "never", "30d"
 MOST_TRACTORS, LONGEST_LIFE_DAYS = 999, 3660
 PERIOD_PATTERN = re.compile(r"([0-9]{1,6})([mhd])")
 PERIOD_UNITS = {"m": "minutes", "h": "hours", "d": "days"}
+
+
+BROWSER_TOKEN_PREFIX, BROWSER_SCOPES, BROWSER_TOKEN_LIFE = "browser ", "operator planner", "30d"
 
 
 class TokenStore(StorePart):
@@ -81,12 +85,24 @@ class TokenStore(StorePart):
         with self.database.open_read_session() as session:
             return list(session.scalars(sa.select(TokenRow).order_by(TokenRow.id)))
 
+    def create_browser_token(self) -> str | None:
+        """The text of a token that plans and operates, for a browser that logs in on the machine of the service.
+
+        None once somebody has made a token by hand: then tokens say who may do what.
+        """
+        names = {row.name for row in self.list_tokens()}
+        if not all(name.startswith(BROWSER_TOKEN_PREFIX) for name in names):
+            return None
+        number = next(each for each in count(1) if f"{BROWSER_TOKEN_PREFIX}{each}" not in names)
+        return self.create_token_text(f"{BROWSER_TOKEN_PREFIX}{number}", BROWSER_SCOPES, expires=BROWSER_TOKEN_LIFE)
+
     def revoke_token(self, name: str) -> None:
         """Revoke a token; raises NotFoundError."""
         with self.database.open_write_session() as session:
             row = session.scalar(sa.select(TokenRow).where(TokenRow.name == name)) if is_storable_text(name) else None
             if row is None:
-                raise NotFoundError(f"There is no token {name!r}; headland token list shows all.", parameter="name")
+                command = f"headland token list{self.settings.data_option}"
+                raise NotFoundError(f"There is no token {name!r}; {command} shows all.", parameter="name")
             session.delete(row)
 
 

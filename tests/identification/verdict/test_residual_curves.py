@@ -78,3 +78,12 @@ def test_rows_in_motion_away_from_the_ends_count() -> None:
     time = np.arange(0.0, 5.0, 0.5)
     segment = SimpleNamespace(time=time, speed_in_gear=np.where(time < 3.0, 1.4, 0.1))
     assert time[_select_inner_rows(segment)].tolist() == [1.5, 2.0, 2.5]
+
+
+def test_bins_of_a_limit_reach_it_though_few_rows_are_there() -> None:
+    rng = np.random.default_rng(4)
+    at = np.concatenate([rng.uniform(-0.1, 0.1, 900), rng.uniform(0.6, 0.7, 10), rng.uniform(-0.7, -0.6, 10)])
+    by_rows, to_limit = (_bin_residuals("x", "y", at, at, at, TEN_HZ, limit) for limit in (None, 0.7))
+    assert by_rows is not None and to_limit is not None
+    assert by_rows.regressor_values[-1] < 0.5 and by_rows.limit is None
+    assert to_limit.regressor_values[-1] > 0.6 and to_limit.regressor_values[0] < -0.6 and to_limit.limit == 0.7

@@ -10,7 +10,7 @@ import { hectares, number } from "./words.js";
 
 export { area } from "./shapes.js";
 
-const ROUND = 100, OFFERED = ["boundary", "hole", "pole", "area", "ditch", "entrance", "refill", "fence", "guidance"];
+const ROUND = 100, EDGE_PX = 24, OFFERED = ["boundary", "hole", "pole", "area", "ditch", "entrance", "refill", "fence", "guidance"];
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 /** The editor. `saved(file, {name, local, replace}, where)` with what was drawn; `where` takes a refusal.
@@ -32,7 +32,10 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
     drawing.at = at;
     if (drawing.chosen && OFFERED.includes(drawing.chosen.kind)) kind.value = drawing.chosen.kind;
     const point = drawing.chosen?.points[at.point];
-    if (follow && point) view.centre(...point);
+    if (follow && point) {
+      const [px, py] = view.at(...point);
+      if (px < EDGE_PX || py < EDGE_PX || px > view.width - EDGE_PX || py > view.height - EDGE_PX) view.centre(...point);
+    }
     update();
   };
   const add = (point) => { drawing.add(kind.value, rounded(point)); update(); };

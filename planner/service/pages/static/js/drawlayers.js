@@ -54,7 +54,7 @@ const LOOKS = {
   pole: (ctx, view, { points: [[x, y]], properties }) => {
     const [px, py] = view.at(x, y);
     ctx.beginPath();
-    ctx.arc(px, py, Math.max(5, (properties.radius_m ?? 1) * view.scale), 0, 7);
+    ctx.arc(px, py, Math.max(9, (properties.radius_m ?? 1) * view.scale), 0, 7);
     ctx.fillStyle = colours.obstacle;
     ctx.fill();
     ctx.lineWidth = 2;
@@ -62,7 +62,7 @@ const LOOKS = {
     ctx.stroke();
   },
   entrance: (ctx, view, { points: [at] }) => marker(ctx, view, at, "entrance"),
-  refill: (ctx, view, { points: [at] }) => marker(ctx, view, at, "refill"),
+  refill: (ctx, view, { points: [at] }) => marker(ctx, view, at, "refill", true),
 };
 
 function obstacle(ctx, view, ring) {
@@ -92,16 +92,16 @@ function handles(ctx, view, shape, isChosen, chosenPoint) {
   }
   shape.points.forEach((point, k) => {
     const [px, py] = view.at(...point), isPoint = isChosen && k === chosenPoint;
-    dot(px, py, isPoint ? HANDLE_PX + 2 : isChosen ? HANDLE_PX : HANDLE_PX - 2, isPoint ? colours.accent : colours.panel, isChosen ? colours.accent : colours.edge);
+    dot(px, py, isPoint ? HANDLE_PX + 2 : isChosen ? HANDLE_PX : HANDLE_PX - 3, isPoint ? colours.accent : colours.panel, isChosen ? colours.accent : colours.edge);
   });
 }
 
 const ENTRIES = {
   boundary: GROUND.edge,
   hole: [{ hatch: "ink" }, "hole"],
-  pole: GROUND.obstacle, area: GROUND.obstacle, ditch: GROUND.obstacle,
+  pole: GROUND.pole, area: GROUND.obstacle, ditch: GROUND.obstacle,
   entrance: GROUND.entrance,
-  refill: [{ place: "ink" }, "refill place"],
+  refill: GROUND.refill,
   fence: GROUND.fence,
   open: [{ line: "good", width: 3, dash: "2 5" }, "dotted, thick: open edge"],
   guidance: GROUND.guidance,

@@ -25,7 +25,8 @@ export function fieldMap(picked) {
   const choices = PLACES.map(([name, words]) => [name, button(words, () => { setting = setting === name ? null : name; showChoice(); }, "small")]);
   const clear = button("Clear", () => { for (const [name] of PLACES) set(name, ""); say(told, ""); }, "small");
   const row = el("div", { class: "row", role: "group", "aria-label": "Set on the map", hidden: true }, el("span", { class: "small soft" }, "Set on the map:"), choices.map(([, action]) => action), clear);
-  const set = (name, text) => { texts = { ...texts, [name]: text }; picked(name, text); view.redraw(); };
+  const draw = () => { if (shape) put(legend, mapLegend(entries())); view.redraw(); };
+  const set = (name, text) => { picked(name, text); box.setPlace(name, text); };
   const showChoice = () => {
     for (const [name, action] of choices) action.setAttribute("aria-pressed", String(setting === name));
     view.node.classList.toggle("drawing", Boolean(setting));
@@ -48,7 +49,7 @@ export function fieldMap(picked) {
     for (const fence of shape.fences_m ?? []) line(ctx, view, fence, colours.ink, 3, [6, 3]);
     const [[entrance], [refill]] = [placesIn("entrance"), placesIn("refill")];
     if (entrance) marker(ctx, view, into(entrance), "entrance"); else if (shape.entrance_m) marker(ctx, view, shape.entrance_m, "");
-    if (refill) marker(ctx, view, into(refill), "refill"); else if (shape.refill_m) marker(ctx, view, shape.refill_m, "refill");
+    if (refill) marker(ctx, view, into(refill), "refill", true); else if (shape.refill_m) marker(ctx, view, shape.refill_m, "refill", true);
     for (const one of placesIn("obstacle")) {
       const [px, py] = view.at(...into(one));
       ctx.beginPath();
@@ -60,8 +61,12 @@ export function fieldMap(picked) {
       ctx.stroke();
     }
   }];
+  const entries = () => [GROUND.edge, shape.obstacles_m?.length > 0 && GROUND.obstacle, shape.fences_m?.length > 0 && GROUND.fence,
+    (shape.entrance_m || placesIn("entrance").length) && GROUND.entrance, (shape.refill_m || placesIn("refill").length) && GROUND.refill,
+    placesIn("obstacle").length && [{ ring: "off" }, "obstacle added here"]];
+  const legend = el("div");
   const tell = () => put(under, row, told, facts([["Area", hectares(1e4 * shape.area_ha)], ["Corners", number(shape.rings_m[0].length - 1)], ["Obstacles", number((shape.obstacles_m ?? []).length)]]),
-    mapLegend([GROUND.edge, shape.obstacles_m?.length > 0 && GROUND.obstacle, shape.fences_m?.length > 0 && GROUND.fence, GROUND.entrance]),
+    legend,
     (shape.remarks ?? []).map((one) => el("p", { class: "small soft" }, one)));
   const locate = async (box, mine) => {
     const found = shape.crs ? await placementOf(shape.crs, shape.origin_m, [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]) : null;
@@ -69,7 +74,7 @@ export function fieldMap(picked) {
     placement = found;
     row.hidden = !canPlace();
     view.setGrounds([{ crs: shape.crs, origin: shape.origin_m ?? [0, 0], box }]);
-    view.redraw();
+    draw();
   };
   const box = { node: el("div", { class: "panel flush" }, view.node, under), close: () => view.close(), update: () => {}, refused: () => {} };
 
@@ -80,7 +85,7 @@ export function fieldMap(picked) {
   box.middle = () => placement && placement.toDegrees(view.box[0] / 2 + view.box[2] / 2, view.box[1] / 2 + view.box[3] / 2);
 
   /** Places typed into the form are drawn too. */
-  box.setPlace = (name, text) => { texts = { ...texts, [name]: text }; view.redraw(); };
+  box.setPlace = (name, text) => { texts = { ...texts, [name]: text }; draw(); };
 
   box.show = async (name, how) => {
     if (!name) return;

@@ -10,7 +10,7 @@ export const lastChosen = (kind) => sessionStorage.getItem(CHOSEN + kind);
 export const rememberChoice = (kind, name) => sessionStorage.setItem(CHOSEN + kind, name);
 
 /** A select of the files of a kind with an upload beside it; `changed(name)` after every choice. */
-export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, hint = "" } = {}) {
+export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, chosen = null, hint = "" } = {}) {
   const select = el("select", { name: kind, onchange: () => { put(trouble); changed(select.value); } }), trouble = el("div", { class: "stack" });
   const file = el("input", { type: "file", accept, "aria-label": `Add a file: ${title}` });
   let all = [];
@@ -23,7 +23,7 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
     if (file.files.length) await addFile(kind, file.files[0], trouble, (made) => list(made.name));
     file.value = "";
   });
-  await list((kind !== "tables" && lastChosen(kind)) || first);
+  await list(chosen ?? ((kind !== "tables" && lastChosen(kind)) || first));
   if (!select.value && first) select.value = first;
   const change = el("a", { class: "small", href: `#/library/${kind}` }, "Rename, replace, copy or delete in the library");
   const node = el("div", { class: "stack" }, labelled(title, select, hint), labelled("Add a file", file), trouble, el("p", {}, change));

@@ -12,7 +12,7 @@ export function numberOf(text) {
   const plain = text.trim().replace(",", ".");
   return !plain ? null : Number.isFinite(Number(plain)) ? Number(plain) : text.trim();
 }
-export const listOf = (text) => { const parts = text.split(",").map((one) => one.trim()).filter(Boolean); return parts.length ? parts : null; };
+export const listOf = (text, mark = ",") => { const parts = text.split(mark).map((one) => one.trim()).filter(Boolean); return parts.length ? parts : null; };
 
 /** A form of a layout: {values, more, lists, sections}, each value [key, title, {number, list, check, choices, hint}].
 
@@ -64,13 +64,13 @@ export function tomlForm(kind, layout, { choices = () => [], changed = () => {} 
   const control = (path, title, { number = false, list = false, check = false, of = null, pair = null, hint = "" } = {}) => {
     const name = nameOf(path), fault = el("span", { class: "fault", id: `fault-${kind}-${name}` });
     const offered = of ? () => [...new Set([...(Array.isArray(of) ? of : choices(of, form)), at(form.values, path)].filter((one) => typeof one === "string" && one))] : null;
-    const write = () => change(path, check ? (input.checked ? true : null) : number ? numberOf(input.value) : list ? listOf(input.value) : input.value.trim() || null);
+    const write = () => change(path, check ? (input.checked ? true : null) : number ? numberOf(input.value) : list ? listOf(input.value, list === true ? "," : list) : input.value.trim() || null);
     const input = offered ? el("select", { name, onchange: write }, option("", hint || "not given"), offered().map((one) => option(one)))
       : check ? el("input", { type: "checkbox", name, onchange: write }) : el("input", { name, onchange: write, inputmode: number ? "decimal" : null, spellcheck: "false" });
     const tell = () => {
       const value = at(form.values, path);
       if (check) input.checked = value === true;
-      else if (document.activeElement !== input || offered) input.value = value === undefined || value === null ? "" : list && Array.isArray(value) ? value.join(", ") : String(value);
+      else if (document.activeElement !== input || offered) input.value = value === undefined || value === null ? "" : list && Array.isArray(value) ? value.join(list === true ? ", " : `${list} `) : String(value);
     };
     const blame = (sentence) => {
       say(fault, sentence);

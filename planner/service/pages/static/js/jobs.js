@@ -1,9 +1,10 @@
 // Jobs: progress in words, cancel, the sentence of a failure, and the results.
 import { el, put, say, button, note, sorry } from "./dom.js";
+import { t, translate } from "./language.js";
 import { get, post, items, save, part } from "./api.js";
 import { capital, moment, size, DASH } from "./words.js";
 
-const LOOK_MS = 700, ENDS = new Set(["done", "failed", "cancelled"]);
+const LOOK_MS = 700, SHOWN_EARLIER = 12, ENDS = new Set(["done", "failed", "cancelled"]);
 
 /** Follow a job until it ends, then call `done(job)`. Returns a node and a function that stops following. */
 export function followJob(kind, id, { done, again = null }) {
@@ -35,7 +36,7 @@ export function followJob(kind, id, { done, again = null }) {
   const tell = (job) => {
     const { done: part = null, all = null, words: doing = "" } = job.progress ?? {};
     if (all) { bar.max = all; bar.value = part; } else bar.removeAttribute("value");
-    say(words, job.status === "queued" ? "Waiting for its turn." : `${capital(doing || "Running")}${all ? ` (${part} of ${all})` : ""}`);
+    say(words, job.status === "queued" ? "Waiting for its turn." : all ? t`${capital(translate(doing || "Running"))} (${part} of ${all})` : capital(translate(doing || "Running")));
   };
   put(node, running, error);
   look();
@@ -46,7 +47,7 @@ export function followJob(kind, id, { done, again = null }) {
 export function results(kind, job, trouble) {
   const names = (job.results ?? []).map((one) => (typeof one === "string" ? one : one.name));
   return el("div", { class: "row" }, names.filter((name) => !/^plan-/.test(name)).map((name) =>
-    button(name, () => save(`${kind}/${part(job.id)}/results/${part(name)}`, `${job.name || kind}-${name}`).catch(trouble), "small", { "aria-label": `Save ${name}` })));
+    button(name, () => save(`${kind}/${part(job.id)}/results/${part(name)}`, `${job.name || kind}-${name}`).catch(trouble), "small", { "aria-label": t`Save ${name}` })));
 }
 
 export const STATES = { queued: "", running: "warn", done: "good", failed: "off", cancelled: "" };
@@ -55,10 +56,11 @@ export const STATES = { queued: "", running: "warn", done: "good", failed: "off"
 export async function earlier(kind, address, title) {
   const jobs = await items(kind), node = el("div", { class: "cards" });
   const newest = [...jobs].sort((a, b) => String(b.created).localeCompare(String(a.created)));
-  put(node, newest.length ? newest.slice(0, 12).map((job) => el("a", { class: "tile", href: `#/${address}/${part(job.id)}` },
+  put(node, newest.length ? newest.slice(0, SHOWN_EARLIER).map((job) => el("a", { class: "tile", href: `#/${address}/${part(job.id)}` },
     el("div", { class: "grow" }, el("b", {}, job.name || job.id), el("p", { class: "small soft" }, moment(job.created))),
     el("span", { class: `badge ${STATES[job.status] ?? ""}` }, job.status ?? DASH))) : el("p", { class: "soft" }, "None yet."));
-  return el("section", {}, el("h2", {}, title), node);
+  const more = newest.length > SHOWN_EARLIER && el("p", {}, el("a", { class: "small", href: `#/library/${kind}` }, "All of them are in the library."));
+  return el("section", {}, el("h2", {}, title), node, more);
 }
 
 /** A report page of a job in a box that can reach nothing of this page; it has a policy of its own, so it has a URL. */
@@ -74,4 +76,4 @@ export async function reportFrame(kind, id, title) {
   return whole;
 }
 
-export const fileWords = (one) => [one.sample ? "sample" : size(one.size), one.created ? moment(one.created) : ""].filter(Boolean).join(", ");
+export const fileWords = (one) => [one.sample ? translate("sample") : size(one.size), one.created ? moment(one.created) : ""].filter(Boolean).join(", ");

@@ -31,11 +31,13 @@ export function edge(ctx, view, rings, width = 1.5) {
   polygon(ctx, view, rings, null, colours.edge, width);
 }
 
-/** A place with a word: an entrance, a refill place. */
-export function marker(ctx, view, [x, y], text) {
+/** A place with a word: an entrance is a triangle that points at it, a refill place a diamond. */
+export function marker(ctx, view, [x, y], text, isRefill = false) {
   const [px, py] = view.at(x, y);
   ctx.beginPath();
-  ctx.moveTo(px, py); ctx.lineTo(px - 7, py - 14); ctx.lineTo(px + 7, py - 14); ctx.closePath();
+  ctx.moveTo(px, py); ctx.lineTo(px - 7, py - (isRefill ? 8 : 14));
+  if (isRefill) ctx.lineTo(px, py - 16);
+  ctx.lineTo(px + 7, py - (isRefill ? 8 : 14)); ctx.closePath();
   ctx.lineWidth = 3;
   ctx.strokeStyle = colours.halo;
   ctx.stroke();
@@ -75,6 +77,9 @@ export function word(ctx, px, py, text, colour, font = "600 12px system-ui, sans
   ctx.font = font;
   ctx.textAlign = "center";
   ctx.textBaseline = "middle";
+  // Near the side of the map it is moved in, so that none of it is cut off.
+  const wide = ctx.canvas.width / (window.devicePixelRatio || 1), half = Math.min(ctx.measureText(text).width / 2 + 3, wide / 2);
+  if (px > 0 && px < wide) px = Math.min(Math.max(px, half), wide - half);
   ctx.lineWidth = 3;
   ctx.lineJoin = "round";
   ctx.strokeStyle = colours.halo;

@@ -22,6 +22,7 @@ export const DAY = {
       ],
       more: [
         ["value_per_ha", "Value of the work per hectare", num("Instead of the loss: what is not done is lost.")], ["lon", "Longitude, degrees", num("For a field in local metres.")], ["lat", "Latitude, degrees", num()],
+        ["entrance", "Entrance", { hint: "LON,LAT; by default that of the file." }], ["obstacles", "More obstacles", { list: ";", hint: "LON,LAT,RADIUS; several with ; between" }], ["ignored", "Obstacles to be ignored", { list: true, hint: "Names or numbers with commas between them." }],
         ["crs", "Coordinate system", { hint: "Only for a file that names none." }], ["local", "The file is in local metres", { check: true }], ["swap_axes", "Latitude or northing comes first", { check: true }],
       ],
     },
@@ -57,7 +58,7 @@ export const FARM = {
         ["capacity", "Capacity, l or kg", num("Only if it carries something.")], ["rate_per_m2", "Rate per square metre, l or kg", num("0.02 is 200 l per hectare.")], ["tractors", "Fits the tractors", { list: true, hint: "Names with commas between them; by default all." }],
       ],
       more: [
-        ["hitch_m", "From the rear axle to the tools, m", num("1.2")], ["length_m", "From the first tool to the last, m", num("0.7")], ["frame_width_m", "Overall width, m", num()], ["min_speed_kmh", "Least working speed, km/h", num()],
+        ["hitch_m", "From the rear axle to the tools, m", num("By default 1.2.")], ["length_m", "From the first tool to the last, m", num("By default 0.7.")], ["frame_width_m", "Overall width, m", num()], ["min_speed_kmh", "Least working speed, km/h", num()],
         ["max_speed_kmh", "Greatest working speed, km/h", num()], ["turn_speed_kmh", "Speed in turns, km/h", num()], ["price", "List price", num()], ["hours_per_year", "Hours of use per year", num()], ["years", "Years of use", num()],
         ["headland", "Headland", { of: ["first", "last"], hint: "by the work" }], ["collects", "It fills up while working", { check: true }],
       ],
@@ -66,13 +67,13 @@ export const FARM = {
   sections: [
     {
       key: "prices", title: "Prices",
-      values: [["currency", "Currency", { hint: "EUR" }], ["fuel_per_l", "Fuel per litre", num("1.2")], ["supervision_per_hour", "A person per hour", num("25")], ["supervision_share", "Persons per tractor", num("0.25: one looks after four.")], ["late_per_ha", "Loss per hectare not done before the rain", num("80")], ["transport_per_tractor", "Bringing a tractor to a field", num("0")]],
-      more: [["per_hour", "Tractor and implement per hour, all in", num("By default from the values here.")], ["transport_per_km", "Transport per tractor and km", num("0")], ["seed_per_ha", "Seed lost per hectare not done", num("0")], ["tractor_price", "Usual price of a tractor", num("100000")], ["implement_price", "Usual price of an implement", num("15000")], ["hours_per_year", "Hours of a tractor per year", num("600")], ["implement_hours_per_year", "Hours of an implement per year", num("200")], ["interest_pct", "Interest, percent per year", num("4")], ["insurance_pct", "Insurance and housing, percent per year", num("1.5")]],
+      values: [["currency", "Currency", { hint: "By default EUR." }], ["fuel_per_l", "Fuel per litre", num("By default 1.2.")], ["supervision_per_hour", "A person per hour", num("By default 25.")], ["supervision_share", "Persons per tractor", num("By default 0.25: one looks after four.")], ["late_per_ha", "Loss per hectare not done before the rain", num("By default 80.")], ["transport_per_tractor", "Bringing a tractor to a field", num("By default 0.")]],
+      more: [["per_hour", "Tractor and implement per hour, all in", num("By default from the values here.")], ["transport_per_km", "Transport per tractor and km", num("By default 0.")], ["seed_per_ha", "Seed lost per hectare not done", num("By default 0.")], ["tractor_price", "Usual price of a tractor", num("By default 100000.")], ["implement_price", "Usual price of an implement", num("By default 15000.")], ["hours_per_year", "Hours of a tractor per year", num("By default 600.")], ["implement_hours_per_year", "Hours of an implement per year", num("By default 200.")], ["interest_pct", "Interest, percent per year", num("By default 4.")], ["insurance_pct", "Insurance and housing, percent per year", num("By default 1.5.")]],
     },
     {
       key: "times", title: "Times",
-      values: [["shift_start", "Shift begins", { hint: "Such as 07:00." }], ["shift_end", "Shift ends", { hint: "Such as 19:00; earlier is the next day." }], ["breaks", "Breaks", { list: true, hint: "12:00-12:45; robots need none." }], ["unfold_s", "Unfolding, seconds", num("120")], ["fold_s", "Folding, seconds", num("120")], ["refill_s", "Refilling, seconds", num("300")]],
-      more: [["road_speed_kmh", "Speed on the road, km/h", num("25")], ["road_factor", "Road over straight line", num("1.3")]],
+      values: [["shift_start", "Shift begins", { hint: "Such as 07:00." }], ["shift_end", "Shift ends", { hint: "Such as 19:00; earlier is the next day." }], ["breaks", "Breaks", { list: true, hint: "12:00-12:45; robots need none." }], ["unfold_s", "Unfolding, seconds", num("By default 120.")], ["fold_s", "Folding, seconds", num("By default 120.")], ["refill_s", "Refilling, seconds", num("By default 300.")]],
+      more: [["road_speed_kmh", "Speed on the road, km/h", num("By default 25.")], ["road_factor", "Road over straight line", num("By default 1.3.")]],
     },
     { key: "yard", title: "Yard", values: [["lon", "Longitude, degrees", num()], ["lat", "Latitude, degrees", num()]] },
     {

@@ -17,11 +17,13 @@ const SIGNS = {
   line: ({ colour, width = 2, dash = "", opacity = 1 }) => [stroke(colour, width, dash, opacity)],
   area: ({ colour, opacity = 1, rim = null }) => [shape("rect", { x: 2, y: 1, width: WIDE - 4, height: HIGH - 2, opacity }, { fill: `var(--${colour})`, ...(rim ? { stroke: `var(--${rim})` } : {}) })],
   hatch: ({ colour, back = null }) => [...(back ? SIGNS.area({ colour: back }) : []), ...[0, 7, 14, 21].map((x) => shape("line", { x1: x + 2, y1: 1, x2: x + 9, y2: HIGH - 1, "stroke-width": 1 }, { stroke: `var(--${colour})` }))],
+  diamond: ({ colour }) => [shape("path", { d: `M${WIDE / 2} 0l6 ${HIGH / 2}-6 ${HIGH / 2}-6-${HIGH / 2}z` }, { fill: `var(--${colour})` })],
+  disc: ({ colour }) => [shape("circle", { cx: WIDE / 2, cy: HIGH / 2, r: 6, "stroke-width": 2 }, { stroke: "var(--ink)", fill: `var(--${colour})` })],
   place: ({ colour }) => [shape("path", { d: `M${WIDE / 2} ${HIGH - 1}l-5-11h10z` }, { fill: `var(--${colour})` })],
   ring: ({ colour, dash = "" }) => [shape("circle", { cx: WIDE / 2, cy: HIGH / 2, r: 5, "stroke-width": 2, "stroke-dasharray": dash }, { stroke: `var(--${colour})`, fill: "none" })],
 };
 
-/** A legend of entries [sign, words]: sign is {line | area | hatch | place | ring: colour, width, dash}; null is left out. */
+/** A legend of entries [sign, words]: sign is {line | area | hatch | place | diamond | disc | ring: colour, width, dash}; null is left out. */
 export function mapLegend(entries) {
   return el("ul", { class: "legend", "aria-label": "Legend" }, entries.filter(Boolean).map(([sign, words]) => {
     const kind = Object.keys(SIGNS).find((name) => name in sign), picture = shape("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, width: WIDE, height: HIGH, "aria-hidden": "true", class: "swatch" });
@@ -35,7 +37,9 @@ export const GROUND = {
   edge: [{ line: "edge", width: 1.5 }, "edge of the field"],
   obstacle: [{ hatch: "ink", back: "obstacle" }, "obstacle"],
   fence: [{ line: "ink", width: 3, dash: "6 3" }, "dashed, thick: fence"],
+  pole: [{ disc: "obstacle" }, "obstacle: a point, as wide as it is"],
   entrance: [{ place: "ink" }, "entrance"],
+  refill: [{ diamond: "ink" }, "refill place"],
   guidance: [{ line: "t4", width: 2, dash: "10 4 2 4" }, "dash and dot: guidance line"],
 };
 
@@ -51,6 +55,12 @@ export const planEntries = (plan) => [
   plan.obstacles_m.length > 0 && [{ area: "obstacle" }, "obstacle"],
   plan.fences_m.length > 0 && GROUND.fence,
   plan.entrance_m && GROUND.entrance,
+];
+
+/** The entries of a recorded run. */
+export const RECORDED = [
+  [{ line: "t0", width: 2.2 }, "driven so far"],
+  [{ line: "t0", width: 1.2, opacity: 0.35 }, "thin: the whole run"],
 ];
 
 /** The entries of live fleets. */

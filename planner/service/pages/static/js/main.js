@@ -1,6 +1,6 @@
 // The shell: which page the address names, its title, the tabs, the colours. Every page is a module of its own.
 import { put, note, heading, button, speak } from "./dom.js";
-import { ServiceError } from "./api.js";
+import { ServiceError, token } from "./api.js";
 import { startTheme } from "./palette.js";
 import { startLanguage, translate } from "./language.js";
 
@@ -81,6 +81,13 @@ function trouble(box, error) {
     ways.append(link);
   }
   box.append(ways);
+}
+
+// The login address of a machine's own user brings a token, which then leaves the address of the page.
+const brought = /^#token=(hl_[\w-]+)$/.exec(location.hash);
+if (brought) {
+  token.set(brought[1]);
+  history.replaceState(null, "", "#/");
 }
 
 startTheme(document.getElementById("theme"));

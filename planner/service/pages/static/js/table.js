@@ -1,14 +1,15 @@
 // Tables that sort by their heads and scroll inside their box.
-import { el, put, fill } from "./dom.js";
+import { el, put, fill, button } from "./dom.js";
 
-/** `columns`: {head, value(row), text(row), words, title, node(row)}; `onpick(row)` makes rows to be chosen. */
+/** `columns`: {head, value(row), text(row), words, title, node(row), extra}; those that are `extra` are shown on request. */
 export function sheet(label, columns, rows, { chosen = null, tall = false } = {}) {
   const body = el("tbody");
   let sorted = null, up = true;
-  const heads = columns.map((column, k) => el("th", { scope: "col", class: column.words ? "words" : null, title: column.title ?? null },
+  const looks = (column, ...more) => [column.words && "words", column.extra && "extra", ...more].filter(Boolean).join(" ") || null;
+  const heads = columns.map((column, k) => el("th", { scope: "col", class: looks(column), title: column.title ?? null },
     column.value ? el("button", { type: "button", onclick: () => sort(k) }, column.head) : column.head));
   const draw = () => put(body, rows.map((row) => el("tr", { class: chosen?.(row) ? "chosen" : null },
-    columns.map((column) => el("td", { class: [column.words ? "words" : "", column.wrap ? "wrap" : ""].join(" ").trim() || null }, column.node ? column.node(row) : column.text(row))))));
+    columns.map((column) => el("td", { class: looks(column, column.wrap && "wrap") }, column.node ? column.node(row) : column.text(row))))));
   const sort = (k) => {
     up = sorted === k ? !up : true;
     sorted = k;
@@ -23,5 +24,12 @@ export function sheet(label, columns, rows, { chosen = null, tall = false } = {}
   };
   draw();
   const table = fill(el("table"), el("thead", {}, el("tr", {}, heads)), body);
-  return { node: el("div", { class: `scroll${tall ? " tall" : ""}`, tabindex: "0", role: "region", "aria-label": label }, table), draw };
+  const box = el("div", { class: `scroll${tall ? " tall" : ""}`, tabindex: "0", role: "region", "aria-label": label }, table);
+  return { node: columns.some((column) => column.extra) ? el("div", {}, box, allColumns(box)) : box, draw };
+}
+
+// A button that shows the columns that are not seen at first.
+function allColumns(box) {
+  const toggle = button("All columns", () => toggle.setAttribute("aria-pressed", String(box.classList.toggle("all"))), "small", { "aria-pressed": "false" });
+  return toggle;
 }

@@ -15,6 +15,22 @@ export function clock(seconds) {
   return seconds < -0.5 ? `-${text}` : text;
 }
 
+/** The time of day by which something is done, so many seconds after a start such as 13:00; without a start as 1:02:03. */
+export function doneBy(start, seconds) {
+  const [, hours, minutes] = /^(\d{1,2}):(\d{2})/.exec(start ?? "") ?? [];
+  if (!known(seconds) || hours === undefined) return clock(seconds);
+  const end = 60 * Number(hours) + Number(minutes) + Math.ceil(Math.round(1000 * seconds) / 60000), days = Math.floor(end / 1440);
+  return `${two(Math.floor(end / 60) % 24)}:${two(end % 60)}${days ? `+${days}` : ""}`;
+}
+
+/** A cost as it is stated: with two decimals, or none from 10 on. */
+export const money = (value, currency = "") =>
+  known(value) ? `${value.toFixed(Math.abs(value) < 9.995 ? 2 : 0)}${currency ? "\u00A0" + currency : ""}` : DASH;
+
+/** A probability in percent, rounded neither to 0 nor to 100. */
+export const chance = (share) =>
+  !known(share) ? DASH : share >= 0.995 && share < 1 ? ">99" : share > 0 && share < 0.005 ? "<1" : (100 * share).toFixed(0);
+
 /** Seconds as a length of time in words: 45 s, 12 min, 1 h 05 min. */
 export function span(seconds) {
   if (!known(seconds)) return DASH;

@@ -53,7 +53,7 @@ async function report(main, shell, id) {
 
 /** What was asked: the logs or the demonstration, the tractor and the ground. */
 export function questionWords({ logs = [], demo = false, hide = null, tractor = "eg105", ground = "soil" }) {
-  const driven = demo ? `simulated logs with ${hide ? `the effect ${hide}` : "an effect"} hidden in them` : logs.join(", ");
+  const driven = demo ? `simulated logs with ${hide ? `the effect ${hide}` : "an effect"} hidden in them` : logs.map((name) => (name === "sample" ? "the sample log" : name)).join(", ");
   return `What does the simulation of ${tractor} on ${ground} get wrong in ${driven}?`;
 }
 

@@ -3,18 +3,27 @@ import { el, put, button, heading, note, labelled, option, facts, sorry } from "
 import { get, post, part, saveNamed } from "../api.js";
 import { followJob, results, reportFrame } from "../jobs.js";
 import { PlanMap } from "../planmap.js";
+import { changeActions, whyLocked } from "../shelf.js";
+import { planAgain } from "./plan.js";
 import { sheet } from "../table.js";
-import { clock, number, percent, plural } from "../words.js";
+import { chance, clock, doneBy, money, number, percent, plural } from "../words.js";
 
 export async function open(main, shell, [id]) {
   const asked = await get(`plans/${part(id)}`), closing = [];
   const name = asked.name || asked.request?.field || "Plan";
   shell.title(`Plan of ${name}`);
-  const again = el("a", { class: "button", href: "#/plan" }, "Change and plan again");
-  const job = followJob("plans", id, { again, done: (done, node) => shown(done, node, closing).catch((error) => put(node, sorry(error))) });
+  const again = () => button("Change and plan again", () => planAgain(asked.request ?? {})), me = await get("me").catch(() => null);
+  const job = followJob("plans", id, { again: again(), done: (done, node) => shown(done, node, closing).then(() => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
   put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), heading(name, askedWords(asked.request)), job.node);
   closing.push(job.close);
   return () => closing.forEach((close) => close());
+}
+
+// Rename, copy and delete the plan, or begin another with its values.
+function changeSection(job, me, again) {
+  const changed = (key) => { if (key === job.id) return location.reload(); location.hash = key ? `#/plan/${part(key)}` : "#/library/plans"; };
+  const why = whyLocked(job, me);
+  return el("section", { class: "panel stack" }, el("h2", {}, "Change"), el("div", {}, again), why && el("p", { class: "small soft" }, why), changeActions("plans", job, me, changed));
 }
 
 const askedWords = (request = {}) =>
@@ -23,9 +32,9 @@ const askedWords = (request = {}) =>
 async function shown(job, node, closing) {
   const path = `plans/${part(job.id)}/results/`, trouble = el("div");
   const [answer, maps] = await Promise.all([get(`${path}result.json`), get(`${path}maps.json`).catch(() => ({ plans: [] }))]);
-  const plans = answer.plans.filter((one) => one.feasible), refused = answer.plans.filter((one) => !one.feasible);
-  const best = answer.best ?? plans[0];
-  if (!best) return put(node, note(answer.unmet ?? "No plan is feasible.", "warn"), refusedTable(refused), results("plans", job, (error) => put(trouble, sorry(error))), trouble);
+  const best = answer.best ?? answer.plans.find((one) => one.feasible), plans = inOrder(answer.plans.filter((one) => one.feasible), best);
+  const refused = answer.plans.filter((one) => !one.feasible), left = [refusedTable(refused.filter((one) => !notTried(one))), notSimulated(refused.filter(notTried))];
+  if (!best) return put(node, (answer.summary ?? [answer.unmet ?? "No plan is feasible."]).map((text) => note(text, "warn")), left, results("plans", job, (error) => put(trouble, sorry(error))), trouble);
   const map = new PlanMap(), figures = el("div"), send = el("div");
   closing.push(() => map.close());
   let chosen = best;
@@ -35,39 +44,62 @@ async function shown(job, node, closing) {
     const found = mapOf(plan);
     map.node.hidden = !found;
     if (found) map.show(found);
-    put(figures, facts(figuresOf(plan)));
+    put(figures, facts(figuresOf(plan, answer)));
     const first = plan.strategy === best.strategy && plan.tractors === best.tractors;
     put(send, el("div", { class: "stack" }, sendOut(job, plan, first), terminals(job, plan, first)));
     table.draw();
     if (scroll) map.node.scrollIntoView({ block: "start" });
   };
-  const table = sheet("Ranked plans", columnsOf(plans, (plan) => button(plan === chosen ? "on map" : "show", () => choose(plan), "small",
+  const table = sheet("Ranked plans", columnsOf(plans, answer, (plan) => button(plan === chosen ? "on map" : "show", () => choose(plan), "small",
     { "aria-pressed": String(plan === chosen), "aria-label": `Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
   const report = el("details", { class: "panel" }, el("summary", {}, "Full report"));
   report.addEventListener("toggle", async () => { if (report.open && !report.querySelector("iframe")) report.append(await reportFrame("plans", job.id, "Report of the plan")); });
-  put(node, el("p", {}, [answer.advice, answer.unmet].flat().filter(Boolean).join(" ") || `Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`),
+  put(node, el("div", {}, headline(answer, best).map((text, place) => el("p", { class: place ? null : "lead" }, text))),
     map.node, figures, send,
     el("section", { class: "panel" }, el("h2", {}, "Plans, best first"), table.node, plans.some((one) => one.remark) && el("p", { class: "small soft" }, "Remarks on plans are in the report.")),
-    refusedTable(refused), report,
+    left, report,
     el("section", { class: "panel" }, el("h2", {}, "Save"), results("plans", job, (error) => put(trouble, sorry(error))), trouble));
   choose(plans.find((one) => one.rank === best.rank) ?? best, false);
 }
 
-const figuresOf = (plan) => [["Time", clock(plan.time_s)], ["Fleet", plural(plan.tractors, "tractor")], ["Strategy", plan.strategy], ["Cost", number(plan.cost, 2)], ["Worked", percent(plan.worked_pct)],
-  ["Missed", number(plan.missed_m2, 0, "m\u00B2")], ["Waiting", clock(plan.waiting_s)], ...(plan.finish_probability === null || plan.finish_probability === undefined ? [] : [["In time", percent(100 * plan.finish_probability)]])];
+const headline = (answer, best) => answer.summary ?? ([answer.advice, answer.unmet].filter(Boolean).length ? [answer.advice, answer.unmet].filter(Boolean) : [`Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`]);
 
-function columnsOf(plans, action) {
-  const has = (key) => plans.some((plan) => plan[key] !== null && plan[key] !== undefined);
-  const column = (head, key, text, more = {}) => ({ head, value: (plan) => plan[key], text: (plan) => text(plan[key]), ...more });
+// What every report states of a plan: the median of the samples and the expected cost, without samples as simulated.
+const endOf = (plan) => plan.stated_end_s ?? plan.p50_s ?? plan.done_s ?? plan.time_s;
+const lateEndOf = (plan) => plan.stated_late_end_s ?? plan.p95_s;
+const costOf = (plan) => plan.stated_cost ?? plan.expected_cost ?? plan.cost;
+const same = (one, other) => one.strategy === other.strategy && one.tractors === other.tractors;
+const notTried = (plan) => known(plan.bound_s);
+const known = (value) => value !== null && value !== undefined;
+
+// The plan to take, then the Pareto front from few tractors to many, then the others by rank.
+function inOrder(plans, best) {
+  const others = plans.filter((plan) => !best || !same(plan, best));
+  const front = others.filter((plan) => plan.on_pareto_front).sort((one, other) => one.tractors - other.tractors);
+  return [...plans.filter((plan) => best && same(plan, best)), ...front, ...others.filter((plan) => !plan.on_pareto_front)];
+}
+
+const figuresOf = (plan, { scenario, currency }) => [[scenario?.start ? "Done" : "Time", doneBy(scenario?.start, endOf(plan))], ...(known(lateEndOf(plan)) ? [["95 %", doneBy(scenario?.start, lateEndOf(plan))]] : []),
+  ["Fleet", plural(plan.tractors, "tractor")], ["Strategy", plan.strategy], ["Cost", money(costOf(plan), currency ?? "")], ["Worked", percent(plan.worked_pct)],
+  ["Missed", number(plan.missed_m2, 0, "m\u00B2")], ["Waiting", clock(plan.waiting_s)], ...(known(plan.finish_probability) ? [["In time", `${chance(plan.finish_probability)}\u00A0%`]] : [])];
+
+function columnsOf(plans, { scenario, currency }, action) {
+  const has = (value) => plans.some((plan) => known(value(plan))), start = scenario?.start;
+  const column = (head, value, text, more = {}) => ({ head, value, text: (plan) => text(value(plan)), ...more });
+  const extra = (head, key, text, more = {}) => column(head, (plan) => plan[key], text, { extra: true, ...more });
+  const inTime = has((plan) => plan.finish_probability) ? [column("In time %", (plan) => plan.finish_probability, chance)]
+    : has((plan) => plan.meets_deadline) ? [column("In time", (plan) => plan.meets_deadline, (value) => (value ? "yes" : "no"))] : [];
   return [
-    column("Rank", "rank", String), { head: "Map", node: action, words: true }, column("Tractors", "tractors", String), column("Strategy", "strategy", String, { words: true }),
-    column("Time", "time_s", clock), column("To finish", "finished_s", clock, { title: "Time including the missed ground" }), column("Cost", "cost", (value) => number(value, 2)),
-    ...(has("meets_deadline") ? [column("In time", "meets_deadline", (value) => (value ? "yes" : "no"))] : []),
-    ...(has("finish_probability") ? [column("In time %", "finish_probability", (value) => number(100 * value, 1)), column("P80", "p80_s", clock), column("Expected cost", "expected_cost", (value) => number(value, 2))] : []),
-    column("Worked %", "worked_pct", (value) => number(value, 1)), column("Missed m\u00B2", "missed_m2", (value) => number(value, 0)), column("Turning", "turning_s", clock),
-    column("Waiting", "waiting_s", clock), column("Clearance m", "min_clearance_m", (value) => number(value, 2)),
+    { head: "Map", node: action, words: true }, column("Tractors", (plan) => plan.tractors, String), column("Strategy", (plan) => plan.strategy, String, { words: true }),
+    column(start ? "Done" : "Time", endOf, (seconds) => doneBy(start, seconds)), ...(has(lateEndOf) ? [column("95 %", lateEndOf, (seconds) => doneBy(start, seconds))] : []),
+    column(currency ? `Cost ${currency}` : "Cost", costOf, (value) => money(value)), column("Worked %", (plan) => plan.worked_pct, (value) => number(value, 1)), ...inTime,
+    extra("Rank", "rank", String), extra("As simulated", "time_s", clock, { title: "Time without late starts, stops and breakdowns" }), extra("To finish", "finished_s", clock, { title: "Time including the missed ground" }),
+    ...(has((plan) => plan.paid_cost) ? [extra("Paid", "paid_cost", (value) => money(value))] : []), extra("Missed m\u00B2", "missed_m2", (value) => number(value, 0)),
+    extra("Turning", "turning_s", clock), extra("Waiting", "waiting_s", clock), extra("Clearance m", "min_clearance_m", (value) => number(value, 2)),
   ];
 }
+
+const notSimulated = (rows) => rows.length > 0 && el("p", { class: "small soft" }, `${plural(rows.length, "plan")} not simulated, as others are faster even in their best case.`);
 
 const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, `${plural(rows.length, "plan")} not possible, with the reason`),
   sheet("Plans that are not possible", [{ head: "Tractors", text: (row) => String(row.tractors) }, { head: "Strategy", text: (row) => row.strategy, words: true }, { head: "Reason", text: (row) => row.reason ?? "", words: true, wrap: true }], rows).node);

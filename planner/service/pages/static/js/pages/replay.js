@@ -6,6 +6,7 @@ import { MapView } from "../map.js";
 import { Player, before } from "../player.js";
 import { StripChart } from "../charts.js";
 import { tractor, line } from "../layers.js";
+import { mapLegend, RECORDED } from "../legend.js";
 import { colours } from "../palette.js";
 import { capital, LOOKS } from "../words.js";
 
@@ -73,7 +74,7 @@ function play(stage, runs) {
   }];
   const all = lanes.flat().filter(([x, y]) => Number.isFinite(x + y)), most = (k) => all.reduce((high, p) => Math.max(high, p[k]), 5);
   view.fit([0, 0, most(0), most(1)]);
-  put(stage, el("div", { class: "panel flush" }, view.node, el("div", { class: "under" }, player.node, el("ul", { class: "legend" }, runs.map((run, k) => el("li", {}, who(k + 1), run.name))))),
+  put(stage, el("div", { class: "panel flush" }, view.node, el("div", { class: "under" }, player.node, el("ul", { class: "legend", "aria-label": "Tractors" }, runs.map((run, k) => el("li", {}, who(k + 1), run.name))), mapLegend(RECORDED))),
     el("section", { class: "panel" }, speed.node, steering.node));
   return () => [player, view, speed, steering].forEach((each) => each.close());
 }

@@ -32,6 +32,7 @@ export async function open(main, shell, [id, text]) {
     new StripChart("Heading", { unit: "degrees", least: 1, both: true, decimals: 2, series: [{ name: "difference", colour: "t1" }] }),
   ];
   const corrected = new StripChart("Corrections", { unit: "cm", least: 5, both: true, decimals: 1, series: [{ name: "ahead", colour: "t2" }, { name: "right", colour: "t3" }] });
+  const urgent = el("p", { class: "urgent", hidden: true });
   const figures = el("div", { class: "figures" }), badge = el("span", { class: "badge" }), remote = remotePanel(live, number), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   const doubt = el("div"), twin = twinPanel(id, number, doubt, corrected);
   const pause = button("Pause", () => live.send({ kind: "pause", tractor: number })), resume = button("Resume", () => live.send({ kind: "resume", tractor: number }));
@@ -41,7 +42,7 @@ export async function open(main, shell, [id, text]) {
     el("div", { class: "board" },
       el("div", { class: "stack map-box" },
         el("div", { class: "panel flush" }, map.node, el("div", { class: "under row" }, el("label", { class: "check" }, following, "Follow it"), mapLegend(LIVE))),
-        near, figures),
+        urgent, near, figures),
       el("div", { class: "stack side" },
         view.node, el("div", { class: "row orders" }, pause, resume), remote.node),
       el("div", { class: "stack rest" },
@@ -56,6 +57,9 @@ export async function open(main, shell, [id, text]) {
     for (const each of [figures, near]) each.classList.toggle("stale", old);
     say(near, `${nearWords(nearestThing(live, number))} \u00B7 ${kmh(fix.speed_mps)}${old ? ` \u00B7 ${age(live.age(number))} old` : ""}`);
     document.body.classList.toggle("steering", remote.isMine());
+    const [alarm] = live.alarms.filter((one) => !one.over && !one.acknowledged && one.level === "critical").sort((a, b) => b.id - a.id);
+    urgent.hidden = !alarm;
+    say(urgent, alarm?.sentence ?? "");
     view.tell();
     put(figures, facts([["Doing", capital(legWords(live.leg(number)))], ["Waits", waitsWords(fix).replace("waits for ", "for ") || "no"], ["Speed", kmh(fix.speed_mps)],
       ["Mode", capital(fix.mode ?? DASH)], ["Age of fix", age(live.age(number))], ["Leg", Number.isInteger(fix.leg) ? `${fix.leg + 1} of ${live.scene?.lanes[number - 1]?.length ?? DASH}` : DASH],

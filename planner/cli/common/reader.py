@@ -1,0 +1,137 @@
+"""For whom the command line prints: language and units from its options, the environment or the locale; help texts.
+
+The options stand before the command, and are read before any other, as help must be in the language as well.
+"""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import typer
+
+from planner.errors import RequestError
+from reports.common.language import (
+    ENGLISH,
+    LANGUAGE_NAMES,
+    LANGUAGE_VARIABLE,
+    METRIC,
+    UNIT_SYSTEMS,
+    UNITS_VARIABLE,
+    Reader,
+    choose_language,
+    find_language,
+    get_language,
+    mark_text,
+    translate,
+)
+
+LANGUAGE_OPTION, UNITS_OPTION = "--language", "--units"
+EXAMPLE = "Example: "
+LANGUAGE_HELP = (
+    "Language of texts and help: en, de, es, fr, ja; else HEADLAND_LANGUAGE, else that of the system. JSON, CSV and "
+    "files are in English."
+)
+UNITS_HELP = "Units on screens: metric or us (ft, acres, mph, gallons). Inputs, JSON and CSV are always metric."
+HELP_TITLES = {
+    "ARGUMENTS_PANEL_TITLE": mark_text("Arguments"),
+    "OPTIONS_PANEL_TITLE": mark_text("Options"),
+    "COMMANDS_PANEL_TITLE": mark_text("Commands"),
+    "DEFAULT_STRING": mark_text("[default: {}]"),
+    "REQUIRED_LONG_STRING": mark_text("[required]"),
+}
+"""Texts that typer has for itself, by their names in `typer.rich_utils`."""
+HELP_HELP = mark_text("Show this message and exit.")
+MISUSES = (
+    mark_text("{fault}; {command} --help lists the options."),
+    mark_text("No such option: {option}"),
+    mark_text("No such option: {option} (did you mean {other}?)"),
+    mark_text("No such command '{command}'"),
+    mark_text("No such command '{command}' (did you mean '{other}'?)"),
+    mark_text("Missing argument '{argument}'"),
+    mark_text("Missing option '{option}'"),
+    mark_text("Missing command"),
+    mark_text("Option '{option}' requires an argument"),
+    mark_text("Invalid value for '{option}': {reason}"),
+    mark_text("'{value}' is not a valid integer"),
+    mark_text("'{value}' is not a valid float"),
+    mark_text("Got unexpected extra argument ({argument})"),
+)
+"""Sentences of typer on arguments that it cannot use."""
+
+
+def choose_reader(arguments: Sequence[str], environment: Mapping[str, str]) -> Reader:
+    """The reader that options before the command ask for, else the environment; RequestError for what is unknown."""
+    options = read_leading_options(arguments)
+    return Reader(_choose_language(options, environment), _choose_units(options, environment))
+
+
+def read_leading_options(arguments: Sequence[str]) -> dict[str, str]:
+    """Values of --language and --units before the command."""
+    options: dict[str, str] = {}
+    words = iter(arguments)
+    for word in words:
+        name, equals, value = word.partition("=")
+        if not word.startswith("-"):
+            break
+        if name in (LANGUAGE_OPTION, UNITS_OPTION):
+            options[name] = value if equals else next(words, "")
+    return options
+
+
+def _choose_language(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
+    for name, value in ((LANGUAGE_OPTION, options.get(LANGUAGE_OPTION)), (LANGUAGE_VARIABLE, None)):
+        tag = environment.get(name) if value is None else value
+        if tag and find_language(tag) == ENGLISH and not tag.lower().startswith(ENGLISH):
+            raise RequestError(f"{name} {tag[:40]!r} has no catalogue; use one of {', '.join(LANGUAGE_NAMES)}.")
+        if tag:
+            return find_language(tag)
+    return choose_language(environment)
+
+
+def _choose_units(options: Mapping[str, str], environment: Mapping[str, str]) -> str:
+    name = UNITS_OPTION if UNITS_OPTION in options else UNITS_VARIABLE
+    units = options.get(UNITS_OPTION) or environment.get(UNITS_VARIABLE) or METRIC
+    if units.lower() not in UNIT_SYSTEMS:
+        raise RequestError(f"{name} {units[:40]!r} is unknown; use {' or '.join(UNIT_SYSTEMS)}.")
+    return units.lower()
+
+
+def translate_help(command: Any) -> None:
+    """Put the texts of a command, its options and its subcommands in the language in use."""
+    _translate_titles()
+    if get_language() != ENGLISH:
+        _translate_command(command)
+
+
+def _translate_titles() -> None:
+    """Headings of the help, which typer keeps for all commands of a process."""
+    if get_language() == ENGLISH and "typer.rich_utils" not in sys.modules:
+        return
+    from typer import rich_utils
+
+    for name, text in HELP_TITLES.items():
+        setattr(rich_utils, name, translate(text))
+
+
+def _translate_command(command: Any) -> None:
+    for described in (command, *command.params, command.get_help_option(typer.Context(command))):
+        if getattr(described, "help", None):
+            described.help = "\n\n".join(translate_paragraph(each) for each in split_paragraphs(described.help))
+        if getattr(described, "rich_help_panel", None):
+            described.rich_help_panel = translate(described.rich_help_panel)
+    for subcommand in getattr(command, "commands", {}).values():
+        _translate_command(subcommand)
+
+
+def split_paragraphs(text: str) -> list[str]:
+    """The paragraphs of a help text, each in one line."""
+    return [" ".join(paragraph.split()) for paragraph in inspect.cleandoc(text).split("\n\n")]
+
+
+def translate_paragraph(paragraph: str) -> str:
+    """A paragraph in the language in use; the command of an example stays."""
+    word, colon, command = paragraph.partition(EXAMPLE)
+    return f"{translate(EXAMPLE)}{command}" if colon and not word else translate(paragraph)

@@ -1,0 +1,116 @@
+"""Collects sentences that the code makes with f-strings: refusals, remarks and reasons, each as a key with named values.
+
+They are in English where they are made, and translated where they are shown (`translate_sentence`).
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from tests.test_structure import ROOT
+
+REFUSING_PACKAGES = ("fields", "planner/cli", "planner/request", "planner/farm", "planner/day", "planner/pipeline")
+"""Where refusals come from that users of the command line and of the page meet most."""
+TELLING_MODULES = (
+    "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_obstacles.py",
+    "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
+    "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
+    "planner/evaluation/candidates/variants.py", "planner/evaluation/headland_depth.py",
+    "planner/evaluation/layout_repairs.py", "planner/pipeline/ranking.py", "planner/pipeline/many_fields.py",
+    "planner/risk/assessment.py", "planner/risk/advice.py", "strategies/row_by_row_optimised.py",
+    "reports/common/plan_results.py", "reports/plan/plan_wording.py", "reports/day/tables.py",
+    "reports/plan/ranking_table.py", "reports/plan/field_report.py", "planner/cli/plan.py",
+)  # fmt: skip
+"""Modules that make remarks, reasons and other sentences."""
+_TELLING_NAME = re.compile(
+    r"describe|remark|explain|reason|warn|question|_list_|suggest|advi[cs]e|summar|build_.*table|print"
+)
+LEAST_WORDS, LEAST_LETTERS = 3, 12
+
+
+def iter_sentences() -> Iterator[str]:
+    """Keys of all refusals, remarks and reasons."""
+    for package in REFUSING_PACKAGES:
+        for path in sorted((ROOT / package).rglob("*.py")):
+            yield from _iter_refusals(path)
+    for name in TELLING_MODULES:
+        if (ROOT / name).exists():
+            yield from _iter_told(ROOT / name)
+
+
+def _iter_refusals(path: Path) -> Iterator[str]:
+    """What the errors of a module say."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and node.exc.args:
+            yield from _iter_keys(node.exc.args[0])
+
+
+def _iter_told(path: Path) -> Iterator[str]:
+    """Sentences in the functions of a module that tell something, and in its constants."""
+    module = ast.parse(path.read_text(encoding="utf-8"))
+    for node in module.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            yield from _iter_keys(node.value)
+    for node in ast.walk(module):
+        if isinstance(node, ast.FunctionDef) and _TELLING_NAME.search(node.name):
+            for statement in node.body:
+                if not _is_docstring(statement):
+                    yield from _iter_keys(statement)
+
+
+def _is_docstring(statement: ast.stmt) -> bool:
+    return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
+
+
+def _iter_keys(node: ast.AST) -> Iterator[str]:
+    """Strings that are sentences in a piece of code; the pieces of an f-string are one."""
+    key = build_key(node)
+    if key is not None:
+        if _is_sentence(key):
+            yield key
+        return
+    for child in ast.iter_child_nodes(node):
+        yield from _iter_keys(child)
+
+
+def build_key(node: ast.AST) -> str | None:
+    """The key of a literal or an f-string: ``{width_m}`` where a value stands; None for other code."""
+    if isinstance(node, ast.Constant):
+        return node.value if isinstance(node.value, str) else None
+    if not isinstance(node, ast.JoinedStr):
+        return None
+    parts, names = [], dict[str, str]()
+    for value in node.values:
+        if isinstance(value, ast.Constant):
+            parts.append(str(value.value))
+        elif isinstance(value, ast.FormattedValue):
+            source = ast.unparse(value.value)
+            parts.append(f"{{{_name_value(value.value, source, names)}}}")
+    return "".join(parts)
+
+
+def _name_value(value: ast.expr, source: str, names: dict[str, str]) -> str:
+    """A name for a value: that of the variable, of the attribute or of the function; another for another value."""
+    if source in names:
+        return names[source]
+    if isinstance(value, ast.Call):
+        value = value.args[0] if value.args and not isinstance(value.func, ast.Attribute) else value.func
+    found = value.attr if isinstance(value, ast.Attribute) else value.id if isinstance(value, ast.Name) else "value"
+    name = re.sub(r"\W", "", found).strip("_") or "value"
+    taken, number = set(names.values()), 2
+    unique = name
+    while unique in taken:
+        unique, number = f"{name}{number}", number + 1
+    names[source] = unique
+    return unique
+
+
+def _is_sentence(key: str) -> bool:
+    """Whether a string is read by people: some words, not only values."""
+    bare = re.sub(r"\{\w+\}", " ", key)
+    words = re.findall(r"[A-Za-z]{2,}", bare)
+    is_long = len(words) >= LEAST_WORDS and sum(map(len, words)) >= LEAST_LETTERS
+    return is_long and " " in bare.strip() and "\n" not in key

@@ -1,0 +1,194 @@
+"""First screens beside stored ones, and what holds for all: few lines, one line per row, figures that agree.
+
+A stored screen (tests/reports/screens) is what a terminal of so many columns shows. To renew them all, run
+
+    HEADLAND_GOLDEN=write python -m pytest -n 0 tests/reports/test_first_screens.py
+
+and look at what git shows as changed before it is committed.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console, RenderableType
+
+from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s
+from reports.common.wording import format_price
+from reports.day.first_screen import build_day_screen
+from reports.day.page import render_day_page
+from reports.day.tables import format_day_json
+from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.first_screen import build_answer_table, build_first_screen, choose_first_plans
+from reports.plan.many_fields_screen import build_many_fields_screen
+from reports.plan.ranking_export import format_ranking_json
+from reports.plan.ranking_page import render_plan_page
+from reports.plan.ranking_table import build_ranking_table
+from tests.reports.screen_cases import (
+    DEADLINE,
+    LATE_RANKING,
+    PLANS,
+    RANKINGS,
+    REMARK,
+    REMARKED,
+    STRATEGIES,
+    add_samples,
+    build_day,
+    build_plan,
+    build_records,
+)
+
+GOLDEN = Path(__file__).parent / "screens"
+WRITE = os.environ.get("HEADLAND_GOLDEN") == "write"
+WIDTHS = (60, 80, 120)
+SCREENS: dict[str, RenderableType] = {
+    **{name: build_first_screen(ranking) for name, ranking in RANKINGS.items()},
+    "many": build_many_fields_screen(build_records()),
+    "day": build_day_screen(build_day()),
+}
+
+
+def print_screen(what: RenderableType, width: int = 80) -> str:
+    """What a terminal of so many columns shows, without colours."""
+    console = Console(width=width, file=io.StringIO(), force_terminal=False)
+    console.print(what)
+    text: str = console.file.getvalue()  # type: ignore[attr-defined]
+    return "".join(f"{line.rstrip()}\n" for line in text.splitlines())
+
+
+def split_screen(text: str) -> tuple[list[str], list[str]]:
+    """The lines before the table, and those from its heading on; a screen without a table has none of these."""
+    before, _, after = text.partition("\n\n")
+    return before.splitlines(), after.splitlines()
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("name", SCREENS)
+def test_screens_are_as_stored(name: str, width: int) -> None:
+    text, stored = print_screen(SCREENS[name], width), GOLDEN / f"{name}-{width}.txt"
+    if WRITE:
+        stored.write_text(text, encoding="utf-8")
+    assert text == stored.read_text(encoding="utf-8")
+    assert max(map(len, text.splitlines())) <= width
+
+
+@pytest.mark.parametrize(
+    "what",
+    [*SCREENS.values(), build_day_screen(build_day(30)), build_many_fields_screen(build_records(40))],
+    ids=[*SCREENS, "long-day", "forty-fields"],
+)
+def test_eighty_columns_have_five_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
+    before, after = split_screen(print_screen(what))
+    assert len(before) <= 5 and len(before) + 1 + len(after) <= 24
+
+
+def test_the_recommended_plan_comes_first_then_the_front() -> None:
+    shown = choose_first_plans(DEADLINE)
+    assert shown[0] is DEADLINE.best
+    assert [plan.tractors for plan in shown[1:6]] == [1, 3, 4, 5, 6] and all(plan.on_pareto_front for plan in shown)
+    assert len(build_answer_table(DEADLINE, shown).columns) == 7
+
+
+def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain() -> None:
+    before, _ = split_screen(print_screen(build_first_screen(REMARKED)))
+    assert before[-1] == "Obstacles cut off 0.34 ha, which no plan works. 2 more: --explain."
+    explained = " ".join(print_screen(build_ranking_table(REMARKED)).split())
+    assert explained.count(REMARK) == 1, "not once per plan"
+
+
+def test_no_plan_in_time_is_said_first() -> None:
+    before, _ = split_screen(print_screen(build_first_screen(LATE_RANKING)))
+    assert before[1] == "No plan is done by 13:10. The closest is 27 min late:"
+    assert before[2].startswith("6 tractors, split-field: done 13:37 (95 % by 13:44), 308 EUR, 98.4 % worked")
+
+
+plans_drawn = st.lists(
+    st.tuples(st.sampled_from(STRATEGIES), st.integers(1, 12), st.floats(0.05, 60.0), st.floats(0.5, 9000.0),
+              st.floats(0.0, 1.0), st.floats(0.0, 500.0)),
+    min_size=1, max_size=9, unique_by=lambda row: row[:2],
+)  # fmt: skip
+
+
+@st.composite
+def draw_ranking(draw: st.DrawFn) -> PlanRanking:
+    """A ranking of any kind: with and without start, deadline, samples, rain and remarks."""
+    limit_s = draw(st.none() | st.floats(600.0, 200_000.0))
+    has_samples, has_start = draw(st.booleans()), draw(st.booleans())
+    plans = []
+    for place, (strategy, tractors, hours, cost, share, late) in enumerate(draw(plans_drawn), start=1):
+        plan = build_plan(place, strategy, tractors, hours, cost, remark=draw(st.sampled_from((None, REMARK))))
+        has_share = limit_s is not None
+        plan = add_samples(plan, share if has_share else None, late, limit_s) if has_samples else plan
+        plans.append(plan if has_samples or limit_s is None else replace(plan, meets_deadline=hours * 3600 <= limit_s))
+    return replace(
+        DEADLINE, plans=tuple(plans), allowed_s=limit_s, start="13:00" if has_start else None, chosen=None,
+        deadline=None, samples=10_000 if has_samples else None,
+        cut_off_m2=draw(st.sampled_from((0.0, 812.0))), field_name=draw(st.sampled_from(("f", "n" * 90))),
+    )  # fmt: skip
+
+
+@settings(deadline=None, max_examples=25)
+@given(draw_ranking())
+def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRanking) -> None:
+    best = ranking.best
+    assert best is not None
+    time, cost = format_stated_end(ranking, get_stated_end_s(best)), format_price(get_stated_cost(best))
+    answer = write_answer(ranking)
+    assert re.search(rf"done (in )?{re.escape(time)}\b", answer.decision) and f" {cost} EUR" in answer.decision
+    first = build_answer_table(ranking, choose_first_plans(ranking)).rows[0]
+    assert first[0].startswith(f">{best.tractors}") and (first[1], first[2], first[4]) == (best.strategy, time, cost)
+    told = json.loads(format_ranking_json(ranking))
+    assert told["best"]["stated_end_s"] == pytest.approx(get_stated_end_s(best), abs=1e-6)
+    assert told["best"]["stated_cost"] == pytest.approx(get_stated_cost(best), abs=1e-6)
+    assert told["summary"] == answer.list_sentences()
+    page = render_plan_page(ranking, None).replace("\N{NO-BREAK SPACE}", " ")
+    row = re.findall(r"<tr class=\"best\">(.*?)</tr>", page)[0]
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", row)
+    heads = [
+        re.sub("\N{SOFT HYPHEN}", "", head) for head in re.findall(r'<button type="button">([^<]*)</button></th>', page)
+    ]
+    assert cells[3] == time and cells[heads.index("Cost EUR")] == cost
+    assert (
+        answer.decision in page
+        and page.index('class="best"') == page.index("<tr", page.index("<tbody>", page.index('id="plans"'))) + 4
+    )
+
+
+@settings(deadline=None, max_examples=60)
+@given(draw_ranking())
+def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
+    for width in WIDTHS:
+        text = print_screen(build_first_screen(ranking), width)
+        assert max(map(len, text.splitlines())) <= width
+    before, after = split_screen(print_screen(build_first_screen(ranking)))
+    assert len(before) <= 5 and len(before) + 1 + len(after) <= 24
+    rows = [line for line in after if re.match(r" *>?\d+[* ]", line)]
+    assert len(rows) == len(choose_first_plans(ranking)), "every row is one line"
+
+
+def test_the_day_of_every_report_ends_when_its_last_field_does() -> None:
+    day = build_day()
+    told = json.loads(format_day_json(day))
+    assert told["p50_done_s"] >= max(job["p50_end_s"] for job in told["jobs"])
+    text, page = print_screen(build_day_screen(day)), render_day_page(day)
+    assert "done by 11:31 (95 % by 11:58), 406 EUR" in text and "<dd>11:31</dd>" in page.replace("\n", "")
+    assert told["summary"][0] in " ".join(text.split()) and told["summary"][0] in page
+
+
+def test_what_is_ranked_first_is_what_takes_least_as_printed() -> None:
+    """With equal ground left, the order of the ranks is that of the stated times."""
+    from reports.common.plan_results import build_time_sort_key
+
+    plans = [add_samples(plan, None) for plan in PLANS]
+    slow_on_paper = replace(plans[0], p50_s=9e4, p50_done_s=9e4)
+    ordered = sorted([slow_on_paper, *plans[1:]], key=build_time_sort_key)
+    assert [get_stated_end_s(plan) for plan in ordered] == sorted(get_stated_end_s(plan) for plan in ordered)
+    assert ordered[-1] is slow_on_paper
