@@ -3,13 +3,15 @@
 Run by `.ci/release` with NUMBA_CPU_NAME=generic, so that the code runs on every processor of this family.
 """
 
-from numba.core import config
+import os
 
 from planner.pipeline.kernels import compile_share, parse_types, read_kernels
 from vehicle.jit import SHIPPED, ship_overload
 
-if config.CPU_NAME != "generic":
-    raise SystemExit(f"NUMBA_CPU_NAME is {config.CPU_NAME}; set it to generic, so that other processors can run the code.")
+if os.environ.get("NUMBA_CPU_NAME") != "generic":
+    raise SystemExit(
+        f"NUMBA_CPU_NAME is {os.environ.get('NUMBA_CPU_NAME')}; set it to generic, so that other processors can run the code."
+    )
 kernels = read_kernels()
 compile_share(kernels)
 for kernel in kernels:

@@ -19,7 +19,7 @@ Clock = Callable[[float], None]
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     """Sets the time that bars see."""
     now = [100.0]
-    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
 
     def advance(seconds: float) -> None:
         now[0] += seconds
@@ -34,7 +34,7 @@ def missing(monkeypatch: pytest.MonkeyPatch) -> list[kernels.Kernel]:
     monkeypatch.setattr(kernels, "list_missing_kernels", lambda uses=(): list(found))
     monkeypatch.setattr(kernels, "compile_share", lambda share: None)
     monkeypatch.setattr(worker_tasks, "warm_up_simulation", lambda: None)
-    monkeypatch.setattr(terminal.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
     return found
 
 

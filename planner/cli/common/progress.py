@@ -8,12 +8,14 @@ from contextlib import contextmanager
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.table import Column
 from rich.text import Text
 
 from reports.common.language import Reader, get_language, get_units, translate, use_reader
 
 PRIOR_S = 4.0  # the seconds that were expected count as much as that many seconds observed
 REFRESHES_PER_S = 4
+WIDE_COLUMNS = 80
 
 
 class StageBar:
@@ -73,7 +75,7 @@ class _WordsColumn(ProgressColumn):
     """The stage and its count."""
 
     def __init__(self, bar: StageBar) -> None:
-        super().__init__()
+        super().__init__(Column(no_wrap=True))
         self._bar = bar
 
     def render(self, task: Task) -> Text:
@@ -87,7 +89,7 @@ class _LeftColumn(TextColumn):
     """The time that is left, counting down between reports."""
 
     def __init__(self, bar: StageBar) -> None:
-        super().__init__("")
+        super().__init__("", table_column=Column(no_wrap=True))
         self._bar = bar
 
     def render(self, task: Task) -> Text:
@@ -99,7 +101,7 @@ class _LeftColumn(TextColumn):
 def open_stage_bar(words: str) -> Iterator[StageBar]:
     """Draw a bar on a terminal while the body runs, and nothing elsewhere; `words` say what is done at first."""
     console, bar = Console(stderr=True), StageBar(words)
-    columns = (_WordsColumn(bar), BarColumn(bar_width=24), _LeftColumn(bar))
+    columns = (_WordsColumn(bar), BarColumn(bar_width=24 if console.width >= WIDE_COLUMNS else 10), _LeftColumn(bar))
     is_hidden = not console.is_terminal
     with Progress(
         *columns, console=console, transient=True, disable=is_hidden, refresh_per_second=REFRESHES_PER_S
