@@ -8,10 +8,9 @@ import os
 from planner.pipeline.kernels import compile_share, parse_types, read_kernels
 from vehicle.jit import SHIPPED, ship_overload
 
-if os.environ.get("NUMBA_CPU_NAME") != "generic":
-    raise SystemExit(
-        f"NUMBA_CPU_NAME is {os.environ.get('NUMBA_CPU_NAME')}; set it to generic, so that other processors can run the code."
-    )
+model = os.environ.get("NUMBA_CPU_NAME")
+if model != "generic":
+    raise SystemExit(f"NUMBA_CPU_NAME is {model}; set it to generic, so that other processors can run the code.")
 kernels = read_kernels()
 compile_share(kernels)
 for kernel in kernels:
