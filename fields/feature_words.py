@@ -126,8 +126,10 @@ OTHER_WORDS: dict[str, str] = {
 """Uses other than obstacles, and their words. OVERHEAD_LINE are lines above or below machines."""
 
 NAME_KEYS = ("kind", "role", "name", "layer")
-"""Properties that say what a feature is; the others may only name an obstacle, as remarks mention many things."""
-WEAK_KEYS = ("type", "typ", "tipo", "soort", "art", "category", "kategorie", "class", "sym", "desc", "description")
+"""Properties that say what a feature is."""
+TYPE_KEYS = ("type", "typ", "tipo", "soort", "art", "category", "kategorie", "class", "sym")
+REMARK_KEYS = ("desc", "description")
+"""Properties that may only name an obstacle; remarks mention many things, so they count where nothing else says one."""
 OSM_KEYS = ("power", "natural", "barrier", "man_made", "building", "historic", "waterway", "highway", "landuse")
 """Tags of OpenStreetMap, of which the key is a word as well: building=yes."""
 LINE_ENDS = ("a", "b", "punkta", "punktb", "pointa", "pointb", "apunkt", "bpunkt", "apoint", "bpoint")
@@ -156,9 +158,13 @@ def find_meaning(properties: Mapping[str, Any]) -> Meaning:
     }
     tags = [f"{key} {texts[key]}" for key in OSM_KEYS if texts.get(key, "no") != "no"]
     meanings = [find_word_meaning(text) for text in (*_pick(texts, NAME_KEYS), *tags)]
-    weak = [find_word_meaning(text) for text in _pick(texts, WEAK_KEYS)]
-    obstacle = next((one for one in (*meanings, *weak) if one.use == OBSTACLE), None)
-    return obstacle or next((one for one in meanings if one.use), Meaning())
+    types, remarks = ([find_word_meaning(text) for text in _pick(texts, keys)] for keys in (TYPE_KEYS, REMARK_KEYS))
+    choices = (
+        *(one for one in (*meanings, *types) if one.use == OBSTACLE),
+        *(one for one in meanings if one.use),
+        *(one for one in remarks if one.use == OBSTACLE),
+    )
+    return next(iter(choices), Meaning())
 
 
 def _pick(texts: Mapping[str, str], keys: Iterable[str]) -> list[str]:

@@ -20,7 +20,7 @@ from strategies.names import STRATEGY_NAMES
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
 IDENTIFICATION_LAYERS = ("logs", "replay", "residuals", "fit", "cause_selection", "model_extension", "verdict")
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 420, 500, 80, 8, 6.0
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 470, 500, 80, 8, 6.0
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "fields": ("fields",),

@@ -78,9 +78,10 @@ class AssumedRoles:
     @property
     def remarks(self) -> list[str]:
         """Sentences on everything but obstacles."""
-        parts = [
-            f"{count_noun(len(names), reason)} ({_join_names(names, 3)})" for reason, names in self.ignored.items()
-        ]
+        parts = []
+        for reason, labels in self.ignored.items():
+            examples = _join_names([label for label in labels if label.startswith("'")], MAX_EXAMPLES)
+            parts.append(f"{count_noun(len(labels), reason)}{f' ({examples})' if examples else ''}")
         ignored = f"Without a role and no obstacles by their names or number, so not used: {', '.join(parts)}."
         return [*self.notes, *([ignored] if parts else [])]
 

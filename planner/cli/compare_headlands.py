@@ -119,7 +119,8 @@ def compare_headlands(
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
     with write_before_printing(_render_page(comparison, html)):
         _print_comparison(comparison, json, csv)
-    if comparison.best is None or not comparison.best.is_complete:
+    best = comparison.best
+    if best is None or not best.is_complete or not all(each.meets_request for each in best.plans):
         raise typer.Exit(NO_PLAN_STATUS)
 
 

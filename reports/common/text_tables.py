@@ -183,7 +183,7 @@ class AnswerLines:
     """An answer before its table, in at most five lines where the console has 80 columns.
 
     `sentences` always stand there, the first in bold, shortened with dots if need be. Where lines are lacking, the
-    remarks (`faults`) become their first and a count, or only a count, then the title goes, then `alternatives`.
+    title goes, then all remarks (`faults`) but the first, then the `alternatives`, then the first remark too.
     """
 
     sentences: tuple[str, ...]
@@ -195,27 +195,32 @@ class AnswerLines:
         width = min(options.max_width, LINE_COLUMNS)
         most = MOST_ANSWER_LINES if options.max_width >= LEAST_ANSWER_COLUMNS else MOST_NARROW_LINES
         first, *others = self.sentences
-        sentences = [_shorten_to_lines(first, most - count_lines(others, width) - 1, width), *others]
-        note = self._choose_fault_note(width, most - count_lines([*sentences, *self.alternatives], width))
-        has_room = count_lines([*sentences, *self.alternatives, note], width) <= most
-        sentences += self.alternatives if has_room else ()
-        if self.title and count_lines([*sentences, note], width) < most:
+        sentences = [_shorten_to_lines(first, most - count_lines(others, width) - bool(self.faults), width), *others]
+        alternatives, note = self._choose_rest(width, most - count_lines(sentences, width))
+        if self.title and count_lines([*sentences, *alternatives, note], width) < most:
             yield format_title(self.title)
-        for text in filter(None, sentences):
-            yield format_sentence(text, style="bold" if text == sentences[0] else "")
+        for place, text in enumerate(filter(None, (*sentences, *alternatives))):
+            yield format_sentence(text, style="" if place else "bold")
         if note:
             yield format_sentence(note, style="yellow")
 
-    def _choose_fault_note(self, width: int, room: int) -> str:
-        """The remarks if they fit into so many lines, the first and a count, or only a count."""
-        faults = self.faults
-        if not faults:
-            return ""
-        first = translate("{remark} {count} more: --explain.", remark=faults[0], count=len(faults) - 1)
-        for note in (" ".join(faults), *([first] if len(faults) > 1 else [])):
-            if count_lines([note], width) <= room:
-                return note
-        return translate_count("{count} remark: --explain.", "{count} remarks: --explain.", len(faults))
+    def _choose_rest(self, width: int, room: int) -> tuple[tuple[str, ...], str]:
+        """The alternatives or none, and of the remarks all, the first with a count, or a count, in so many lines."""
+        notes = [" ".join(self.faults)]
+        if self.faults:
+            count = len(self.faults) - 1
+            notes += (
+                [translate("{remark} {count} more: --explain.", remark=self.faults[0], count=count)] if count else []
+            )
+            counted = translate_count("{count} remark: --explain.", "{count} remarks: --explain.", count + 1)
+        for alternatives in (self.alternatives, ()):
+            for note in notes:
+                if count_lines([*alternatives, note], width) <= room:
+                    return alternatives, note
+        if not self.faults or room < 1:
+            return (), ""
+        has_room = count_lines([*self.alternatives, counted], width) <= room
+        return self.alternatives if has_room else (), counted
 
 
 def _shorten_to_lines(text: str, lines: int, width: int) -> str:

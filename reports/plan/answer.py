@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from reports.common.effect_names import capitalize_first
-from reports.common.language import translate, translate_count
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
@@ -286,4 +286,4 @@ def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:
             translate("Finishing the missed {area} as well takes longer than the deadline allows.", area=area)
         )
     remarks = (best.remark or "").split("; ")
-    return faults + [f"{capitalize_first(remark).rstrip('.')}." for remark in remarks if remark]
+    return faults + [f"{capitalize_first(translate_sentence(remark)).rstrip('.')}." for remark in remarks if remark]

@@ -60,8 +60,9 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
 
 def _build_answer_lines(ranking: PlanRanking) -> AnswerLines:
     answer = write_answer(ranking)
-    must = tuple(text for text in (answer.verdict, answer.decision, answer.question, answer.certainty) if text)
-    return AnswerLines(must, (answer.alternatives,), answer.faults, title=_format_heading(ranking))
+    must = tuple(text for text in (answer.verdict, answer.decision, answer.certainty) if text)
+    faults = (answer.question, *answer.faults) if answer.question else answer.faults
+    return AnswerLines(must, (answer.alternatives,), faults, title=_format_heading(ranking))
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:

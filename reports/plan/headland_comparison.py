@@ -35,6 +35,7 @@ class ComparedPlan:
     """The best plan of a field with one way to work its headland, or why there is none.
 
     `requested_field` is the field as named in the request; `map` is a small map of the plan where one was asked for.
+    `meets_request` is False where the plan misses the deadline, the rain or the budget of the request.
     """
 
     requested_field: str
@@ -47,6 +48,7 @@ class ComparedPlan:
     currency: str | None = None
     machines: str | None = None
     remarks: tuple[str, ...] = ()
+    meets_request: bool = True
     map: SmallMap | None = field(default=None, repr=False)
 
     @property

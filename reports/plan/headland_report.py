@@ -69,6 +69,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
         ]
     return [
         _describe_worth(comparison, best),
+        *_describe_unmet(comparison, best),
         *_describe_places(comparison, best),
         *_describe_ground_left(comparison, best),
     ]
@@ -126,7 +127,7 @@ def _describe_alike(alike: list[HeadlandTotals], best: HeadlandTotals, compariso
 
 def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
     names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
-    subject = names[0] if len(names) == 1 else translate_count("{count} field", "{count} fields", len(names))
+    subject = names[0] if len(names) == 1 else _count_fields(len(names))
     return f"{subject} ({format_hectares(totals.area_ha)})"
 
 
@@ -139,6 +140,18 @@ def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -
     """The cost of a worked hectare with its currency."""
     rate = format_number(convert_rate_per_hectare(totals.cost_per_ha), 1)
     return f"{rate} {comparison.currency or ''}/{get_area_unit()}"
+
+
+def _describe_unmet(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
+    """That the best way misses what was asked for, and where."""
+    missing = [comparison.field_names[each.requested_field] for each in best.plans if not each.meets_request]
+    if missing:
+        names = ", ".join(missing) if len(missing) <= MOST_NAMED_FIELDS else _count_fields(len(missing))
+        yield translate("It misses the deadline, the rain or the budget on {fields}.", fields=names)
+
+
+def _count_fields(count: int) -> str:
+    return translate_count("{count} field", "{count} fields", count)
 
 
 def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
@@ -202,18 +215,18 @@ def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
     unit = comparison.currency or translate("Cost")
     fuel = (
-        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=2),)
+        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=1),)
         if has_fuel(comparison)
         else ()
     )
     return (
-        TableColumn(translate("Headland"), is_text=True),
+        TableColumn(translate("Headland"), is_text=True, is_unbroken=True),
         TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("More")),
         TableColumn(translate("Time")),
         *fuel,
         _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
-        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=1),
+        _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=2),
         _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
     )
 
@@ -283,7 +296,7 @@ def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...
     unit = comparison.currency or translate("Cost")
     return (
         TableColumn(translate("Field"), is_text=True),
-        TableColumn(translate("Best headland"), is_text=True),
+        TableColumn(translate("Best headland"), is_text=True, is_unbroken=True),
         TableColumn(translate("Saves")),
         TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("Time")),
@@ -353,6 +366,7 @@ def _build_field_entry(each: ComparedPlan) -> dict[str, Any]:
         "headland_passes": each.choice.passes,
         "headland_m": each.headland_m,
         "plan": None if each.plan is None else build_plan_entry(each.plan),
+        "meets_request": None if each.plan is None else each.meets_request,
         "refusal": each.refusal,
     }
 

@@ -18,8 +18,10 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from reports.common.language import translate, translate_sentence
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.units import format_width
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.plan.ranking_export import CSV_KEYS, EXPORT_DECIMALS, PLAN_KEYS, flatten_entry, format_csv_cell
 
@@ -105,7 +107,12 @@ def describe_records(records: Sequence[FieldRecord]) -> list[str]:
 def list_records_without_plan(records: Sequence[FieldRecord]) -> list[str]:
     """A sentence for every field at a width that has no plan."""
     return [
-        f"{record[REQUESTED_KEY]} at {record['width_m']:g} m: {_explain_missing_plan(record)}"
+        translate(
+            "{field} at {width}: {reason}",
+            field=record[REQUESTED_KEY],
+            width=format_width(record["width_m"]),
+            reason=_explain_missing_plan(record),
+        )
         for record in records
         if not get_best_plan(record)
     ]
@@ -206,7 +213,7 @@ def get_stated_plan_cost(plan: Mapping[str, Any]) -> float | None:
 
 def _build_totals_row(total: FieldsTotal) -> tuple[str, ...]:
     return (
-        "Total",
+        translate("Total"),
         format_number(total.area_ha, 2),
         f"{total.width_m:g}",
         "",
@@ -223,9 +230,13 @@ def _build_totals_row(total: FieldsTotal) -> tuple[str, ...]:
 def _explain_missing_plan(record: FieldRecord) -> str:
     """Why a field has no plan, in a sentence."""
     if record["refusal"]:
-        return str(record["refusal"])
+        return translate_sentence(str(record["refusal"]))
     reasons = [plan["reason"] for plan in record["ranking"]["plans"] if plan["reason"]]
-    return f"no plan is feasible; the first of {len(reasons)} reasons: {reasons[0]}."
+    return translate(
+        "no plan is feasible; the first of {count} reasons: {reason}.",
+        count=len(reasons),
+        reason=translate_sentence(reasons[0]),
+    )
 
 
 def _build_field_plan_row(record: FieldRecord) -> tuple[str, ...]:

@@ -101,6 +101,13 @@ def test_a_lost_file_is_refused_alone_and_named_among_others(
     assert "lost.geojson: every way: There is no field file" in " ".join(outcome.out.split())
 
 
+def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: Path) -> None:
+    outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-order", "last",
+                       "--start", "8:00", "--deadline", "8:02", "--samples", "100")  # fmt: skip
+    assert outcome.status == 3
+    assert "It misses the deadline, the rain or the budget on south." in " ".join(outcome.out.split())
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

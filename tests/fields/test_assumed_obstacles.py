@@ -87,6 +87,8 @@ class TestWords:
             "remarks say many things"
         )
         assert find_meaning({"name": "XY", "description": "old oak"}).kind == "tree"
+        assert find_meaning({"name": "Probe 3", "description": "beside the oak"}).use == NOTE
+        assert find_meaning({"name": "Start", "type": "tree"}).kind == "tree"
 
     @given(st.text(max_size=40))
     def test_any_text_means_something_or_nothing(self, text: str) -> None:

@@ -26,12 +26,29 @@ NO_TEXT = re.compile(
 """Strings of scripts that name fonts, media, methods, headers, selectors or drawings."""
 OWN_NAMES = frozenset(
     (
-        "Accept", "AgOpenGPS", "Deutsch", "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
+        '# A day for Headland\nfarm = "example"\nstart = "07:00"\n',
+        "Accept", "AgOpenGPS", "Deutsch",
+         "EPSG:25832", "English", "Español", "Feature", "FeatureCollection",
         "Français", "GeoJSON", "ISOXML 3 (TASKDATA)", "ISOXML 4 (TASKDATA)", "LineString", "Point",
-        "Polygon", "Shapefile",
+        "Polygon", "Shapefile", "headland token new --scope planner --scope operator", "unread obstacle",
     )
 )  # fmt: skip
 """Names that are the same in every language."""
+
+VALUE = re.compile(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}")
+"""A value in a template of a script."""
+_PAGE_WORDS = """
+    accept; accepted; admin; after; ahead; alarm; all; any; area; asphalt; auto; automatic; back; before; behind;
+    boundary; broken; by hand; cancelled; cheapest; connecting; dark; difference; distance; ditch; done; drive;
+    driving; entrance; fail; failed; fastest; fence; first; forwards; guidance line; harvest; headland; hole;
+    implement; kept; last; lease; left; light; line; manual; mow; none; not linked; now; observe; obstacle; obstacles;
+    offline; online; operate; operate, plan, read; over; pause; paused; plan; pole; queued; read; ready; recover;
+    refill; remote control; resume; right; round; round, quicker; running; sample; seen; show; soil; sow; spray;
+    square; start; stop; stopped; stopped by stop-all; supervised; surest; the service began anew; till; tractor;
+    turning; waiting; waits for another by the plan; worked; working; yard
+"""
+PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";"))
+"""Words in lower case that the page shows, of its own or as data of the service."""
 
 PRINTING = {
     "translate": 1, "mark_text": 1, "create_progress_callback": 1, "format_title": 1, "format_sentence": 1,
@@ -43,11 +60,14 @@ Text = str | tuple[str, str]
 """A text, or its forms for one and for many."""
 
 
-def collect_texts() -> set[Text]:
+@cache
+def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
-    return {
-        *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(), *iter_sentences()
+    texts = {
+        *PAGE_WORDS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
+        *iter_sentences(),
     }  # fmt: skip
+    return frozenset(texts)
 
 
 def read_catalogue(language: str) -> Catalog:
@@ -134,14 +154,39 @@ def read_script(script: str) -> Iterator[str]:
         each for each in tokenize(script, template_string=True, jsx=False, dotted=False) if "comment" not in each.type
     ]
     tokens = [each for each in tokens if each.type != "whitespace"]
-    for before, token in zip([None, *tokens], tokens, strict=False):
+    for place, (before, token) in enumerate(zip([None, *tokens], tokens, strict=False)):
+        if token.type == "template_string":
+            yield from (text for value in VALUE.findall(token.value) for text in read_script(value[2:-1]))
         if token.type == "template_string" and before is not None and before.value == "t":
-            parts = re.split(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}", _unescape(token.value[1:-1]))
+            parts = VALUE.split(_unescape(token.value[1:-1]))
             yield "".join(f"{part}{{{index}}}" for index, part in enumerate(parts[:-1])) + parts[-1]
-        elif token.type == "string" and (before is None or before.value not in ("class", "from")):
+        elif token.value == "plural":
+            yield from _read_plural([each.value for each in tokens[place + 1 : place + 40]])
+        elif token.type == "string" and not _is_class(tokens, place) and (before is None or before.value != "from"):
             text = _unescape(token.value[1:-1])
             if is_text(text):
                 yield text
+
+
+def _is_class(tokens: list[Any], place: int) -> bool:
+    """Whether a string follows ``class:``."""
+    return place >= 2 and [each.value for each in tokens[place - 2 : place]] == ["class", ":"]
+
+
+def _read_plural(tokens: list[str]) -> Iterator[str]:
+    """The texts of plural(count, "entry", "entries"), given what follows the word."""
+    depth, parts = 0, [list[str]()]
+    for token in tokens:
+        depth += {"(": 1, ")": -1, "[": 1, "]": -1}.get(token, 0)
+        if depth == 0:
+            break
+        if token == "," and depth == 1:
+            parts.append([])
+        else:
+            parts[-1].append(token)
+    nouns = [part[0][1:-1] for part in parts[1:] if part[0][0] == '"']
+    if nouns:
+        yield from (f"{{0}} {noun}" for noun in (nouns[0], nouns[1] if len(nouns) > 1 else f"{nouns[0]}s"))
 
 
 def is_text(string: str) -> bool:

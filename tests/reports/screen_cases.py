@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from typing import Any
 
-from reports.common.plan_results import PlanRanking, PlanResult
+from reports.common.plan_results import PlanRanking, PlanResult, PullFigures
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.ranking_export import format_ranking_json
 
@@ -80,13 +80,17 @@ REMARKED = replace(
     DEADLINE, plans=tuple(replace(plan, remark=f"{REMARK}; 12 m of the headland cannot be reached and are skipped")
                           for plan in DEADLINE.plans), cut_off_m2=3400.0,
 )  # fmt: skip
+WEAK = replace(
+    DEADLINE, pull=PullFigures("cultivator", 6.0, 8.0, 15.0, 40.0, 89.0, 90.0, 56.0, 3.7, 4.9),
+    plans=tuple(replace(plan, remark=REMARK) for plan in DEADLINE.plans),
+)  # fmt: skip
 NONE_WORKS = replace(
     DEFAULT,
     plans=REFUSED[:1] * 6,
     changes=("a headland of 14 m (--headland 14)", "an implement of 2.5 m (--width 2.5)"),
 )
 RANKINGS = {
-    "default": DEFAULT, "deadline": DEADLINE, "rain": RAIN, "late": LATE_RANKING, "remarks": REMARKED,
+    "default": DEFAULT, "deadline": DEADLINE, "rain": RAIN, "late": LATE_RANKING, "remarks": REMARKED, "weak": WEAK,
     "refused": NONE_WORKS,
 }  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Collects sentences that the code makes with f-strings: refusals, remarks and reasons, each as a key with named values.
+"""Collects sentences that the code makes with f-strings: refusals, remarks and reasons, as keys with named values.
 
 They are in English where they are made, and translated where they are shown (`translate_sentence`).
 """
@@ -22,9 +22,18 @@ TELLING_MODULES = (
     "planner/evaluation/layout_repairs.py", "planner/pipeline/ranking.py", "planner/pipeline/many_fields.py",
     "planner/risk/assessment.py", "planner/risk/advice.py", "strategies/row_by_row_optimised.py",
     "reports/common/plan_results.py", "reports/plan/plan_wording.py", "reports/day/tables.py",
-    "reports/plan/ranking_table.py", "reports/plan/field_report.py", "planner/cli/plan.py",
+    "reports/plan/ranking_table.py", "reports/plan/field_report.py", "reports/plan/many_fields.py",
+    "planner/cli/plan.py",
 )  # fmt: skip
 """Modules that make remarks, reasons and other sentences."""
+ALARMING_MODULES = (
+    "planner/fleet/manager/fleet_manager.py", "planner/fleet/manager/operator_orders.py",
+    "planner/fleet/manager/obstacle_reports.py", "planner/fleet/session/fleet_twins.py",
+    "planner/fleet/replanning/proposals.py", "planner/service/fleets/twin_routes.py",
+    "planner/service/jobs/job_runs.py", "planner/service/jobs/workers.py", "planner/service/sandbox/form_texts.py",
+    "planner/service/access/rights.py", "planner/service/fleets/fleet_socket.py",
+)  # fmt: skip
+"""Modules of the service whose sentences stand on the page: alarms, twins, jobs, forms."""
 _TELLING_NAME = re.compile(
     r"describe|remark|explain|reason|warn|question|_list_|suggest|advi[cs]e|summar|build_.*table|print"
 )
@@ -39,6 +48,21 @@ def iter_sentences() -> Iterator[str]:
     for name in TELLING_MODULES:
         if (ROOT / name).exists():
             yield from _iter_told(ROOT / name)
+    for name in ALARMING_MODULES:
+        if (ROOT / name).exists():
+            yield from _iter_alarms(ROOT / name)
+
+
+def _iter_alarms(path: Path) -> Iterator[str]:
+    """Sentences anywhere in a module, but for its descriptions."""
+    waiting: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    while waiting:
+        node = waiting.pop()
+        key = build_key(node)
+        if key is None:
+            waiting += [each for each in ast.iter_child_nodes(node) if not _is_docstring(each)]
+        elif _is_sentence(key):
+            yield key
 
 
 def _iter_refusals(path: Path) -> Iterator[str]:
@@ -51,9 +75,9 @@ def _iter_refusals(path: Path) -> Iterator[str]:
 def _iter_told(path: Path) -> Iterator[str]:
     """Sentences in the functions of a module that tell something, and in its constants."""
     module = ast.parse(path.read_text(encoding="utf-8"))
-    for node in module.body:
-        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
-            yield from _iter_keys(node.value)
+    for constant in module.body:
+        if isinstance(constant, ast.Assign | ast.AnnAssign) and constant.value is not None:
+            yield from _iter_keys(constant.value)
     for node in ast.walk(module):
         if isinstance(node, ast.FunctionDef) and _TELLING_NAME.search(node.name):
             for statement in node.body:
@@ -61,7 +85,7 @@ def _iter_told(path: Path) -> Iterator[str]:
                     yield from _iter_keys(statement)
 
 
-def _is_docstring(statement: ast.stmt) -> bool:
+def _is_docstring(statement: ast.AST) -> bool:
     return isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant)
 
 

@@ -107,6 +107,24 @@ class TestPlan:
         assert read["page"] <= 1280 and read["map"] == pytest.approx(read["around"], abs=1)
         assert read["filled"] > 0.93 * read["card"] and read["hint"] == "none"
 
+    def test_the_map_is_zoomed_in_a_frame_that_keeps_its_size(
+        self, usual: PlanRanking, drive: PlanDrive, ask: Ask
+    ) -> None:
+        read = ask(render_plan_page(usual, drive), 700, """
+            const map = doc.querySelector("#map"), frame = map.parentNode, said = [];
+            const tell = () => said.push([map.getBoundingClientRect().width, frame.clientHeight, frame.scrollLeft]);
+            const press = (name) => { doc.querySelector(`[aria-label="${name}"]`).click(); tell(); };
+            tell();
+            ["Zoom in", "Zoom in", "Zoom out", "Show the whole field"].forEach(press);
+            for (let k = 0; k < 9; k++) press("Zoom in");
+            return said;
+        """)  # fmt: skip
+        widths, heights = [one[0] for one in read], [one[1] for one in read]
+        assert widths[1:5] == pytest.approx([widths[0] * by for by in (1.5, 2.25, 1.5, 1.0)], rel=0.01)
+        assert widths[-1] == pytest.approx(8 * widths[0], rel=0.01), "no larger than that"
+        assert max(heights) - min(heights) <= 16, "but for a bar to scroll with"
+        assert read[2][2] > read[1][2] > read[0][2], "its middle stays in the middle"
+
     def test_it_starts_at_the_beginning_plays_and_changes_plans(
         self, ranking: PlanRanking, drive: PlanDrive, ask: Ask
     ) -> None:

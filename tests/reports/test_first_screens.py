@@ -162,7 +162,7 @@ def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRankin
     )
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=100)
 @given(draw_ranking())
 def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
     for width in WIDTHS:

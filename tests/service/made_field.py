@@ -138,9 +138,10 @@ def result() -> dict[str, Any]:
         "feasible": False,
         "reason": "Three tractors abreast have no room to turn on a headland of 9 m.",
     }
+    not_tried = {**refused, "strategy": "col-by-col", "reason": "skipped: its best case is slower", "bound_s": 900.0}
     return {
         "field": {"name": "north field", "area_ha": 0.72},
-        "plans": [*plans, refused],
+        "plans": [*plans, refused, not_tried],
         "best": plans[0],
         "advice": "Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more.",
     }

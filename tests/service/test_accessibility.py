@@ -29,7 +29,7 @@ def test_faults_are_found(browser: Browser) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("path", "whole"), PAGES.items())
+@pytest.mark.parametrize(("path", "whole"), [*PAGES.items(), ("/nowhere", "text=No such page")])
 def test_a_page_is_accessible_at_every_width(watched: WatchedPage, path: str, whole: str) -> None:
     page = watched.open(path)
     page.wait_for_selector(whole)
@@ -53,7 +53,7 @@ def test_the_guide_is_accessible(watched: WatchedPage, path: str) -> None:
 
 
 PRINTED = {
-    "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File"]),
+    "/plan/old": ("text=Plans, best first", ["Plans, best first", "Strategy"], ["Send it out", "Choose File", "Save"]),
     "/plan": ("text=Earlier plans", ["Plan a field", "Working width, m"], ["Run the plan", "Choose File", "Overview"]),
     "/farm": ("[name='tractors.1.file']", ["Tractors", "Fuel per litre"], ["Save the farm", "Remove this tractor"]),
     "/library": ("li.shelf", ["Library", "north field"], ["Rename", "Choose File"]),

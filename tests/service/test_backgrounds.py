@@ -7,6 +7,7 @@ import io
 import os
 import sqlite3
 import struct
+import sys
 import time
 import zlib
 from collections.abc import Callable
@@ -370,6 +371,13 @@ def test_geotiffs_without_a_place_or_with_other_values_are_refused(
 ) -> None:
     with pytest.raises(ServiceError, match=said):
         MapBackground(make_settings(tmp_path, write_geotiff(tmp_path / "o.tif", crs, (0.0, 400.0), kind)))
+
+
+def test_a_geotiff_without_its_library_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_geotiff(tmp_path / "o.tif", "EPSG:32631", (608_000.0, 5_775_500.0))
+    monkeypatch.setitem(sys.modules, "rasterio", None)
+    with pytest.raises(ServiceError, match=r"pip install 'headland\[geotiff\]'"):
+        MapBackground(make_settings(tmp_path, path))
 
 
 def test_a_file_that_only_is_called_geotiff_is_refused(tmp_path: Path) -> None:

@@ -111,7 +111,8 @@ def test_the_sample_log_is_diagnosed_and_a_result_is_titled_with_what_was_asked(
     page, made = watched.open("/diagnose"), pages[1]
     made.requests.clear()
     page.click("text=Try it with a sample log")
-    until(page, lambda: ("diagnoses", {"logs": ["sample"]}) in made.requests)
+    page.wait_for_function("location.hash === '#/diagnose/made'")
+    assert ("diagnoses", {"logs": ["sample"]}) in made.requests
     asked = {"logs": ["run-1", "run-2"], "tractor": "mine", "ground": "asphalt"}
     page.route(
         "**/api/v1/diagnoses/old",

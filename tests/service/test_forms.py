@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pydantic import BaseModel
 from starlette.testclient import TestClient
 
-from planner.day.input_file import read_example_day_text
-from planner.farm.inventory import read_example_farm_text
+from planner.day.input_file import DayField, DayFile, DayFleet, DayRoad, read_example_day_text
+from planner.farm.inventory import FarmFile, read_example_farm_text
+from planner.farm.machines import FarmImplement, FarmTractor
+from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, Yard
+from planner.service.jobs.job_requests import PLAN_OPTIONS
+from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.form_texts import read_day_form, read_farm_form
 from tests.service.conftest import SMALL, Shared
 from tests.service.test_library import add, add_field
+from vehicle.datasheet.sheet import Datasheet
 
 DAY = read_example_day_text()
 
@@ -152,3 +159,19 @@ def test_a_form_stores_nothing(client: TestClient) -> None:
     change(client, "farm", read_example_farm_text())
     store: Any = client.app.state.store  # type: ignore[attr-defined]
     assert store.blobs.list_paths() == [] and SMALL
+
+
+def test_the_page_asks_for_every_option_of_a_plan() -> None:
+    scripts = STATIC_FOLDER / "js"
+    text = (scripts / "planoptions.js").read_text() + (scripts / "pages" / "plan.js").read_text()
+    words = set(re.findall(r"\w+", text))
+    assert [name for name in PLAN_OPTIONS if name not in words] == []
+
+
+def test_the_forms_ask_for_keys_that_the_files_have() -> None:
+    text = (STATIC_FOLDER / "js" / "layouts.js").read_text()
+    asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', text)}
+    machines: list[type[BaseModel]] = [FarmTractor, FarmImplement, Datasheet]
+    sections: list[type[BaseModel]] = [FarmPrices, FarmTimes, FarmUncertainty, Yard]
+    models = [DayFile, DayField, DayFleet, DayRoad, FarmFile, *machines, *sections]
+    assert asked - {name for model in models for name in model.model_fields} == set() and len(asked) > 60

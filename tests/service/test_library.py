@@ -62,7 +62,9 @@ def test_a_field_goes_round(client: TestClient, token: Header) -> None:
 def test_a_plan_keeps_the_field_it_was_made_of(client: TestClient, token: Header, app: FastAPI) -> None:
     add_field(client, token, "north")
     job = ask_plan(client, token, "north")
-    before = app.state.store.get_job(job["id"]).inputs
+    running = app.state.store.claim_job("w")
+    before = running.inputs
+    assert running.id == job["id"]
     refused = add_field(client, token, "north", LARGER)
     assert refused.status_code == 409 and "replace it or choose another name" in refused.json()["error"]
     assert client.get("/api/v1/fields/north").content == SMALL
@@ -73,6 +75,7 @@ def test_a_plan_keeps_the_field_it_was_made_of(client: TestClient, token: Header
     client.patch("/api/v1/fields/north", json={"name": "south"}, headers=dict(token))
     client.delete("/api/v1/fields/south", headers=dict(token))
     kept = app.state.store.get_job(job["id"])
+    assert kept.status == "running" and app.state.store.report_job(kept.number, "w", (1, 2, "At work"))
     assert kept.inputs == before and kept.work["field"] == "field/north.geojson"
     assert app.state.store.blobs.read_bytes(kept.inputs["field/north.geojson"]) == SMALL
     changed = app.state.store.get_job(later["id"])

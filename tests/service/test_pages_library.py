@@ -123,6 +123,41 @@ def test_somebody_elses_things_are_only_looked_at(service: Service) -> None:
     watched.well()
 
 
+def test_a_thing_is_renamed_and_deleted_by_keys_alone(service: Service) -> None:
+    watched, app = service
+    app.state.store.add_file("field", "mine", SMALL)
+    page = watched.open("/library")
+    page.wait_for_selector("text=5 entries")
+
+    def find_focus() -> str:
+        found: str = page.evaluate(
+            "document.activeElement.getAttribute('aria-label') ?? document.activeElement.name ?? ''"
+        )
+        return found
+
+    page.focus("summary[aria-label='Change mine']")
+    page.keyboard.press("Enter")
+    page.wait_for_selector("[aria-label='Rename: mine']")
+    page.keyboard.press("Tab")
+    assert find_focus() == "Rename: mine"
+    page.keyboard.press("Enter")
+    assert find_focus() == "new-name"
+    page.keyboard.type("renamed")
+    page.keyboard.press("Enter")
+    until(page, lambda: find_focus() == "Change renamed")
+    assert page.locator("#spoken").inner_text() == "Renamed to renamed."
+    page.keyboard.press("Enter")
+    page.wait_for_selector("[aria-label='Delete: renamed']")
+    for _ in range(5):
+        page.keyboard.press("Tab")
+    assert find_focus() == "Delete: renamed"
+    page.keyboard.press("Enter")
+    page.keyboard.press("Enter")  # the focus is on the question
+    page.wait_for_selector("text=4 entries")
+    assert find_focus() == "search", "the focus is not lost with what it was on"
+    watched.well()
+
+
 def test_a_day_is_made_in_the_form_and_in_the_text(service: Service) -> None:
     watched, app = service
     page = watched.open("/day")
@@ -156,13 +191,14 @@ def test_a_day_is_made_in_the_form_and_in_the_text(service: Service) -> None:
     assert find_faults_at_widths(page) == []
     page.set_viewport_size(WIDE)
     page.fill("[name=name]", "Tuesday")
-    page.click("text=Plan the day")
+    page.fill("[name='fields.0.name']", "polder")
+    page.click("text=Plan the day")  # at once: what was typed last is in it
     page.wait_for_selector("text=Waiting for its turn.")
     job = app.state.store.list_jobs("day")[0]
     asked: dict[str, Any] = tomllib.loads(job.request["day"])
     assert job.name == "Tuesday" and asked["start"] == "06:30"
     windows = ["08:00-12:00", "13:00-19:00"]
-    assert asked["fields"] == [{"file": "netherlands", "windows": windows}]
+    assert asked["fields"] == [{"file": "netherlands", "name": "polder", "windows": windows}]
     assert asked["fleets"] == [{"name": "fleet 1", "count": 2, "tractor": "EG105"}]
     page.click("text=Cancel")
     page.click("text=Change this day and plan again")
@@ -201,6 +237,10 @@ def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
     assert tomllib.loads(app.state.store.blobs.read_bytes(saved.sha256).decode())["times"]["shift_start"] == "05:00"
     watched.open("/plan")
     until(page, lambda: page.input_value("select[name=farms]") == "Hof Süd")
+    app.state.store.delete_file("farm", "Hof Süd")
+    page.reload()
+    page.wait_for_selector("text=Earlier plans")
+    assert page.input_value("select[name=farms]") == "", "what is gone is not chosen"
     watched.well()
 
 

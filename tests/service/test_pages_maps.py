@@ -374,5 +374,5 @@ def test_every_map_has_scale_north_zoom_and_a_legend_at_every_width(
             "[...document.querySelectorAll('.legend .swatch')].every((one) => one.getBoundingClientRect().width > 20)"
         )
         assert signs
-    page.set_viewport_size(WIDE)  # type: ignore[arg-type]
+    page.set_viewport_size(WIDE)
     watched.well()

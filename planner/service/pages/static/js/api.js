@@ -1,4 +1,5 @@
 // The service over HTTP. Its errors are the sentences it answers with.
+import { t } from "./language.js";
 
 const TOKEN = "headland-token";
 const ROOT = new URL("api/v1/", document.baseURI);
@@ -40,7 +41,7 @@ async function ask(method, path, body = null, headers = {}, cache = "no-store") 
 async function refusal(answer) {
   const body = await answer.json().catch(() => ({}));
   const detail = typeof body.detail === "string" ? body.detail : null;
-  const sentence = body.error || detail || `The service answered with status ${answer.status}.`;
+  const sentence = body.error || detail || t`The service answered with status ${answer.status}.`;
   return new ServiceError(sentence, answer.status, body.parameter || null);
 }
 

@@ -1,6 +1,7 @@
 // Beside the map: a row for each tractor, alarms, stop-all. Rows are made once and then updated.
 import { el, put, say, button, who, note } from "./dom.js";
-import { age, clock, kmh, legWords, moment, percent, span, timeOfDay, plural, DASH } from "./words.js";
+import { listed, t, translate } from "./language.js";
+import { age, clock, hectares, inCm, kmh, legWords, moment, percent, span, timeOfDay, plural, DASH } from "./words.js";
 
 const BY_PLAN = "waits for another by the plan"; // the other tractor is named beside it
 const CONNECTIONS = { online: ["online", "good"], offline: ["offline", "off"], broken: ["connection broken", "off"] };
@@ -11,10 +12,10 @@ export function connectionOf(live, fix) {
   return CONNECTIONS[fix.connection] ?? [fix.connection ?? DASH, ""];
 }
 
-export function waitsWords(fix) {
-  const list = [...new Set((fix.waits_for ?? []).map((one) => `tractor ${one.tractor}`))];
-  return list.length ? `waits for ${list.join(" and ")}` : "";
-}
+/** The tractors that one waits for, in words; "" where there are none. */
+export const waitedFor = (fix) => listed([...new Set((fix.waits_for ?? []).map((one) => t`tractor ${one.tractor}`))]);
+
+const waitsWords = (fix) => waitedFor(fix) && t`waits for ${waitedFor(fix)}`;
 
 /** A tile of one tractor that links to its page; `update()` refreshes it. */
 export function tractorTile(live, number, { fleetName = () => false } = {}) {
@@ -25,20 +26,20 @@ export function tractorTile(live, number, { fleetName = () => false } = {}) {
     who(number), el("div", { class: "grow" }, el("p", { class: "row" }, title, badge), el("p", {}, doing), more));
   const update = () => {
     const fix = live.fixes.get(number) ?? {}, [words, look] = connectionOf(live, fix);
-    say(title, fleetName() ? `${live.name}, tractor ${number}` : `Tractor ${number}`);
+    say(title, fleetName() ? t`${live.name}, tractor ${number}` : t`Tractor ${number}`);
     say(badge, words);
     badge.className = `badge ${look}`;
     const legs = live.scene?.lanes[number - 1] ?? [];
     const done = legs.length && fix.leg >= legs.length;
     const waits = waitsWords(fix), holds = (fix.holds ?? []).filter((hold) => !waits || hold !== BY_PLAN);
-    say(doing, [done ? "done" : legWords(live.leg(number)), waits, ...(holds.length ? holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).join(", "));
+    say(doing, [done ? "done" : legWords(live.leg(number)), waits, ...(holds.length ? holds : fix.mode && fix.mode !== "automatic" ? [fix.mode] : [])].filter(Boolean).map(translate).join(", "));
     const old = live.isOld(number);
     node.classList.toggle("stale", old);
-    say(cells.age, `fix ${age(live.age(number))}${old && live.age(number) !== null ? " old" : ""}`);
+    say(cells.age, old && live.age(number) !== null ? t`fix ${age(live.age(number))} old` : t`fix ${age(live.age(number))}`);
     say(cells.speed, kmh(fix.speed_mps));
-    say(cells.error, typeof fix.error_m === "number" ? `off by ${Math.round(100 * fix.error_m)}\u00A0cm` : "");
-    say(cells.eta, done ? "" : typeof fix.eta_s === "number" ? `done ${timeOfDay(fix.eta_s)}` : "");
-    say(cells.late, fix.late_s > 30 ? `${span(fix.late_s)} late` : fix.late_s < -30 ? `${span(fix.late_s)} early` : "");
+    say(cells.error, typeof fix.error_m === "number" ? t`off by ${inCm(fix.error_m)}` : "");
+    say(cells.eta, done ? "" : typeof fix.eta_s === "number" ? t`done ${timeOfDay(fix.eta_s)}` : "");
+    say(cells.late, fix.late_s > 30 ? t`${span(fix.late_s)} late` : fix.late_s < -30 ? t`${span(fix.late_s)} early` : "");
     cells.late.className = fix.late_s > 30 ? "late" : "";
   };
   update();
@@ -91,7 +92,7 @@ function alarmTile(live, alarm, fleetName) {
   const look = `tile alarm ${alarm.level === "critical" ? "critical" : ""} ${seen ? "seen" : ""} ${alarm.over ? "over" : ""}`;
   return el("li", { class: look },
     el("div", { class: "grow" }, el("p", {}, el("b", {}, fleetName ? `${live.name}: ` : ""), alarm.sentence),
-      el("p", { class: "small soft" }, `since ${moment(alarm.since)}${seen ? `; seen${typeof seen === "string" ? ` by ${seen}` : ""}` : ""}${alarm.over ? "; over" : ""}`)),
+      el("p", { class: "small soft" }, [t`since ${moment(alarm.since)}`, seen ? (typeof seen === "string" ? t`seen by ${seen}` : translate("seen")) : "", alarm.over ? translate("over") : ""].filter(Boolean).join("; "))),
     !seen && button(letsGo(alarm) ? "Let it resume" : "Acknowledge", () => live.send({ kind: "acknowledge", alarm: alarm.id }), "small", { disabled: !live.mayControl }));
 }
 
@@ -123,7 +124,7 @@ export function refusals(live) {
 
 export function fleetFacts(live) {
   const fleet = live.fleet ?? {};
-  const area = fleet.done_m2 >= 0 ? `${(fleet.done_m2 / 10000).toFixed(2)}\u00A0ha` : DASH;
+  const area = fleet.done_m2 >= 0 ? hectares(fleet.done_m2) : DASH;
   const pairs = [["Worked", percent(fleet.done_pct)], ["Area done", area],
     ["Done at", typeof fleet.eta_s === "number" && fleet.state !== "done" ? timeOfDay(fleet.eta_s) : DASH], ["Remaining", clock(fleet.state === "done" ? 0 : fleet.eta_s)]];
   if (typeof fleet.deadline_s === "number") pairs.push([fleet.deadline_s < 0 ? "Past the deadline" : "To the deadline", span(fleet.deadline_s)]);

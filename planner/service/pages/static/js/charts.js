@@ -1,5 +1,6 @@
 // Strip charts on a canvas: a line per series against the last seconds, with zero and the largest values marked.
 import { el } from "./dom.js";
+import { t, translate } from "./language.js";
 import { colours, onColours } from "./palette.js";
 
 const LEFT = 46, RIGHT = 8, TOP = 32, BOTTOM = 22, GAP = 14;
@@ -66,13 +67,14 @@ export class StripChart {
       ctx.beginPath(); ctx.moveTo(LEFT, y(value)); ctx.lineTo(width - RIGHT, y(value)); ctx.stroke();
       ctx.fillText(short(value), LEFT - 6, y(value) + 4);
     }
-    ctx.fillText("now", width - RIGHT, height - 5);
+    ctx.fillText(translate("now"), width - RIGHT, height - 5);
     ctx.textAlign = "left";
-    ctx.fillText(`${this.last_s} s ago`, LEFT, height - 5);
+    ctx.fillText(t`${this.last_s} s ago`, LEFT, height - 5);
     ctx.font = "600 12px system-ui, sans-serif";
     ctx.fillStyle = colours.ink;
-    ctx.fillText(`${this.title}, ${this.unit}`, 2, 12);
-    const left = 2 + ctx.measureText(`${this.title}, ${this.unit}`).width, all = this.series.map((one, k) => this.wordsOf(one, k));
+    const title = `${translate(this.title)}, ${this.unit}`;
+    ctx.fillText(title, 2, 12);
+    const left = 2 + ctx.measureText(title).width, all = this.series.map((one, k) => this.wordsOf(one, k));
     const room = width - RIGHT - left - all.reduce((sum, words) => sum + ctx.measureText(words).width + GAP, 0);
     let at = width - RIGHT;
     ctx.textAlign = "right";
@@ -86,7 +88,7 @@ export class StripChart {
 
   wordsOf(one, k) {
     const value = this.rows.at(-1)?.[k + 1];
-    return `${one.name} ${Number.isFinite(value) ? value.toFixed(this.decimals) : "\u2013"}`;
+    return `${translate(one.name)} ${Number.isFinite(value) ? value.toFixed(this.decimals) : "\u2013"}`;
   }
 
   lineOf(ctx, x, y, column, one) {

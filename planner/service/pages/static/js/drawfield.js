@@ -1,6 +1,6 @@
 // The editor of a field: its boundary, holes, obstacles, entrance, refill place, fences and guidance lines, by pointer or keys.
 import { el, put, say, button, labelled, note, option } from "./dom.js";
-import { t } from "./language.js";
+import { t, translate } from "./language.js";
 import { backgroundOf, placementAt, placementOf } from "./background.js";
 import { Drawing, KINDS, geojsonOf, shapesOf, sizeOf } from "./shapes.js";
 import { shapeLayer, grid, gridStep, handleAt, drawnEntries } from "./drawlayers.js";
@@ -81,8 +81,10 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
       if (!marked) drawing.mark();
       marked = true;
       drawing.moveTo(rounded(at));
-      update();
+      tellPoint();
+      view.redraw();
     }
+    if (phase === "end") update();
     return true;
   };
   view.canvas.addEventListener("keydown", (event) => {
@@ -101,8 +103,9 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
   const update = () => {
     const shape = drawing.chosen, boundary = drawing.shapes.find((one) => one.kind === "boundary"), corners = boundary?.points.length ?? 0;
     const inside = drawing.shapes.filter((one) => ["hole", "area", "pole", "ditch"].includes(one.kind)).length;
-    say(words, corners < 3 ? t`Tap the corners of the field (${corners} so far; a grid line is ${gridStep(view)} m).` : t`${corners} corners, ${hectares(drawing.area)}${inside ? `, ${inside} in it` : ""}. Points can be dragged.${drawing.unfinished.length ? " A shape with too few points is not saved." : ""}`);
-    put(points, option("-1 -1", "none", !shape), drawing.shapes.flatMap((one, s) => one.points.map((point, p) => option(`${s} ${p}`, `${KINDS[one.kind].words}${one.properties.name && one.kind !== "boundary" ? ` ${one.properties.name}` : ""} ${p + 1}: ${point.map((value) => number(value, 1)).join(", ")}`, s === drawing.at.shape && p === drawing.at.point))));
+    const more = [inside ? t`, ${inside} in it` : "", ". ", translate("Points can be dragged."), drawing.unfinished.length ? ` ${translate("A shape with too few points is not saved.")}` : ""].join("");
+    say(words, corners < 3 ? t`Tap the corners of the field (${corners} so far; a grid line is ${gridStep(view)} m).` : t`${corners} corners, ${hectares(drawing.area)}` + more);
+    put(points, option("-1 -1", "none", !shape), drawing.shapes.flatMap((one, s) => one.points.map((point, p) => option(`${s} ${p}`, `${translate(KINDS[one.kind].words)}${one.properties.name && one.kind !== "boundary" ? ` ${one.properties.name}` : ""} ${p + 1}: ${point.map((value) => number(value, 1)).join(", ")}`, s === drawing.at.shape && p === drawing.at.point))));
     const unit = shape && sizeOf(shape.kind), named = shape && ["pole", "area", "ditch", "guidance"].includes(shape.kind);
     sizeLabel.hidden = !unit;
     titleLabel.hidden = !named;
@@ -115,6 +118,7 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
     use.disabled = replace.disabled = corners < 3;
     undo.disabled = !drawing.past.length;
     put(legend, mapLegend(drawnEntries(drawing.shapes)));
+    if (corners > 1) view.box = boxOf(boundary.points);
     tellPoint();
     view.redraw();
   };
@@ -144,13 +148,13 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
     update();
   };
   const load = async () => {
-    const ring = field.rings_m.flat(), box = [0, 1].map((k) => Math.min(...ring.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...ring.map((p) => p[k]))));
+    const box = boxOf(field.rings_m.flat());
     placement = field.crs ? await placementOf(field.crs, field.origin_m, [(box[0] + box[2]) / 2, (box[1] + box[3]) / 2]) : null;
     if (field.crs && !placement) return put(trouble, note("This field cannot be changed here: the service does not know where it lies.", "error"));
     origin = field.crs ? [0, 0] : field.origin_m;
     drawing = new Drawing(shapesOf(field.geojson, placement ? (point) => rounded3(placement.fromDegrees(...point)) : ([a, b]) => [a - origin[0], b - origin[1]]));
     ready = true;
-    name.value = `${fileName} changed`;
+    name.value = t`${fileName} changed`;
     view.fit(box);
     settle(box);
   };
@@ -167,4 +171,5 @@ export function fieldEditor(saved, { field = null, name: fileName = "myfield", m
   return { node, close: () => view.close() };
 }
 
+const boxOf = (points) => [0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k]))));
 const rounded3 = (point) => point.map((one) => Math.round(one * 1000) / 1000);

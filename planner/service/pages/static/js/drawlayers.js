@@ -88,7 +88,7 @@ function handles(ctx, view, shape, isChosen, chosenPoint) {
   for (const [a, b] of edgesOf(shape)) {
     const [px, py] = view.at((a[0] + b[0]) / 2, (a[1] + b[1]) / 2), length = Math.hypot(b[0] - a[0], b[1] - a[1]);
     if (isChosen && hasRoom(view, [a, b])) dot(px, py, MIDDLE_PX, colours.panel, colours.soft);
-    if (shape.kind === "boundary" && length * view.scale > NAMED_PX) word(ctx, px, py - 12, `${number(length, 0)} m`, colours.ink);
+    if (shape.kind === "boundary" && length * view.scale > NAMED_PX) word(ctx, px, py - 12, number(length, 0, "m"), colours.ink);
   }
   shape.points.forEach((point, k) => {
     const [px, py] = view.at(...point), isPoint = isChosen && k === chosenPoint;

@@ -96,7 +96,7 @@ export function fieldMap(picked) {
       if (mine !== asked) return;
       shape = summary.field;
       box.update(summary);
-      if (!shape) return put(under, note(summary.fields?.length > 1 ? `The file holds ${summary.fields.length} fields; choose one of them.` : summary.error, "warn"));
+      if (!shape) return put(under, note(summary.fields?.length > 1 ? t`The file holds ${summary.fields.length} fields; choose one of them.` : summary.error, "warn"));
       const points = shape.rings_m.flat(), around = [0, 1].map((k) => Math.min(...points.map((p) => p[k]))).concat([0, 1].map((k) => Math.max(...points.map((p) => p[k]))));
       view.fit(around);
       tell();

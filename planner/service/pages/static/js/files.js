@@ -1,6 +1,6 @@
 // Choosing one of the files the service has, or adding one to them.
 import { el, put, button, labelled, option, sorry } from "./dom.js";
-import { t } from "./language.js";
+import { t, translate } from "./language.js";
 import { items, upload, get, part } from "./api.js";
 
 const CHOSEN = "headland-chosen-";
@@ -12,11 +12,12 @@ export const rememberChoice = (kind, name) => sessionStorage.setItem(CHOSEN + ki
 /** A select of the files of a kind with an upload beside it; `changed(name)` after every choice. */
 export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, chosen = null, hint = "" } = {}) {
   const select = el("select", { name: kind, onchange: () => { put(trouble); changed(select.value); } }), trouble = el("div", { class: "stack" });
-  const file = el("input", { type: "file", accept, "aria-label": `Add a file: ${title}` });
+  const file = el("input", { type: "file", accept, "aria-label": t`Add a file: ${translate(title)}` });
   let all = [];
   const list = async (wanted = select.value || first) => {
     all = await items(kind);
-    put(select, none !== null && option("", none), all.map((one) => option(one.name, one.sample ? `${one.name} (sample)` : one.name, one.name === wanted)));
+    if (wanted && !all.some((one) => one.name === wanted)) wanted = first;
+    put(select, none !== null && option("", none), all.map((one) => option(one.name, one.sample ? t`${one.name} (sample)` : one.name, one.name === wanted)));
     changed(select.value);
   };
   file.addEventListener("change", async () => {
@@ -24,7 +25,6 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
     file.value = "";
   });
   await list(chosen ?? ((kind !== "tables" && lastChosen(kind)) || first));
-  if (!select.value && first) select.value = first;
   const change = el("a", { class: "small", href: `#/library/${kind}` }, "Rename, replace, copy or delete in the library");
   const node = el("div", { class: "stack" }, labelled(title, select, hint), labelled("Add a file", file), trouble, el("p", {}, change));
   return { node, select, list, value: () => select.value || null, sample: () => Boolean(all.find((one) => one.name === select.value)?.sample), options: () => all.find((one) => one.name === select.value)?.options ?? {} };

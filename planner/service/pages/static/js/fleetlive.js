@@ -1,5 +1,6 @@
 // The live state of a fleet: frames of its link, merged, and its tractors' places between two fixes.
 import { Link } from "./link.js";
+import { t, translate } from "./language.js";
 import { Coverage } from "./coverage.js";
 import { part, post, token } from "./api.js";
 import { ServiceClock, Stamp } from "./control.js";
@@ -154,7 +155,7 @@ export class FleetLive {
 
   async stopBesides() {
     try { await post(`fleets/${part(this.id)}/stop`); } catch (error) {
-      this.said = `The order to stop did not reach ${this.name}: ${error.message}`;
+      this.said = t`The order to stop did not reach ${this.name}: ${translate(error.message)}`;
       this.tell("refused");
     }
   }

@@ -1,9 +1,9 @@
 // A TOML file as a form: the text and the controls are two views of it, and each fault is told at its control.
 import { el, put, say, button, labelled, note, option, speak } from "./dom.js";
 import { post } from "./api.js";
-import { t } from "./language.js";
+import { t, translate } from "./language.js";
 
-const TYPED_MS = 400;
+const TYPED_MS = 400, SETTLE_MS = 20;
 const nameOf = (path) => path.join(".");
 const at = (values, path) => path.reduce((value, key) => value?.[key], values);
 
@@ -93,8 +93,8 @@ export function tomlForm(kind, layout, { choices = () => [], changed = () => {} 
   const entry = (part, k) => {
     const remove = () => change([part.key, k], null, `[data-add="${part.key}"]`).then(() => speak("Removed."));
     const called = at(form.values, [part.key, k, "name"]) ?? "";
-    return el("fieldset", { class: "panel stack" }, el("legend", { class: "small" }, `${part.one} ${k + 1}${called ? `: ${called}` : ""}`), grid([part.key, k], part),
-      el("div", {}, button(part.remove, remove, "small", { "aria-label": `${part.remove}: ${called || k + 1}` })));
+    return el("fieldset", { class: "panel stack" }, el("legend", { class: "small" }, `${translate(part.one)} ${k + 1}${called ? `: ${called}` : ""}`), grid([part.key, k], part),
+      el("div", {}, button(part.remove, remove, "small", { "aria-label": `${translate(part.remove)}: ${called || k + 1}` })));
   };
   const list = (part) => {
     const size = Array.isArray(form.values[part.key]) ? form.values[part.key].length : 0, fault = el("p", { class: "fault" });
@@ -118,8 +118,7 @@ export function tomlForm(kind, layout, { choices = () => [], changed = () => {} 
   return {
     node, text: () => text.value, faults: () => form.faults,
     set: (value) => { waiting.push({ text: value }); return send(); },
-    change: (path, value) => change(path, value),
-    rebuild: () => { build(); for (const one of controls.values()) one.tell(); mark(); },
+    settled: async () => { while (busy || waiting.length) await new Promise((done) => setTimeout(done, SETTLE_MS)); },
     focusFault: () => (node.querySelector("[aria-invalid]") ?? top).scrollIntoView({ block: "center" }) ?? node.querySelector("[aria-invalid]")?.focus(),
     close: () => { closed = true; clearTimeout(timer); },
   };

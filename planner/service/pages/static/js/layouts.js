@@ -1,4 +1,5 @@
 // What the forms of a day and of a farm ask, simple things first.
+import { t } from "./language.js";
 const WORK = ["till", "sow", "spray", "harvest", "mow"];
 const num = (hint = "") => ({ number: true, hint });
 
@@ -28,7 +29,7 @@ export const DAY = {
     },
     {
       key: "fleets", title: "Fleets", one: "Fleet", hint: "Tractors of one kind that work on one field at a time.", add: "Add a fleet", remove: "Remove this fleet", missing: "Add at least one fleet.",
-      begin: (form) => ({ name: `fleet ${(form.values.fleets?.length ?? 0) + 1}`, count: 1 }),
+      begin: (form) => ({ name: t`fleet ${(form.values.fleets?.length ?? 0) + 1}`, count: 1 }),
       values: [["name", "Name"], ["tractor", "Tractor", { of: "tractor", hint: "the first of the farm" }], ["count", "How many", num()], ["implement", "Implement", { of: "implement", hint: "the first that fits" }]],
     },
     {
@@ -42,7 +43,7 @@ export const FARM = {
   values: [],
   lists: [
     {
-      key: "tractors", title: "Tractors", one: "Tractor", add: "Add a tractor", remove: "Remove this tractor", missing: "Add at least one tractor.", begin: (form) => ({ name: `tractor ${(form.values.tractors?.length ?? 0) + 1}`, count: 1 }),
+      key: "tractors", title: "Tractors", one: "Tractor", add: "Add a tractor", remove: "Remove this tractor", missing: "Add at least one tractor.", begin: (form) => ({ name: t`tractor ${(form.values.tractors?.length ?? 0) + 1}`, count: 1 }),
       values: [
         ["name", "Name"], ["count", "How many", num()], ["file", "Tractor file", { of: "tractorFiles", hint: "by the datasheet below" }], ["power_kw", "Power at the shaft, kW", num()], ["price", "List price of one", num()],
       ],
@@ -52,7 +53,7 @@ export const FARM = {
       ],
     },
     {
-      key: "implements", title: "Implements", one: "Implement", add: "Add an implement", remove: "Remove this implement", missing: "Add at least one implement.", begin: (form) => ({ name: `implement ${(form.values.implements?.length ?? 0) + 1}`, width_m: 3 }),
+      key: "implements", title: "Implements", one: "Implement", add: "Add an implement", remove: "Remove this implement", missing: "Add at least one implement.", begin: (form) => ({ name: t`implement ${(form.values.implements?.length ?? 0) + 1}`, width_m: 3 }),
       values: [
         ["name", "Name"], ["width_m", "Working width, m", num()], ["operation", "Work", { of: WORK, hint: "any" }], ["speed_kmh", "Working speed, km/h", num()],
         ["capacity", "Capacity, l or kg", num("Only if it carries something.")], ["rate_per_m2", "Rate per square metre, l or kg", num("0.02 is 200 l per hectare.")], ["tractors", "Fits the tractors", { list: true, hint: "Names with commas between them; by default all." }],

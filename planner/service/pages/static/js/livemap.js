@@ -1,6 +1,7 @@
 // Fleets on one map: ground, worked ground, plan against actual, twins, tractors. Fields that are far apart, or have
 // no coordinates on the earth, are drawn beside each other, each to scale.
 import { MapView } from "./map.js";
+import { t } from "./language.js";
 import { colours, onColours } from "./palette.js";
 import { boxOf } from "./fleetlive.js";
 import { linkCover } from "./stale.js";
@@ -220,6 +221,6 @@ function drawTractor(ctx, view, live, number, chosen) {
   if (fix.connection !== "online" || live.isOld(number)) {
     const [px, py] = view.at(pose.x, pose.y), old = live.age(number);
     const words = fix.connection === "broken" ? "connection broken" : fix.connection === "online" ? "last here" : "offline, last here";
-    word(ctx, px, py + 26, old === null ? words : `${words}, ${span(old)} ago`, colours.off);
+    word(ctx, px, py + 26, old === null ? words : t`${words}, ${span(old)} ago`, colours.off);
   }
 }

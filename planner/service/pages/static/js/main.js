@@ -2,7 +2,8 @@
 import { put, note, heading, button, speak } from "./dom.js";
 import { ServiceError, token } from "./api.js";
 import { startTheme } from "./palette.js";
-import { startLanguage, translate } from "./language.js";
+import { startLanguage, t, translate } from "./language.js";
+import { startUnits } from "./units.js";
 
 const ROUTES = [
   [/^\/?$/, "overview", "overview"],
@@ -68,7 +69,7 @@ async function show(first = false) {
 
 function trouble(box, error) {
   const locked = error.status === 401 || error.status === 403;
-  put(box, heading(locked ? "Access is needed" : "This page could not be shown"), note(error instanceof ServiceError ? error.message : `The page has a fault (${error.message}); reload it, and report it if it stays.`, "error"));
+  put(box, heading(locked ? "Access is needed" : "This page could not be shown"), note(error instanceof ServiceError ? error.message : t`The page has a fault (${error.message}); reload it, and report it if it stays.`, "error"));
   const ways = document.createElement("div");
   ways.className = "actions";
   ways.append(button("Try again", () => show(), "main"));
@@ -77,7 +78,7 @@ function trouble(box, error) {
     const link = document.createElement("a");
     link.href = "#/access";
     link.className = "button";
-    link.textContent = "Enter a token";
+    link.textContent = translate("Enter a token");
     ways.append(link);
   }
   box.append(ways);
@@ -91,6 +92,7 @@ if (brought) {
 }
 
 startTheme(document.getElementById("theme"));
+startUnits(document.getElementById("units"));
 await startLanguage(document.getElementById("language"));
 window.addEventListener("hashchange", () => show());
 show(true);

@@ -1,5 +1,7 @@
 // A map in metres on a canvas: north up, moved and zoomed by pointer, wheel, keys and buttons. Layers draw on it.
+import { inUnits } from "./units.js";
 import { el, say, button, icon } from "./dom.js";
+import { t, translate } from "./language.js";
 import { backgroundOf, drawTiles, isOn, onBackground, placementOf, switchOn, trouble } from "./background.js";
 import { colours, onColours, paper } from "./palette.js";
 
@@ -8,7 +10,7 @@ const LOWEST_PX = 240, AROUND_PX = 110, NEAREST_PX = 60, FARTHEST_PX = 0.02, STE
 /** `view.at(x, y)` are pixels of a place in metres, `view.place(px, py)` the other way, `view.scale` pixels a metre. */
 export class MapView {
   constructor(label, { short = false, keys = "" } = {}) {
-    this.canvas = el("canvas", { tabindex: "0", role: "application", "aria-label": `${label}. Arrow keys move it, plus and minus zoom, 0 shows all. ${keys}` });
+    this.canvas = el("canvas", { tabindex: "0", role: "application", "aria-label": t`${translate(label)}. Arrow keys move it, plus and minus zoom, 0 shows all. ${translate(keys)}`.trim() });
     this.tools = el("div", { class: "tools" },
       button("+", () => this.zoom(STEP), "", { "aria-label": "Zoom in" }),
       button("\u2212", () => this.zoom(1 / STEP), "", { "aria-label": "Zoom out" }),
@@ -189,9 +191,10 @@ export class MapView {
 
   // A bar of round length at the bottom left, and which way is north.
   legend(ctx) {
-    const most = 120 / this.scale, power = 10 ** Math.floor(Math.log10(most));
-    const metres = [5, 2, 1].map((k) => k * power).find((k) => k <= most), px = metres * this.scale, y = this.height - 14;
-    const words = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
+    const [perMetre, small] = inUnits(1, "m"), [perKm, large] = inUnits(1, "km"), isLarge = 120 / this.scale >= 1000;
+    const unit = isLarge ? perKm / 1000 : perMetre, most = (120 / this.scale) * unit, power = 10 ** Math.floor(Math.log10(most));
+    const round = [5, 2, 1].map((k) => k * power).find((k) => k <= most), px = (round / unit) * this.scale, y = this.height - 14;
+    const words = `${round} ${isLarge ? large : small}`;
     ctx.font = "600 12px system-ui, sans-serif";
     ctx.strokeStyle = colours.halo;
     ctx.lineWidth = 5;

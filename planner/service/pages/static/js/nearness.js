@@ -1,9 +1,12 @@
 // How far a tractor is from what it could hit: obstacles and other tractors, from the sides of both.
+import { t, translate } from "./language.js";
+import { number } from "./words.js";
+
 const RAD = Math.PI / 180, LEAST_WIDTH_M = 2;
 
 /** The nearest obstacle or tractor: {name, metres, side}; null where there is none or the tractor's place is unknown. */
-export function nearestThing(live, number) {
-  const pose = live.pose(number), scene = live.scene;
+export function nearestThing(live, tractor) {
+  const pose = live.pose(tractor), scene = live.scene;
   if (!pose || !scene) return null;
   const half = Math.max(scene.width, LEAST_WIDTH_M) / 2, unnamed = scene.obstacles.length - scene.marked.length;
   const found = scene.obstacles.map((ring, k) => {
@@ -11,8 +14,8 @@ export function nearestThing(live, number) {
     return { name: (k >= unnamed && scene.marked[k - unnamed].name) || "obstacle", at, metres: Math.max(0, gapTo(at, pose) - half) };
   });
   for (const other of live.numbers()) {
-    const there = other === number ? null : live.pose(other);
-    if (there) found.push({ name: `tractor ${other}`, at: [there.x, there.y], metres: Math.max(0, gapTo([there.x, there.y], pose) - 2 * half) });
+    const there = other === tractor ? null : live.pose(other);
+    if (there) found.push({ name: t`tractor ${other}`, at: [there.x, there.y], metres: Math.max(0, gapTo([there.x, there.y], pose) - 2 * half) });
   }
   const nearest = found.reduce((least, one) => (least && least.metres <= one.metres ? least : one), null);
   return nearest && { name: nearest.name, metres: nearest.metres, side: sideOf(nearest.at, pose) };
@@ -20,7 +23,7 @@ export function nearestThing(live, number) {
 
 /** A distance in words: 4.2 m to the pond, ahead. */
 export const nearWords = (nearest) =>
-  nearest ? `${nearest.metres.toFixed(nearest.metres < 10 ? 1 : 0)}\u00A0m to ${nearest.name}, ${nearest.side}` : "nothing known near by";
+  nearest ? t`${number(nearest.metres, nearest.metres < 10 ? 1 : 0, "m")} to ${translate(nearest.name)}, ${translate(nearest.side)}` : translate("nothing known near by");
 
 const gapTo = ([x, y], pose) => Math.hypot(x - pose.x, y - pose.y);
 

@@ -1,4 +1,5 @@
 // Colours for canvases: read from the custom properties of the page, and anew when light changes to dark.
+import { t, translate } from "./language.js";
 
 const NAMES = ["ink", "soft", "rule", "line", "accent", "panel", "ground", "field", "swath", "edge", "obstacle", "sky", "halo",
   "off", "warn", "good", "t0", "t1", "t2", "t3", "t4", "t5", "t6"];
@@ -35,7 +36,7 @@ export function startTheme(action) {
   const set = (choice) => {
     if (choice === "system") delete document.documentElement.dataset.theme;
     else document.documentElement.dataset.theme = choice;
-    const words = `Colours: ${choice === "system" ? "as the system" : choice}`;
+    const words = choice === "system" ? translate("Colours: as the system") : t`Colours: ${translate(choice)}`;
     action.setAttribute("aria-label", words);
     action.title = words;
     read();

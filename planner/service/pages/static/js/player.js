@@ -1,14 +1,17 @@
 // A time slider: play, pause and speed of playback.
 import { el, say, button, option } from "./dom.js";
+import { t, translate } from "./language.js";
 import { clock } from "./words.js";
+
+const play = () => `\u25B6\u00A0${translate("Play")}`;
 
 export class Player {
   constructor({ end, moved, rates = [1, 10, 60, 300], rate = 60, begin = 0 }) {
     Object.assign(this, { end, moved, begin, now: 0, running: false });
     this.slider = el("input", { type: "range", min: "0", step: "any", max: String(end), value: "0", "aria-label": "Time since the start" });
     this.elapsed = el("output");
-    this.action = button("\u25B6\u00A0Play", () => this.toggle(), "main");
-    this.rate = el("select", { "aria-label": "Playback speed" }, rates.map((one) => option(String(one), `${one} times`, one === rate)));
+    this.action = button(play(), () => this.toggle(), "main");
+    this.rate = el("select", { "aria-label": "Playback speed" }, rates.map((one) => option(String(one), t`${one} times`, one === rate)));
     this.slider.addEventListener("input", () => this.seek(Number(this.slider.value)));
     this.node = el("div", { class: "player" }, this.action, this.slider, this.elapsed, this.rate);
     this.seek(0);
@@ -17,7 +20,7 @@ export class Player {
   toggle() {
     if (!this.running && this.now >= this.end) this.seek(0);
     this.running = !this.running;
-    say(this.action, this.running ? "Pause" : "\u25B6\u00A0Play");
+    say(this.action, this.running ? "Pause" : play());
     if (this.running) this.frame = requestAnimationFrame((stamp) => { this.before = stamp; this.step(stamp); });
   }
 

@@ -1,5 +1,6 @@
 // The panel of remote control: lease with takeover, dead-man switch, speed limit, and the commands while it is held.
 import { el, put, say, button } from "./dom.js";
+import { t, translate } from "./language.js";
 import { Hands, commandOf } from "./control.js";
 import { kmh } from "./words.js";
 
@@ -33,11 +34,11 @@ export function remotePanel(live, number) {
     const stamp = still <= REPEAT_STILL && live.stamp.next();
     if (stamp) live.send({ kind: "command", ...stamp, tractor: number, ...command });
     dead.classList.toggle("held", share.held);
-    say(dead, share.held ? `Driving by ${share.by}` : "Released: it stands");
+    say(dead, share.held ? t`Driving by ${translate(share.by)}` : "Released: it stands");
     const far = Math.max(1, Math.hypot(share.steering, share.speed));
     action.style.setProperty("--x", String(share.steering / far));
     action.style.setProperty("--y", String(-share.speed / far));
-    say(now, `${kmh(command.speed_command_mps)} ${command.shuttle < 0 ? "back" : "forwards"}, wheels ${Math.abs(command.steering_command_deg).toFixed(0)}\u00B0 ${command.steering_command_deg < 0 ? "left" : "right"}`);
+    say(now, t`${kmh(command.speed_command_mps)} ${translate(command.shuttle < 0 ? "back" : "forwards")}, wheels ${Math.abs(command.steering_command_deg).toFixed(0)}\u00B0 ${translate(command.steering_command_deg < 0 ? "left" : "right")}`);
   };
   let had = false;
   const tell = () => {
@@ -53,7 +54,7 @@ export function remotePanel(live, number) {
     dead.hidden = now.hidden = !mine();
     say(limitText, `${kmh((limit.value / 100) * fastest())}`);
     say(holder, !live.mayControl ? "View only. Enter an operator\u2019s token under Access." : mine() ? "You drive this tractor; nobody else can."
-      : other ? `${one.holder} drives this tractor. Taking over is shown to both of you.` : "Nobody drives this tractor by hand.");
+      : other ? t`${one.holder} drives this tractor. Taking over is shown to both of you.` : "Nobody drives this tractor by hand.");
   };
   const sending = setInterval(send, SEND_MS);
   tell();

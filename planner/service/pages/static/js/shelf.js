@@ -2,7 +2,7 @@
 import { el, put, button, labelled, sorry, speak } from "./dom.js";
 import { patch, post, remove, saveNamed, part } from "./api.js";
 import { addFile } from "./files.js";
-import { t } from "./language.js";
+import { t, translate } from "./language.js";
 
 export const ACCEPTED = {
   fields: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.fgb,.gpx,.xml", tractors: ".toml", farms: ".toml", logs: ".csv", tables: ".csv",
@@ -40,7 +40,7 @@ export function changeActions(kind, one, me, changed) {
     file.addEventListener("change", () => { if (file.files.length) addFile(kind, file.files[0], under, (made) => done(keyOf(kind, made), t`${made.name} is replaced.`), said); });
     ask(labelled("The corrected file", file, "Plans made from the older file keep it."), under, el("div", {}, keep));
   };
-  const act = (words, work, look = "", off = locked) => button(words, work, `small ${look}`, { disabled: off, "aria-label": `${words}: ${one.name}` });
+  const act = (words, work, look = "", off = locked) => button(words, work, `small ${look}`, { disabled: off, "aria-label": `${translate(words)}: ${one.name}` });
   const node = el("div", { class: "stack" }, el("div", { class: "row" },
     act("Rename", rename), act("Copy", copy, "", !me?.rights.includes("plan") || ["queued", "running"].includes(one.status)),
     isFile && act("Replace", replace), isFile && act("Save to disk", () => attempt(() => saveNamed(path)), "", false), act("Delete", erase, "danger")), place);

@@ -1,5 +1,6 @@
 // What is no longer so: the age of data in words, and a cover over pictures that have no link.
 import { el, say } from "./dom.js";
+import { t } from "./language.js";
 import { span } from "./words.js";
 
 /** A cover over a picture while fleets have no link; over several fleets a band names those without one. */
@@ -11,9 +12,9 @@ export function linkCover(lives) {
     node.hidden = !lost.length;
     if (!lost.length) return;
     node.classList.toggle("band", lost.length < all.length);
-    const silence = first.silence(), named = lost.length < all.length ? ` to ${lost.map((live) => live.name).join(", ")}` : "";
-    say(words, silence === null && first.link === "connecting" ? "Connecting" : `No link${named}`);
-    say(more, silence === null ? "" : `what you see is ${span(Math.max(silence, 1))} old`);
+    const silence = first.silence(), named = lost.length < all.length ? lost.map((live) => live.name).join(", ") : "";
+    say(words, silence === null && first.link === "connecting" ? "Connecting" : named ? t`No link to ${named}` : "No link");
+    say(more, silence === null ? "" : t`what you see is ${span(Math.max(silence, 1))} old`);
   };
   return { node, update };
 }
@@ -27,7 +28,7 @@ export function tractorCover(live, number) {
     const gone = fix?.connection && fix.connection !== "online";
     node.hidden = linked && !gone;
     say(words, linked ? "No link to the tractor" : "No link");
-    say(more, old === null ? "" : `what you see is ${span(Math.max(old, 1))} old`);
+    say(more, old === null ? "" : t`what you see is ${span(Math.max(old, 1))} old`);
   };
   return { node, update };
 }

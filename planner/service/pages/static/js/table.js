@@ -25,7 +25,7 @@ export function sheet(label, columns, rows, { chosen = null, tall = false } = {}
   draw();
   const table = fill(el("table"), el("thead", {}, el("tr", {}, heads)), body);
   const box = el("div", { class: `scroll${tall ? " tall" : ""}`, tabindex: "0", role: "region", "aria-label": label }, table);
-  return { node: columns.some((column) => column.extra) ? el("div", {}, box, allColumns(box)) : box, draw };
+  return { node: columns.some((column) => column.extra) ? el("div", { class: "stack" }, box, el("div", {}, allColumns(box))) : box, draw };
 }
 
 // A button that shows the columns that are not seen at first.

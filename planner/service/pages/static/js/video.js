@@ -1,5 +1,6 @@
 // Real video of a tractor in the place of the drawn view, and the form for its address.
-import { el, put, button, labelled, note } from "./dom.js";
+import { el, put, say, button, labelled, note } from "./dom.js";
+import { t } from "./language.js";
 import { change, part } from "./api.js";
 
 const FILM = /\.(m3u8|mp4|webm)$/i, HLS = "application/vnd.apple.mpegurl";
@@ -22,9 +23,9 @@ export function viewPanel({ fleet, number, address, drawn, cover, mayChange }) {
   let shown = null;
   const show = (video) => {
     shown = video;
-    title.textContent = video ? "Video" : "Drawn view";
+    say(title, video ? "Video" : "Drawn view");
     put(trouble);
-    put(picture, video ? videoPicture(address, `Video of tractor ${number}`, failed) : drawn, cover);
+    put(picture, video ? videoPicture(address, t`Video of tractor ${number}`, failed) : drawn, cover);
     cover.classList.toggle("band", video);
     put(choice, address && [button("Video", () => show(true), "small", { "aria-pressed": String(video) }), button("Drawn view", () => show(false), "small", { "aria-pressed": String(!video) })]);
   };

@@ -1,11 +1,19 @@
-// Figures as text; an unknown value is a dash.
+// Figures as text, in the units of the reader; an unknown value is a dash.
+import { languageInUse, plural, t, translate } from "./language.js";
+import { inUnits } from "./units.js";
+
+export { plural };
 
 export const DASH = "\u2013";
 const known = (value) => typeof value === "number" && Number.isFinite(value);
 const two = (value) => String(value).padStart(2, "0");
 
-export const number = (value, decimals = 0, unit = "") =>
-  known(value) ? `${value.toFixed(decimals)}${unit ? "\u00A0" + unit : ""}` : DASH;
+/** A metric value with its unit; feet and acres where the reader wants them. */
+export function number(value, decimals = 0, unit = "") {
+  if (!known(value)) return DASH;
+  const [shown, name] = inUnits(value, unit);
+  return `${shown.toFixed(decimals)}${name ? "\u00A0" + name : ""}`;
+}
 
 /** Seconds as 1:02:03. */
 export function clock(seconds) {
@@ -43,7 +51,7 @@ export function span(seconds) {
 
 /** The age of a fix. */
 export const age = (seconds) =>
-  !known(seconds) ? "no fix yet" : seconds < 1 ? `${seconds.toFixed(1)}\u00A0s` : `${span(seconds)}`;
+  !known(seconds) ? translate("no fix yet") : seconds < 1 ? `${seconds.toFixed(1)}\u00A0s` : `${span(seconds)}`;
 
 /** Time of day so many seconds from now, or of a moment as the service writes it (ISO 8601 or seconds of UTC). */
 export function timeOfDay(seconds, from = Date.now()) {
@@ -55,12 +63,13 @@ export function timeOfDay(seconds, from = Date.now()) {
 export function moment(value) {
   const at = typeof value === "number" ? new Date(value * 1000) : new Date(value);
   if (value === null || value === undefined || Number.isNaN(at.getTime())) return DASH;
-  const day = at.toDateString() === new Date().toDateString() ? "" : `${at.toLocaleDateString()} `;
+  const day = at.toDateString() === new Date().toDateString() ? "" : `${at.toLocaleDateString(languageInUse() === "en" ? undefined : languageInUse())} `;
   return `${day}${two(at.getHours())}:${two(at.getMinutes())}:${two(at.getSeconds())}`;
 }
 
-export const hectares = (m2) => (known(m2) ? `${(m2 / 10000).toFixed(2)}\u00A0ha` : DASH);
-export const kmh = (mps) => (known(mps) ? `${(mps * 3.6).toFixed(1)}\u00A0km/h` : DASH);
+export const hectares = (m2) => (known(m2) ? number(m2 / 10000, 2, "ha") : DASH);
+export const inCm = (metres) => number(100 * metres, 0, "cm");
+export const kmh = (mps) => (known(mps) ? number(mps * 3.6, 1, "km/h") : DASH);
 /** A share in percent; less than all is never rounded up to 100 %. */
 export function percent(value) {
   if (!known(value)) return DASH;
@@ -69,15 +78,14 @@ export function percent(value) {
 }
 export const size = (bytes) =>
   !known(bytes) ? DASH : bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))}\u00A0kB` : `${(bytes / 1e6).toFixed(1)}\u00A0MB`;
-export const plural = (count, one, many = `${one}s`) => `${count} ${count === 1 ? one : many}`;
 export const capital = (text) => text.slice(0, 1).toUpperCase() + text.slice(1);
 
 /** How the badge of a fleet looks, by its state. */
 export const LOOKS = { running: "good", stopped: "off" };
 
 const LEGS = {
-  track: (n) => `track ${n}`, round: (n) => `round ${n}`, turn: (n) => `turning to track ${n}`,
-  enter: () => "coming in", leave: () => "going out", "drive-in": (n) => `lining up for track ${n}`,
+  track: (n) => t`track ${n}`, round: (n) => t`round ${n}`, turn: (n) => t`turning to track ${n}`,
+  enter: () => translate("coming in"), leave: () => translate("going out"), "drive-in": (n) => t`lining up for track ${n}`,
 };
 /** A leg of a plan in words; its task counts from 0. */
 export function legWords(leg) {

@@ -1,5 +1,6 @@
 // Access: the token of this tab. It is kept in the tab alone and gone when the tab is closed.
 import { el, put, button, heading, note, labelled, facts } from "../dom.js";
+import { t } from "../language.js";
 import { get, token } from "../api.js";
 import { DASH } from "../words.js";
 
@@ -8,7 +9,7 @@ export async function open(main, shell) {
   const about = el("div"), said = el("div"), field = el("input", { type: "password", autocomplete: "off", spellcheck: "false", name: "token", placeholder: "hl_\u2026" });
   const command = el("code", { class: "small" }, "headland token new --scope planner --scope operator");
   const shownFor = el("p", { role: "status" });
-  const tell = () => put(shownFor, token.get() ? `A token is in use in this tab; it ends in ${token.get().slice(-4)}.` : "No token is in use: this browser may view. Planning and operating need a token, or the login address that headland serve printed last.");
+  const tell = () => put(shownFor, token.get() ? t`A token is in use in this tab; it ends in ${token.get().slice(-4)}.` : "No token is in use: this browser may view. Planning and operating need a token, or the login address that headland serve printed last.");
   const form = el("form", { class: "stack" }, labelled("Token", field, "Made on the machine of the service with this command:"), command, el("div", { class: "row" }, el("button", { class: "main" }, "Use it in this tab"),
     button("Forget it", () => { token.set(null); tell(); put(said, note("The token is forgotten.")); })));
   form.addEventListener("submit", async (event) => {

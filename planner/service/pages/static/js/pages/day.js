@@ -26,6 +26,7 @@ export async function open(main, shell, [id = null]) {
   const run = button("Plan the day", async () => {
     run.disabled = true;
     put(trouble);
+    await form.settled();
     const request = { day: form.text() };
     if (name.value.trim()) request.name = name.value.trim();
     try { location.hash = `#/day/${part((await post("days", request)).id)}`; } catch (error) {

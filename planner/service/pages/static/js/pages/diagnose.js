@@ -1,8 +1,10 @@
 // Diagnose: upload measured logs, name their tractor, and read what the simulation gets wrong and why.
 import { el, put, button, heading, note, labelled, option, sorry, lookingOnly } from "../dom.js";
+import { listed, t, translate } from "../language.js";
 import { get, post, items, save, upload, part, token } from "../api.js";
 import { filePicker } from "../files.js";
 import { earlier, fileWords, followJob, reportFrame, results } from "../jobs.js";
+import { span } from "../words.js";
 
 export async function open(main, shell, [id = null]) {
   shell.title("Diagnose");
@@ -53,15 +55,18 @@ async function report(main, shell, id) {
 
 /** What was asked: the logs or the demonstration, the tractor and the ground. */
 export function questionWords({ logs = [], demo = false, hide = null, tractor = "eg105", ground = "soil" }) {
-  const driven = demo ? `simulated logs with ${hide ? `the effect ${hide}` : "an effect"} hidden in them` : logs.map((name) => (name === "sample" ? "the sample log" : name)).join(", ");
-  return `What does the simulation of ${tractor} on ${ground} get wrong in ${driven}?`;
+  const hidden = hide ? t`simulated logs with the effect ${hide} hidden in them` : translate("simulated logs with an effect hidden in them");
+  const driven = demo ? hidden : logs.map((name) => (name === "sample" ? translate("the sample log") : name)).join(", ");
+  return t`What does the simulation of ${tractor} on ${translate(ground)} get wrong in ${driven}?`;
 }
+
+const separated = (drive) => listed(drive.separates.map((name) => translate(name.replaceAll("_", " "))));
 
 // What would settle a doubt that the logs leave: the drive in words, and its plan to save.
 async function nextDrive(id, job, trouble) {
   if (!(job.results ?? []).some((one) => (one.name ?? one) === "next-drive.json")) return null;
   const { next_drive: drive } = await get(`diagnoses/${part(id)}/results/result.json`);
   return el("section", { class: "panel stack next-drive" }, el("h2", {}, "Drive to do next"),
-    el("p", {}, `${drive.words} ${drive.decides ? "It decides" : "It says most, though perhaps not enough,"} between ${drive.separates.map((name) => name.replaceAll("_", " ")).join(" and ")}; ${Math.round(drive.seconds)}\u00A0s.`),
+    el("p", {}, translate(drive.words), " ", drive.decides ? t`It decides between ${separated(drive)}; ${span(drive.seconds)}.` : t`It says most, though perhaps not enough, between ${separated(drive)}; ${span(drive.seconds)}.`),
     el("div", { class: "row" }, button("Save the plan of this drive", () => save(`diagnoses/${part(id)}/results/next-drive.json`, "next-drive.json").catch((error) => put(trouble, sorry(error))), "main")));
 }

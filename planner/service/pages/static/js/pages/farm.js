@@ -12,6 +12,7 @@ export async function open(main, shell, [known = null]) {
   const form = tomlForm("farm", FARM, { choices: (name, now) => (name === "tractorFiles" ? tractors : now.choices[name] ?? []) });
   const name = el("input", { name: "name", value: known ?? "farm", maxlength: "100" });
   const save = button("Save the farm", async () => {
+    await form.settled();
     const stem = name.value.trim() || "farm", file = new File([form.text()], `${stem}.toml`, { type: "application/toml" });
     save.disabled = true;
     await addFile("farms", file, trouble, (made) => {

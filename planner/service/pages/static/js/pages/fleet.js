@@ -1,5 +1,6 @@
 // One live fleet: map, tractors, pause and resume, obstacles, failed tractors, the new plan for the others.
 import { el, put, say, button, heading, facts, note, labelled, option } from "../dom.js";
+import { listed, t, translate } from "../language.js";
 import { get, items, remove, save, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
@@ -17,7 +18,7 @@ export async function open(main, shell, [id]) {
   const about = await get(`fleets/${part(id)}`);
   const live = new FleetLive(id, about.name ?? id), one = () => [live];
   shell.title(live.name);
-  const map = new LiveMap(`Map of ${live.name}`, { lives: one });
+  const map = new LiveMap(t`Map of ${live.name}`, { lives: one });
   live.watch((kind) => { if (kind === "scene") { map.fit(); failing(); obstacles(); } if (kind === "proposal") proposed(); });
   const tiles = tractorTiles(one), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   if (about.error) said.append(note(about.error, "error"));
@@ -25,7 +26,7 @@ export async function open(main, shell, [id]) {
   const start = button("Start", () => live.send({ kind: "start" }), "main"), pause = button("Pause all", () => live.send({ kind: "pause", tractor: null })),
     resume = button("Resume", () => live.send({ kind: "resume", tractor: null }), "main");
   const drawer = obstacleDrawer(live, map), proposal = el("div"), which = el("select", { "aria-label": "Tractor that failed" });
-  const failing = () => put(which, live.numbers().map((number) => option(String(number), `Tractor ${number}`)));
+  const failing = () => put(which, live.numbers().map((number) => option(String(number), t`Tractor ${number}`)));
   const fail = button("Plan without it", () => {
     const tractor = Number(which.value);
     if (live.send({ kind: "fail", tractor })) live.send({ kind: "replan", without: [tractor] });
@@ -37,7 +38,7 @@ export async function open(main, shell, [id]) {
     button("Remove", () => live.send({ kind: "clear", obstacle: one.id }), "small", { disabled: !live.mayControl }))));
   const recording = button("Save recording", () => save(`fleets/${part(id)}/recording`, `${live.name}.zip`).catch((error) => put(said, note(error.message, "error"))));
   const away = button("Remove this fleet", async () => {
-    if (!confirm(`Remove ${live.name} with its recording?`)) return;
+    if (!confirm(t`Remove ${live.name} with its recording?`)) return;
     try { await remove(`fleets/${part(id)}`); location.hash = "#/"; } catch (error) { put(said, note(error.message, "error")); }
   }, "danger small");
   put(main, heading(live.name, "", state, alarms.sign, stop.node), said, proposal,
@@ -55,7 +56,7 @@ export async function open(main, shell, [id]) {
   main.classList.add("has-stop");
   const tell = () => {
     const now = live.fleet.state ?? about.fleet?.state ?? "", held = live.numbers().some((number) => live.fixes.get(number).holds?.some((hold) => RESUMED.has(hold)));
-    say(state, capital(now || "not linked"));
+    say(state, capital(translate(now || "not linked")));
     state.className = `badge ${LOOKS[now] ?? ""}`;
     start.hidden = now !== "ready";
     pause.hidden = now !== "running";
@@ -75,14 +76,14 @@ export async function open(main, shell, [id]) {
 }
 
 const eventWords = ({ time, who, what, data = {} }) =>
-  [moment(time), who, String(what).replaceAll("_", " "), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${key.replaceAll("_", " ")} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
+  [moment(time), who, translate(String(what).replaceAll("_", " ")), ...Object.entries(data ?? {}).filter(([, value]) => value !== null).map(([key, value]) => `${translate(key.replaceAll("_", " "))} ${Array.isArray(value) ? value.join(", ") : value}`)].filter(Boolean).join(" \u00B7 ");
 
 function proposalNote(live) {
-  const one = live.proposal, gone = `tractor ${one.without.join(" and ")}`;
+  const one = live.proposal, gone = t`tractor ${listed(one.without)}`;
   if (one.state === "accepted") return null;
-  if (one.state === "failed") return note(one.sentence ?? `There is no plan without ${gone}.`, "error");
-  if (one.state === "planning") return note(`The remaining tracks of ${gone} are being planned for the others.`);
-  return note(`${one.sentence ?? `The others take over from ${gone}.`} Simulated: done in ${clock(one.eta_s)}.`, "warn",
+  if (one.state === "failed") return note(one.sentence ?? t`There is no plan without ${gone}.`, "error");
+  if (one.state === "planning") return note(t`The remaining tracks of ${gone} are being planned for the others.`);
+  return note([one.sentence ? translate(one.sentence) : t`The others take over from ${gone}.`, t`Simulated: done in ${clock(one.eta_s)}.`].join(" "), "warn",
     button("Accept", () => live.send({ kind: "accept", proposal: one.id }), "main small", { disabled: !live.mayControl }),
     button("Dismiss", () => { live.proposal = null; live.tell("proposal"); }, "small"));
 }
@@ -109,7 +110,7 @@ function obstacleDrawer(live, map) {
     box.hidden = !corners;
     action.hidden = Boolean(corners);
     done.disabled = !corners || corners.length < LEAST_CORNERS;
-    say(words, corners ? `Tap its corners on the map (${plural(corners.length, "corner")}).` : "");
+    say(words, corners ? t`Tap its corners on the map (${plural(corners.length, "corner")}).` : "");
   };
   map.extra = (ctx, view) => {
     if (!corners?.length) return;

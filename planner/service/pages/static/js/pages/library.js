@@ -4,7 +4,7 @@ import { get, items, token } from "../api.js";
 import { addFile, rememberChoice } from "../files.js";
 import { STATES } from "../jobs.js";
 import { ACCEPTED, changeActions, keyOf, whyLocked } from "../shelf.js";
-import { t } from "../language.js";
+import { t, translate } from "../language.js";
 import { moment, plural, size } from "../words.js";
 
 const SHELVES = {
@@ -17,7 +17,7 @@ const TYPED_MS = 250;
 export async function open(main, shell, [kind = "fields"]) {
   if (!(kind in SHELVES)) kind = "fields";
   const [title, adding, using] = SHELVES[kind], me = await get("me").catch(() => null);
-  shell.title(`${title} \u2013 Library`);
+  shell.title(`${translate(title)} \u2013 ${translate("Library")}`);
   const found = el("ul", { class: "cards" }), count = el("p", { class: "small soft", role: "status" }), trouble = el("div", { class: "stack" });
   const search = el("input", { type: "search", name: "search", placeholder: "part of a name" });
   let timer = 0, asked = 0;
@@ -26,12 +26,13 @@ export async function open(main, shell, [kind = "fields"]) {
     try {
       const all = await items(`${kind}${words ? `?search=${encodeURIComponent(words)}` : ""}`);
       if (mine !== asked) return;
-      put(found, all.map((one) => card(kind, one, me, using, list)));
+      put(found, all.map((one) => card(kind, one, me, using, after)));
       say(count, all.length ? plural(all.length, "entry", "entries") : words ? t`Nothing is called ${words}.` : "Nothing is here yet.");
     } catch (error) { if (mine === asked) put(trouble, sorry(error)); }
     if (key) [...found.children].find((each) => each.dataset.key === key)?.querySelector("summary")?.focus();
   };
-  search.addEventListener("input", () => { clearTimeout(timer); timer = setTimeout(list, TYPED_MS); });
+  const after = async (key) => { await list(key); if (key === null) search.focus(); };
+  search.addEventListener("input", () => { clearTimeout(timer); timer = setTimeout(() => list(), TYPED_MS); });
   const file = el("input", { type: "file", accept: ACCEPTED[kind] ?? "" });
   file.addEventListener("change", async () => {
     if (file.files.length) await addFile(kind, file.files[0], trouble, (made) => { search.value = ""; return list(made.name); });
@@ -50,14 +51,14 @@ export async function open(main, shell, [kind = "fields"]) {
   return () => clearTimeout(timer);
 }
 
-function card(kind, one, me, using, list) {
+function card(kind, one, me, using, after) {
   const why = whyLocked(one, me), use = USES[kind];
-  const when = [one.sample ? "sample" : null, one.size ? size(one.size) : null, moment(one.changed ?? one.created), one.owner && t`by ${one.owner}`];
-  const more = el("details", {}, el("summary", { "aria-label": `Change ${one.name}` }, "Change"));
+  const when = [one.sample ? translate("sample") : null, one.size ? size(one.size) : null, moment(one.changed ?? one.created), one.owner && t`by ${one.owner}`];
+  const more = el("details", {}, el("summary", { "aria-label": t`Change ${one.name}` }, "Change"));
   more.addEventListener("toggle", () => {
-    if (more.open && more.children.length === 1) more.append(el("div", { class: "stack" }, why && el("p", { class: "small soft" }, why), changeActions(kind, one, me, list)));
+    if (more.open && more.children.length === 1) more.append(el("div", { class: "stack" }, why && el("p", { class: "small soft" }, why), changeActions(kind, one, me, after)));
   });
-  const opener = use && el("a", { class: "button small", href: use(one), "aria-label": `${using}: ${one.name}`, onclick: () => { if (kind in ACCEPTED) rememberChoice(kind, one.name); } }, using);
+  const opener = use && el("a", { class: "button small", href: use(one), "aria-label": `${translate(using)}: ${one.name}`, onclick: () => { if (kind in ACCEPTED) rememberChoice(kind, one.name); } }, using);
   return el("li", { class: "shelf", "data-key": keyOf(kind, one) },
     el("div", { class: "row" }, el("div", { class: "grow" }, el("p", {}, el("b", {}, one.name), " ", one.status && el("span", { class: `badge ${STATES[one.status] ?? ""}` }, one.status)),
       el("p", { class: "small soft" }, when.filter((each) => each && each !== "\u2013").join(" \u00B7 "))), opener), more);

@@ -1,5 +1,6 @@
 // All fleets on one map: positions, waiting, progress, alarms; stop-all within reach.
 import { el, put, say, button, heading, note, facts } from "../dom.js";
+import { t, translate } from "../language.js";
 import { items } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
@@ -71,11 +72,11 @@ function fleetTile(one) {
     el("div", { class: "grow" }, el("p", { class: "row" }, name, state), more), el("span", { "aria-hidden": "true" }, "\u203A"));
   const update = (item, live) => {
     const now = live?.fleet?.state ? live.fleet : item.fleet ?? {}, words = now.state ?? DASH;
-    say(state, capital(words));
+    say(state, capital(translate(words)));
     state.className = `badge ${LOOKS[words] ?? ""}`;
     const count = live?.numbers().length || item.tractors?.length || 0;
-    say(more, item.error ?? [count ? plural(count, "tractor") : "", now.done_pct >= 0 ? `${percent(now.done_pct)} worked` : "",
-      typeof now.eta_s === "number" && words !== "done" ? `done ${timeOfDay(now.eta_s)}` : ""].filter(Boolean).join(" \u00B7 "));
+    say(more, item.error ?? [count ? plural(count, "tractor") : "", now.done_pct >= 0 ? t`${percent(now.done_pct)} worked` : "",
+      typeof now.eta_s === "number" && words !== "done" ? t`done ${timeOfDay(now.eta_s)}` : ""].filter(Boolean).join(" \u00B7 "));
   };
   return { node, update };
 }

@@ -1,5 +1,6 @@
 // Plan a field: choose or draw it, choose machines and deadline, and run. The result has a page of its own.
 import { el, put, button, heading, labelled, option, sorry, lookingOnly } from "../dom.js";
+import { t } from "../language.js";
 import { post, text as readText, upload, part, token } from "../api.js";
 import { filePicker } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
@@ -39,7 +40,7 @@ export async function open(main, shell) {
     put(keep, obstacleChoice(shape?.obstacles ?? [], draft.ignore ?? []));
     const lines = shape?.lines ?? [], before = along.value;
     byLine.hidden = !lines.length;
-    put(along, option("", "in the best direction"), lines.map((one) => option(one.name, `along ${one.name}`, one.name === (draft.guidance_line ?? before))));
+    put(along, option("", "in the best direction"), lines.map((one) => option(one.name, t`along ${one.name}`, one.name === (draft.guidance_line ?? before))));
   };
   const another = () => {
     const said = draft.reading ?? field.options();

@@ -1,17 +1,19 @@
 // A planning job: its progress, then the ranked table, each plan on the map, played back, and sent out.
 import { el, put, button, heading, note, labelled, option, facts, sorry } from "../dom.js";
+import { t, translate } from "../language.js";
 import { get, post, part, saveNamed } from "../api.js";
 import { followJob, results, reportFrame } from "../jobs.js";
 import { PlanMap } from "../planmap.js";
 import { changeActions, whyLocked } from "../shelf.js";
 import { planAgain } from "./plan.js";
 import { sheet } from "../table.js";
+import { inUnits } from "../units.js";
 import { chance, clock, doneBy, money, number, percent, plural } from "../words.js";
 
 export async function open(main, shell, [id]) {
   const asked = await get(`plans/${part(id)}`), closing = [];
   const name = asked.name || asked.request?.field || "Plan";
-  shell.title(`Plan of ${name}`);
+  shell.title(t`Plan of ${name}`);
   const again = () => button("Change and plan again", () => planAgain(asked.request ?? {})), me = await get("me").catch(() => null);
   const job = followJob("plans", id, { again: again(), done: (done, node) => shown(done, node, closing).then(() => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
   put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), heading(name, askedWords(asked.request)), job.node);
@@ -27,7 +29,7 @@ function changeSection(job, me, again) {
 }
 
 const askedWords = (request = {}) =>
-  [request.field, request.width && `${request.width} m wide`, request.tractors && `tractors ${request.tractors}`, request.deadline && `done by ${request.deadline}`].filter(Boolean).join(" \u00B7 ");
+  [request.field, request.width && t`${number(Number(request.width), inUnits(1, "m")[1] === "m" ? String(request.width).split(".")[1]?.length ?? 0 : 1, "m")} wide`, request.tractors && t`tractors ${request.tractors}`, request.deadline && t`done by ${request.deadline}`].filter(Boolean).join(" \u00B7 ");
 
 async function shown(job, node, closing) {
   const path = `plans/${part(job.id)}/results/`, trouble = el("div");
@@ -51,7 +53,7 @@ async function shown(job, node, closing) {
     if (scroll) map.node.scrollIntoView({ block: "start" });
   };
   const table = sheet("Ranked plans", columnsOf(plans, answer, (plan) => button(plan === chosen ? "on map" : "show", () => choose(plan), "small",
-    { "aria-pressed": String(plan === chosen), "aria-label": `Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
+    { "aria-pressed": String(plan === chosen), "aria-label": t`Show plan ${plan.rank} on the map`, disabled: !mapOf(plan) })), plans, { chosen: (plan) => plan === chosen });
   const report = el("details", { class: "panel" }, el("summary", {}, "Full report"));
   report.addEventListener("toggle", async () => { if (report.open && !report.querySelector("iframe")) report.append(await reportFrame("plans", job.id, "Report of the plan")); });
   put(node, el("div", {}, headline(answer, best).map((text, place) => el("p", { class: place ? null : "lead" }, text))),
@@ -62,7 +64,7 @@ async function shown(job, node, closing) {
   choose(plans.find((one) => one.rank === best.rank) ?? best, false);
 }
 
-const headline = (answer, best) => answer.summary ?? ([answer.advice, answer.unmet].filter(Boolean).length ? [answer.advice, answer.unmet].filter(Boolean) : [`Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`]);
+const headline = (answer, best) => answer.summary ?? ([answer.advice, answer.unmet].filter(Boolean).length ? [answer.advice, answer.unmet].filter(Boolean) : [t`Best: ${best.strategy} with ${plural(best.tractors, "tractor")}, ${clock(best.time_s)}.`]);
 
 // What every report states of a plan: the median of the samples and the expected cost, without samples as simulated.
 const endOf = (plan) => plan.stated_end_s ?? plan.p50_s ?? plan.done_s ?? plan.time_s;
@@ -88,20 +90,20 @@ function columnsOf(plans, { scenario, currency }, action) {
   const column = (head, value, text, more = {}) => ({ head, value, text: (plan) => text(value(plan)), ...more });
   const extra = (head, key, text, more = {}) => column(head, (plan) => plan[key], text, { extra: true, ...more });
   const inTime = has((plan) => plan.finish_probability) ? [column("In time %", (plan) => plan.finish_probability, chance)]
-    : has((plan) => plan.meets_deadline) ? [column("In time", (plan) => plan.meets_deadline, (value) => (value ? "yes" : "no"))] : [];
+    : has((plan) => plan.meets_deadline) ? [column("In time", (plan) => plan.meets_deadline, (value) => translate(value ? "yes" : "no"))] : [];
   return [
     { head: "Map", node: action, words: true }, column("Tractors", (plan) => plan.tractors, String), column("Strategy", (plan) => plan.strategy, String, { words: true }),
     column(start ? "Done" : "Time", endOf, (seconds) => doneBy(start, seconds)), ...(has(lateEndOf) ? [column("95 %", lateEndOf, (seconds) => doneBy(start, seconds))] : []),
-    column(currency ? `Cost ${currency}` : "Cost", costOf, (value) => money(value)), column("Worked %", (plan) => plan.worked_pct, (value) => number(value, 1)), ...inTime,
+    column(currency ? t`Cost ${currency}` : "Cost", costOf, (value) => money(value)), column("Worked %", (plan) => plan.worked_pct, (value) => number(value, 1)), ...inTime,
     extra("Rank", "rank", String), extra("As simulated", "time_s", clock, { title: "Time without late starts, stops and breakdowns" }), extra("To finish", "finished_s", clock, { title: "Time including the missed ground" }),
-    ...(has((plan) => plan.paid_cost) ? [extra("Paid", "paid_cost", (value) => money(value))] : []), extra("Missed m\u00B2", "missed_m2", (value) => number(value, 0)),
-    extra("Turning", "turning_s", clock), extra("Waiting", "waiting_s", clock), extra("Clearance m", "min_clearance_m", (value) => number(value, 2)),
+    ...(has((plan) => plan.paid_cost) ? [extra("Paid", "paid_cost", (value) => money(value))] : []), extra(t`Missed ${inUnits(1, "m\u00B2")[1]}`, "missed_m2", (value) => (known(value) ? number(inUnits(value, "m\u00B2")[0], 0) : number(value))),
+    extra("Turning", "turning_s", clock), extra("Waiting", "waiting_s", clock), extra(t`Clearance ${inUnits(1, "m")[1]}`, "min_clearance_m", (value) => (known(value) ? number(inUnits(value, "m")[0], 2) : number(value))),
   ];
 }
 
-const notSimulated = (rows) => rows.length > 0 && el("p", { class: "small soft" }, `${plural(rows.length, "plan")} not simulated, as others are faster even in their best case.`);
+const notSimulated = (rows) => rows.length > 0 && el("p", { class: "small soft" }, t`${plural(rows.length, "plan")} not simulated, as others are faster even in their best case.`);
 
-const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, `${plural(rows.length, "plan")} not possible, with the reason`),
+const refusedTable = (rows) => rows.length > 0 && el("details", { class: "panel" }, el("summary", {}, t`${plural(rows.length, "plan")} not possible, with the reason`),
   sheet("Plans that are not possible", [{ head: "Tractors", text: (row) => String(row.tractors) }, { head: "Strategy", text: (row) => row.strategy, words: true }, { head: "Reason", text: (row) => row.reason ?? "", words: true, wrap: true }], rows).node);
 
 const fileOf = (plan, best) => (best ? "plan.json" : `plan-${plan.strategy}-${plan.tractors}.json`);
@@ -112,7 +114,7 @@ const FORMS = [["isoxml4", "ISOXML 4 (TASKDATA)"], ["isoxml3", "ISOXML 3 (TASKDA
 
 function terminals(job, plan, best) {
   const form = el("select", { name: "form" }, FORMS.map(([value, words]) => option(value, words))), trouble = el("div");
-  const which = el("select", { name: "of" }, option("", "all tractors"), Array.from({ length: plan.tractors }, (_, k) => option(String(k + 1), `tractor ${k + 1}`)));
+  const which = el("select", { name: "of" }, option("", "all tractors"), Array.from({ length: plan.tractors }, (_, k) => option(String(k + 1), t`tractor ${k + 1}`)));
   const go = button("Save for the terminal", async () => {
     const query = `to=${form.value}${which.value && `&tractor=${which.value}`}`, before = `${job.name || "plan"}${which.value && `-tractor-${which.value}`}`;
     go.disabled = true;

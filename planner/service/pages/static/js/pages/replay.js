@@ -1,5 +1,6 @@
 // Replay: a recorded run of a fleet, or log files on this computer, on the map with a time slider and strip charts.
 import { el, put, button, heading, note, labelled, who, sorry } from "../dom.js";
+import { t, translate } from "../language.js";
 import { bytes, items, part, text } from "../api.js";
 import { textsOf } from "../zip.js";
 import { MapView } from "../map.js";
@@ -28,7 +29,7 @@ export async function open(main, shell, [id = null]) {
   put(main, heading("Replay", "A recorded run or measured logs on the map."), trouble, stage,
     el("div", { class: "two even" },
       el("section", { class: "panel stack" }, el("h2", {}, "Recorded fleets"), fleets.length ? el("div", { class: "cards" }, fleets.map((fleet) =>
-        el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: `badge ${LOOKS[fleet.fleet?.state] ?? ""}` }, capital(fleet.fleet?.state ?? fleet.state ?? "kept"))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
+        el("a", { class: "tile", href: `#/replay/${part(fleet.id)}`, "aria-current": fleet.id === id ? "true" : null }, el("div", { class: "grow" }, el("b", {}, fleet.name ?? fleet.id)), el("span", { class: `badge ${LOOKS[fleet.fleet?.state] ?? ""}` }, capital(translate(fleet.fleet?.state ?? fleet.state ?? "kept")))))) : el("p", { class: "soft" }, "Nothing was recorded yet.")),
       el("section", { class: "panel stack" }, el("h2", {}, "Files on this computer"), labelled("Logs or a recording", file, "CSV files or a saved .zip; they are read in the browser and not uploaded."), el("div", { class: "row" }, sample))));
   if (id) await attempt(async () => (await textsOf(await bytes(`fleets/${part(id)}/recording`))).map(runOf));
   return () => closing.forEach((close) => close());
@@ -43,7 +44,7 @@ async function runsOf(file) {
 export function runOf({ name, text }) {
   const lines = text.split(/\r?\n/).filter((one) => one.trim() && !one.startsWith("#")), heads = (lines.shift() ?? "").split(",").map((one) => one.trim());
   const missing = NEEDED.find((one) => !heads.includes(one));
-  if (missing) throw new Error(`${name} has no column ${missing}; a log needs ${NEEDED.join(", ")}.`);
+  if (missing) throw new Error(t`${name} has no column ${missing}; a log needs ${NEEDED.join(", ")}.`);
   const rows = lines.map((one) => one.split(",")), column = (key) => (heads.includes(key) ? rows.map((row) => (row[heads.indexOf(key)] === "" ? NaN : Number(row[heads.indexOf(key)]))) : null);
   return { name: name.replace(/\.csv$/, "").split("/").pop(), time: column("time_s"), x: column("easting_m"), y: column("northing_m"), heading: column("heading_deg"), speed: column("speed_mps"), steering: column("steering_command_deg") ?? column("steering_deg"), implement: column("implement") };
 }

@@ -1,5 +1,6 @@
 // One tractor: its twin against its reports, their distance, a drawn view or video, and its controls.
 import { el, put, say, button, heading, facts, note, who } from "../dom.js";
+import { t, translate } from "../language.js";
 import { get, post, part } from "../api.js";
 import { FleetLive } from "../fleetlive.js";
 import { LiveMap } from "../livemap.js";
@@ -9,7 +10,7 @@ import { nearestThing, nearWords } from "../nearness.js";
 import { tractorCover } from "../stale.js";
 import { viewPanel } from "../video.js";
 import { remotePanel } from "../remote.js";
-import { alarmList, stopAll, refusals, connectionOf, waitsWords } from "../board.js";
+import { alarmList, stopAll, refusals, connectionOf, waitedFor } from "../board.js";
 import { mapLegend, LIVE } from "../legend.js";
 import { colours } from "../palette.js";
 import { age, capital, kmh, legWords, number as figure, span, timeOfDay, DASH } from "../words.js";
@@ -19,12 +20,12 @@ const TELL_MS = 200, TWIN_MS = 2000, CAMERA_MS = 100;
 export async function open(main, shell, [id, text]) {
   const number = Number(text), about = await get(`fleets/${part(id)}`);
   const live = new FleetLive(id, about.name ?? id), one = () => [live];
-  shell.title(`Tractor ${number} of ${live.name}`);
+  shell.title(t`Tractor ${number} of ${live.name}`);
   let follow = true;
-  const map = new LiveMap(`Map around tractor ${number}`, { lives: one, chosen: () => ({ live, number }), short: true, follow: () => (follow ? { live, number } : null) });
+  const map = new LiveMap(t`Map around tractor ${number}`, { lives: one, chosen: () => ({ live, number }), short: true, follow: () => (follow ? { live, number } : null) });
   const following = el("input", { type: "checkbox", checked: true, onchange: () => { follow = following.checked; if (!follow) map.fit(); } });
   live.watch((kind) => { if (kind === "scene") { map.fit(); map.view.scale = Math.max(map.view.scale, 9); } });
-  const camera = new Camera(`Drawn view along the heading of tractor ${number}`), cover = tractorCover(live, number);
+  const camera = new Camera(t`Drawn view along the heading of tractor ${number}`), cover = tractorCover(live, number);
   const view = viewPanel({ fleet: id, number, address: about.videos?.[number] ?? null, drawn: camera.node, cover: cover.node, mayChange: () => live.mayControl && !remote.isMine() });
   const near = el("p", { class: "near num", role: "group", "aria-label": "Distance to the nearest obstacle" });
   const charts = [
@@ -36,7 +37,7 @@ export async function open(main, shell, [id, text]) {
   const figures = el("div", { class: "figures" }), badge = el("span", { class: "badge" }), remote = remotePanel(live, number), alarms = alarmList(one), stop = stopAll(one), said = refusals(live);
   const doubt = el("div"), twin = twinPanel(id, number, doubt, corrected);
   const pause = button("Pause", () => live.send({ kind: "pause", tractor: number })), resume = button("Resume", () => live.send({ kind: "resume", tractor: number }));
-  const head = heading(`Tractor ${number}`, "", badge, alarms.sign, stop.node);
+  const head = heading(t`Tractor ${number}`, "", badge, alarms.sign, stop.node);
   head.querySelector("h1").prepend(who(number), " ");
   put(main, el("p", { class: "small" }, el("a", { href: `#/fleet/${part(id)}` }, `\u2039 ${live.name}`)), head, said, doubt,
     el("div", { class: "board" },
@@ -61,9 +62,9 @@ export async function open(main, shell, [id, text]) {
     urgent.hidden = !alarm;
     say(urgent, alarm?.sentence ?? "");
     view.tell();
-    put(figures, facts([["Doing", capital(legWords(live.leg(number)))], ["Waits", waitsWords(fix).replace("waits for ", "for ") || "no"], ["Speed", kmh(fix.speed_mps)],
-      ["Mode", capital(fix.mode ?? DASH)], ["Age of fix", age(live.age(number))], ["Leg", Number.isInteger(fix.leg) ? `${fix.leg + 1} of ${live.scene?.lanes[number - 1]?.length ?? DASH}` : DASH],
-      ["Done at", typeof fix.eta_s === "number" ? timeOfDay(fix.eta_s) : DASH], ["Against plan", fix.late_s > 5 ? `${span(fix.late_s)} late` : fix.late_s < -5 ? `${span(fix.late_s)} early` : "on time"],
+    put(figures, facts([["Doing", capital(legWords(live.leg(number)))], ["Waits", waitedFor(fix) || "no"], ["Speed", kmh(fix.speed_mps)],
+      ["Mode", capital(translate(fix.mode ?? DASH))], ["Age of fix", age(live.age(number))], ["Leg", Number.isInteger(fix.leg) ? t`${fix.leg + 1} of ${live.scene?.lanes[number - 1]?.length ?? DASH}` : DASH],
+      ["Done at", typeof fix.eta_s === "number" ? timeOfDay(fix.eta_s) : DASH], ["Against plan", fix.late_s > 5 ? t`${span(fix.late_s)} late` : fix.late_s < -5 ? t`${span(fix.late_s)} early` : "on time"],
       ["Twin off by", figure(100 * fix.error_m, 1, "cm")]]));
     if (typeof fix.error_m === "number" && fix.connection === "online") {
       const now = performance.now() / 1000;
@@ -110,11 +111,11 @@ function twinPanel(id, number, doubt, chart) {
     shown = key;
     put(node, !wrong && el("p", { class: "small soft" }, "The corrections are within noise: the twin fits."));
     const find = button("Find the cause", ask("diagnose", () => { saved = ""; look(); }), "small main");
-    const mend = button("Add it to the tractor file", ask("mend", (made) => { saved = `Saved as the tractor file ${made.tractor}; use it for your next plans.`; look(); }), "small main");
+    const mend = button("Add it to the tractor file", ask("mend", (made) => { saved = t`Saved as the tractor file ${made.tractor}; use it for your next plans.`; look(); }), "small main");
     const read = diagnosis && el("a", { class: "button small", href: `#/diagnose/${part(diagnosis.id)}` }, "Read the diagnosis");
     const steps = { done: [read, finding?.extends_model && mend], failed: [find] }[diagnosis?.status] ?? (diagnosis ? [read] : [find]);
     const more = !diagnosis ? "" : { done: finding?.words ?? "The diagnosis of its recording is ready.", failed: diagnosis.error ?? "" }[diagnosis.status] ?? "Its recording is being diagnosed.";
-    put(doubt, (wrong || diagnosis) && note([wrong?.words, more, saved].filter(Boolean).join(" "), "warn", ...steps));
+    put(doubt, (wrong || diagnosis) && note([wrong?.words, more, saved].filter(Boolean).map(translate).join(" "), "warn", ...steps));
   };
   return { node, look };
 }

@@ -1,0 +1,66 @@
+"""The pages with a catalogue that puts every text into ⟦brackets⟧: what stands outside of them is no key, and no data."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser
+
+from tests.reports.catalogues import collect_texts
+from tests.service.fake_service import CONTROL, Made
+from tests.service.test_pages import PAGES
+from tests.service.watching import WatchedPage, needs_browser
+
+pytestmark = needs_browser
+
+WAIT_MS, LEAST_TEXTS = 500, 12
+DATA = re.compile(
+    r"[\W\d_]*|.*⟦.*|Headland|English|Deutsch|Español|Français|日本語|m, ha|ft, acres|\S+\.(toml|csv|json|html|geojson|zip|svg)"
+    r"|(row-by-row|col-by-col|split-field|interleaved)(-optimised)?|[\d.:,\s]*(m|m²|ha|km/h|cm|s|min|h|EUR|l|kB|MB|%)?",
+    re.DOTALL,
+)
+"""What may stand outside of brackets: figures, names of programs, files, strategies and languages."""
+READ_TEXTS = """() => {
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
+  while (walker.nextNode()) {
+    const node = walker.currentNode, text = node.textContent.trim(), parent = node.parentElement;
+    if (!text || parent.closest('script, style, noscript, pre, code, kbd, textarea, svg, iframe')) continue;
+    if (parent.closest('option, details') || parent.offsetParent !== null) found.push(text);
+  }
+  for (const name of ['aria-label', 'title', 'alt', 'placeholder'])
+    for (const node of document.querySelectorAll(`[${name}]`)) if (node.getAttribute(name)) found.push(node.getAttribute(name));
+  return [...new Set(found)];
+}"""
+
+
+def build_pseudo_catalogue() -> dict[str, str]:
+    """Every text of the page and of the command line, in brackets."""
+    texts = (each for text in collect_texts() for each in ((text,) if isinstance(text, str) else text))
+    return {text: f"⟦{text}⟧" for text in texts}
+
+
+@pytest.fixture(scope="module")
+def bracketed(pages: tuple[str, Made], browser: Browser) -> Iterator[WatchedPage]:
+    """A page in German, whose catalogue is the one with brackets."""
+    watched = WatchedPage(browser, pages[0], CONTROL)
+    content = json.dumps(build_pseudo_catalogue())
+    watched.page.add_init_script("if (origin !== 'null') localStorage.setItem('headland-language', 'de')")
+    watched.page.route(
+        "**/static/languages/de.json", lambda route: route.fulfill(body=content, content_type="application/json")
+    )
+    yield watched
+    watched.page.context.close()
+
+
+@pytest.mark.parametrize("path", PAGES)
+def test_every_text_of_a_page_is_a_key(bracketed: WatchedPage, path: str) -> None:
+    bracketed.page.goto("about:blank")
+    page = bracketed.open(path)
+    page.wait_for_load_state("networkidle")
+    page.wait_for_timeout(WAIT_MS)
+    texts = page.evaluate(READ_TEXTS)
+    assert sum("⟦" in text for text in texts) > LEAST_TEXTS
+    assert "\n".join(text for text in texts if not DATA.fullmatch(text)) == ""
