@@ -186,7 +186,7 @@ def test_an_interrupt_while_printing_names_what_was_written(
 ) -> None:
     import planner.cli.common.terminal
 
-    def interrupt(_: object) -> None:
+    def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(planner.cli.common.terminal, "print_renderable", interrupt)

@@ -172,7 +172,7 @@ def test_a_field_of_several_parcels_is_refused_when_it_is_asked_for(client: Test
 
 
 @pytest.mark.parametrize("address, words", [
-    ("events?after=3", "it takes fleet, since"), ("plans?limit=-1", "it takes none."),
+    ("events?after=3", "it takes fleet, since"), ("me?limit=-1", "it takes none."),
     ("events?sinc=3", "did you mean 'since'?"),
 ])  # fmt: skip
 def test_a_parameter_that_an_address_does_not_have_is_refused(shared: Shared, address: str, words: str) -> None:

@@ -173,5 +173,5 @@ def test_the_forms_ask_for_keys_that_the_files_have() -> None:
     asked = {key.split(".")[-1] for key in re.findall(r'\["([a-z_]+(?:\.[a-z_]+)?)", "[A-Z]', text)}
     machines: list[type[BaseModel]] = [FarmTractor, FarmImplement, Datasheet]
     sections: list[type[BaseModel]] = [FarmPrices, FarmTimes, FarmUncertainty, Yard]
-    models = [DayFile, DayField, DayFleet, DayRoad, FarmFile, *machines, *sections]
+    models: list[type[BaseModel]] = [DayFile, DayField, DayFleet, DayRoad, FarmFile, *machines, *sections]
     assert asked - {name for model in models for name in model.model_fields} == set() and len(asked) > 60

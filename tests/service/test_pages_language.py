@@ -1,4 +1,4 @@
-"""The pages with a catalogue that puts every text into ⟦brackets⟧: what stands outside of them is no key, and no data."""
+"""The pages with a catalogue that puts every text into ⟦brackets⟧: what stands outside of them is data, or no key."""
 
 from __future__ import annotations
 
@@ -18,11 +18,15 @@ pytestmark = needs_browser
 
 WAIT_MS, LEAST_TEXTS = 500, 12
 DATA = re.compile(
-    r"[\W\d_]*|.*⟦.*|Headland|English|Deutsch|Español|Français|日本語|m, ha|ft, acres|\S+\.(toml|csv|json|html|geojson|zip|svg)"
-    r"|(row-by-row|col-by-col|split-field|interleaved)(-optimised)?|[\d.:,\s]*(m|m²|ha|km/h|cm|s|min|h|EUR|l|kB|MB|%)?",
+    r"[\W\d_]*|Headland|English|Deutsch|Español|Français|日本語|m, ha|ft, acres|office|ok|u|hl_…|AgOpenGPS|rain"
+    r"|\S+\.(toml|csv|json|html|geojson|zip|svg|png|m3u8)|ISOXML .*|GeoJSON|Shapefile|KML|GPX|omega|switch-back"
+    r"|(row-by-row|col-by-col|split-field|interleaved)(-optimised)?|.*<img src=x.*|(. )?[Nn]orth field(, till)?"
+    r"|iwamizawa|eg105|run-\d|example|farm|bale|Fendt 724|EG105|cultivator|drill|sprayer|tanker|tractor-\d|[\d.:,\s]*(m|m²|ha|km/h|cm|s|EUR|l|kB|MB|%|(h\s\d+\s)?min)?"
+    r"|Three tractors .*|The field is called .*|.* 9 cm across\.|[\d/.: ]+ · office · .*",
     re.DOTALL,
 )
-"""What may stand outside of brackets: figures, names of programs, files, strategies and languages."""
+"""What may stand outside of brackets: figures, names (some of them nasty), and sentences that only the test has."""
+INNERMOST = re.compile("⟦[^⟦⟧]*⟧")
 READ_TEXTS = """() => {
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT), found = [];
   while (walker.nextNode()) {
@@ -31,7 +35,7 @@ READ_TEXTS = """() => {
     if (parent.closest('option, details') || parent.offsetParent !== null) found.push(text);
   }
   for (const name of ['aria-label', 'title', 'alt', 'placeholder'])
-    for (const node of document.querySelectorAll(`[${name}]`)) if (node.getAttribute(name)) found.push(node.getAttribute(name));
+    found.push(...[...document.querySelectorAll(`[${name}]`)].map((node) => node.getAttribute(name)).filter(Boolean));
   return [...new Set(found)];
 }"""
 
@@ -40,6 +44,13 @@ def build_pseudo_catalogue() -> dict[str, str]:
     """Every text of the page and of the command line, in brackets."""
     texts = (each for text in collect_texts() for each in ((text,) if isinstance(text, str) else text))
     return {text: f"⟦{text}⟧" for text in texts}
+
+
+def is_known(text: str) -> bool:
+    """Whether a text is in brackets but for what may stand outside of them."""
+    while (rest := INNERMOST.sub("", text)) != text:
+        text = rest
+    return bool(DATA.fullmatch(text)) or all(DATA.fullmatch(part.strip()) for part in re.split("[,;:·]", text))
 
 
 @pytest.fixture(scope="module")
@@ -63,4 +74,4 @@ def test_every_text_of_a_page_is_a_key(bracketed: WatchedPage, path: str) -> Non
     page.wait_for_timeout(WAIT_MS)
     texts = page.evaluate(READ_TEXTS)
     assert sum("⟦" in text for text in texts) > LEAST_TEXTS
-    assert "\n".join(text for text in texts if not DATA.fullmatch(text)) == ""
+    assert "\n".join(text for text in texts if not is_known(text)) == ""

@@ -1,6 +1,6 @@
 // Access: the token of this tab. It is kept in the tab alone and gone when the tab is closed.
 import { el, put, button, heading, note, labelled, facts } from "../dom.js";
-import { t } from "../language.js";
+import { t, translate } from "../language.js";
 import { get, token } from "../api.js";
 import { DASH } from "../words.js";
 
@@ -31,6 +31,6 @@ export async function open(main, shell) {
     el("div", { class: "two even" }, el("section", { class: "panel stack" }, shownFor, form, said), el("section", { class: "panel stack" }, el("h2", {}, "Service"), about)));
   const health = await get("health"), me = await get("me").catch(() => null);
   if (me?.token_command) put(command, me.token_command);
-  put(about, facts([["Service", health.status ?? DASH], ["Version", health.version ?? DASH], ["You", me ? `${me.name}: ${me.rights.join(", ") || "nothing"}` : "unknown: log in or enter a token"], ...(health.faults ?? []).map((fault) => ["Fault", fault])]),
+  put(about, facts([["Service", health.status ?? DASH], ["Version", health.version ?? DASH], ["You", me ? `${me.name}: ${me.rights.map(translate).join(", ") || translate("nothing")}` : "unknown: log in or enter a token"], ...(health.faults ?? []).map((fault) => ["Fault", fault])]),
     el("p", { class: "small" }, el("a", { href: "api/v1/docs" }, "API documentation")));
 }

@@ -1,0 +1,77 @@
+"""Units of the United States beside metric ones: conversions by hand, and what a screen shows."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console, RenderableType
+
+from reports.common import units
+from reports.common.language import US, Reader, use_reader
+from reports.plan.answer import write_answer
+from reports.plan.first_screen import build_first_screen
+from reports.plan.many_fields_screen import build_many_fields_screen
+from reports.plan.ranking_export import format_ranking_json
+from tests.reports.screen_cases import RANKINGS, build_records
+
+AMERICAN = Reader(units=US)
+
+
+def print_screen(what: RenderableType) -> str:
+    stream = io.StringIO()
+    Console(file=stream, width=100, color_system=None).print(what)
+    return stream.getvalue()
+
+
+def test_metric_figures() -> None:
+    assert [units.format_length(3.456), units.format_width(3.0), units.format_width(2.55)] == ["3.5 m", "3 m", "2.55 m"]
+    assert [units.format_area(999.4), units.format_area(12_345.0)] == ["999 m2", "1.23 ha"]
+    assert [units.format_volume(31.4), units.format_speed(1.5), units.format_hectares(1.889)] == [
+        "31 l", "5.4 km/h", "1.89 ha",
+    ]  # fmt: skip
+    assert units.format_length(None) == units.format_hectares(math.nan) == "-"
+
+
+def test_figures_of_the_united_states() -> None:
+    """One foot is 0.3048 m, an acre 43,560 square feet, a mile 5280 feet, a gallon 231 cubic inches of 0.0254 m."""
+    with use_reader(AMERICAN):
+        assert units.format_length(30.48) == "100.0 ft"
+        assert units.format_width(3.0) == "9.8 ft"
+        assert units.format_area(43_560 * 0.3048**2 * 2.5) == "2.50 ac"
+        assert units.format_area(100 * 0.3048**2) == "100 ft2"
+        assert units.format_hectares(1.0) == "2.47 ac"
+        assert units.format_volume(1000 * 231 * 0.0254**3 * 8) == "8 gal"
+        assert units.format_speed(5280 * 0.3048 * 4 / 3600) == "4.0 mph"
+        assert units.convert_rate_per_hectare(100.0) == pytest.approx(40.468564224)
+
+
+@given(value=st.floats(0.0, 1e6))
+def test_conversions_are_proportional(value: float) -> None:
+    pairs = [
+        (units.convert_metres, 0.3048), (units.convert_square_metres, 0.09290304), (units.convert_litres, 3.785411784),
+        (units.convert_hectares, 0.40468564224),
+    ]  # fmt: skip
+    for convert, unit in pairs:
+        assert convert(value) == value and convert(None) is None
+        with use_reader(AMERICAN):
+            assert convert(value) == pytest.approx(value / unit) and convert(None) is None
+
+
+def test_first_screens_are_in_units_of_the_reader() -> None:
+    ranking = RANKINGS["rain"] if "rain" in RANKINGS else next(iter(RANKINGS.values()))
+    metric = print_screen(build_first_screen(ranking))
+    with use_reader(AMERICAN):
+        text = print_screen(build_first_screen(ranking))
+        many = print_screen(build_many_fields_screen(build_records()))
+    assert f"{ranking.area_ha / 0.40468564224:.2f} ac" in text and " ha" not in text and " m," not in text
+    assert f"{ranking.area_ha:.2f} ha" in metric and " ft" not in metric
+    assert "/ac)" in many and "/ha" not in many
+
+
+def test_values_for_programs_are_metric_whatever_the_reader_wants() -> None:
+    ranking = next(iter(RANKINGS.values()))
+    assert " ft" not in format_ranking_json(ranking) and " ac" not in " ".join(write_answer(ranking).list_sentences())
