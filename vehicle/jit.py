@@ -13,14 +13,20 @@ from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
+import llvmlite
 import numba
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.extending import intrinsic
+
+from vehicle.callees import Callee
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 LOOP_PACKAGES = ("control", "missions", "model", "sim")
 """Packages beside this module whose constants are compiled into the loop."""
+
+SHIPPED = Path(__file__).parent / "kernels"
+"""Functions that a wheel carries, compiled for a generic processor; used where sources and compilers are the same."""
 
 NO_CACHE_NOTE = (
     "Note: the compiled simulator cannot be stored on disk ({}), so every run compiles it again; set NUMBA_CACHE_DIR "
@@ -36,7 +42,19 @@ def compile_function(function: Function) -> Function:
         dispatcher._cache = _CheckedCache(function)
     except (RuntimeError, OSError):  # a read-only installation without a home folder
         _print_once(NO_CACHE_NOTE.format("no folder for it can be written to"))
+    Callee.attach_to(dispatcher)
     return cast(Function, dispatcher)
+
+
+def is_compiled(dispatcher: Any, types: tuple[Any, ...]) -> bool:
+    """Whether a compiled function for these argument types is on disk, or there is nowhere to keep it."""
+    stored = dispatcher._cache
+    return not isinstance(stored, _CheckedCache) or stored.has_overload(types, dispatcher.targetctx)
+
+
+def ship_overload(dispatcher: Any, types: tuple[Any, ...]) -> None:
+    """Store a function compiled for these argument types where wheels carry it (.ci/release)."""
+    dispatcher._cache.ship_overload(types, dispatcher.overloads[types])
 
 
 def inline_function(function: Function) -> Function:
@@ -71,15 +89,38 @@ class _CheckedCache(FunctionCache):
         own = self._impl.locator.get_source_stamp()
         home = Path(function.__code__.co_filename).parent
         self._cache_file = IndexDataCacheFile(self._cache_path, self._impl.filename_base, (own, _hash_sources(home)))
+        self._shipped_file = IndexDataCacheFile(
+            str(SHIPPED / function.__module__), self._impl.filename_base, (llvmlite.__version__, _hash_sources(home))
+        )
+
+    def has_overload(self, signature: Any, target_context: Any) -> bool:
+        """Whether there is a result on disk, or one that was shipped."""
+        key = self._index_key(signature, target_context.codegen())
+        try:
+            return key in self._cache_file._load_index() or _generalise(key) in self._shipped_file._load_index()
+        except Exception:  # a file that is truncated or corrupt
+            return False
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """The cached result, or None: a file that is truncated or corrupt is dropped."""
         try:
-            return super().load_overload(signature, target_context)
+            return super().load_overload(signature, target_context) or self._load_shipped(signature, target_context)
         except Exception as error:
             _print_once(REBUILT_NOTE.format(type(error).__name__))
             self._clear_cache()
             return None
+
+    def _load_shipped(self, signature: Any, target_context: Any) -> Any:
+        """The result that was shipped for a generic processor of this kind, or None."""
+        if not SHIPPED.is_dir():
+            return None
+        data = self._shipped_file.load(_generalise(self._index_key(signature, target_context.codegen())))
+        return None if data is None else self._impl.rebuild(target_context, data)
+
+    def ship_overload(self, signature: Any, result: Any) -> None:
+        """Store a result among those that are shipped; it has to be compiled for a generic processor."""
+        Path(self._shipped_file._cache_path).mkdir(parents=True, exist_ok=True)
+        self._shipped_file.save(_generalise(self._index_key(signature, result.codegen)), self._impl.reduce(result))
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Store a result, or continue without: the disk may be full."""
@@ -94,6 +135,12 @@ class _CheckedCache(FunctionCache):
             self.flush()
         except OSError:
             self.disable()
+
+
+def _generalise(key: Any) -> Any:
+    """The key of a result for a generic processor: the kind of machine stays, its model and features go."""
+    signature, (triple, *_), hashes = key
+    return signature, (triple, "generic", ""), hashes
 
 
 @cache

@@ -33,6 +33,7 @@ from planner.cli.plan import plan
 from planner.cli.robots import demo, robot
 from planner.cli.saved_plan import export, show
 from planner.cli.server import backup, restore, serve, token
+from planner.cli.setup import setup
 from planner.cli.task_logs import compare, learn, logs
 from planner.pipeline.interrupts import is_interrupt, repeat_interrupts
 from reports.common.language import FILES, set_reader, translate, translate_sentence, use_reader
@@ -124,6 +125,7 @@ app.command()(robot)
 app.command()(backup)
 app.command()(restore)
 app.command()(guide)
+app.command()(setup)
 app.add_typer(gnss, name="gnss")
 app.add_typer(tractor, name="tractor")
 app.add_typer(farm, name="farm")

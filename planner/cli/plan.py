@@ -6,7 +6,7 @@ import json as jsons
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -363,16 +363,17 @@ def _refuse_single_field_outputs(*outputs: tuple[str, Path | None]) -> None:
 def _simulate_plans(
     plan_inputs: PlanInputs, executor_choice: ExecutorChoice, pictures: bool, every_plan: bool
 ) -> PlanningResult:
-    from planner.cli.common.terminal import create_progress_callback, warm_up
-    from planner.pipeline.planning import plan as simulate_all
-    from planner.pipeline.ranking import list_candidates
+    from planner.cli.common.progress import open_stage_bar
+    from planner.cli.common.terminal import LOADING, warm_up
 
     request = plan_inputs.request
-    warm_up()
-    with (
-        executor_choice.open_executor(len(list_candidates(request))) as executor,
-        create_progress_callback("Simulating plans") as progress,
-    ):
+    with open_stage_bar(LOADING) as bar, ExitStack() as opened:
+        from planner.pipeline.planning import STAGES_S
+        from planner.pipeline.planning import plan as simulate_all
+        from planner.pipeline.ranking import list_candidates
+
+        warm_up(bar, STAGES_S)
+        executor = opened.enter_context(executor_choice.open_executor(len(list_candidates(request))))
         return simulate_all(
             request,
             tractor=plan_inputs.tractor,
@@ -383,7 +384,7 @@ def _simulate_plans(
             times=plan_inputs.times,
             yard=plan_inputs.yard,
             executor=executor,
-            progress=progress,
+            report_stage=bar.report,
             with_pictures=pictures,
             simulate_all=every_plan,
         )

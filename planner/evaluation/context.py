@@ -35,7 +35,7 @@ from planner.evaluation.context_inputs import (
     resolve_guidance_line,
 )
 from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m
-from planner.evaluation.layout_choice import build_effort_rates, choose_quickest_job_index, list_layouts
+from planner.evaluation.layout_choice import Report, build_effort_rates, choose_quickest_job_index, list_layouts
 from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import Workday, build_workday
@@ -282,12 +282,14 @@ def prepare_context(
     times: FarmTimes | None = None,
     yard: Yard | None = None,
     layout_repairs: LayoutRepairs = NO_REPAIRS,
+    report_layouts: Report | None = None,
 ) -> PlanningContext:
     """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
 
     `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
     request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
     the service point of the supply. `layout_repairs` are changes because plans could not be driven as asked.
+    `report_layouts` is called with (layouts compared, all of them).
     Raises FieldError, VehicleError, StrategyError or RequestError.
     """
     request = fill_in_default_names(request, field, tractor)
@@ -328,7 +330,7 @@ def prepare_context(
     has_obstacles = bool(field.obstacles or field.boundary.interiors)
     for small_widths in SMALL_OBSTACLE_WIDTHS if has_obstacles else SMALL_OBSTACLE_WIDTHS[:1]:
         try:
-            context = _lay_out_field(create, field, radius_m, reach, small_widths)
+            context = _lay_out_field(create, field, radius_m, reach, small_widths, report_layouts)
         except StrategyError as error:  # every swath has a small obstacle that it cannot be bent round
             refusal = refusal or error
             continue
@@ -339,8 +341,9 @@ def prepare_context(
 
 
 def _lay_out_field(
-    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, small_widths: float
-) -> PlanningContext:
+    create: partial[PlanningContext], field: Field, radius_m: float, reach: TurnReach, small_widths: float,
+    report_layouts: Report | None,
+) -> PlanningContext:  # fmt: skip
     """The context of the quickest layout; obstacles less than `small_widths` working widths across are bypassed."""
     request, tractor, implement = (create.keywords[name] for name in ("request", "tractor", "implement"))
     field, headland_m = _prepare_ground(
@@ -370,7 +373,7 @@ def _lay_out_field(
             refusals.append(refusal)
     if not contexts:
         raise refusals[0]
-    context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts])]
+    context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts], report_layouts)]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
     return context

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import accumulate, pairwise
@@ -37,6 +37,7 @@ MIN_EFFORT_SHARE, EFFORT_SHARE_BY_SWATHS = 0.03, 1.0
 MIN_GAIN = 0.002  # of the time: a smaller gain is not worth another bearing or headland pass
 EXTRA_PASS_CHARGE = 0.01  # of the time, for one more headland pass: corners take longer than the comparison knows
 GRID_M = 1e-6
+Report = Callable[[int, int], None]
 CELL_TURNS = CELL_COST_M / TURN_COST_M
 
 
@@ -143,16 +144,18 @@ def _list_promising_layouts(
     return [one for one in layouts[:count] if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
 
 
-def choose_quickest_job_index(jobs: Sequence[FieldJob]) -> int:
+def choose_quickest_job_index(jobs: Sequence[FieldJob], report: Report | None = None) -> int:
     """Index of the job that one tractor finishes soonest; the first one if others gain little.
 
-    The headland passes are timed once for each number of them.
+    The headland passes are timed once for each number of them. `report` is called with (jobs timed, all jobs).
     """
     if len(jobs) == 1:
         return 0
     headlands: dict[int, tuple[float, float]] = {}
     costs: list[float] = []
-    for job in jobs:
+    for number, job in enumerate(jobs):
+        if report:
+            report(number, len(jobs))
         passes = job.layout.headland_passes
         if passes not in headlands:
             headlands[passes] = _estimate_headland_s(job)

@@ -27,6 +27,7 @@ from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
+from reports.common.language import mark_text
 from reports.common.notebook import ResultView, ShownResult
 from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanRanking
 from reports.plan.map_figure import draw_plan_map, render_png
@@ -41,6 +42,10 @@ from vehicle.model.tractor import Implement, Tractor
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
+StageReport = Callable[[str, int, int], None]
+LAYING_OUT, SIMULATING = mark_text("Laying out the field"), mark_text("Simulating plans")
+STAGES_S = {LAYING_OUT: 4.0, SIMULATING: 6.0}
+"""The stages of `plan`, with about the seconds of each for a field of some hectares."""
 SINGLE_STRATEGY = "row-by-row"
 _WITHOUT_RISK: dict[str, Any] = dict.fromkeys(("deadline_s", "rain", "objective", "budget", "samples"))
 
@@ -105,6 +110,14 @@ class PlanningResult(ShownResult):
         return write_saved_plan(self.context, self.run.plan, self.ranking)
 
 
+def _start_stage(report_stage: StageReport | None, words: str, total: int = 0) -> Progress | None:
+    """Report that a stage begins; what its progress is reported to."""
+    if report_stage is None:
+        return None
+    report_stage(words, 0, total)
+    return partial(report_stage, words)
+
+
 def plan(
     request: PlanRequest,
     *,
@@ -118,6 +131,7 @@ def plan(
     yard: Yard | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    report_stage: StageReport | None = None,
     with_pictures: bool = False,
     simulate_all: bool = False,
 ) -> PlanningResult:
@@ -138,7 +152,8 @@ def plan(
     `field` and `tractor` (objects, names or files) replace those of the request; `implement` gives hitch and length,
     its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from a farm, `supply` is what
     its implement carries. `executor` simulates the candidates, by default in fresh processes on all cores; the result
-    does not depend on it. `progress` is called with (done, total). Raises HeadlandError for a request that cannot be
+    does not depend on it. `progress` is called with (done, total), `report_stage` with the stage in words (LAYING_OUT,
+    SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be
     planned. A candidate that cannot be driven is ranked last with its reason; one that cannot win is pruned with its
     lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
     they are planned again with repairs of the layout (planner.pipeline.plan_repairs).
@@ -156,12 +171,14 @@ def plan(
         yard=yard,
     )
     if executor is None:
-        how: dict[str, Any] = {"progress": progress, "with_pictures": with_pictures, "simulate_all": simulate_all}
+        how: dict[str, Any] = {"progress": progress, "report_stage": report_stage}
+        how |= {"with_pictures": with_pictures, "simulate_all": simulate_all}
         with create_executor(len(candidates)) as executor:
             return plan(request, executor=executor, **how, **prepare.keywords)
-    context = prepare(request)
+    context = prepare(request, report_layouts=_start_stage(report_stage, LAYING_OUT))
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
-    evaluations = CandidateEvaluations(request, candidates, executor, progress, with_pictures)
+    report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
+    evaluations = CandidateEvaluations(request, candidates, executor, report, with_pictures)
     packed_context = pack_context(context)
     for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
         evaluations.evaluate_wave(context, packed_context, wave)

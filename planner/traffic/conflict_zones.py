@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from planner.traffic.deadlock_search import copy_row, find_first_place_row
+from planner.traffic.deadlock_search import find_first_place_row
 from planner.traffic.trajectories import SoloTrajectory, TrajectoryCache
+from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 from vehicle.sim.path_conflicts import find_conflicting_poses
 

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
 MAX_STATES = 400  # states searched for a way home
@@ -75,13 +76,6 @@ def find_first_place_row(at, start, end, place):  # type: ignore[no-untyped-def]
         else:
             end = middle
     return start
-
-
-@compile_function
-def copy_row(values, into) -> None:  # type: ignore[no-untyped-def]
-    """Copy a row of numbers; a loop compiles sooner than an assignment of arrays."""
-    for number in range(len(values)):
-        into[number] = values[number]
 
 
 @compile_function

@@ -13,11 +13,11 @@ import numpy as np
 from planner.traffic.deadlock_search import (
     can_finish_by_turns,
     can_finish_one_by_one,
-    copy_row,
     find_first_place_row,
     is_off_remaining_paths,
     round_to_tenths,
 )
+from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
 GAP_BEHIND_S = 3.0  # time that a tractor leaves behind the one before

@@ -25,6 +25,7 @@ from strategies.path_planning.paths import DrivePath, PathSegment, join_paths, m
 from strategies.path_planning.primitive_search import find_near_edges, find_shortest_forward
 from strategies.path_planning.primitives import MAX_PIECES, TAU, advance_pose, compute_drive_time_s, is_primitive_inside
 from strategies.path_planning.route_search import EndMoves
+from vehicle.copying import copy_row, copy_table
 from vehicle.jit import compile_function
 
 Floats = npt.NDArray[np.float64]
@@ -127,7 +128,8 @@ def search_lattice(  # type: ignore[no-untyped-def]
     for k in range(len(starts)):
         left_m = get_remaining_m(starts[k, 0], starts[k, 1], remaining_m, west, south, cell)
         if left_m < np.inf and count < MAX_NODES:
-            poses[count], came_from[count], cost_s[count], steps[count, 2] = starts[k], -1 - k, before_s[k], 1.0
+            copy_row(starts[k], poses[count])
+            came_from[count], cost_s[count], steps[count, 2] = -1 - k, before_s[k], 1.0
             heapq.heappush(heap, (before_s[k] + GREED * left_m / speeds[0], count))
             count += 1
     while len(heap) > 0 and count + 3 * gears <= MAX_NODES:
@@ -144,7 +146,7 @@ def search_lattice(  # type: ignore[no-untyped-def]
             goal, seconds = find_quickest_goal(poses[node], goals, after_s, limit_s, radius, speeds, edges, link)
             if goal >= 0:
                 best_s, best_node, best_goal = cost_s[node] + seconds, node, goal
-                best_link[:] = link
+                copy_table(link, best_link)
         edges_in_reach = find_near_edges(poses[node], poses[node], step, edges)
         for action in range(3 * gears):
             gear, bend = (1.0 if action < 3 else -1.0), action % 3 - 1
@@ -162,7 +164,8 @@ def search_lattice(  # type: ignore[no-untyped-def]
             seconds = step / (speeds[0] if gear > 0.0 else speeds[1]) * (BEND_COST if bend != 0 else 1.0)
             seconds += speeds[2] if gear != steps[node, 2] else 0.0
             poses[count, 0], poses[count, 1], poses[count, 2] = x, y, heading
-            steps[count], came_from[count] = piece[0], node
+            copy_row(piece[0], steps[count])
+            came_from[count] = node
             cost_s[count], back_m[count] = cost_s[node] + seconds, run_m
             heapq.heappush(heap, (cost_s[count] + GREED * left_m / speeds[0], count))
             count += 1
@@ -191,7 +194,7 @@ def find_quickest_goal(pose, goals, after_s, limit_s, radius, speeds, edges, bes
             seconds = compute_drive_time_s(link, speeds) + after_s[goal]
             if seconds < limit_s:
                 limit_s, best_goal = seconds, goal
-                best[:] = link
+                copy_table(link, best)
     return best_goal, limit_s
 
 
@@ -204,7 +207,8 @@ def trace_steps(steps, came_from, node):  # type: ignore[no-untyped-def]
     chain, start = np.empty((length, 3)), -1 - came_from[current_node] if node >= 0 else -1
     current_node = node
     for k in range(length - 1, -1, -1):
-        chain[k], current_node = steps[current_node], came_from[current_node]
+        copy_row(steps[current_node], chain[k])
+        current_node = came_from[current_node]
     return chain, start
 
 

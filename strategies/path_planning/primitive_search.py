@@ -27,6 +27,7 @@ from strategies.path_planning.primitives import (
     measure_arc_room_m,
     wrap_angle,
 )
+from vehicle.copying import copy_row, copy_table
 from vehicle.jit import compile_function
 
 Floats = npt.NDArray[np.float64]
@@ -156,7 +157,7 @@ def _find_with_straights(a, b, rules, edges, max_cost_s, best) -> int:  # type: 
     place, _ = _find_cheapest_fitting(a, longer, cost_of, total, edges)
     if place < 0:
         return -1
-    best[:] = longer[place]
+    copy_table(longer[place], best)
     return kind_of[place]  # type: ignore[no-any-return]
 
 
@@ -200,7 +201,7 @@ def find_best_inside(a, b, rules, edges, best) -> int:  # type: ignore[no-untype
     place, is_cheapest = _find_cheapest_fitting(a, out, costs, count, edges)
     kind, max_cost_s = -1, np.inf
     if place >= 0:
-        best[:] = out[place]
+        copy_table(out[place], best)
         kind, max_cost_s = kinds[place], costs[place]
     is_near = apart_m <= rules.near * rules.radius
     if is_near and (place < 0 or not is_cheapest):
@@ -282,9 +283,9 @@ def find_fitting_in_room(a, b, ahead, behind, barrier, radius, edges, most, best
             edges_in_reach = find_near_edges(a, b, math.hypot(b[0] - a[0], b[1] - a[1]) + REACH_RADII * radius, edges)
         met_edge = find_primitive_contact(a, out[k], edges_in_reach)
         if met_edge < 0:
-            best[:] = out[k]
+            copy_table(out[k], best)
             return kinds[k]  # type: ignore[no-any-return]
-        barrier[0] = edges_in_reach[met_edge]
+        copy_row(edges_in_reach[met_edge], barrier[0])
     return -1
 
 

@@ -19,6 +19,7 @@ import math
 import numpy as np
 
 from vehicle.control.speed_profile import STEERING_DISTANCE_FACTOR, compute_straight_time_s
+from vehicle.copying import copy_table
 from vehicle.jit import compile_function
 
 ROUTE, U, OMEGA, SWITCH_BACK = 0, 1, 2, 3
@@ -150,9 +151,11 @@ def _sort_primitives(out, kinds, begin, end) -> None:  # type: ignore[no-untyped
         primitive, kind, length = out[i].copy(), kinds[i], _measure_length(out[i])
         j = i
         while j > begin and _measure_length(out[j - 1]) > length + SAME_LENGTH_M:
-            out[j], kinds[j] = out[j - 1], kinds[j - 1]
+            copy_table(out[j - 1], out[j])
+            kinds[j] = kinds[j - 1]
             j -= 1
-        out[j], kinds[j] = primitive, kind
+        copy_table(primitive, out[j])
+        kinds[j] = kind
 
 
 @compile_function

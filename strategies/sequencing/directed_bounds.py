@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 
 Floats = npt.NDArray[np.float64]
@@ -79,7 +80,8 @@ def _find_arborescence(cost, parent, dual, above):  # type: ignore[no-untyped-de
     path, groups, total = np.empty(2 * n, dtype=np.int64), n, 0.0
     above[:] = -1
     for j in range(n):
-        into[j], head[j] = cost[:, j], j
+        copy_row(cost[:, j], into[j])
+        head[j] = j
     for begin in range(n):
         if state[group[begin]] == 2:
             continue
@@ -163,7 +165,7 @@ def _compute_reduced_costs(turns, first, last, price, start_price, dual, above):
                 else:
                     for p in range(2 * i, 2 * i + 2):
                         reduced[p, q] = turns[p, q] + price[p] - price[q] - paid
-    reduced[:count, count] = last + price - (last + price).min()
+    copy_row(last + price - (last + price).min(), reduced[:count, count])
     return reduced
 
 
@@ -197,18 +199,19 @@ def _ascend_pass_prices(turns, first, last, enough):  # type: ignore[no-untyped-
             if bound > best + 1e-4 * (enough - best):
                 idle = 0
             best, best_start_price = bound, start_price
-            best_price[:] = price
+            copy_row(price, best_price)
         squared = (slope * slope).sum()
         if best >= enough or squared == 0.0:
             break
         if idle >= STEPS_WITHOUT_GAIN:
             share, idle = 0.5 * share, 0
-            price[:], start_price = best_price, best_start_price
+            copy_row(best_price, price)
+            start_price = best_start_price
             direction[:] = 0.0
             if share < LEAST_STEP_SHARE:
                 break
             continue
-        direction[:] = slope + MEMORY * direction
+        copy_row(slope + MEMORY * direction, direction)
         step = share * (enough - bound) / (direction * direction).sum()
         price += step * direction[:count]
         start_price += step * direction[count]

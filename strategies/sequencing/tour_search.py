@@ -21,6 +21,7 @@ import numpy.typing as npt
 
 from strategies.sequencing.directed_bounds import bound_by_pass_prices
 from strategies.sequencing.tour_bounds import bound_by_swath_prices, compute_least_between_s, find_best_order
+from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 from vehicle.model.gnss import draw_uniform
 
@@ -143,8 +144,8 @@ def _time_swap(order, i, j, m, reversal, turns, first, last, onward, backward, h
 def _swap_runs(order, i, j, m, reversal):  # type: ignore[no-untyped-def]
     """Swap the runs i..j and j+1..m; `reversal` 1 and 3 reverse the first run, 2 and 3 the second."""
     a, b = order[i : j + 1].copy(), order[j + 1 : m + 1].copy()
-    order[i : i + len(b)] = b[::-1] if reversal >= 2 else b
-    order[i + len(b) : m + 1] = a[::-1] if reversal % 2 == 1 else a
+    copy_row(b[::-1] if reversal >= 2 else b, order[i : i + len(b)])
+    copy_row(a[::-1] if reversal % 2 == 1 else a, order[i + len(b) : m + 1])
 
 
 @compile_function
@@ -247,9 +248,9 @@ def search_tour(start, turns, first, last, kicks, enough, seed, between):  # typ
         cost = _improve_order(order, turns, first, last, onward, backward, shortest, head, tail, due, between)
         if cost < best_s - MIN_GAIN_S:
             best_s = cost
-            best_order[:] = order
+            copy_row(order, best_order)
         else:
-            order[:] = best_order
+            copy_row(best_order, order)
         if n < 4 or best_s <= enough:
             break
         # Swap two neighbouring runs at a random place.

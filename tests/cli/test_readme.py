@@ -21,7 +21,7 @@ from tests.cli.examples import (
 )
 
 MAX_README_LINES = 150
-LEFT_OUT = (*SERVING, EXPERIMENTS)
+LEFT_OUT = (*SERVING, EXPERIMENTS, "headland setup")  # compiles everything where it is not yet
 
 
 def test_the_readme_is_short() -> None:

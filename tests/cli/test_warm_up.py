@@ -1,55 +1,111 @@
-"""The first run says that it compiles, and how long the README says that takes."""
+"""The first run says that it compiles and how long, and a bar counts what is done and tells what is left."""
 
-import threading
+import io
+from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
-from typing import cast
 
 import pytest
+import rich.console
 
-from planner.cli.common import terminal
+from planner.cli.common import progress, terminal
+from planner.pipeline import kernels, worker_tasks
 
 README = Path(__file__).parents[2] / "README.md"
+MISSING = [kernels.Kernel(kernels.PLAN, 9.0, f"a.b{number}.c", "float64") for number in range(3)]
+Clock = Callable[[float], None]
 
 
-class Asked(threading.Event):
-    """An event that is still to come for a number of questions."""
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    """Sets the time that bars see."""
+    now = [100.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
 
-    def __init__(self, times: int) -> None:
-        super().__init__()
-        self.times = times
+    def advance(seconds: float) -> None:
+        now[0] += seconds
 
-    def wait(self, timeout: float | None = None) -> bool:
-        self.times -= 1
-        return self.times < 0
+    return advance
 
 
-def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], misses: int, times: int) -> str:
-    """What is said on standard error while a loop loads that was not found on disk so often."""
-    loop = SimpleNamespace(stats=SimpleNamespace(cache_misses=dict.fromkeys(range(misses), 1)))
-    monkeypatch.setattr(terminal, "COMPILED_LOOPS", (("a_module", "a_loop"),))
-    monkeypatch.setitem(cast(dict[str, object], terminal.sys.modules), "a_module", SimpleNamespace(a_loop=loop))
-    terminal._announce_compiling(Asked(times))
-    return capsys.readouterr().err
+@pytest.fixture
+def missing(monkeypatch: pytest.MonkeyPatch) -> list[kernels.Kernel]:
+    """Functions that are missing on this machine; on one core each is compiled at once."""
+    found: list[kernels.Kernel] = []
+    monkeypatch.setattr(kernels, "list_missing_kernels", lambda uses=(): list(found))
+    monkeypatch.setattr(kernels, "compile_share", lambda share: None)
+    monkeypatch.setattr(worker_tasks, "warm_up_simulation", lambda: None)
+    monkeypatch.setattr("os.cpu_count", lambda: 1)
+    return found
 
 
 def test_a_first_run_says_how_long_it_compiles(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    missing: list[kernels.Kernel], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    said = told(monkeypatch, capsys, misses=1, times=3)
-    assert said.splitlines() == [terminal.COMPILING_MESSAGE], "once"
+    missing += MISSING
+    terminal.warm_up()
+    said = capsys.readouterr().err
+    assert said == "Compiling the simulator for this machine (3 functions): first run only, about 25 s.\n"
     readme = " ".join(README.read_text(encoding="utf-8").split())
-    assert "first run only, about a minute" in said
-    assert "The first run compiles the simulator for your machine, which takes about a minute" in readme
+    assert "The first run compiles the simulator for your machine, which takes about half a minute" in readme
 
 
-def test_of_a_loop_that_is_on_disk_nothing_is_said(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_of_what_is_on_disk_or_compiled_in_a_moment_nothing_is_said(
+    missing: list[kernels.Kernel], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert told(monkeypatch, capsys, misses=0, times=3) == ""
+    terminal.warm_up()
+    missing.append(kernels.Kernel(kernels.PLAN, 1.0, "a.b.c", "float64"))
+    terminal.warm_up()
+    assert capsys.readouterr() == ("", "")
 
 
-def test_before_its_patience_is_over_it_says_nothing(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert told(monkeypatch, capsys, misses=1, times=0) == ""
+def test_a_bar_counts_and_says_what_is_left(clock: Clock) -> None:
+    bar = progress.StageBar("Loading")
+    assert (bar.words, bar.share, bar.describe_left()) == ("Loading", None, "")
+    bar.expect({"Compiling": 20.0, "Planning": 20.0})
+    bar.report("Compiling", 0, 4)
+    assert (bar.words, bar.share, bar.describe_left()) == ("Compiling: 0 of 4", 0.0, "about 0:40 left")
+    clock(10.0)
+    bar.report("Compiling", 1, 4, 0.5)
+    assert (bar.share, bar.describe_left()) == (0.25, "about 0:30 left"), "as expected"
+    clock(3.0)
+    assert bar.describe_left() == "about 0:27 left", "counts down between reports"
+    bar.report("Planning", 0, 0)
+    assert (bar.words, bar.share) == ("Planning", 0.5), "a total that is not known yet is not shown"
+    clock(1000.0)
+    assert bar.describe_left() == "nearly done"
+
+
+def test_twice_as_slow_as_expected_leaves_about_twice_as_much(clock: Clock) -> None:
+    bar = progress.StageBar("")
+    bar.expect({"Compiling": 1000.0})
+    clock(1000.0)
+    bar.report("Compiling", 5, 10)
+    assert bar.left_s == pytest.approx(1000.0, rel=0.02)
+
+
+def test_without_expectations_the_share_tells_what_is_left(clock: Clock) -> None:
+    bar = progress.StageBar("Reading")
+    clock(6.0)
+    bar.report("Reading", 0, 9)
+    assert bar.describe_left() == ""
+    bar.report("Reading", 3, 9)
+    assert (bar.words, bar.describe_left()) == ("Reading: 3 of 9", "about 0:12 left")
+
+
+@pytest.mark.parametrize("columns", [60, 80])
+def test_a_terminal_sees_the_stage_from_the_start(monkeypatch: pytest.MonkeyPatch, columns: int) -> None:
+    screen = io.StringIO()
+    shown = rich.console.Console(file=screen, force_terminal=True, width=columns)
+    monkeypatch.setattr(progress, "Console", lambda stderr: shown)
+    with progress.open_stage_bar("Loading the simulator") as bar:
+        bar.expect({"Compiling functions": 9.0})
+        bar.report("Compiling functions", 12, 42, 0.25)
+    assert "Loading the simulator" in screen.getvalue()
+    last = next(line for line in screen.getvalue().replace("\r", "\n").splitlines()[::-1] if "Compiling" in line)
+    assert "Compiling functions: 12 of 42" in last and "left" in last and "?" not in last
+
+
+def test_elsewhere_no_bar_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    with terminal.create_progress_callback("Working") as report:
+        report(1, 2)
+    assert capsys.readouterr() == ("", "")

@@ -93,6 +93,24 @@ def test_a_changed_callee_in_another_package_is_compiled_into_its_callers(run: R
     assert start() == "16.0 0\n"
 
 
+def test_what_is_shipped_is_used_where_the_sources_are_the_same(run: Run, room: Path) -> None:
+    """Compiled for a generic processor, and loaded on this one where nothing else is kept."""
+    types = "(__import__('numba').float64,)"
+    ship = f"from vehicle.two import outer; from vehicle.jit import ship_overload; t = {types}; outer.compile(t); "
+    run(ship + "ship_overload(outer, t)", NUMBA_CPU_NAME="generic", NUMBA_CACHE_DIR=str(room / "builder"))
+    assert run() == ("7.0 1", "")
+    code = f"from vehicle.two import outer; from vehicle.jit import is_compiled; print(is_compiled(outer, {types}))"
+    assert run(code) == ("True", "")
+    (room / "vehicle" / "one.py").write_text(CALLEE.format("5.0"))
+    assert run() == ("16.0 0", "")
+
+
+def test_only_what_python_calls_gets_machine_code(run: Run) -> None:
+    """A callee is linked into its caller; called itself, it is compiled for that."""
+    code = "from vehicle.two import outer; from vehicle.one import inner; print(outer(3.0), len(inner.overloads), "
+    assert run(code + "inner(3.0), len(inner.overloads))") == ("7.0 0 6.0 1", "")
+
+
 @pytest.mark.slow
 def test_damaged_files_are_compiled_again(run: Run) -> None:
     run()

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.control.speed_profile import UNLIMITED_MPS, build_driving_limits, limit_by_bends, limit_by_brakes
+from vehicle.copying import copy_row
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Mission, Plan
 from vehicle.model.ground import GROUNDS, find_ground_index
@@ -224,19 +225,20 @@ def _fill_joined_paths(plan: Plan, rows: Array, first_legs: Array) -> tuple[Arra
     new_run = begins | (rows["gear"] != np.roll(rows["gear"], 1))
     points = np.concatenate(polylines, dtype=np.float64)
     path, along = np.full((len(points), 3), UNLIMITED_MPS), np.empty(len(points))
-    size = join_legs(
-        points, sizes, begins, new_run, path, along, rows["end"], rows["first_segment"], rows["last_segment"]
-    )
+    written_m, first, last = np.empty(len(rows)), np.empty(len(rows), np.int64), np.empty(len(rows), np.int64)
+    size = join_legs(points, sizes, begins, new_run, path, along, written_m, first, last)
+    rows["end"], rows["first_segment"], rows["last_segment"] = written_m, first, last
     return path[:size].copy(), along[:size].copy()
 
 
 def _limit_speeds(path: Array, cumulative: Array, rows: Array, tractor: Tractor) -> None:
     """Write the speed limits of the joined paths."""
     limits = [build_driving_limits(tractor, ground.name) for ground in GROUNDS]
-    lateral, length = np.array([(one.lateral_mps2, one.length_m) for one in limits]).T
+    lateral, length = np.array([one.lateral_mps2 for one in limits]), np.array([one.length_m for one in limits])
     one = limits[0]
+    first, last, grounds = (np.ascontiguousarray(rows[name]) for name in ("first_segment", "last_segment", "ground"))
     limit_runs(
-        path, cumulative, rows["first_segment"], rows["last_segment"], rows["ground"], lateral, length,
+        path, cumulative, first, last, grounds, lateral, length,
         one.steering_mps, one.window_m, one.deceleration_mps2,
     )  # fmt: skip
 
@@ -261,7 +263,7 @@ def limit_runs(  # type: ignore[no-untyped-def]
             last += 1
         limit_by_bends(path[first:end], cumulative[first:end], lateral_at, length_at, steering, window, limits)
         limit_by_brakes(cumulative[first:end], deceleration, limits)
-        path[first:end, 2] = limits
+        copy_row(limits, path[first:end, 2])
         leg = last
 
 

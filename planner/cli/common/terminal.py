@@ -1,59 +1,82 @@
-"""Output for people on a terminal: progress, the notice on the first compilation, remarks and tables."""
+"""Output for people on a terminal: progress, also of the first compilation, remarks and tables."""
 
 from __future__ import annotations
 
 import os
 import sys
-import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 from fields.errors import make_one_line
 from reports.common.language import mark_text, translate, translate_sentence, use_reader
 
-COMPILE_NOTICE_S = 1.5
+if TYPE_CHECKING:
+    from planner.cli.common.progress import StageBar
+    from planner.pipeline.kernels import Kernel
+
+COMPILE_NOTICE_S = 3.0
 MIN_COLUMNS, DEFAULT_COLUMNS, MAX_COLUMNS = 20, 80, 160
-COMPILED_LOOPS = (("vehicle.sim.loop", "run_fixed"), ("vehicle.sim.loop", "run_loop"))  # these take long to compile
-COMPILING_MESSAGE = mark_text("Compiling the simulator for this machine: first run only, about a minute.")
+LOADING = mark_text("Loading the simulator")
 
 
 @contextmanager
 def create_progress_callback(title: str) -> Iterator[Callable[[int, int], None]]:
     """A function to call with (done, total); it draws a bar on a terminal and nothing elsewhere."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+    from planner.cli.common.progress import open_stage_bar
 
-    console = Console(stderr=True)
+    with open_stage_bar(title) as bar:
+        yield partial(bar.report, title)
+
+
+def warm_up(bar: StageBar | None = None, next_stages_s: Mapping[str, float] | None = None) -> None:
+    """Load the compiled simulator; what is missing of it is compiled first, and counted in the bar.
+
+    `next_stages_s` are the stages after this in that bar, with about the seconds of each.
+    """
+    if bar is None:
+        from planner.cli.common.progress import open_stage_bar
+
+        with open_stage_bar(LOADING) as own_bar:
+            warm_up(own_bar)
+        return
+    from planner.pipeline.kernels import COMPILING, list_missing_kernels
+    from planner.pipeline.worker_tasks import warm_up_simulation
+
+    missing = list_missing_kernels()
+    bar.expect({COMPILING: estimate_compile_s(missing), **(next_stages_s or {})})
+    if missing:
+        compile_missing(missing, bar)
+    warm_up_simulation()
+
+
+def estimate_compile_s(kernels: Sequence[Kernel]) -> float:
+    """About the seconds that compiling takes on all cores."""
+    from planner.pipeline.kernels import share_kernels
+
+    shares = share_kernels(kernels, os.cpu_count() or 1)
+    return max((sum(kernel.seconds for kernel in share) for share in shares), default=0.0)
+
+
+def describe_compiling(count: int, seconds: float) -> str:
+    """What is compiled, and about how long that takes, down to 5 s."""
     with use_reader():
-        title = translate(title)
-    columns = (TextColumn(title), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        return translate(
+            "Compiling the simulator for this machine ({count} functions): first run only, about {seconds} s.",
+            count=count,
+            seconds=5 * max(1, round(seconds / 5)),
+        )
 
 
-def warm_up() -> None:
-    """Load the compiled simulator; prints a notice if it must be compiled first."""
-    loaded = threading.Event()
-    threading.Thread(target=_announce_compiling, args=(loaded,), daemon=True).start()
-    try:
-        from planner.pipeline.worker_tasks import warm_up_simulation
+def compile_missing(kernels: Sequence[Kernel], bar: StageBar) -> None:
+    """Compile kernels on all cores; where no bar can be drawn, a sentence says that it takes a while."""
+    from planner.pipeline.kernels import COMPILING, compile_kernels
 
-        warm_up_simulation()
-    finally:
-        loaded.set()
-
-
-def _announce_compiling(loaded: threading.Event) -> None:
-    """Print the notice after a while if the compiled loop was not found on disk."""
-    wait_s = COMPILE_NOTICE_S
-    while not loaded.wait(wait_s):
-        loops = [sys.modules[name].__dict__.get(loop) for name, loop in COMPILED_LOOPS if name in sys.modules]
-        if any(loop is not None and loop.stats.cache_misses for loop in loops):
-            print_sentence(COMPILING_MESSAGE, err=True)
-            return
-        wait_s = 0.2
+    seconds = estimate_compile_s(kernels)
+    if seconds > COMPILE_NOTICE_S and not sys.stderr.isatty():
+        print_sentence(describe_compiling(len(kernels), seconds), err=True)
+    compile_kernels(kernels, report=partial(bar.report, COMPILING))
 
 
 def print_remarks(sentences: Iterable[str]) -> None:

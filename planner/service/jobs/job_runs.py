@@ -10,6 +10,7 @@ from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
 from planner.pipeline.diagnosis import diagnose, diagnose_demo
 from planner.pipeline.executors import create_executor
+from planner.pipeline.kernels import COMPILING, compile_kernels, list_missing_kernels
 from planner.pipeline.outputs.pictures import build_refused_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
 from planner.pipeline.planning import PlanningResult
@@ -61,6 +62,15 @@ def build_toml_file(name: str, text: str) -> ResultFile:
     return name, text.encode(), "application/toml"
 
 
+def _load_simulator(job: JobContext) -> None:
+    """Load the compiled simulator, and compile what is missing of it on all cores that jobs may use."""
+    job.report_progress(0, 0, "Loading the simulator")
+    compile_kernels(
+        list_missing_kernels(), job.processes, lambda done, all, _: job.report_progress(done, all, COMPILING)
+    )
+    warm_up_simulation()
+
+
 def run_day_job(job: JobContext) -> list[ResultFile]:
     """Plan a day; raises HeadlandError where it cannot be planned."""
     request = DayJobRequest.model_validate(job.request)
@@ -70,7 +80,7 @@ def run_day_job(job: JobContext) -> list[ResultFile]:
     unknown_count = prepared_day.count_uncached_field_times(cache)
     job.report_progress(0, max(unknown_count, 1), "Simulating fields")
     if unknown_count:
-        warm_up_simulation()
+        _load_simulator(job)
     with create_executor(max(unknown_count, 1), job.processes) as executor:
         result = plan_day(
             prepared_day,
@@ -138,8 +148,7 @@ def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) 
 def run_plan_job(job: JobContext) -> list[ResultFile]:
     """Simulate and rank plans; raises HeadlandError where nothing can be planned."""
     question = build_request_plan_inputs(job.request)
-    job.report_progress(0, 0, "Loading the simulator")
-    warm_up_simulation()
+    _load_simulator(job)
     request = question.request
     simulates_all = bool(job.request.get("all"))
     with create_executor(len(list_candidates(request)), job.processes) as executor:
@@ -154,7 +163,7 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
             yard=question.yard,
             executor=executor,
             with_pictures=True,
-            progress=lambda done, all: job.report_progress(done, all, "Simulating plans"),
+            report_stage=lambda words, done, all: job.report_progress(done, all, words),
             simulate_all=simulates_all,
         )
     job.report_progress(1, 1, "Writing the results")

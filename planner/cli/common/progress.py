@@ -1,0 +1,110 @@
+"""A bar of what a command does: its stages, how far each is, and about how long the rest takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn
+from rich.table import Column
+from rich.text import Text
+
+from reports.common.language import Reader, get_language, get_units, translate, use_reader
+
+PRIOR_S = 4.0  # the seconds that were expected count as much as that many seconds observed
+REFRESHES_PER_S = 4
+WIDE_COLUMNS = 80
+
+
+class StageBar:
+    """What is done of several stages, whose seconds are expected beforehand, and the seconds that are left."""
+
+    def __init__(self, words: str) -> None:
+        with use_reader():
+            self._reader = Reader(get_language(), get_units())  # other threads report and draw, and know no reader
+            self.words = translate(words)
+        self.left_s: float | None = None
+        self.share: float | None = None
+        self._expected_s: dict[str, float] = {}
+        self._begun_s = self._reported_s = time.monotonic()
+
+    def expect(self, expected_s: Mapping[str, float]) -> None:
+        """The stages in their order, with about the seconds of each; what came before does not count."""
+        self._expected_s = dict(expected_s)
+        self._begun_s = time.monotonic()
+
+    def report(self, words: str, done: int, total: int, share: float | None = None) -> None:
+        """So many of a total are done in a stage, by default the same share of its work; a total of 0 is unknown."""
+        with use_reader(self._reader):
+            self.words = translate(words)
+            if total:
+                self.words = translate("{words}: {done} of {total}", words=self.words, done=done, total=total)
+        share = share if share is not None else done / total if total else 0.0
+        before_s = 0.0
+        for stage, expected_s in self._expected_s.items():
+            if stage == words:
+                self._estimate(before_s + share * expected_s, sum(self._expected_s.values()))
+                return
+            before_s += expected_s
+        self.share = share if total else None
+        self._estimate_from_share(share)
+
+    def _estimate(self, done_s: float, all_s: float) -> None:
+        """The time left: what was expected, corrected by how long the stages have taken so far."""
+        self._reported_s = time.monotonic()
+        pace = (self._reported_s - self._begun_s + PRIOR_S) / (done_s + PRIOR_S)
+        self.share, self.left_s = done_s / all_s if all_s else None, (all_s - done_s) * pace
+
+    def _estimate_from_share(self, share: float) -> None:
+        self._reported_s = time.monotonic()
+        self.left_s = (self._reported_s - self._begun_s) * (1.0 - share) / share if share else None
+
+    def describe_left(self) -> str:
+        """The time that is left, as words; nothing before it can be said."""
+        if self.left_s is None:
+            return ""
+        left_s = max(0, round(self.left_s - (time.monotonic() - self._reported_s)))
+        with use_reader(self._reader):
+            time_left = f"{left_s // 60}:{left_s % 60:02d}"
+            return translate("about {time_left} left", time_left=time_left) if left_s else translate("nearly done")
+
+
+class _WordsColumn(ProgressColumn):
+    """The stage and its count."""
+
+    def __init__(self, bar: StageBar) -> None:
+        super().__init__(Column(no_wrap=True))
+        self._bar = bar
+
+    def render(self, task: Task) -> Text:
+        """Called several times a second; keeps the bar up to date as well."""
+        task.total = None if self._bar.share is None else 1.0
+        task.completed = self._bar.share or 0.0
+        return Text(self._bar.words)
+
+
+class _LeftColumn(TextColumn):
+    """The time that is left, counting down between reports."""
+
+    def __init__(self, bar: StageBar) -> None:
+        super().__init__("", table_column=Column(no_wrap=True))
+        self._bar = bar
+
+    def render(self, task: Task) -> Text:
+        """Called several times a second."""
+        return Text(self._bar.describe_left())
+
+
+@contextmanager
+def open_stage_bar(words: str) -> Iterator[StageBar]:
+    """Draw a bar on a terminal while the body runs, and nothing elsewhere; `words` say what is done at first."""
+    console, bar = Console(stderr=True), StageBar(words)
+    columns = (_WordsColumn(bar), BarColumn(bar_width=24 if console.width >= WIDE_COLUMNS else 10), _LeftColumn(bar))
+    is_hidden = not console.is_terminal
+    with Progress(
+        *columns, console=console, transient=True, disable=is_hidden, refresh_per_second=REFRESHES_PER_S
+    ) as lines:
+        lines.add_task(words, total=None)
+        yield bar

@@ -1,0 +1,75 @@
+"""The list of compiled functions: what it names exists, is shared among processes, and is what plans call."""
+
+import json
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner.pipeline.kernels import PLAN, Kernel, format_types, parse_types, read_kernels, share_kernels
+from tests.planner.kernel_list import RUN, record
+
+ROOT = Path(__file__).parents[2]
+COMPILED = """
+import json
+from planner.pipeline import kernels
+
+if __name__ == "__main__":
+    names = ("find_last_waits", "_find_outside_table")
+    chosen = [one for one in kernels.read_kernels() if one.function.endswith(names)]
+    before = sum(one.is_stored() for one in chosen)
+    reports = []
+    kernels.compile_kernels(chosen, 2, lambda *report: reports.append(report))
+    print(json.dumps([len(chosen), before, sum(one.is_stored() for one in chosen), reports]))
+"""
+FUNCTIONS = st.sampled_from(["a.b.c.f", "a.b.d.g", "a.e.h", "x.y.z", "x.q.r"])
+KERNELS = st.lists(st.builds(Kernel, st.just(PLAN), st.floats(0.1, 9.0), FUNCTIONS, st.just("")), max_size=12)
+
+
+def test_every_row_names_a_function_and_types_that_exist() -> None:
+    for kernel in read_kernels():
+        types = parse_types(kernel.arguments)
+        assert format_types(types) == kernel.arguments
+        parameters = kernel.find_dispatcher().py_func.__code__.co_argcount
+        assert len(types) <= parameters, kernel.function
+
+
+@given(KERNELS, st.integers(1, 5))
+def test_processes_share_whole_families(kernels: list[Kernel], processes: int) -> None:
+    shares = share_kernels(kernels, processes)
+    assert sorted(map(repr, kernels)) == sorted(repr(kernel) for share in shares for kernel in share)
+    families = [{kernel.family for kernel in share} for share in shares]
+    assert len(shares) <= processes and all(families)
+    assert sum(map(len, families)) == len(set().union(*families)), "no family is in two processes"
+
+
+def test_two_processes_take_half_of_a_plans_functions_each() -> None:
+    kernels = [kernel for kernel in read_kernels() if kernel.use == PLAN]
+    seconds = [sum(kernel.seconds for kernel in share) for share in share_kernels(kernels, 2)]
+    assert max(seconds) < 0.6 * sum(seconds)
+
+
+@pytest.mark.slow
+def test_what_a_plan_calls_is_on_the_list() -> None:
+    """Types too; `python -m tests.planner.kernel_list` renews it."""
+    listed = {(kernel.function, kernel.arguments) for kernel in read_kernels() if kernel.use == PLAN}
+    called = record(RUN.format("plan denmark --tractors 1-2 --strategies split-field --processes 1 --json"))
+    assert called.keys() <= listed
+    assert len(called) > 20
+
+
+@pytest.mark.slow
+def test_two_processes_compile_into_one_cache(tmp_path: Path) -> None:
+    (tmp_path / "run.py").write_text(COMPILED)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept"), "PYTHONPATH": str(ROOT)}
+    words = [sys.executable, str(tmp_path / "run.py")]
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=300, check=True)
+    count, before, after, reports = json.loads(done.stdout)
+    assert (count, before, after) == (3, 0, 3)
+    assert reports[0] == [0, 3, 0.0]
+    assert all(one[0] <= other[0] and one[2] <= other[2] for one, other in pairwise(reports))
