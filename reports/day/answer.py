@@ -57,7 +57,9 @@ def describe_day_certainty(result: DayResult) -> list[str]:
     if len(result.jobs) == 1 or weakest.finish_probability >= SURE_SHARE:
         if loss < LEAST_LOSS:
             return [translate("In time: {share} % sure.", share=share)]
-        return [translate("In time: {share} % sure; late ground costs {loss}, included.", share=share, loss=money)]
+        return [
+            translate("In time: {share} % sure; {loss} for late ground included.", share=share, loss=money)
+        ]
     if loss < LEAST_LOSS:
         return [
             translate(
@@ -66,7 +68,7 @@ def describe_day_certainty(result: DayResult) -> list[str]:
         ]
     return [
         translate(
-            "In time: {share} % sure, least {field} ({least} %); late ground costs {loss}, included.",
+            "In time: {share} % sure, least {field} ({least} %); {loss} for late ground included.",
             share=share,
             field=weakest.field,
             least=least,
@@ -77,14 +79,15 @@ def describe_day_certainty(result: DayResult) -> list[str]:
 
 def describe_machine_orders(jobs: Sequence[DayJob]) -> str:
     """Which machine works which fields in which order."""
-    machines = dict.fromkeys(job.machine for job in jobs)
+    counts = {job.machine: job.tractors for job in jobs}
     orders = [
         translate(
-            "{machine}: {fields}",
+            "{machine} ({count}): {fields}",
             machine=machine,
+            count=count,
             fields=translate(", then ").join(job.field for job in jobs if job.machine == machine),
         )
-        for machine in machines
+        for machine, count in counts.items()
     ]
     return f"{'; '.join(orders)}."
 
@@ -93,11 +96,11 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
     """The fields that are not done, with the reasons of the first."""
     left = result.unworked_fields
     sentences = [
-        translate("{field} is skipped: {reason}.", field=one.field, reason=one.reason) for one in left[:MOST_REASONS]
+        translate("{field} is not worked: {reason}.", field=one.field, reason=one.reason) for one in left[:MOST_REASONS]
     ]
     more = len(left) - MOST_REASONS
     if more > 0:
-        sentences.append(translate_count("{count} more is skipped.", "{count} more are skipped.", more))
+        sentences.append(translate_count("{count} more is not worked.", "{count} more are not worked.", more))
     return sentences
 
 

@@ -187,9 +187,7 @@ def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
     values = {"limit": limit, "share": share, "loss": format_money(ranking, loss)}
     if ranking.allowed_s is None:
         return translate("Done {limit}: {share} sure; the rain costs {loss} on average, included.", **values)
-    if ranking.scenario.get("rain") is None:
-        return translate("Done {limit}: {share} sure; late ground costs {loss} on average, included.", **values)
-    return translate("Done {limit}: {share} sure; late ground costs {loss}, included.", **values)
+    return translate("Done {limit}: {share} sure; {loss} for late ground included.", **values)
 
 
 def format_share(plan: PlanResult) -> str:

@@ -97,7 +97,8 @@ def _list_columns(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[_An
     has_samples = any(plan.p50_s is not None for plan in plans)
     columns = [
         _AnswerColumn(
-            TableColumn(translate("Tractors"), translate("Trac-\ntors")), lambda plan: _mark_count(ranking, plan)
+            TableColumn(translate("Tractors"), translate("Trac-\ntors")),
+            lambda plan: _mark_count(ranking, plan, shows_front=_is_front_part(plans)),
         ),
         _AnswerColumn(TableColumn(translate("Strategy"), is_text=True, is_unbroken=True), lambda plan: plan.strategy),
         _AnswerColumn(
@@ -136,16 +137,27 @@ def _list_columns(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[_An
     return columns
 
 
-def _mark_count(ranking: PlanRanking, plan: PlanResult) -> str:
+def _is_front_part(plans: Sequence[PlanResult]) -> bool:
+    """Whether some of the plans are on the Pareto front and some are not; a mark on all would tell nothing."""
+    return len({plan.on_pareto_front for plan in plans}) > 1
+
+
+def _mark_count(ranking: PlanRanking, plan: PlanResult, *, shows_front: bool) -> str:
     """The number of tractors with the marks of the legend."""
-    return f"{'>' if plan is ranking.best else ''}{plan.tractors}{'*' if plan.on_pareto_front else ' '}"
+    star = ("*" if plan.on_pareto_front else " ") if shows_front else ""
+    return f"{'>' if plan is ranking.best else ''}{plan.tractors}{star}"
 
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
-    if any(plan.p50_s is not None for plan in plans):
-        return translate("> recommended; * none with as few is faster; times are medians, costs are means.")
-    return translate("> recommended; * none with as few is faster; times and costs are as simulated.")
+    has_samples = any(plan.p50_s is not None for plan in plans)
+    if _is_front_part(plans):
+        if has_samples:
+            return translate("> recommended; * none with as few is faster; times are medians, costs are means.")
+        return translate("> recommended; * none with as few is faster; times and costs are as simulated.")
+    if has_samples:
+        return translate("> recommended; times are medians, costs are means.")
+    return translate("> recommended; times and costs are as simulated.")
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:

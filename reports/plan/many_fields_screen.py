@@ -64,7 +64,7 @@ def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
 def _describe_total(total: FieldsTotal, fields: int, currency: str) -> str:
     """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
     return translate(
-        "{width}: {count} of {fields} fields, {area}, {time} in all, {cost} ({rate}), {worked} % worked.",
+        "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % worked.",
         width=format_width(total.width_m),
         count=total.fields,
         fields=fields,

@@ -63,14 +63,14 @@ def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
                      finish_probability=0.6, lost_cost=4.5)  # fmt: skip
     assert list_told((JOB, second), (), 0.55) == [
         "All 2 fields are done by 11:00 (95 % by 12:01), 321 EUR.",
-        "In time: 55 % sure, least other (60 %); late ground costs 4.50 EUR, included.",
-        "one: Home $1, then other.",
+        "In time: 55 % sure, least other (60 %); 4.50 EUR for late ground included.",
+        "one (2): Home $1, then other.",
     ]
 
 
-def test_a_day_names_what_is_skipped() -> None:
+def test_a_day_names_what_is_not_worked() -> None:
     left = tuple(UnworkedField(name, 1.0, 5.0, "it is far") for name in ("a", "b", "c", "d"))
     told = list_told((JOB,), left, 1.0)
     assert told[:2] == ["1 of 5 fields is done by 10:06 (95 % by 11:00), 321 EUR.", "In time: 100 % sure."]
-    assert told[-2:] == ["c is skipped: it is far.", "1 more is skipped."]
-    assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is skipped: it is far."]
+    assert told[-2:] == ["c is not worked: it is far.", "1 more is not worked."]
+    assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is not worked: it is far."]
