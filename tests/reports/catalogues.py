@@ -52,7 +52,7 @@ PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";
 
 PRINTING = {
     "translate": 1, "mark_text": 1, "create_progress_callback": 1, "format_title": 1, "format_sentence": 1,
-    "print_sentence": 1, "TableColumn": 2,
+    "print_sentence": 1, "TableColumn": 2, "NumberLimits": 1,
 }  # fmt: skip
 """Functions whose first arguments are texts, and how many."""
 

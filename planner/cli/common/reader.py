@@ -60,6 +60,13 @@ MISUSES = (
     mark_text("Got unexpected extra argument ({argument})"),
 )
 """Sentences of typer on arguments that it cannot use."""
+RANGES = (
+    mark_text("The {label} ({option}) is {value}; use {low} to {high}."),
+    mark_text("The {label} ({option}) is {value}; use more than {low} and at most {high}."),
+    mark_text("{option} is {value}; use {low} to {high}."),
+    mark_text("{option} is {value}; use more than {low} and at most {high}."),
+)
+"""How a refusal of a number reads, whose parts are made apart."""
 
 
 def choose_reader(arguments: Sequence[str], environment: Mapping[str, str]) -> Reader:
