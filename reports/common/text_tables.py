@@ -21,6 +21,10 @@ MOST_ANSWER_LINES, MOST_NARROW_LINES = 5, 14
 _GAP_COLUMNS = 1
 _LEAST_TEXT_COLUMNS = 8
 BREAK_MARKS = " +-"
+_WIDE = "\u3041-\u30ff\u3400-\u9fff"  # Japanese letters
+_WIDE_OR_OTHERS = re.compile(
+    f"[{_WIDE}][\u3001\u3002\u300d\uff09\u3063\u3083\u3085\u3087\u30c3\u30e3\u30e5\u30e7\u30fc]*|[^{_WIDE}]+"
+)
 
 
 @dataclass(frozen=True)
@@ -246,16 +250,26 @@ def format_sentence(text: str, style: str = "", indent: int = 0) -> WrappedSente
 
 
 def wrap_text(text: str, width: int) -> list[str]:
-    """Lines of at most `width` columns; a value stays with the word before it if both fit in a line."""
+    """Lines of at most `width` columns; a value stays with the word before it if both fit in a line.
+
+    Japanese has no spaces and is broken between any two letters, but not before a mark that ends something.
+    """
     lines = [""]
-    for word in insert_non_breaking_spaces(text).split(" "):
-        for piece in [word] if cell_len(word) <= width else word.split(NO_BREAK):
-            joined = f"{lines[-1]} {piece}" if lines[-1] else piece
-            if cell_len(joined) <= width or not lines[-1]:
-                lines[-1] = joined
-            else:
-                lines.append(piece)
+    for space, piece in _list_pieces(insert_non_breaking_spaces(text), width):
+        joined = f"{lines[-1]}{space}{piece}" if lines[-1] else piece
+        if cell_len(joined) <= width or not lines[-1]:
+            lines[-1] = joined
+        else:
+            lines.append(piece)
     return [line.replace(NO_BREAK, " ") for line in lines]
+
+
+def _list_pieces(text: str, width: int) -> Iterable[tuple[str, str]]:
+    """What is not broken over lines, each with the space before it."""
+    for word in text.split(" "):
+        for part in [word] if cell_len(word) <= width else word.split(NO_BREAK):
+            for number, piece in enumerate(_WIDE_OR_OTHERS.findall(part) or [""]):
+                yield "" if number else " ", piece
 
 
 def break_text_at_marks(text: str, width: int, marks: str = BREAK_MARKS) -> list[str]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
-from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     NO_PATH,
     FieldPartPlan,
@@ -342,7 +342,8 @@ def name_best_late_plan(ranking: PlanRanking) -> str:
     """What to call the best plan where none meets the deadline: another may be sooner but leave more ground."""
     best = ranking.best
     times = [get_stated_s(plan) for plan in list_feasible(ranking) if plan.time_s is not None]
-    return "closest plan" if best is None or best.time_s is None or get_stated_s(best) <= min(times) else "best plan"
+    is_closest = best is None or best.time_s is None or get_stated_s(best) <= min(times)
+    return mark_text("closest plan") if is_closest else mark_text("best plan")
 
 
 def get_charged_traffic_m2(plan: PlanResult) -> float | None:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from rich.cells import cell_len
 from rich.console import Console, RenderableType
 
 from planner.cli.common import reader as command_line
@@ -29,7 +30,7 @@ from reports.common.language import (
     use_language,
     use_reader,
 )
-from reports.common.text_tables import FittedTable, TableColumn
+from reports.common.text_tables import FittedTable, TableColumn, wrap_text
 from reports.day.first_screen import build_day_screen
 from reports.day.tables import build_day_table, format_day_csv, format_day_json
 from reports.plan.first_screen import build_first_screen
@@ -189,6 +190,15 @@ def test_wide_letters_take_two_columns() -> None:
     )
     lines = print_screen(table, 20).splitlines()
     assert [line.rstrip() for line in lines] == ["名前   面積", "北の畑 1.20", "north  3.40"]
+
+
+def test_japanese_lines_are_broken_between_letters() -> None:
+    text = "シミュレーション値です。開始遅れ・停止・故障なし。 split-field は1:42:04で完了します。"
+    for width in (12, 20, 37, 80):
+        lines = wrap_text(text, width)
+        assert max(map(cell_len, lines)) <= width and len(lines) <= 2 + cell_len(text) // (width - 5)
+        assert "".join(lines).replace(" ", "") == text.replace(" ", "")
+        assert not any(line.startswith(("。", "ッ", "ー", "ュ")) for line in lines)
 
 
 def test_keys_of_code_name_their_values() -> None:
