@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import string
 from collections.abc import Callable
@@ -38,11 +39,19 @@ from reports.plan.many_fields_screen import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_table import build_ranking_table
 from tests.reports.brackets import Brackets, brackets
-from tests.reports.catalogues import Text, collect_texts, find_untranslated, read_catalogue, read_script
+from tests.reports.catalogues import (
+    Text,
+    collect_texts,
+    find_untranslated,
+    read_catalogue,
+    read_script,
+    write_catalogue,
+)
 from tests.reports.screen_cases import RANKINGS, build_day, build_records
 from tests.reports.sentence_texts import build_key
 
 OTHERS = sorted(set(LANGUAGE_NAMES) - {ENGLISH})
+WRITE = os.environ.get("HEADLAND_LANGUAGES") == "write"
 VALUE = re.compile(r"\{(\w*)\}")
 __all__ = ["brackets"]
 
@@ -231,3 +240,12 @@ def test_help_of_plan_has_no_english_left(language: str, capsys: pytest.CaptureF
     helps = {one.help for one in command.commands["plan"].params if getattr(one, "help", None)}
     assert len(helps) > 40 and not helps & english
     assert set(HELP_TITLES.values()) <= collect_texts()
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_every_text_is_translated(language: str) -> None:
+    """UNTRANSLATED TEXTS: with HEADLAND_LANGUAGES=write the missing ones are added to the catalogue, to be filled in."""
+    if WRITE:
+        write_catalogue(language)
+    missing = find_untranslated(language)
+    assert not missing, f"{len(missing)} texts of {language}.po are untranslated, such as {missing[:5]}"
