@@ -244,7 +244,7 @@ def test_help_of_plan_has_no_english_left(language: str, capsys: pytest.CaptureF
 
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_text_is_translated(language: str) -> None:
-    """UNTRANSLATED TEXTS: with HEADLAND_LANGUAGES=write the missing ones are added to the catalogue, to be filled in."""
+    """UNTRANSLATED TEXTS: HEADLAND_LANGUAGES=write adds the missing ones to the catalogue, to be filled in."""
     if WRITE:
         write_catalogue(language)
     missing = find_untranslated(language)
