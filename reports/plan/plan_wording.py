@@ -49,9 +49,9 @@ BY_COUNT_HELP = (
     "breakdowns."
 )
 COLUMN_HELP = {
-    "Turning": "of all tractors together",
+    "Turning": mark_text("of all tractors together"),
     "Waiting": "of all tractors together",
-    "Worked %": "of the field",
+    "Worked %": mark_text("of the field"),
     "Overlap %": "of the field, worked more than once",
     "Driven over": "finished ground under wheels that drive over it, counted like unworked ground",
     "Clearance m": "smallest distance between two tractors, implements included",
@@ -109,7 +109,7 @@ def format_ground_place(piece: UnworkedPiece) -> str:
     """Where a piece of ground is: latitude and longitude, or metres for a field in local metres."""
     if piece.lat is None or piece.lon is None:
         return f"x {piece.x_m:.0f} m, y {piece.y_m:.0f} m"
-    return f"latitude {piece.lat:.5f}, longitude {piece.lon:.5f}"
+    return translate("latitude {lat}, longitude {lon}", lat=f"{piece.lat:.5f}", lon=f"{piece.lon:.5f}")
 
 
 def get_clearance_m(plan: PlanResult) -> float | None:
@@ -189,7 +189,9 @@ def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
 
 def format_order_optimality(pct: float) -> str:
     """``optimal`` or ``within 1.2 % of optimal``."""
-    return "optimal" if pct < LEAST_GAP_PCT else f"within {format_number(pct, 1)} % of optimal"
+    if pct < LEAST_GAP_PCT:
+        return translate("optimal")
+    return translate("within {share} % of optimal", share=format_number(pct, 1))
 
 
 def describe_machines(ranking: PlanRanking) -> str | None:
@@ -240,13 +242,18 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.unmet_sentence is not None:
-        sentences = [ranking.unmet_sentence, *_list_advice(ranking), f"The closest plan: {result}.", *details]
+        sentences = [
+            ranking.unmet_sentence,
+            *_list_advice(ranking),
+            translate("The closest plan: {result}.", result=result),
+            *details,
+        ]
     elif best.meets_deadline is False:
         lateness = "" if ranking.missed_by_s is None else f" misses it by {format_duration(ranking.missed_by_s)}"
         sentences = [f"No plan meets {_name_deadline(ranking, 'the')}.", *_list_advice(ranking)]
         sentences += [f"The {name_best_late_plan(ranking)}{lateness}: {result}.", *details]
     else:
-        sentences = [*_list_advice(ranking), f"Best plan: {result}.", *details]
+        sentences = [*_list_advice(ranking), translate("Best plan: {result}.", result=result), *details]
         sentences += _describe_deadline(ranking, best, best_is_cheapest)
     sentences += [_describe_part(part) for part in ranking.parts]
     if ranking.cut_off_m2 and not ranking.parts:
@@ -276,16 +283,18 @@ def _describe_other_plans(
     fastest = min((plan for plan in plans if plan.time_s is not None), key=get_ranked_s, default=best)
     plans_by_name = {}
     if fastest is not best and get_ranked_s(fastest) != get_ranked_s(best):
-        plans_by_name["Fastest"] = fastest
+        plans_by_name[translate("Fastest")] = fastest
     if cheapest is not None and not best_is_cheapest:
-        plans_by_name["Cheapest"] = cheapest
+        plans_by_name[translate("Cheapest")] = cheapest
     if len(plans_by_name) == 2 and fastest is cheapest:
-        plans_by_name = {"Fastest and cheapest": fastest}
+        plans_by_name = {translate("Fastest and cheapest"): fastest}
     sentences = [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in plans_by_name.items()]
     if not best_is_cheapest or best.meets_deadline:
         return sentences
     closest_only = best.meets_deadline is False or ranking.unmet_sentence is not None
-    return [*sentences, f"{'This' if closest_only else 'The best'} plan is also the cheapest."]
+    if closest_only:
+        return [*sentences, translate("This plan is also the cheapest.")]
+    return [*sentences, translate("The best plan is also the cheapest.")]
 
 
 def _get_compared_cost(plan: PlanResult) -> float:
@@ -324,18 +333,21 @@ def _divide_cost(ranking: PlanRanking) -> list[str]:
 
 def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
     unworked = format_unworked(plan)
-    leaves = "" if unworked is None else f", leaves {unworked} unworked"
-    done = "done in" if abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S else "driven in"
     when = _describe_time(ranking, get_stated_s(plan), get_stated_end_s(plan))
-    stops = _describe_service_stops(plan)
-    return f"{_name_plan_variant(plan)}, {done} {when}{stops}{_describe_cost(ranking, plan)}{leaves}"
+    is_done = abs(get_stated_s(plan) - get_stated_end_s(plan)) < SAME_TIME_S
+    done = translate("done in {time}", time=when) if is_done else translate("driven in {time}", time=when)
+    leaves = None if unworked is None else translate("leaves {area} unworked", area=unworked)
+    parts = (_name_plan_variant(plan), done + _describe_service_stops(plan), _describe_cost(ranking, plan), leaves)
+    return ", ".join(part for part in parts if part)
 
 
 def _describe_service_stops(plan: PlanResult) -> str:
     """`` with 3 refills``; nothing where nothing is carried."""
     if plan.refills is None:
         return ""
-    return f" with {plan.refills or 'no'} refill{'' if plan.refills == 1 else 's'}"
+    if not plan.refills:
+        return translate(" with no refills")
+    return translate_count(" with {count} refill", " with {count} refills", plan.refills)
 
 
 def name_best_late_plan(ranking: PlanRanking) -> str:
@@ -356,9 +368,10 @@ def _describe_charged_ground(plan: PlanResult) -> str | None:
     """``the missed 141 m2 and the 83 m2 driven over``; None where a plan has neither."""
     missed = None if plan.missed_m2 is None or format_unworked(plan) is None else format_area(plan.missed_m2)
     driven_over = get_charged_traffic_m2(plan)
-    parts = [f"the missed {missed}"] if missed else []
-    parts += [] if driven_over is None else [f"the {format_area(driven_over)} driven over when finished"]
-    return " and ".join(parts) or None
+    parts = [translate("the missed {area}", area=missed)] if missed else []
+    if driven_over is not None:
+        parts.append(translate("the {area} driven over when finished", area=format_area(driven_over)))
+    return join_list(parts) if parts else None
 
 
 def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
@@ -370,15 +383,16 @@ def _describe_unworked(ranking: PlanRanking, plan: PlanResult) -> list[str]:
     if plan.finished_s is not None:
         added = _format_added_time(plan.finished_s - (plan.time_s or 0.0))
         clock = format_end_clock(ranking, get_stated_finished_end_s(plan))
-        done = f" (field work done at {clock})" if clock else ""
+        done = translate(" (field work done at {clock})", clock=clock) if clock else ""
         cost = _describe_added_cost(ranking, plan)
         is_late = (
             plan.meets_deadline
             and ranking.allowed_s is not None
             and get_stated_finished_end_s(plan) > ranking.allowed_s
         )
-        late = ", too late for the deadline" if is_late else ""
-        sentences.append(f"Finishing {charged_ground} adds {added}{done}{cost}{late}.")
+        late = translate(", too late for the deadline") if is_late else ""
+        extra = join_list([f"{added}{done}", cost]) if cost else f"{added}{done}"
+        sentences.append(translate("Finishing {ground} adds {extra}.", ground=charged_ground, extra=extra + late))
     if plan.largest_missed is not None and format_unworked(plan) is not None:
         piece = plan.largest_missed
         sentences.append(f"The largest missed piece, {format_area(piece.m2)}, is at {format_ground_place(piece)}.")
@@ -391,9 +405,9 @@ def _format_added_time(seconds: float) -> str:
 
 
 def _describe_added_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    """What finishing the field costs more: `` and 0.08 EUR``; nothing where that is next to nothing."""
+    """What finishing the field costs more: ``0.08 EUR``; nothing where that is next to nothing."""
     added = None if plan.finished_cost is None else plan.finished_cost - (plan.cost or 0.0)
-    return "" if added is None or added < LEAST_COST else f" and {_format_in_currency(ranking, added)}"
+    return "" if added is None or added < LEAST_COST else _format_in_currency(ranking, added)
 
 
 def explain_no_plan(ranking: PlanRanking) -> str:
@@ -442,7 +456,8 @@ def _describe_refused_count(count: int, first: RefusalGroup) -> str:
 
 
 def _name_plan_variant(plan: PlanResult) -> str:
-    return f"{format_tractor_count(plan.tractors)}, {plan.strategy}, turns {plan.turn}"
+    tractors = format_tractor_count(plan.tractors)
+    return translate("{tractors}, {strategy}, turns {turn}", tractors=tractors, strategy=plan.strategy, turn=plan.turn)
 
 
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
@@ -454,7 +469,7 @@ def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: floa
 
 def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
     cost = get_stated_cost(plan)
-    return "" if cost is None else f", cost {_format_in_currency(ranking, cost)}"
+    return "" if cost is None else translate("cost {cost}", cost=_format_in_currency(ranking, cost))
 
 
 def _format_in_currency(ranking: PlanRanking, value: float) -> str:

@@ -10,6 +10,7 @@ from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
+from reports.common.language import translate, translate_count
 from reports.common.plan_results import (
     FleetStudy,
     PlanRanking,
@@ -110,12 +111,14 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
         flags = _find_column_flags(ranking, shown)
         parts += [Text(""), _build_plan_table(ranking, shown, flags)]
         hidden_count = len(plans) - len(shown)
-        hidden = (
-            f" {hidden_count} slower plan{' is' if hidden_count == 1 else 's are'} not shown; --all shows every plan."
+        hidden = " " + translate_count(
+            "{count} slower plan is not shown; --all shows every plan.",
+            "{count} slower plans are not shown; --all shows every plan.",
+            hidden_count,
         )
-        legend = "Times are h:mm:ss. * no plan with as few tractors is faster (Pareto front)."
-        legend += " > best plan." if ranking.best else ""
-        legend += f" {UNWORKED_HELP}" if flags.has_unworked else ""
+        legend = translate("Times are h:mm:ss. * no plan with as few tractors is faster (Pareto front).")
+        legend += f" {translate('> best plan.')}" if ranking.best else ""
+        legend += f" {translate(UNWORKED_HELP)}" if flags.has_unworked else ""
         parts.append(format_sentence(legend + (hidden if hidden_count else ""), style="dim"))
         parts.append(format_sentence(_describe_plan_columns(flags), style="dim"))
         if not flags.has_risk:
@@ -202,7 +205,9 @@ def _describe_plan_columns(flags: _ColumnFlags) -> str:
     for column in _list_plan_columns(flags):
         heading = column.column.heading
         if heading in COLUMN_HELP:
-            headings_by_help.setdefault(COLUMN_HELP[heading], []).append(heading.removesuffix(" m"))
+            headings_by_help.setdefault(translate(COLUMN_HELP[heading]), []).append(
+                translate(heading).removesuffix(" m")
+            )
     return f"{'; '.join(f'{join_list(headings)}: {text}' for text, headings in headings_by_help.items())}."
 
 
