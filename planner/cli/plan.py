@@ -325,7 +325,8 @@ def plan(
         build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
     print_remarks([*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)])
-    with write_before_printing(_render_plan_outputs(result, html, png, save)):
+    is_answer_seen = sys.stdout.isatty() and not (json or csv)
+    with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
         _print_ranking(result.ranking, json, csv, choice.simulate_all, explain)
     _exit_without_plan(result.ranking)
 
@@ -411,9 +412,12 @@ def _print_ranking(ranking: PlanRanking, json: bool, csv: bool, show_all: bool, 
 
 
 def _render_plan_outputs(
-    result: PlanningResult, html: Path | None, png: Path | None, save: Path | None
+    result: PlanningResult, html: Path | None, png: Path | None, save: Path | None, is_answer_seen: bool
 ) -> list[tuple[Path, OutputContent]]:
-    """Files of the best plan, or of the field where no plan works; prints on standard error where a plan is lacking."""
+    """Files of the best plan, or of the field where no plan works.
+
+    Prints on standard error that none meets the request, unless the answer on the terminal says so.
+    """
     from planner.cli.common.terminal import print_sentence
     from reports.common.wording import format_duration
     from reports.plan.plan_wording import name_best_late_plan
@@ -421,7 +425,6 @@ def _render_plan_outputs(
     best, late_s = result.ranking.best, result.ranking.missed_by_s
     drive = None if best is None else result.pictures[best.strategy, best.tractors]
     results: list[tuple[Path, OutputContent]] = []
-    is_answer_seen = sys.stdout.isatty()
     if late_s is not None and not is_answer_seen:
         label = name_best_late_plan(result.ranking)
         print_sentence(f"No plan meets the deadline; the {label} misses it by {format_duration(late_s)}.", err=True)

@@ -150,6 +150,20 @@ def test_only_the_owner_and_an_administrator_change_a_thing(app: FastAPI, client
         assert answer.status_code in (200, 204), answer.text
 
 
+def test_a_name_that_is_taken_while_an_upload_is_read_stays_its_owners(
+    app: FastAPI, client: TestClient, token: Header, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = app.state.reader.check_upload
+
+    async def read_slowly(*arguments: Any, **options: Any) -> None:
+        await read(*arguments, **options)
+        app.state.store.add_file("field", "north", SMALL, owner="somebody else")
+
+    monkeypatch.setattr(app.state.reader, "check_upload", read_slowly)
+    assert add_field(client, token, "north", LARGER, replace="true").status_code == 403
+    assert client.get("/api/v1/fields/north").content == SMALL
+
+
 def test_what_was_there_before_owners_may_be_changed_by_every_planner(app: FastAPI, client: TestClient) -> None:
     app.state.store.add_file("field", "old", SMALL)
     old = app.state.store.add_job("plan", "old", {})

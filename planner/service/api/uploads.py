@@ -186,6 +186,8 @@ def _check_taken_name(store: Store, caller: Caller, upload: Upload) -> None:
 
 
 def _store_checked_file(store: Store, caller: Caller, upload: Upload) -> FileInfo:
+    """Store a file that was read; its name is checked again, as somebody may have taken it meanwhile."""
+    _check_taken_name(store, caller, upload)
     kind, name, suffix, options = upload.kind, upload.name, upload.suffix, upload.options
     replaced = upload.replaces and any(row.name == name for row in store.list_files(kind))
     if replaced:

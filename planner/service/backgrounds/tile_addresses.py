@@ -22,6 +22,8 @@ NAMES = {
 }  # fmt: skip
 """What stands in braces, in small letters, and what it becomes; the words of XYZ, TMS, WMTS and WMS."""
 BRACES = re.compile(r"\{([^{}]*)\}")
+LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
+HOST = re.compile(rf"(?=.{{1,253}}$){LABEL}(?:\.{LABEL})*\.?")
 MOST_ADDRESS_CHARS = 1_000
 
 
@@ -33,7 +35,11 @@ class TileAddress:
 
     def __post_init__(self) -> None:
         _check_text(self.template)
-        parts = urlsplit(self.template)
+        try:
+            parts, _ = urlsplit(self.template), urlsplit(self.template).port
+        except ValueError:
+            shown = self.template.rpartition("@")[2]  # without a password
+            raise _refuse(shown, "has a host or port that cannot be", f"give one such as {EXAMPLE}") from None
         _check_host(parts.hostname or "", self.template)
         if BRACES.search(parts.netloc):
             raise _refuse(self.template, "names no single host", f"write one host, as in {EXAMPLE}")
@@ -91,6 +97,8 @@ def _check_host(host: str, template: str) -> None:
     try:
         address = ipaddress.ip_address(host)
     except ValueError:
+        if not HOST.fullmatch(BRACES.sub("a", host)):
+            raise _refuse(host, "is no host that can be", f"give one such as {EXAMPLE}") from None
         return
     if address.is_link_local or address.is_multicast or address.is_unspecified:
         raise _refuse(template, f"asks {host}, where no map can be", "give the host of a tile server")

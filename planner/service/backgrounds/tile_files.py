@@ -145,7 +145,7 @@ class GeoTiffFile:
         try:
             with self._rasterio.open(self.path, driver="GTiff") as picture:
                 yield picture
-        except self._rasterio.errors.RasterioError as error:
+        except (self._rasterio.errors.RasterioError, self._rasterio.errors.CRSError) as error:
             raise TileError(
                 f"{self.path.name} cannot be read as a GeoTIFF ({error}); give another file.", parameter="background"
             ) from None
