@@ -47,7 +47,10 @@ def build_evidence_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
         "is_unchanged": all(np.array_equal(path.before_m, path.after_m) for path in evidence.paths),
         "piece_s": f"{evidence.piece_s:g}",
         "charts": [
-            _draw_bins(kind, title, axis, bins, unit) for kind in kinds for title, axis, bins, unit in quantities
+            _draw_bins(kind, title, axis, bins, unit)
+            for kind in kinds
+            for title, axis, bins, unit in quantities
+            if len(bins.rows)  # short logs may have too few rows in every bin
         ],
         "maps": _draw_places(evidence.by_place),
         "paths": _draw_paths(evidence),

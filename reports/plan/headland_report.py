@@ -86,12 +86,12 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
             return translate("Only this way works: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
         return translate("One way was compared: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
     dearest = others[-1]
-    if compute_extra_cost(dearest, best) < ALIKE_SHARE * best.charged_cost:
+    if compute_extra_cost(dearest, best) <= ALIKE_SHARE * best.charged_cost:
         extra = format_money(compute_extra_cost(dearest, best), comparison.currency)
         return translate(
             "All ways cost the same within {extra} on {fields}; the least: {way}.", extra=extra, fields=where, way=way
         )
-    alike = [one for one in others if compute_extra_cost(one, best) < ALIKE_SHARE * best.charged_cost]
+    alike = [one for one in others if compute_extra_cost(one, best) <= ALIKE_SHARE * best.charged_cost]
     if alike:
         return translate(
             "Worth it on {fields}: {way}: {saving} less than {dearest}, the dearest; {alike}.",
@@ -166,7 +166,7 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
         if same is None:
             continue
         name = comparison.field_names[field]
-        if driven[0].choice != best.choice and compute_extra_cost(same, driven[0]) >= ALIKE_SHARE * same.charged_cost:
+        if driven[0].choice != best.choice and compute_extra_cost(same, driven[0]) > ALIKE_SHARE * same.charged_cost:
             losses[name] = same, driven[0]
         elif len(driven) > 1:
             gains[name] = compute_extra_cost(driven[-1], same)

@@ -490,6 +490,12 @@ class TestEvidence:
         assert heights == pytest.approx(values * heights[0] / values[0], abs=0.2)
         assert [float(bar["value"]) for bar in by_speed["bars"]] == pytest.approx(values, abs=1e-3)
 
+    def test_a_chart_without_a_bin_is_left_out(self) -> None:
+        short = diagnosis(evidence=replace(evidence(), by_speed=pieces(2, 0)), along_judged=False)
+        content = build_evidence_content(short)
+        assert content is not None and len(content["charts"]) == 2
+        assert "by wheel angle" in render_diagnosis_page(short)
+
     def test_along_is_left_out_where_it_is_not_judged(self) -> None:
         content = build_evidence_content(diagnosis(evidence=evidence(), along_judged=False))
         assert content is not None and {chart["kind"] for chart in content["charts"]} == {"cross"}

@@ -53,6 +53,17 @@ def comparison() -> HeadlandComparison:
     )
 
 
+def test_ways_that_cost_nothing_cost_the_same(comparison: HeadlandComparison) -> None:
+    free = HeadlandComparison(
+        tuple(
+            replace(each, plan=replace(each.plan, cost=0.0, finished_cost=0.0))
+            for each in comparison.plans
+            if each.plan
+        )
+    )
+    assert describe_comparison(free)[0].startswith("All ways cost the same within 0.00 EUR on 2 fields")
+
+
 def print_table(renderable: Any, width: int) -> list[str]:
     console = Console(width=width, record=True, file=io.StringIO())
     console.print(renderable)
