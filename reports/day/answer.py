@@ -57,9 +57,7 @@ def describe_day_certainty(result: DayResult) -> list[str]:
     if len(result.jobs) == 1 or weakest.finish_probability >= SURE_SHARE:
         if loss < LEAST_LOSS:
             return [translate("In time: {share} % sure.", share=share)]
-        return [
-            translate("In time: {share} % sure; {loss} for late ground included.", share=share, loss=money)
-        ]
+        return [translate("In time: {share} % sure; {loss} for late ground included.", share=share, loss=money)]
     if loss < LEAST_LOSS:
         return [
             translate(

@@ -58,9 +58,7 @@ def _write_legend(result: DayResult) -> str:
         return translate("Times are medians of the samples, costs means.")
     money = f"{format_price(apart)} {result.currency}"
     if result.unworked_fields:
-        return translate(
-            "Times are medians, costs means; roads and fields not worked add {money}.", money=money
-        )
+        return translate("Times are medians, costs means; roads and fields not worked add {money}.", money=money)
     return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)
 
 

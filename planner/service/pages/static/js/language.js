@@ -68,7 +68,8 @@ function chooseLanguage() {
 }
 
 function translateNode(root) {
-  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT);
+  const accept = (node) => (node.parentElement.closest('[translate="no"]') ? NodeFilter.FILTER_REJECT : NodeFilter.FILTER_ACCEPT);
+  const walker = document.createTreeWalker(root, NodeFilter.SHOW_TEXT, accept);
   while (walker.nextNode()) walker.currentNode.textContent = translate(walker.currentNode.textContent);
   for (const name of ATTRIBUTES) for (const node of root.querySelectorAll(`[${name}]`)) node.setAttribute(name, translate(node.getAttribute(name)));
 }
