@@ -26,6 +26,7 @@ LANGUAGE_VARIABLE = "HEADLAND_LANGUAGE"
 UNITS_VARIABLE = "HEADLAND_UNITS"
 LOCALE_VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
 LEAST_KEY_LETTERS = 6  # of a key around its values, for a sentence to be known by it
+MOST_SENTENCE_CHARS = 2000  # comparing a longer text with all keys would take seconds
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
@@ -109,7 +110,8 @@ def translate_sentence(sentence: str) -> str:
     if language == ENGLISH or not sentence:
         return sentence
     exact = get_messages(language).get(sentence)
-    return exact or (_translate_by_pattern(sentence, language) if " " in sentence else sentence)
+    may_have_values = " " in sentence and len(sentence) <= MOST_SENTENCE_CHARS
+    return exact or (_translate_by_pattern(sentence, language) if may_have_values else sentence)
 
 
 def _translate_by_pattern(sentence: str, language: str) -> str:

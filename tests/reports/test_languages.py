@@ -21,6 +21,7 @@ from reports.common import text_tables
 from reports.common.language import (
     ENGLISH,
     LANGUAGE_NAMES,
+    MOST_SENTENCE_CHARS,
     Reader,
     choose_language,
     get_messages,
@@ -141,6 +142,8 @@ def test_a_finished_sentence_is_found_by_the_key_that_it_was_made_from(brackets:
         assert translate_sentence(sentence) == f"⟦{sentence}⟧"
         assert translate_sentence("Found to work: myfield.") == "⟦Found to work: myfield.⟧"
         assert translate_sentence("myfield") == "myfield"
+        long = f"Found to work: {'x, ' * MOST_SENTENCE_CHARS}."
+        assert translate_sentence(long) == long
     assert translate_sentence(sentence) == sentence
 
 

@@ -4,7 +4,7 @@ export const LANGUAGES = { en: "English", de: "Deutsch", es: "Español", fr: "Fr
 const KEY = "headland-language";
 const ATTRIBUTES = ["aria-label", "title", "alt", "placeholder"];
 const PLACE = /\{(\w+)\}/;
-const LEAST_LETTERS = 6, MOST_REMEMBERED = 4000;
+const LEAST_LETTERS = 6, MOST_REMEMBERED = 4000, MOST_CHARS = 2000;
 let messages = {}, patterns = [], language = "en";
 const remembered = new Map();
 
@@ -15,7 +15,7 @@ export function translate(text) {
   if (language === "en" || typeof text !== "string") return text;
   const exact = messages[text];
   if (exact !== undefined) return exact;
-  if (!text.includes(" ") || text.startsWith("\n")) return text;
+  if (!text.includes(" ") || text.startsWith("\n") || text.length > MOST_CHARS) return text;
   if (!remembered.has(text)) {
     if (remembered.size >= MOST_REMEMBERED) remembered.clear();
     remembered.set(text, byPattern(text));
