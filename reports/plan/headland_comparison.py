@@ -17,6 +17,7 @@ from reports.common.plan_results import (
     get_finished_field_cost,
     get_stated_cost,
     get_stated_end_s,
+    get_stated_s,
 )
 from reports.plan.small_map import SmallMap
 
@@ -89,8 +90,8 @@ class HeadlandTotals:
 
     @property
     def time_s(self) -> float:
-        """Seconds of field work, one field after the other."""
-        return sum(map(get_stated_end_s, self.driven))
+        """Seconds of field work, one field after the other; roads, preparation, breaks and nights do not count."""
+        return sum(map(_get_field_work_s, self.driven))
 
     @property
     def cost(self) -> float:
@@ -183,6 +184,11 @@ class HeadlandComparison:
         """The fields as their files name them, by their names in the request."""
         names = {each.requested_field: each.field_name for each in self.plans if each.field_name}
         return {name: names.get(name) or PurePath(name).name for name in self.fields}
+
+
+def _get_field_work_s(plan: PlanResult) -> float:
+    """The stated seconds of a plan in its field; the end of one with a `ready_s`, of a farm, counts roads and breaks too."""
+    return get_stated_end_s(plan) if plan.ready_s is None else get_stated_s(plan)
 
 
 def name_choice(totals: HeadlandTotals) -> str:

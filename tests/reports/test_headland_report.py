@@ -64,6 +64,15 @@ def test_ways_that_cost_nothing_cost_the_same(comparison: HeadlandComparison) ->
     assert describe_comparison(free)[0].startswith("All ways cost the same within 0.00 EUR on 2 fields")
 
 
+def test_roads_and_breaks_of_a_farm_are_no_field_work(comparison: HeadlandComparison) -> None:
+    """East begins after 10 minutes of road and has a break of 45 minutes."""
+    first = comparison.plans[0]
+    assert first.plan is not None
+    on_farm = replace(first, plan=replace(first.plan, ready_s=600.0, done_s=3600.0 + 600.0 + 2700.0))
+    before, after = (HeadlandComparison(plans).sum_over_fields(plans)[0] for plans in ((first,), (on_farm,)))
+    assert before.time_s == after.time_s == 3600.0
+
+
 def print_table(renderable: Any, width: int) -> list[str]:
     console = Console(width=width, record=True, file=io.StringIO())
     console.print(renderable)
