@@ -187,7 +187,7 @@ class HeadlandComparison:
 
 
 def _get_field_work_s(plan: PlanResult) -> float:
-    """The stated seconds of a plan in its field; the end of one with a `ready_s`, of a farm, counts roads and breaks too."""
+    """The stated seconds of a plan in its field; with a `ready_s`, of a farm, its end has roads and breaks too."""
     return get_stated_end_s(plan) if plan.ready_s is None else get_stated_s(plan)
 
 
