@@ -26,6 +26,7 @@ from reports.common.wording import (
     format_percent,
     format_price,
     format_price_change,
+    format_tractor_count,
     parse_start_time,
 )
 from reports.plan.plan_wording import (
@@ -130,12 +131,7 @@ def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
 
 def name_plan(plan: PlanResult) -> str:
     """``2 tractors, split-field``."""
-    return translate("{tractors}, {strategy}", tractors=name_tractors(plan.tractors), strategy=plan.strategy)
-
-
-def name_tractors(count: int) -> str:
-    """``1 tractor``, ``2 tractors``."""
-    return translate_count("{count} tractor", "{count} tractors", count)
+    return translate("{tractors}, {strategy}", tractors=format_tractor_count(plan.tractors), strategy=plan.strategy)
 
 
 def _describe_verdict(ranking: PlanRanking) -> str:
@@ -249,7 +245,7 @@ def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
 
 def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
     values = {
-        "tractors": name_tractors(plan.tractors),
+        "tractors": format_tractor_count(plan.tractors),
         "time": format_stated_end(ranking, get_stated_end_s(plan)),
         "change": format_cost_change(ranking, plan, best),
     }
