@@ -80,6 +80,17 @@ def test_the_policy_allows_the_hosts_of_addresses_and_no_others() -> None:
     assert find_origin("/video/2.m3u8") is None
 
 
+def test_hosts_are_refused_where_the_policy_has_no_room_for_them() -> None:
+    videos = VideoAddresses()
+    for number in range(32):
+        videos.set_address("a", number + 1, f"https://camera-{number:02}.farm.example/live.m3u8")
+    assert len(build_page_policy(videos.list_origins())) < 2600
+    videos.check_room("https://camera-07.farm.example/other.m3u8")
+    videos.check_room("/video/1/index.m3u8")
+    with pytest.raises(ServiceError, match="one gateway"):
+        videos.check_room("https://camera-32.farm.example/live.m3u8")
+
+
 def test_operators_set_it_and_pages_may_load_it_until_it_is_removed(app: FastAPI, fleet: TestClient) -> None:
     operator = bearer(app, "operator")
     assert fleet.put(PUT.format(1), json={"address": CAMERA}).status_code == 401

@@ -20,6 +20,8 @@ from planner.service.gateway.responses import ApiModel, document_errors
 
 SETTINGS_KEY = "videos"
 LONGEST_ADDRESS_CHARS = 500
+MOST_ORIGIN_CHARS = 1000
+"""Of all hosts together: answers name each twice in their policy, and proxies may refuse headers of 4 kB."""
 GATEWAY_SCHEMES = ("rtsp", "rtsps", "rtmp", "rtmps", "udp", "srt")
 PARAMETER = "address"
 _HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:.]+\]")
@@ -62,6 +64,14 @@ class VideoAddresses:
     def get_addresses(self, fleet: str) -> dict[int, str]:
         """The addresses of a fleet by tractor."""
         return dict(sorted(self._by_fleet.get(fleet, {}).items()))
+
+    def check_room(self, address: str) -> None:
+        """Raise ServiceError where the policy of pages has no room for the host of one more address."""
+        origin = find_origin(address)
+        if origin and len(" ".join({*self.list_origins(), origin})) > MOST_ORIGIN_CHARS:
+            raise _refuse(
+                address, "is on one host too many for the policy of pages; let one gateway serve several videos"
+            )
 
     def remove_fleet(self, fleet: str) -> None:
         """Forget a deleted fleet."""
@@ -134,6 +144,8 @@ async def set_video_address(
             f"The fleet has no tractor {tractor}; use 1 to {session.tractor_count}.", parameter="tractor"
         )
     address = None if body.address is None else check_video_address(body.address)
+    if address is not None:
+        sessions.videos.check_room(address)
     stored = sessions.videos.set_address(id, tractor, address)
     await asyncio.to_thread(sessions.store.save_fleet_setting, id, SETTINGS_KEY, stored)
     await asyncio.to_thread(
