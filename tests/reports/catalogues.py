@@ -67,7 +67,8 @@ def collect_texts() -> frozenset[Text]:
         *PAGE_WORDS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
         *iter_sentences(),
     }  # fmt: skip
-    return frozenset(texts)
+    singulars = {text[0] for text in texts if isinstance(text, tuple)}  # a catalogue holds a key once
+    return frozenset(texts - singulars)
 
 
 def read_catalogue(language: str) -> Catalog:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import inspect
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import FunctionType
 from typing import Any
 
 import typer
@@ -122,6 +123,34 @@ def _translate_titles() -> None:
 
     for name, text in HELP_TITLES.items():
         setattr(rich_utils, name, translate(text))
+    if isinstance(getattr(rich_utils, "_make_rich_text", None), FunctionType):
+        rich_utils._make_rich_text = FoldedTexts(rich_utils._make_rich_text)
+
+
+class FoldedTexts:
+    """Makes help texts as typer does, but wraps what has no spaces, such as Japanese, instead of cutting it off."""
+
+    def __init__(self, make_text: Callable[..., Any]) -> None:
+        self.make_text = make_text
+
+    def __call__(self, **options: Any) -> Any:
+        """The text as rich renders it in a column of any width."""
+        return FoldedText(self.make_text(**options))
+
+
+class FoldedText:
+    """A text of rich that is broken between letters where a word is longer than the line."""
+
+    def __init__(self, text: Any) -> None:
+        self.text = text
+
+    def __rich_console__(self, console: Any, options: Any) -> Any:
+        yield from console.render(self.text, options.update(overflow="fold"))
+
+    def __rich_measure__(self, console: Any, options: Any) -> Any:
+        from rich.measure import Measurement
+
+        return Measurement.get(console, options, self.text)
 
 
 def _translate_command(command: Any) -> None:
