@@ -74,7 +74,7 @@ def test_the_service_shows_the_guide() -> None:
     client = TestClient(app)
     assert client.get("/guide").url.path == "/guide/"
     assert all(page.topic in client.get("/guide/").text for page in list_pages())
-    assert "<table>" in client.get("/guide/headlands").text
+    assert "<table" in client.get("/guide/headlands").text
     assert client.get("/guide/nothing").status_code == 404
     found = client.get("/guide/", params={"q": "<script>fence"})
     assert found.status_code == 200 and "<script" not in found.text and "&lt;script&gt;" in found.text

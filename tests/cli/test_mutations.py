@@ -88,14 +88,18 @@ def test_no_value_of_a_saved_plan_is_a_fault(
 ) -> None:
     plan = small_plan(machines)
     cases = [(where, name) for where in paths(plan) for name in ODD]
+    remove_outputs(folder)
     assert headland(*words).status == 0  # whole, it is read
     for where, name in chosen(cases, words, machines):
         (folder / "plan.json").write_text(json.dumps(replaced(plan, where, ODD[name])))
-        for made in folder.glob("o.*"):
-            made.unlink()
-        for made in folder.glob("made/*"):
-            made.unlink()
+        remove_outputs(folder)
         assert_sealed(headland(*words), (where, name))
+
+
+def remove_outputs(folder: Path) -> None:
+    """Remove what earlier commands wrote."""
+    for made in (*folder.glob("o.*"), *folder.glob("made/*")):
+        made.unlink()
 
 
 def chosen(cases: list[tuple[Place, str]], words: tuple[str, ...], machines: bool) -> list[tuple[Place, str]]:
