@@ -200,8 +200,8 @@ def get_best_plan(record: FieldRecord) -> Mapping[str, Any] | None:
 
 
 def get_stated_plan_s(plan: Mapping[str, Any]) -> float | None:
-    """The time that every report states: the median of the samples, and where there are none as simulated."""
-    seconds: float | None = plan.get("time_s") if plan.get("p50_s") is None else plan["p50_s"]
+    """The end of field work that every report states, seconds after the start; all the time of an older answer."""
+    seconds: float | None = plan.get("stated_end_s", plan.get("p50_s") or plan.get("time_s"))
     return seconds
 
 

@@ -50,8 +50,19 @@ class TokenStore(StorePart):
         """Make a token: its text, which is stored nowhere, and its row.
 
         `expires` is as of `parse_end`; without it a robot's token ends after 30 days and others never. Raises
-        ServiceError, NotFoundError for a fleet that there is not, ConflictError.
+        ServiceError, also for a name that browsers have, NotFoundError for a fleet that there is not, ConflictError.
         """
+        if name.startswith(BROWSER_TOKEN_PREFIX):
+            raise ServiceError(
+                f"The name {name!r} is one for browsers that log in on the machine of the service; choose a name that "
+                f"does not begin with {BROWSER_TOKEN_PREFIX.strip()!r}.",
+                parameter="name",
+            )
+        return self._create_token(name, scopes, fleet=fleet, tractor=tractor, expires=expires)
+
+    def _create_token(
+        self, name: str, scopes: str | Iterable[str], *, fleet: str | None, tractor: int | None, expires: str | None
+    ) -> tuple[str, TokenRow]:
         chosen = check_scopes(scopes.split() if isinstance(scopes, str) else scopes)
         check_robot_binding(chosen, fleet, tractor)
         end = parse_expiry(expires or (ROBOT_TOKEN_LIFE if ROBOT in chosen else NEVER))
@@ -94,7 +105,8 @@ class TokenStore(StorePart):
         if not all(name.startswith(BROWSER_TOKEN_PREFIX) for name in names):
             return None
         number = next(each for each in count(1) if f"{BROWSER_TOKEN_PREFIX}{each}" not in names)
-        return self.create_token_text(f"{BROWSER_TOKEN_PREFIX}{number}", BROWSER_SCOPES, expires=BROWSER_TOKEN_LIFE)
+        name = f"{BROWSER_TOKEN_PREFIX}{number}"
+        return self._create_token(name, BROWSER_SCOPES, fleet=None, tractor=None, expires=BROWSER_TOKEN_LIFE)[0]
 
     def revoke_token(self, name: str) -> None:
         """Revoke a token; raises NotFoundError."""
