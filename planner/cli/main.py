@@ -40,6 +40,9 @@ from reports.common.language import FILES, set_reader, translate, translate_sent
 
 FAULT_STATUS, BAD_INPUT_STATUS, INTERRUPTED_STATUS = 1, 2, 130
 HELP_SHOWN_ERROR = "NoArgsIsHelpError"  # raised by typer after printing the help
+_NOT_A_NUMBER = re.compile(
+    r"Invalid value for '(?P<option>--[\w-]+)': Input should be a valid (?P<kind>integer|number), unable to parse.*"
+)
 DEBUG_VARIABLE = "HEADLAND_DEBUG"  # set to 1, a fault of Headland prints its traceback
 
 
@@ -189,9 +192,18 @@ def _describe_error(error: Exception) -> tuple[str, int]:
     return f"A fault of Headland ({fault}); {written_note}{debug_hint}.", FAULT_STATUS
 
 
+def _name_bad_number(found: re.Match[str]) -> str:
+    """The beginning of a refusal of an option that is no number, with its value, which typer leaves out."""
+    option, kind = found["option"], "integer" if found["kind"] == "integer" else "float"
+    words = [word.removeprefix(f"{option}=") for word in sys.argv]
+    values = [after if word == option else word for word, after in zip(words, [*words[1:], ""], strict=True)]
+    value = next((each for word, each in zip(sys.argv, values, strict=True) if word.split("=")[0] == option), "")
+    return f"Invalid value for '{option}': '{value}' is not a valid {kind}"
+
+
 def _describe_misuse(error: Any) -> str:
     """The sentence for arguments that typer cannot use."""
-    sentence = " ".join(str(error.format_message()).split()).rstrip(".")
+    sentence = _NOT_A_NUMBER.sub(_name_bad_number, " ".join(str(error.format_message()).split())).rstrip(".")
     sentence = re.sub(r"[.;]? Did you mean (.+)\?$", r" (did you mean \1?)", sentence)
     context = getattr(error, "ctx", None)
     command = getattr(context, "command_path", None) or "headland"

@@ -118,6 +118,11 @@ def _start_stage(report_stage: StageReport | None, words: str, total: int = 0) -
     return partial(report_stage, words)
 
 
+def _check_type(request: object) -> None:
+    if not isinstance(request, PlanRequest):
+        raise TypeError(f"plan() takes a PlanRequest, such as PlanRequest(field='denmark'), not {request!r:.60}.")
+
+
 def plan(
     request: PlanRequest,
     *,
@@ -158,6 +163,7 @@ def plan(
     lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
     they are planned again with repairs of the layout (planner.pipeline.plan_repairs).
     """
+    _check_type(request)
     candidates = list_candidates(request)
     prepare = partial(
         prepare_context,

@@ -94,7 +94,7 @@ def _build_request_error(model: type, error: ValidationError, given: Mapping[str
         return cause
     annotations = get_type_hints(model, include_extras=True)
     if name not in annotations:
-        return TypeError(f"{model.__name__} has no parameter {name!r}.")
+        return TypeError(f"{model.__name__} has no parameter {name!r}{suggest_name(name, annotations)}.")
     type_text = _TYPE_TEXTS[get_plain_type(annotations[name])]
     return RequestError(f"{mark_parameter(name)} is {shorten_value(given[name])}; give {type_text}.")
 

@@ -27,6 +27,8 @@ UNITS_VARIABLE = "HEADLAND_UNITS"
 LOCALE_VARIABLES = ("LC_ALL", "LC_MESSAGES", "LANG")
 LEAST_KEY_LETTERS = 6  # of a key around its values, for a sentence to be known by it
 MOST_SENTENCE_CHARS = 2000  # comparing a longer text with all keys would take seconds
+TYPED_VALUES = frozenset(("argument", "command", "file", "name", "option", "options", "other", "path"))
+"""Values of sentences that are commands or names, which no language changes."""
 _PLACEHOLDER = re.compile(r"\{(\w+)\}")
 
 
@@ -118,8 +120,14 @@ def _translate_by_pattern(sentence: str, language: str) -> str:
     for pattern, translated in _list_patterns(language):
         match = pattern.fullmatch(sentence)
         if match:
-            return _fill_in(translated, {name: translate_sentence(value) for name, value in match.groupdict().items()})
+            values = match.groupdict().items()
+            return _fill_in(translated, {name: _translate_value(name, value) for name, value in values})
     return sentence
+
+
+def _translate_value(name: str, value: str) -> str:
+    """What stands in a sentence, which may be one itself; what is typed stays as it is typed."""
+    return value if name.removeprefix("v_") in TYPED_VALUES else translate_sentence(value)
 
 
 def _fill_in(text: str, values: Mapping[str, str]) -> str:

@@ -5,6 +5,7 @@ const KEY = "headland-language";
 const ATTRIBUTES = ["aria-label", "title", "alt", "placeholder"];
 const PLACE = /\{(\w+)\}/;
 const LEAST_LETTERS = 6, MOST_REMEMBERED = 4000, MOST_CHARS = 2000;
+const TYPED = new Set(["argument", "command", "file", "name", "option", "options", "other", "path"]);
 let messages = {}, patterns = [], language = "en";
 const remembered = new Map();
 
@@ -27,7 +28,7 @@ function byPattern(text) {
   for (const { begin, end, pattern, names, to } of patterns) {
     if (!text.startsWith(begin) || !text.endsWith(end)) continue;
     const values = pattern.exec(text)?.slice(1);
-    if (values) return fillIn(to, Object.fromEntries(values.map((value, k) => [names[k], translate(value)])));
+    if (values) return fillIn(to, Object.fromEntries(values.map((value, k) => [names[k], TYPED.has(names[k]) ? value : translate(value)])));
   }
   return text;
 }
