@@ -114,8 +114,11 @@ class _CheckedCache(FunctionCache):
         """The result that was shipped for a generic processor of this kind, or None."""
         if not SHIPPED.is_dir():
             return None
-        data = self._shipped_file.load(_generalise(self._index_key(signature, target_context.codegen())))
-        return None if data is None else self._impl.rebuild(target_context, data)
+        try:
+            data = self._shipped_file.load(_generalise(self._index_key(signature, target_context.codegen())))
+            return None if data is None else self._impl.rebuild(target_context, data)
+        except Exception:  # a damaged file is as good as none, and no reason to drop what this machine compiled
+            return None
 
     def ship_overload(self, signature: Any, result: Any) -> None:
         """Store a result among those that are shipped; it has to be compiled for a generic processor."""

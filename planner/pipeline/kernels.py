@@ -144,6 +144,7 @@ class _Watch:
         self._ended.set()
         if self._report is not None:
             self._thread.join()
+            self._report(len(self._kernels), len(self._kernels), 1.0)
 
     def _run(self) -> None:
         assert self._report is not None

@@ -46,6 +46,8 @@ PLAN_OPTIONS: list[tuple[str, tuple[str, ...]]] = [
     ("--objective cheap", ("--objective 'cheap' is unknown", "did you mean 'cheapest'")),
     ("--samples 0 --objective surest", ("--samples is 0", "--objective")),
     ("--samples 0 --rain 17:00 --start 8:00", ("--samples is 0", "--rain")),
+    ("--headland-passes x", ("'--headland-passes': 'x' is not a valid integer", "--help")),
+    ("--bearing=x1", ("'--bearing': 'x1' is not a valid float",)),
     ("--samples -1", ("--samples is -1", "0 to 1,000,000")),
     ("--tractors 0", ("0 tractors", "1 to 50")),
     ("--tractors 51", ("51 tractors", "1 to 50")),

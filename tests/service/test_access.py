@@ -332,6 +332,8 @@ def test_the_login_of_the_own_machine_brings_a_token_until_somebody_makes_one(ap
         assert "#token=hl_" in another.headers["location"], "its user opened the next address, as the tab was closed"
         made = client.post("/api/v1/fields/denmark/copy", json={}, headers={"Authorization": f"Bearer {token}"}).json()
         assert made["owner"] is None, "a browser gets another token with each login"
+        with pytest.raises(ServiceError, match="'browser 7' is one for browsers"):
+            store.create_token_text("browser 7", "planner")
         store.create_token_text("office", "planner")
         last = client.get("/login", params={"code": logins.code}, follow_redirects=False)
         assert last.headers["location"] == "/" and len(store.list_tokens()) == 3

@@ -105,6 +105,18 @@ def test_what_is_shipped_is_used_where_the_sources_are_the_same(run: Run, room: 
     assert run() == ("16.0 0", "")
 
 
+@pytest.mark.slow
+def test_a_damaged_file_that_was_shipped_is_as_good_as_none(run: Run, room: Path) -> None:
+    types = "(__import__('numba').float64,)"
+    ship = f"from vehicle.two import outer; from vehicle.jit import ship_overload; t = {types}; outer.compile(t); "
+    run(ship + "ship_overload(outer, t)", NUMBA_CPU_NAME="generic", NUMBA_CACHE_DIR=str(room / "builder"))
+    damaged = list((room / "vehicle" / "kernels").rglob("*.nbc"))
+    for path in damaged:
+        path.write_bytes(b"damaged")
+    assert damaged and run() == ("7.0 0", "")
+    assert run() == ("7.0 1", ""), "what this machine compiled is kept"
+
+
 def test_only_what_python_calls_gets_machine_code(run: Run) -> None:
     """A callee is linked into its caller; called itself, it is compiled for that."""
     code = "from vehicle.two import outer; from vehicle.one import inner; print(outer(3.0), len(inner.overloads), "
