@@ -104,7 +104,7 @@ def test_the_page_links_behind_tls_on_the_usual_port(behind: Behind) -> None:
         page = browser.new_context(ignore_https_errors=True).new_page()
         page.on("websocket", lambda socket: socket.on("framereceived", lambda text: frames.append(str(text))))
         page.on("console", lambda message: said.append(message.text) if message.type == "error" else None)
-        code = behind.service.lines[-1].rsplit("code=", 1)[1]
+        code = next(line for line in reversed(behind.service.lines) if "code=" in line).rsplit("code=", 1)[1]
         page.goto(f"{PUBLIC}/login?code={code}")
         page.goto(f"{PUBLIC}/#/fleet/{behind.fleet}")
         page.wait_for_selector("text=Ready", timeout=20_000)
