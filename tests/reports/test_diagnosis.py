@@ -17,8 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from reports.common.effect_names import get_effect_label
-from reports.diagnosis.evidence import build_curve_drawing, build_evidence_content, choose_ticks
+from reports.diagnosis.evidence import choose_ticks
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.sentences import LIKELY_MEANS, explain_likely_verdict
 from reports.diagnosis.tables import build_diagnosis_table, format_diagnosis_json
@@ -34,12 +33,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     Finding,
     GroundLevel,
     NextDrive,
-    ParameterCorrelations,
-    PathPair,
-    PieceErrors,
-    PlaceErrors,
     PlanGain,
-    ReplayEvidence,
     ResidualPlot,
 )
 from vehicle.model.effects import CATALOGUE, get_effect
@@ -462,73 +456,3 @@ class TestJson:
         found = json.loads(format_diagnosis_json(diagnosis(told)))
         assert next(one for one in found["effects"] if one["id"] == "side_slip")["interval"] == {"limit_g": [0.4, None]}
         assert "0.5 (0.4 to no limit) g" in page_text(diagnosis(told))
-
-
-def pieces(seed: int, count: int) -> PieceErrors:
-    rng = np.random.default_rng(seed)
-    edges = np.arange(count + 1.0)
-    return PieceErrors(edges[:-1], edges[1:], np.full(count, 50.0), *rng.uniform(0.5, 9.0, (4, count)))
-
-
-def evidence() -> ReplayEvidence:
-    time = np.arange(0.0, 8.0)
-    straight = np.column_stack([2.0 * time, 0.0 * time])
-    bent = straight + np.column_stack([0.0 * time, 0.1 * time**2])
-    places = PlaceErrors(np.array([0.0, 5.0]), np.array([0.0, 0.0]), 5.0, np.array([8.0, 2.0]), np.array([1.0, 1.0]))
-    paths = (PathPair("first", time, straight, straight, straight), PathPair("second", time, straight, bent, straight))
-    return ReplayEvidence(10.0, pieces(1, 4), pieces(2, 6), pieces(3, 9), places, paths)
-
-
-class TestEvidence:
-    def test_bars_have_the_heights_of_the_errors(self) -> None:
-        content = build_evidence_content(diagnosis(evidence=evidence()))
-        assert content is not None and [chart["kind"] for chart in content["charts"]] == 3 * ["cross"] + 3 * ["along"]
-        by_speed, errors = content["charts"][1], evidence().by_speed
-        heights = [float(bar["height"]) for bar in by_speed["bars"]]
-        values = np.column_stack([errors.cross_before_cm, errors.cross_after_cm]).ravel()
-        assert len(heights) == 2 * 6
-        assert heights == pytest.approx(values * heights[0] / values[0], abs=0.2)
-        assert [float(bar["value"]) for bar in by_speed["bars"]] == pytest.approx(values, abs=1e-3)
-
-    def test_a_chart_without_a_bin_is_left_out(self) -> None:
-        short = diagnosis(evidence=replace(evidence(), by_speed=pieces(2, 0)), along_judged=False)
-        content = build_evidence_content(short)
-        assert content is not None and len(content["charts"]) == 2
-        assert "by wheel angle" in render_diagnosis_page(short)
-
-    def test_along_is_left_out_where_it_is_not_judged(self) -> None:
-        content = build_evidence_content(diagnosis(evidence=evidence(), along_judged=False))
-        assert content is not None and {chart["kind"] for chart in content["charts"]} == {"cross"}
-
-    def test_the_path_that_gains_most_is_shown_first(self) -> None:
-        page = render_diagnosis_page(diagnosis(evidence=evidence()))
-        assert '<option value="1" selected>second, 7 s</option>' in page
-        assert "<script>" not in render_diagnosis_page(diagnosis())
-
-    def test_json_has_the_same_errors_as_the_bars(self) -> None:
-        found = json.loads(format_diagnosis_json(diagnosis(evidence=evidence())))["residuals"]
-        assert [len(found[key]) for key in ("over_time_s", "by_speed_mps", "by_angle_deg", "by_place_m")] == [
-            4,
-            6,
-            9,
-            2,
-        ]
-        assert [one["along_after_cm"] for one in found["by_angle_deg"]] == evidence().by_angle.along_after_cm.tolist()
-        assert found["by_place_m"][0] == {"west": 0.0, "south": 0.0, "side": 5.0, "before_cm": 8.0, "after_cm": 1.0}
-
-    def test_correlations_are_paired_and_named(self) -> None:
-        names = (("understeer", "deg_per_mps2"), ("cross_slope_drift", "ratio"), ("cross_slope_drift", "bearing_deg"))
-        matrix = np.array([[1.0, -0.95, 0.2], [-0.95, 1.0, 0.1], [0.2, 0.1, 1.0]])
-        what = diagnosis(correlations=ParameterCorrelations(names, matrix))
-        found = json.loads(format_diagnosis_json(what))["correlations"]
-        assert found[0] == {"values": ["understeer.deg_per_mps2", "cross_slope_drift.ratio"], "correlation": -0.95}
-        assert [one["correlation"] for one in found] == [-0.95, 0.2, 0.1]
-        assert f"Hardly told apart: understeer and {get_effect_label('cross_slope_drift')}, ratio." in page_text(what)
-
-    def test_the_plot_of_a_limit_reaches_the_limit(self) -> None:
-        at = np.array([-0.5, 0.0, 0.5])
-        drawn = build_curve_drawing(ResidualPlot("lateral", "turning", at, at, at, at, at, limit=0.75))
-        assert [text for _, text in drawn["limits"]] == ["0.75", "0.75"]
-        assert [x for x, _ in drawn["limits"]] == pytest.approx([drawn["left"], drawn["right"]])
-        one_side = build_curve_drawing(ResidualPlot("speed", "turning", at + 0.5, at, at, at, at, limit=2.0))
-        assert len(one_side["limits"]) == 1 and one_side["series"][0]["points"][-1]["x"] < one_side["limits"][0][0]
