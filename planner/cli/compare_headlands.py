@@ -11,14 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from planner.cli.common.options import (
+    ClusterOption,
+    CsvOption,
     FieldsArgument,
+    JsonOption,
+    ProcessesOption,
     build_plan_inputs,
     find_shift_start,
     get_option_name,
     inject_request_options,
 )
 from planner.request.options import convert_options_to_parameters, list_options
-from planner.request.plan_request import COMPUTING, MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
+from planner.request.plan_request import MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
 from strategies.headland.work_order import HEADLAND_ORDERS
 from strategies.path_planning.turn_kinds import CORNERS
 
@@ -71,16 +75,10 @@ def compare_headlands(
     html: Annotated[
         Optional[Path], typer.Option(help="Write one page with a map of every plan.", rich_help_panel=OUTPUT)
     ] = None,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
-    ] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)] = False,
-    processes: Annotated[
-        Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
-    ] = None,
-    cluster: Annotated[
-        Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
-    ] = None,
+    json: JsonOption = False,
+    csv: CsvOption = False,
+    processes: ProcessesOption = None,
+    cluster: ClusterOption = None,
     **options: Any,
 ) -> None:
     """Compare ways to work the headland: corners, order and number of passes, on one field or several.

@@ -14,7 +14,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from planner.cli.common.options import FieldsArgument, build_plan_inputs, find_shift_start, inject_request_options
+from planner.cli.common.options import (
+    ClusterOption,
+    CsvOption,
+    FieldsArgument,
+    JsonOption,
+    ProcessesOption,
+    build_plan_inputs,
+    find_shift_start,
+    inject_request_options,
+)
 from planner.request.options import convert_options_to_parameters
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
@@ -278,16 +287,10 @@ def plan(
             rich_help_panel=OUTPUT,
         ),
     ] = False,
-    json: Annotated[
-        bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
-    ] = False,
-    csv: Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)] = False,
-    processes: Annotated[
-        Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
-    ] = None,
-    cluster: Annotated[
-        Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
-    ] = None,
+    json: JsonOption = False,
+    csv: CsvOption = False,
+    processes: ProcessesOption = None,
+    cluster: ClusterOption = None,
     checkpoint: Annotated[Optional[Path], typer.Option(help=_CHECKPOINT_HELP, rich_help_panel=COMPUTING)] = None,
     **options: Any,
 ) -> None:

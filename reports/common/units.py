@@ -18,12 +18,6 @@ _LEAST_ACRES = 0.1  # less is in square feet
 _LEAST_HA_M2 = 1000.0  # less is in square metres
 
 
-def format_length(metres: float | None, decimals: int = 1) -> str:
-    """A length: ``3.5 m`` or ``11.5 ft``; a dash when there is none."""
-    value = _divide(metres, FOOT_M)
-    return _join(value, decimals, "ft" if is_us() else "m")
-
-
 def format_width(metres: float) -> str:
     """A working width, without decimals that say nothing: ``3 m`` or ``9.8 ft``."""
     return f"{metres / FOOT_M:.1f} ft" if is_us() else f"{metres:g} m"
@@ -75,11 +69,6 @@ def convert_square_metres(m2: float | None) -> float | None:
 def convert_litres(litres: float | None) -> float | None:
     """Litres, or gallons."""
     return _divide(litres, GALLON_L)
-
-
-def convert_metres(metres: float | None) -> float | None:
-    """Metres, or feet."""
-    return _divide(metres, FOOT_M)
 
 
 def get_area_unit() -> str:

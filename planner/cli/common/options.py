@@ -13,12 +13,22 @@ from typer.models import ArgumentInfo
 
 from planner.request.options import RequestOption, list_given_parameters, list_options
 from planner.request.parameter_names import strip_unit
-from planner.request.plan_request import FarmChoice, PlanRequest
+from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import PlanInputs
 
 
+JsonOption = Annotated[
+    bool, typer.Option("--json", help="Print JSON for programs instead of the table.", rich_help_panel=OUTPUT)
+]
+CsvOption = Annotated[bool, typer.Option("--csv", help="Print CSV instead of the table.", rich_help_panel=OUTPUT)]
+ProcessesOption = Annotated[
+    Optional[int], typer.Option(help="Processes to use; by default one per core.", rich_help_panel=COMPUTING)
+]
+ClusterOption = Annotated[
+    Optional[str], typer.Option(help="Plan on a Dask cluster: tcp://HOST:8786.", rich_help_panel=COMPUTING)
+]
 FieldArgument = Annotated[
     str,
     typer.Argument(
