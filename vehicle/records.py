@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 DT_S = 1.0 / 60.0  # one step: pymunk's customary 60 Hz, which 10 Hz control divides
+GRAVITY_MPS2 = 9.80665  # standard gravity
 HISTORY_STEPS = 96  # steps that delays can reach back: 1.6 s, above the longest dead time and latency of the catalogue
 
 # Parameters that do not change during a run, per kind of tractor; SI and radians, distances from the centre of mass.
@@ -43,6 +44,21 @@ MODEL = np.dtype(
         ("tool_tail", "f8"),
         ("tool_half_width", "f8"),
         ("reach", "f8"),
+        # Load and terrain (vehicle.sim.load_terms); they count only where `loaded` is 1.
+        ("loaded", "f8"),
+        ("draft_constant", "f8"),
+        ("draft_linear", "f8"),
+        ("draft_square", "f8"),
+        ("axle_power", "f8"),
+        ("brake_limit", "f8"),
+        # Traction of the driven wheels (vehicle.energy.traction); a weight of 0 stands for wheels that do not slip.
+        ("driven_weight", "f8"),
+        ("per_driven_weight", "f8"),
+        ("envelope", "f8"),
+        ("slip_resistance", "f8"),
+        ("inverse_mobility", "f8"),
+        ("best_gain", "f8"),
+        ("max_slip", "f8"),
         # Effects of vehicle.model.effects; they count only where `affected` is 1.
         ("affected", "f8"),
         ("offset", "f8"),
@@ -62,6 +78,16 @@ MODEL = np.dtype(
         ("shift_right", "f8"),
         ("latency", "f8"),
         ("heading_bias", "f8"),
+        ("position_late", "f8"),
+        ("heading_late", "f8"),
+        ("heading_filter", "f8"),
+        # Of logs alone: guidance steers by what it gets, not by how that is stamped.
+        ("speed_scale", "f8"),
+        ("position_clock", "f8"),
+        ("heading_clock", "f8"),
+        ("speed_clock", "f8"),
+        ("steering_clock", "f8"),
+        ("command_clock", "f8"),
         ("patch", "f8"),
         ("patch_east", "f8"),
         ("patch_north", "f8"),
@@ -135,6 +161,18 @@ STATE = np.dtype(
         ("xs", "f8", (HISTORY_STEPS,)),
         ("ys", "f8", (HISTORY_STEPS,)),
         ("angles", "f8", (HISTORY_STEPS,)),
+        # Load and terrain: gradient of the ground below, thrust and slip of the driven wheels, seconds without getting
+        # on, and the largest sideways push over weight with its place.
+        ("slope_east", "f8"),
+        ("slope_north", "f8"),
+        ("thrust", "f8"),
+        ("wheel_slip", "f8"),
+        ("short_time", "f8"),
+        ("overturn", "f8"),
+        ("overturn_x", "f8"),
+        ("overturn_y", "f8"),
+        ("overturn_leg", "i8"),
+        ("shortage", "i8"),
         ("stage", "i8"),
         ("segment", "i8"),
         ("leg", "i8"),

@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from fields.documents.coordinate_systems import apply_coordinate_options
-from fields.documents.sources import parse_field_reference
+from fields.documents.sources import FieldReference, parse_field_reference
 from fields.errors import FieldError, mark_parameter
 from fields.formats.features import describe_unused_feature, summarise_counts
 from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
@@ -30,8 +30,13 @@ from fields.geometry.nested_polygons import find_inside_polygons, find_parent_po
 from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
 from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.terrain.point_files import POINT_SUFFIXES
+from fields.terrain.rasters import RASTER_SUFFIXES
+from fields.text_files import shorten_value
 
 MAX_LISTED_FIELDS = 12
+HEIGHT_SUFFIXES = (*RASTER_SUFFIXES, *POINT_SUFFIXES)
+"""Of files with heights (fields.terrain); another `elevation` of a boundary is no name of a file."""
 
 
 def read_field(
@@ -53,7 +58,8 @@ def read_field(
     a Point with its ``radius_m``, a LineString with its ``width_m``, or a Polygon; a ``kind`` such as ``pole`` or
     ``ditch`` gives a default size. A line or Polygon with ``role: headland`` is the inner edge of a headland. The
     boundary may have ``edge: fence`` all round; a LineString along it with ``edge: fence`` or ``edge: open`` describes
-    one side, and one with ``role: guidance``, or with only a name, is a line that swaths can be laid along. Points,
+    one side, and one with ``role: guidance``, or with only a name, is a line that swaths can be laid along. An
+    ``elevation`` of the boundary names a file with heights beside the field file. Points,
     short lines and polygons within the field that have no role are obstacles, unless their words or number say
     otherwise (`fields.geometry.assumed_obstacles`); remarks name them. Heights are dropped and open rings closed.
 
@@ -106,7 +112,24 @@ def read_field(
         edge_overhangs=read_edge_overhangs(polygon, document.boundary_edges, frame, shape, label),
         guidance_lines=read_guidance_lines(document, frame, shape, multiple_fields),
         headland_edges=read_headland_edges(document, frame, shape),
+        elevation=_find_elevation_file(polygon, source, label),
     )
+
+
+def _find_elevation_file(polygon: RawPolygon, source: FieldReference, label: str) -> str | None:
+    """The path of the file with heights that a boundary names; None for no name of a file, such as a mean height.
+
+    It lies beside the field file, so that a field from elsewhere opens no other file. Raises FieldError.
+    """
+    name = polygon.properties.get("elevation")
+    if not isinstance(name, str) or not name.lower().endswith(HEIGHT_SUFFIXES):
+        return None
+    if name != Path(name).name or "\\" in name:
+        raise FieldError(
+            f"{label} names the heights {shorten_value(name)}; put the file beside the field file, and give its name "
+            "without folders."
+        )
+    return str(Path(source.place).parent / name)
 
 
 def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) -> tuple[str, ...]:

@@ -37,6 +37,7 @@ def write_field(field: Field, path: str | Path) -> None:
 def build_field_geojson(field: Field) -> str:
     """GeoJSON text of a field, one feature per line."""
     properties = {"name": field.name, "source": field.source, "default_ground": field.default_ground}
+    properties |= {} if field.elevation is None else {"elevation": Path(field.elevation).name}
     features = [_build_feature("Polygon", _build_rings(field, field.workable_region), properties)]
     for zone in field.ground_zones:
         features.append(_build_feature("Polygon", _build_rings(field, zone.polygon), {"ground": zone.name}))

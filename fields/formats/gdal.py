@@ -2,7 +2,7 @@
 
 GDAL chooses a driver by the content of a file, and some drivers read other files, query servers or run SQL because a
 file says so. Therefore only the driver of the expected format is enabled while a file is read, nothing is fetched, and
-no neighbouring file is read. Column names become lower case, as DBF files have capital letters; heights are dropped.
+no neighbouring file is read. Column names become lower case, as DBF files have capital letters; fields lose heights.
 """
 
 from __future__ import annotations
@@ -174,19 +174,44 @@ def read_layers(
     return layers
 
 
-def read_table(source: Path | bytes, layer: int | None = None, max_features: int | None = None) -> LayerTable:
+def read_tables(
+    source: Path | bytes,
+    label: str,
+    format_name: str,
+    drivers: tuple[str, ...],
+    layer_names: tuple[str, ...] | None = None,
+) -> list[LayerTable]:
+    """All layers of a file, or the named ones, with the heights of their points; arguments as in `read_layers`.
+
+    Raises:
+        FieldError: the file is in another format.
+    """
+    from pyogrio import list_layers
+
+    with _convert_gdal_errors(source, label, format_name), restrict_gdal_drivers(*drivers):
+        names = [str(row[0]) for row in list_layers(_resolve_source(source))]
+        return [
+            read_table(source, at, with_heights=True)
+            for at, name in enumerate(names)
+            if layer_names is None or name in layer_names
+        ]
+
+
+def read_table(
+    source: Path | bytes, layer: int | None = None, max_features: int | None = None, *, with_heights: bool = False
+) -> LayerTable:
     """Geometries and columns of a layer; text that does not match its declared encoding is read as Latin-1.
 
     To be called within `restrict_gdal_drivers`. Raises the exceptions of pyogrio.
     """
     from pyogrio.raw import read
 
-    is_latin1, place = False, _resolve_source(source)
+    is_latin1, place, is_flat = False, _resolve_source(source), not with_heights
     try:
-        meta, _, shapes, columns = read(place, layer=layer, force_2d=True, max_features=max_features)
+        meta, _, shapes, columns = read(place, layer=layer, force_2d=is_flat, max_features=max_features)
     except UnicodeDecodeError:
         meta, _, shapes, columns = read(
-            place, layer=layer, force_2d=True, max_features=max_features, encoding="ISO-8859-1"
+            place, layer=layer, force_2d=is_flat, max_features=max_features, encoding="ISO-8859-1"
         )
         is_latin1 = True
     fields = [str(one).lower() for one in meta["fields"]]

@@ -24,9 +24,12 @@ ROOT_TAGS = ("kml", "Document", "Folder", "Placemark")
 
 
 def _read_kml(path: str, label: str) -> FieldDocument:
-    if is_archive(path):
-        return _build_kml_document(_unpack_kmz(path, label), label)
-    return parse_kml(read_bytes(path, "a KML file", FieldError), label)
+    return _build_kml_document(read_kml_texts(path, label), label)
+
+
+def read_kml_texts(path: str, label: str) -> list[bytes]:
+    """The text of a KML file, or every document of a KMZ; raises FieldError."""
+    return _unpack_kmz(path, label) if is_archive(path) else [read_bytes(path, "a KML file", FieldError)]
 
 
 def parse_kml(content: bytes, label: str) -> FieldDocument:

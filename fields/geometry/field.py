@@ -76,6 +76,7 @@ class Field:
         guidance_lines: lines from the field file.
         headland_edges: inner edges of headlands from the field file; plans lay their own headlands.
         cut_off_parts: pieces that obstacles and their margins separate from the boundary.
+        elevation: path of the file with heights that the field file names, or None.
 
     A boundary of more than MAX_POINTS_UNSIMPLIFIED points is simplified to MIN_TOLERANCE_M, and one that still has more
     than MAX_POINTS further, up to MAX_TOLERANCE_M; a remark says so.
@@ -103,6 +104,7 @@ class Field:
     guidance_lines: tuple[GuidanceLine, ...] = ()
     headland_edges: tuple[HeadlandEdge, ...] = ()
     cut_off_parts: tuple[shapely.Polygon, ...] = ()
+    elevation: str | None = None
 
     def __post_init__(self) -> None:
         label = f"field '{self.name}'"

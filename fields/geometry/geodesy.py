@@ -17,7 +17,7 @@ from fields.errors import FieldError, mark_parameter
 from fields.text_files import shorten_value
 
 if TYPE_CHECKING:
-    from pyproj import Transformer
+    from pyproj import CRS, Transformer
 
 
 EQUATOR_M, ECCENTRICITY2 = 6_378_137.0, 0.006_694_38
@@ -151,18 +151,30 @@ def is_wgs84_longitude_latitude(crs: str) -> bool:
     Raises:
         FieldError: the system is unknown.
     """
+    return any(is_same_crs(crs, plain_system) for plain_system in ("EPSG:4326", "OGC:CRS84"))
+
+
+def is_same_crs(crs: str, other: str) -> bool:
+    """Whether two texts name the same coordinate system.
+
+    Raises:
+        FieldError: a system is unknown.
+    """
+    return bool(_parse_crs(crs).equals(_parse_crs(other)))
+
+
+def _parse_crs(crs: str) -> CRS:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     _check_crs_without_files(crs)
     try:
-        system = CRS.from_user_input(crs)
+        return CRS.from_user_input(crs)
     except CRSError as error:
         raise FieldError(
             f"The coordinate system {shorten_value(crs, 60)} is unknown; name an EPSG code such as 'EPSG:28992' or "
             "convert the file to longitude and latitude."
         ) from error
-    return any(system.equals(CRS.from_user_input(plain_system)) for plain_system in ("EPSG:4326", "OGC:CRS84"))
 
 
 @lru_cache(maxsize=64)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from dataclasses import field as member
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -44,13 +46,14 @@ PROMISING_COST_RATIO = 1.25
 
 @dataclass(frozen=True)
 class Swath:
-    """One straight swath, given by its centre line.
+    """One swath, given by its centre line: straight, or curved where it has places on the way.
 
     Attributes:
         line: number of the parallel line, counted across each cell, cell after cell.
         piece: 0 and up along +u where a hole or a notch interrupts the line.
         start_m, end_m: ends of the centre line, metres; end - start points along +u.
         cell_number: number of its cell.
+        via_m: places of a curved centre line between its ends, metres.
     """
 
     line: int
@@ -58,11 +61,26 @@ class Swath:
     start_m: tuple[float, float]
     end_m: tuple[float, float]
     cell_number: int = 1
+    via_m: tuple[tuple[float, float], ...] = member(default=(), compare=False, repr=False)
 
     @property
+    def points_m(self) -> FloatArray:
+        """The centre line, shape (n, 2)."""
+        return np.array([self.start_m, *self.via_m, self.end_m])
+
+    @cached_property
     def length_m(self) -> float:
         """Length in metres."""
+        if self.via_m:
+            return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
         return math.dist(self.start_m, self.end_m)
+
+    def get_headings_rad(self, bearing_rad: float) -> tuple[float, float]:
+        """Directions at the start and at the end; of a straight swath both are the bearing of its cell."""
+        if not self.via_m:
+            return bearing_rad, bearing_rad
+        first, last = self.points_m[:2], self.points_m[-2:]
+        return tuple(math.atan2(b[1] - a[1], b[0] - a[0]) for a, b in (first, last))  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
@@ -364,7 +382,7 @@ def compute_unworked_free_space(layout: Layout, free_space: shapely.Geometry) ->
 
     Ends of swaths that reach into the headland passes, as slanted ones do, belong to the headland: it is worked too.
     """
-    swaths = shapely.linestrings([[swath.start_m, swath.end_m] for swath in layout.swaths])
+    swaths = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
     worked = shapely.buffer(swaths, SWATH_HALF_WIDTH * layout.width_m, cap_style="flat")
     unworked = shapely.difference(free_space, shapely.union_all(worked, grid_size=GRID_M), grid_size=GRID_M)
     if layout.headland_passes:

@@ -11,14 +11,33 @@ from planner.cli.common.options import AsJson, TractorOption
 
 if TYPE_CHECKING:
     from planner.cli.common.outputs import OutputContent
+    from planner.errors import RequestError
+    from planner.pipeline.log_ground import HeightFile
+    from planner.pipeline.soil_rows import SoilLine
     from vehicle.identification.verdict.demo_logs import HiddenEffect
     from vehicle.identification.verdict.diagnosis_types import Diagnosis
 
 
+NOT_SAVED_STATUS = 3
 FixOption = Annotated[
     Optional[list[str]],
     typer.Option("--fix", help="A convention to convert from, such as steering-left-positive; may be repeated."),
 ]
+ElevationOption = Annotated[
+    Optional[str], typer.Option(help="Heights of the ground, a raster or points, in place of roll and pitch.")
+]
+ElevationCrsOption = Annotated[
+    Optional[str], typer.Option(help="Coordinate system of the heights, such as EPSG:25832, if the file lacks it.")
+]
+LogCrsOption = Annotated[
+    Optional[str],
+    typer.Option("--crs", help="Coordinate system of easting_m and northing_m; that of the heights by default."),
+]
+SaveSoilOption = Annotated[
+    Optional[str],
+    typer.Option(help="Add what was found of the soil to a table for plan --soil: NAME (in soils.csv), FILE#NAME."),
+]
+MoistureOption = Annotated[Optional[float], typer.Option(help="Moisture of that soil in the logs, % of dry weight.")]
 GroundOption = Annotated[str, typer.Option(help="Ground the logs were made on: soil or asphalt.")]
 
 
@@ -36,15 +55,35 @@ def diagnose(
     seed: Annotated[Optional[int], typer.Option(help="Seed of the demonstration, 1 by default.")] = None,
     hide: Annotated[Optional[str], typer.Option(help="Effect to hide in the demonstration; random by default.")] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write the report as one page.")] = None,
-    save: Annotated[Optional[Path], typer.Option(help="Write the tractor file with what was found.")] = None,
+    save: Annotated[
+        Optional[Path], typer.Option(help="Write the tractor file with what was found, unless that harms unseen runs.")
+    ] = None,
+    holdout: Annotated[
+        Optional[list[str]],
+        typer.Option(
+            "--holdout",
+            help="Keep runs out of everything, and give the error before and after on them: names or patterns (in "
+            "quotes), #2 for the second run, how many, or auto.",
+        ),
+    ] = None,
+    elevation: ElevationOption = None,
+    elevation_crs: ElevationCrsOption = None,
+    crs: LogCrsOption = None,
+    save_soil: SaveSoilOption = None,
+    moisture: MoistureOption = None,
     next_drive: Annotated[
         Optional[Path], typer.Option(help="Write the plan of the drive to do next, if the logs leave a doubt.")
     ] = None,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Print every effect, every run and how to read them as well.")
+    ] = False,
     json: AsJson = False,
 ) -> None:
     """Compare the simulation with measured logs, name the causes of its errors, and extend the tractor file.
 
-    Example: headland diagnose runs/*.csv --tractor eg105 --ground soil --html report.html --save my-eg105.toml
+    With --holdout, the tractor file of --save is only written if it lowers the error on runs that had no part in it.
+
+    Example: headland diagnose runs/*.csv --tractor eg105 --holdout auto --html report.html --save my-eg105.toml
     """
     from planner.cli.common.terminal import limit_linear_algebra_threads
 
@@ -52,13 +91,30 @@ def diagnose(
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 
     _check_demo_options(demo, logs, seed, hide, fix, as_driven)
-    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json")
-    check_output_paths(*outputs, input_files=list_input_files(logs=logs or (), tractor=tractor))
-    diagnosis, hidden = _run_diagnosis(logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide)
-    with write_before_printing(_render_report(diagnosis, hidden, html, save, next_drive)):
-        _print_diagnosis(diagnosis, hidden, json)
+    heights = _choose_heights(elevation, elevation_crs, crs, demo)
+    soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
+    soil_table = None if soil_line is None else soil_line.path
+    outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_table, ".csv")
+    check_output_paths(*outputs, input_files=list_input_files(logs=logs or (), tractor=tractor, elevation=elevation))
+    diagnosis, hidden = _run_diagnosis(
+        logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights
+    )
+    soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
+    with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
+        _print_diagnosis(diagnosis, hidden, json, explain)
     if next_drive and diagnosis.next_drive_plan is None:
         typer.echo(f"{next_drive} is not written: these logs leave no doubt that one drive would settle.", err=True)
+    if save and not diagnosis.is_savable:
+        from planner.cli.common.terminal import print_sentence
+        from reports.diagnosis.log_checks import describe_unsaved
+
+        print_sentence(f"{save} is not written: {describe_unsaved(diagnosis)}", err=True)
+        raise typer.Exit(NOT_SAVED_STATUS)
+    if unsaved_soil is not None:
+        from planner.cli.common.terminal import print_sentence
+
+        print_sentence(str(unsaved_soil), err=True)
+        raise typer.Exit(NOT_SAVED_STATUS)
 
 
 def _render_report(
@@ -69,7 +125,7 @@ def _render_report(
         from reports.diagnosis.page import render_diagnosis_page
 
         results.append((html, render_diagnosis_page(diagnosis, None if hidden is None else hidden.description)))
-    if save:
+    if save and diagnosis.is_savable:
         from vehicle.model.tractor_writer import format_tractor_toml
 
         results.append((save, format_tractor_toml(diagnosis.tractor)))
@@ -95,9 +151,53 @@ def _check_demo_options(
             raise RequestError(f"{name} {value} needs the demonstration; add --demo or leave out {name}.")
 
 
+def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str | None, demo: bool) -> HeightFile | None:
+    """Raises RequestError for heights with --demo, and for a coordinate system without heights."""
+    from planner.errors import RequestError
+    from planner.pipeline.log_ground import HeightFile
+
+    if elevation is not None and demo:
+        raise RequestError("--elevation is the ground of log files; leave it out with --demo.")
+    if elevation is not None:
+        return HeightFile(elevation, elevation_crs, crs)
+    for name, value in (("--elevation-crs", elevation_crs), ("--crs", crs)):
+        if value is not None:
+            raise RequestError(f"{name} {value} needs heights; add --elevation or leave out {name}.")
+    return None
+
+
+def _choose_soil_line(save_soil: str | None, moisture: float | None, ground: str, demo: bool) -> SoilLine | None:
+    """Raises RequestError for a line that cannot be added, and for an option that would be ignored."""
+    from planner.errors import RequestError
+    from planner.pipeline.soil_rows import parse_soil_line
+
+    if save_soil is None:
+        if moisture is not None:
+            raise RequestError(f"--moisture {moisture:g} is that of a soil; add --save-soil or leave out --moisture.")
+        return None
+    if demo:
+        raise RequestError("--save-soil learns from log files; leave it out with --demo.")
+    return parse_soil_line(save_soil, moisture, ground)
+
+
+def _render_soil(
+    diagnosis: Diagnosis, line: SoilLine | None
+) -> tuple[list[tuple[Path, OutputContent]], RequestError | None]:
+    """The table with the line, or why there is none."""
+    from planner.errors import RequestError
+    from planner.pipeline.soil_rows import build_soil_row, format_soil_table
+
+    if line is None:
+        return [], None
+    try:
+        return [(line.path, format_soil_table(build_soil_row(diagnosis, line), line.path))], None
+    except RequestError as error:
+        return [], error
+
+
 def _run_diagnosis(
     logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, as_driven: bool, seed: int,
-    hide: str | None,
+    hide: str | None, holdout: list[str] | None, heights: HeightFile | None,
 ) -> tuple[Diagnosis, HiddenEffect | None]:  # fmt: skip
     """The diagnosis, and without logs what the demonstration had hidden."""
     from planner.cli.common.terminal import create_progress_callback
@@ -106,23 +206,27 @@ def _run_diagnosis(
 
     with create_progress_callback("Diagnosing") as progress:
         if not logs:
-            return diagnose_demo(tractor=tractor, ground=ground, seed=seed, hidden_effect=hide, progress=progress)
+            return diagnose_demo(
+                tractor=tractor, ground=ground, seed=seed, hidden_effect=hide, holdout=holdout, progress=progress
+            )
         diagnosis = explain(
-            logs, tractor=tractor, ground=ground, fixes=fix or (), use_driven_size=as_driven, progress=progress
-        )
+            logs, tractor=tractor, ground=ground, fixes=fix or (), use_driven_size=as_driven, holdout=holdout,
+            heights=heights, progress=progress,
+        )  # fmt: skip
         return diagnosis, None
 
 
-def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool) -> None:
+def _print_diagnosis(diagnosis: Diagnosis, hidden: HiddenEffect | None, json: bool, explain: bool) -> None:
     if json:
         from reports.diagnosis.tables import format_diagnosis_json
 
         typer.echo(format_diagnosis_json(diagnosis, hidden), nl=False)
         return
     from planner.cli.common.terminal import print_renderable
+    from reports.diagnosis.first_screen import build_diagnosis_screen
     from reports.diagnosis.tables import build_diagnosis_table
 
-    print_renderable(build_diagnosis_table, diagnosis)
+    print_renderable(build_diagnosis_table if explain else build_diagnosis_screen, diagnosis)
     if hidden is not None:
         from reports.common.effect_names import format_effect_with_id
         from reports.common.text_tables import format_sentence

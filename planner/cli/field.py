@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
+from typer.core import TyperCommand
 
 from planner.cli.common.options import AsJson, FieldArgument, build_plan_inputs, inject_request_options
+from planner.cli.common.reader import translate_help
 from planner.request.options import convert_options_to_parameters
 from planner.request.plan_request import FarmChoice, PlanRequest
 
@@ -18,8 +20,10 @@ if TYPE_CHECKING:
 FIELD_OPTIONS = (
     "width", "headland", "headland_passes", "bearing", "cell_bearing", "corners", "overhang", "no_headland", "margin",
     "entrance", "obstacle", "ignore", "tractor", "farm", "implement", "local", "crs", "swap_axes", "guidance_line",
+    "elevation", "elevation_crs", "swaths",
 )  # fmt: skip
 """Options of a plan that say how a field is laid out."""
+HEIGHTS = "heights"
 
 
 @inject_request_options(only=FIELD_OPTIONS, panels=False)
@@ -32,6 +36,9 @@ def field(
     **options: Any,
 ) -> None:
     """Show area, obstacles, cells, headland passes and tracks of a field, unworked ground and why, and which turns fit.
+
+    With --elevation, or heights that the field file names, also slopes and the direction in which the field falls.
+    `headland field heights` writes such a file from logs.
 
     In a GeoJSON file, tractors avoid a feature with role "obstacle" or without a role (--ignore leaves one out) and do
     not cross a boundary, or a line along it, with edge "fence"; "open" lines are openings, and a point with role
@@ -47,7 +54,10 @@ def field(
 
     choice = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
     check_output_paths(
-        (png, ".png"), input_files=list_input_files(field=field, tractor=options["tractor"], farm=choice.farm)
+        (png, ".png"),
+        input_files=list_input_files(
+            field=field, tractor=options["tractor"], farm=choice.farm, elevation=options["elevation"]
+        ),
     )
     if list_only and png:
         raise RequestError("--png draws one field; leave it out with --list.")
@@ -63,9 +73,60 @@ def field(
         )
         facts = describe_field(planning_context)
         results = [(png, _draw_map(planning_context))] if png else []
-    print_remarks(planning_context.layout.field.remarks)
+    elevation = planning_context.physics.elevation
+    print_remarks((*planning_context.layout.field.remarks, *(() if elevation is None else elevation.remarks)))
     with write_before_printing(results):
         _print_facts(facts, json)
+
+
+def write_heights(
+    runs: Annotated[list[Path], typer.Argument(help="The folder of headland logs import, or log files in it.")],
+    output: Annotated[
+        Path, typer.Option("--out", "-o", help="The raster to write: .tif (GeoTIFF) or .asc (ASCII grid).")
+    ],
+    force: Annotated[bool, typer.Option("--force", help="Overwrite a raster of the same name.")] = False,
+) -> None:
+    """Write the heights in imported logs as a raster, for --elevation of plans.
+
+    Runs are levelled to each other where they cross, and smoothed over a length that is printed; cells without points
+    near have no data.
+
+    Example: headland field heights runs -o heights.tif
+    """
+    from fields.terrain.raster_writer import list_raster_files, render_raster
+    from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
+    from planner.cli.common.terminal import create_progress_callback, print_remarks, print_renderable
+    from planner.task_logs.run_heights import build_run_heights
+    from planner.task_logs.runs.run_files import list_run_files, load_imported_runs
+    from reports.common.text_tables import format_sentence
+
+    input_files: dict[str | Path, str] = {path: f"the log {path}" for path in list_run_files(runs)}
+    files = list_raster_files(output)
+    check_output_paths(*((file, "") for file in files), input_files=input_files)
+    for file in files:
+        refuse_overwrite(file, force)
+    with create_progress_callback("Smoothing heights"):
+        grid, crs = build_run_heights(load_imported_runs(runs))
+        contents = render_raster(grid, crs, output)
+    print_remarks(grid.remarks)
+    with write_before_printing(list(zip(files, contents, strict=True))):
+        print_renderable(format_sentence(f"Written to {output}: {grid.source}."))
+
+
+heights_command = typer.Typer(add_completion=False, rich_markup_mode="markdown")
+heights_command.command(HEIGHTS)(write_heights)
+
+
+class FieldCommand(TyperCommand):
+    """`headland field FIELD`, whose first word may be `heights` instead of a field."""
+
+    def make_context(self, info_name: str | None, args: list[str], *others: Any, **options: Any) -> Any:
+        """As typer does, for the command of heights if its word comes first."""
+        if args[:1] != [HEIGHTS]:
+            return super().make_context(info_name, args, *others, **options)
+        command = typer.main.get_command(heights_command)
+        translate_help(command)
+        return command.make_context(f"{info_name} {HEIGHTS}", args[1:], *others, **options)
 
 
 def _print_facts(facts: dict[str, Any], json: bool) -> None:

@@ -1,7 +1,7 @@
 """The `headland` command: collects the commands and turns errors into one sentence and an exit status.
 
-Exit status: 0 done, 1 disk full, out of memory or a fault of Headland, 2 bad input or usage, 3 no feasible plan,
-130 interrupted.
+Exit status: 0 done, 1 disk full, out of memory or a fault of Headland, 2 bad input or usage, 3 no feasible plan
+or a tractor file that is not worth saving, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -21,12 +21,13 @@ from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
 from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
+from planner.cli.compare_bearings import compare_bearings
 from planner.cli.compare_headlands import compare_headlands
 from planner.cli.day import day
 from planner.cli.diagnosis import diagnose, replay
 from planner.cli.experiments import design, drive, study, validate
 from planner.cli.farm import farm
-from planner.cli.field import field
+from planner.cli.field import FieldCommand, field
 from planner.cli.guide import guide
 from planner.cli.machines import gnss, tractor
 from planner.cli.plan import plan
@@ -112,9 +113,10 @@ def describe_headland(
 
 app.command()(plan)
 app.command("compare-headlands")(compare_headlands)
+app.command("compare-bearings")(compare_bearings)
 app.command()(show)
 app.command()(export)
-app.command()(field)
+app.command(cls=FieldCommand)(field)
 app.command()(study)
 app.command()(diagnose)
 app.command()(replay)

@@ -321,8 +321,9 @@ def plan(
         )
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files(
-        field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm, rain=request.rain
-    )
+        field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm,
+        rain=request.rain, elevation=request.elevation, soil=request.soil,
+    )  # fmt: skip
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(
         build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all

@@ -23,14 +23,16 @@ from fields.errors import HeadlandError
 from fields.geometry.field import Field
 from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
 from planner.errors import WorkerError
+from planner.evaluation.field_physics import get_elevation_name
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content
+from planner.pipeline.height_files import hash_height_files
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
-from planner.risk.leg_graph import LegGraph, WaitLink, build_leg_graph
+from planner.risk.leg_graph import LegFuel, LegGraph, WaitLink, build_leg_graph, measure_leg_fuel
 from planner.risk.planned_order import enforce_planned_order
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
@@ -92,6 +94,7 @@ def remove_unfinished_file(draft: Path) -> None:
 GRAPH_ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
 PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills")
 ANONYMOUS = "field"
+HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
 Array = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
@@ -101,7 +104,7 @@ class FieldTime:
     """The quickest plan of a fleet on a field; `graph` is None if there is no plan, for the reason in `reason`.
 
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
-    ones if it collects.
+    ones if it collects. `is_lasting` is False for a refusal of heights, whose sentence names files that may change.
     """
 
     strategy: str = ""
@@ -112,6 +115,7 @@ class FieldTime:
     graph: LegGraph | None = None
     refills: int | None = None
     reason: str = ""
+    is_lasting: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,10 +130,14 @@ class FieldTimeTask:
 
     @cached_property
     def key(self) -> str:
-        """A hash of the inputs that determine the result, without names and places."""
-        request = replace(self.request, field=ANONYMOUS, tractor=ANONYMOUS)
-        nameless = replace(self.field, name=ANONYMOUS, crs=None, origin_m=(0.0, 0.0), source="", remarks=())
-        return hash_content(nameless, request, self.tractor, self.implement, self.supply, worker=__name__)
+        """A hash of the inputs that determine the result, without names, and without places where no heights are."""
+        elevation_name = get_elevation_name(self.request, self.field)
+        request = replace(self.request, field=ANONYMOUS, tractor=ANONYMOUS, elevation=None)
+        nameless = replace(self.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
+        if elevation_name is None:
+            nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
+        heights = hash_height_files(elevation_name)
+        return hash_content(nameless, request, self.tractor, self.implement, self.supply, heights, worker=__name__)
 
 
 FieldTimeTable = tuple[tuple[FieldTime | None, ...], ...]
@@ -185,7 +193,8 @@ def compute_field_times(
             iter_completed(executor, compute_field_time, [(task_by_key[key],) for key in missing_keys]), start=1
         ):
             known_times[missing_keys[index]] = field_time
-            is_cached = cache.write(missing_keys[index], pack_field_time(field_time)) and is_cached
+            if field_time.is_lasting:
+                is_cached = cache.write(missing_keys[index], pack_field_time(field_time)) and is_cached
             if progress:
                 progress(len(task_by_key) - len(missing_keys) + done, len(task_by_key))
     except BrokenExecutor:
@@ -213,10 +222,13 @@ def compute_field_time(task: FieldTimeTask) -> FieldTime:
                 executor=SerialExecutor(),
             )
         except HeadlandError as refusal:
-            return FieldTime(reason=str(refusal))
+            return FieldTime(reason=str(refusal), is_lasting=refusal.parameter not in HEIGHT_PARAMETERS)
         best, run = result.ranking.best, result.run
         if best is not None and run is not None:
-            graph = build_leg_graph(enforce_planned_order(run, result.context.tractor, result.context.implement))
+            context, physics = result.context, result.context.physics
+            ordered_run = enforce_planned_order(run, context.tractor, context.implement)
+            fuel = measure_leg_fuel(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
+            graph = build_leg_graph(ordered_run, fuel)
             return FieldTime(
                 best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph, best.refills
             )
@@ -238,6 +250,9 @@ def pack_field_time(field_time: FieldTime) -> dict[str, Any]:
         "first": list(graph.first_nodes),
         "order": list(graph.order),
         "leaving": leaving,
+        "fuel": None
+        if graph.fuel is None
+        else {"driving_l": graph.fuel.driving_l.tolist(), "idle_l_per_s": graph.fuel.idle_l_per_s},
     }
     return {**content, "graph": {**header, **arrays, "links": links}}
 
@@ -250,6 +265,7 @@ def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
         if "graph" not in content:
             return FieldTime(reason=str(content["reason"]))
         graph_values = dict(content["graph"])
+        fuel = graph_values["fuel"]
         graph = LegGraph(
             tractors=int(graph_values["tractors"]),
             first_nodes=tuple(graph_values["first"]),
@@ -262,6 +278,7 @@ def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
             worked_m=_parse_floats(graph_values["worked_m"]),
             stand_s=_parse_floats(graph_values["stand_s"]),
             leaving=None if graph_values["leaving"] is None else np.array(graph_values["leaving"], dtype=np.bool_),
+            fuel=None if fuel is None else LegFuel(_parse_floats(fuel["driving_l"]), float(fuel["idle_l_per_s"])),
         )
         return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
     except (KeyError, TypeError, ValueError):

@@ -34,23 +34,44 @@ from planner.evaluation.context_inputs import (
     read_requested_field,
     resolve_guidance_line,
 )
+from planner.evaluation.field_physics import (
+    LEVEL_GROUND,
+    FieldPhysics,
+    adapt_to_ground,
+    build_field_physics,
+    check_fuel_is_known,
+)
 from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m
-from planner.evaluation.layout_choice import Report, build_effort_rates, choose_quickest_job_index, list_layouts
+from planner.evaluation.layout_choice import (
+    Report,
+    build_effort_rates,
+    choose_quickest_job_index,
+    lay_contours,
+    list_layouts,
+)
 from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
+from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
+from planner.evaluation.slope_costs import build_slope_weigher
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
-from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M, STANDING_CROP_OPERATIONS, PlanRequest
+from planner.request.plan_request import (
+    KEPT_GROUND_OPERATIONS,
+    MIN_CLEARANCE_M,
+    STANDING_CROP_OPERATIONS,
+    STRAIGHT,
+    PlanRequest,
+)
 from planner.request.random_inputs import UncertaintySettings
 from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import DecisionCriteria, build_decision_criteria
 from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
 from strategies.headland.pass_shares import reverse_pass
-from strategies.path_planning.collision_check import FenceChecker, MachineBody
+from strategies.path_planning.collision_check import FenceChecker
 from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
 from strategies.path_planning.errors import StrategyError
-from strategies.path_planning.obstacle_avoidance import BendRules, LineBender, ObstacleBends, bend_swaths
+from strategies.path_planning.obstacle_avoidance import ObstacleBends
 from strategies.path_planning.paths import EntranceLane, build_entrance_lane
 from strategies.path_planning.turns import (
     TurnReach,
@@ -63,7 +84,6 @@ from strategies.program.turn_timing import TurnTimer
 from vehicle.control.speed_profile import build_driving_limits
 from vehicle.model.gnss import Table
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
-from vehicle.sim.compile import compute_contact_boxes
 
 CORNER_BEND_RAD = 0.25 * math.pi  # times the radius: an arc this long turns by 45 degrees; sharper bends are corners
 # Working widths across: smaller obstacles are bypassed within a swath; the next lower where that leaves no swath.
@@ -74,8 +94,6 @@ INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that
 FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
 OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
-# Times the planned radius or half the machine: a tighter bend is driven more slowly, but leaves less ground.
-BEND_RADIUS_FACTOR = 1.1
 _CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations")
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
@@ -97,7 +115,8 @@ class PlanningContext:
     `headland_passes` are worked; in their corners the guided point may be anywhere in `rim_area`. `obstacle_bends`
     holds lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries,
     `cost_terms` the prices and `workday` the day of a farm (None without one). `path_finders` are shared by the layouts
-    compared. `layout_repairs` are what planning changed because plans could not be driven.
+    compared. `layout_repairs` are what planning changed because plans could not be driven. `physics` are
+    heights and load.
     """
 
     request: PlanRequest
@@ -120,6 +139,7 @@ class PlanningContext:
     workday: Workday | None = None
     path_finders: ConnectorCache = member(default_factory=ConnectorCache)
     layout_repairs: LayoutRepairs = member(default_factory=LayoutRepairs)
+    physics: FieldPhysics = LEVEL_GROUND
 
     def build_job(self, tractors: int) -> FieldJob:
         """A job for this many tractors; all jobs of a context share their cached paths and turns."""
@@ -283,13 +303,14 @@ def prepare_context(
     yard: Yard | None = None,
     layout_repairs: LayoutRepairs = NO_REPAIRS,
     report_layouts: Report | None = None,
+    physics: FieldPhysics | None = None,
 ) -> PlanningContext:
     """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
 
     `field` and `tractor` (objects, names or files) replace those of the request; the `implement` gets the width of the
     request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
     the service point of the supply. `layout_repairs` are changes because plans could not be driven as asked.
-    `report_layouts` is called with (layouts compared, all of them).
+    `report_layouts` is called with (layouts compared, all of them). `physics` replaces heights and soil of the request.
     Raises FieldError, VehicleError, StrategyError or RequestError.
     """
     request = fill_in_default_names(request, field, tractor)
@@ -307,6 +328,10 @@ def prepare_context(
     cost_terms = add_travel(cost_terms, workday)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, uncertainty, cost_terms, workday)
+    farm_tractor = None if cost_terms is None else cost_terms.tractor
+    physics = physics or build_field_physics(request, field, tractor, farm_tractor)
+    tractor = adapt_to_ground(tractor, physics, field.default_ground)
+    check_fuel_is_known(request, physics, cost_terms is not None)
     implement = (implement or Implement()).model_copy(update={"width_m": request.width_m})
     radius_m = choose_radius_m(request, tractor, field)
     reach = TurnReach(tractor.antenna_forward_m + implement.hitch_m, 0.5 * max(implement.width_m, tractor.width_m))
@@ -325,6 +350,7 @@ def prepare_context(
         workday=workday,
         path_finders=ConnectorCache(),
         layout_repairs=layout_repairs,
+        physics=physics,
     )
     refusal: StrategyError | None = None
     has_obstacles = bool(field.obstacles or field.boundary.interiors)
@@ -356,7 +382,7 @@ def _lay_out_field(
     free_space = compute_free_space(field, reach.margin_m)
 
     def build_context(base_layout: Layout) -> PlanningContext:
-        layout, obstacle_bends = _bend_around_obstacles(request, base_layout, tractor, implement, radius_m, reach)
+        layout, obstacle_bends = bend_around_obstacles(base_layout, tractor, implement, radius_m, reach)
         return _complete_context(create, request, field, layout, obstacle_bends, turn_clock, free_space, reach)
 
     passing_m = max(implement.contact_width_m, tractor.width_m) + MIN_CLEARANCE_M / CLEARANCE_SHARE
@@ -366,14 +392,20 @@ def _lay_out_field(
     rates = build_effort_rates(rules, turn_times)
     contexts: list[PlanningContext] = []
     refusals: list[StrategyError] = []
-    for layout in list_layouts(request, field, headland_m, passing_m, rates):
+    layouts = (
+        list_layouts(request, field, headland_m, passing_m, rates)
+        if request.swaths == STRAIGHT
+        else [lay_contours(request, field, headland_m, passing_m, create.keywords["physics"].terrain, radius_m)]
+    )
+    for layout in layouts:
         try:
             contexts.append(build_context(layout))
         except StrategyError as refusal:  # obstacles leave no swath of this layout, but may of another
             refusals.append(refusal)
     if not contexts:
         raise refusals[0]
-    context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts], report_layouts)]
+    weigh = build_slope_weigher(request, create.keywords["physics"], tractor, field.default_ground)
+    context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts], report_layouts, weigh)]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
     return context
@@ -414,7 +446,7 @@ def _build_base_rules(
         reverse_speed_mps=min(request.effective_turn_speed_mps, MAX_REVERSE_SPEED_MPS),
         radius_m=radius_m,
         tool_m=reach.tool_m,
-        boxes=_build_outline_boxes(tractor, implement),
+        boxes=build_outline_boxes(tractor, implement),
         ahead_m=ROW_OFFSET_M if request.clearance_m > MIN_CLEARANCE_M else 0.0,
         limits=build_driving_limits(tractor, ground),
     ).scale_spacing()
@@ -460,40 +492,4 @@ def _lay_headland_passes(field: Field, width_m: float, pass_count: int, bend_m: 
     is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
     return (
         headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
-    )
-
-
-def build_body(tractor: Tractor, implement: Implement) -> MachineBody:
-    """The outline boxes of tractor and implement, measured forward from the rear axle."""
-    boxes, axle = compute_contact_boxes(tractor, implement), tractor.rear_axle_m
-    ends = (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width"))
-    sizes = tuple((boxes[low] + axle, boxes[high] + axle, boxes[half]) for low, high, half in ends)
-    return MachineBody(sizes, tractor.antenna_forward_m)
-
-
-def _bend_around_obstacles(
-    request: PlanRequest, layout: Layout, tractor: Tractor, implement: Implement, radius_m: float, reach: TurnReach
-) -> tuple[Layout, ObstacleBends]:
-    """The layout with swaths bent round small obstacles or cut at them, and the bender for other lines."""
-    field = layout.field
-    if not field.small_obstacles:
-        return layout, ObstacleBends()
-    boxes = compute_contact_boxes(tractor, implement)
-    guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
-    rules = BendRules(
-        BEND_RADIUS_FACTOR * max(radius_m, reach.margin_m),
-        reach.margin_m,
-        max(boxes["nose"], boxes["tool_front"]) - guided_point_m,
-        guided_point_m - min(boxes["tail"], boxes["tool_tail"]),
-    )
-    return bend_swaths(layout, LineBender(field.small_obstacles, field.workable_region, rules), reach.tool_m)
-
-
-def _build_outline_boxes(tractor: Tractor, implement: Implement) -> tuple[tuple[float, float, float], ...]:
-    """The outline boxes of tractor and implement, measured forward from the guided point."""
-    guided_point_m = tractor.antenna_forward_m - tractor.rear_axle_m
-    ends = compute_contact_boxes(tractor, implement)
-    return (
-        (ends["tail"] - guided_point_m, ends["nose"] - guided_point_m, ends["half_width"]),
-        (ends["tool_tail"] - guided_point_m, ends["tool_front"] - guided_point_m, ends["tool_half_width"]),
     )

@@ -14,17 +14,21 @@ import shapely
 from fields.errors import FieldError
 from fields.geometry.field import Field
 from fields.layout.cells import CELL_COST_M, PLAIN_RATES, EffortRates
+from fields.layout.contours import lay_contour_swaths
 from fields.layout.headland_passes import compute_inner_region
 from fields.layout.options import estimate_layout_cost_m, find_cheapest_bearing_deg, list_layout_alternatives
 from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
-from planner.request.plan_request import MAX_HEADLAND_PASSES, SOW, PlanRequest
+from fields.terrain.elevation_grid import ElevationGrid
+from planner.errors import RequestError, mark_parameter
+from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.headland.pass_legs import get_headland_legs
 from strategies.headland.pass_shares import share_headland
 from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.sequencing.swath_order import search_order
 from strategies.sequencing.turn_table import TurnTable
 from vehicle.control.speed_profile import estimate_drive_s
+from vehicle.model.terrain import Terrain
 
 MAX_SEARCHED_SWATHS = 125  # with more swaths the estimate decides instead of a search
 MAX_COMPARED_SWATHS = 300  # in all layouts compared together: the last layouts are dropped
@@ -76,6 +80,29 @@ def list_layouts(
         for place, (layout, swaths) in enumerate(zip(layouts, cumulative_swaths, strict=True))
         if not place or swaths <= MAX_COMPARED_SWATHS
     ]
+
+
+def lay_contours(
+    request: PlanRequest, field: Field, headland_m: float, spacing_m: float, terrain: Terrain | None, radius_m: float
+) -> Layout:
+    """The layout along contours, inside as many headland passes as the headland takes and the field has room for.
+
+    Raises RequestError without heights, and FieldError where no contour leads through the field.
+    """
+    if terrain is None:
+        raise RequestError(
+            f"{mark_parameter('swaths')} {CONTOUR} follows contours, and no heights are known; give "
+            f"{mark_parameter('elevation')}.",
+            parameter="swaths",
+        )
+    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+    width = request.width_m
+    lay = partial(lay_contour_swaths, field, grid, width, radius_m=radius_m, min_spacing_m=spacing_m)
+    max_passes = min(max(1, math.ceil(headland_m / width - 1e-6)), MAX_HEADLAND_PASSES)
+    for count in range(max_passes, 1, -1):
+        with suppress(FieldError):
+            return lay(headland_m if count == max_passes else count * width, count)
+    return lay(width, 1)
 
 
 def _estimate_effort_m(layout: Layout, rates: EffortRates) -> float:
@@ -144,10 +171,13 @@ def _list_promising_layouts(
     return [one for one in layouts[:count] if _estimate_effort_m(one, rates) <= _compute_limit_m(one, least_m)]
 
 
-def choose_quickest_job_index(jobs: Sequence[FieldJob], report: Report | None = None) -> int:
+def choose_quickest_job_index(
+    jobs: Sequence[FieldJob], report: Report | None = None, weigh: Callable[[FieldJob, float], float] | None = None
+) -> int:
     """Index of the job that one tractor finishes soonest; the first one if others gain little.
 
-    The headland passes are timed once for each number of them. `report` is called with (jobs timed, all jobs).
+    With `weigh` the cost of a job is what that makes of its seconds on level ground. The headland passes are timed once
+    for each number of them. `report` is called with (jobs timed, all jobs).
     """
     if len(jobs) == 1:
         return 0
@@ -160,7 +190,9 @@ def choose_quickest_job_index(jobs: Sequence[FieldJob], report: Report | None = 
         if passes not in headlands:
             headlands[passes] = _estimate_headland_s(job)
         extra_passes = max(0, passes - jobs[0].layout.headland_passes)
-        costs.append(_estimate_time_s(job, *headlands[passes]) * (1.0 + EXTRA_PASS_CHARGE * extra_passes))
+        level_s = _estimate_time_s(job, *headlands[passes])
+        cost = level_s if weigh is None else weigh(job, level_s)
+        costs.append(cost * (1.0 + EXTRA_PASS_CHARGE * extra_passes))
     best = min(range(len(costs)), key=lambda place: (round(costs[place], 1), place))
     return best if costs[best] < (1.0 - MIN_GAIN) * costs[0] else 0
 
@@ -198,7 +230,7 @@ def _compute_worked_m2(job: FieldJob) -> float:
     ]
     headland_strips = shapely.buffer(lines, half_width_m, cap_style="flat", join_style="mitre")
     swath_strips = shapely.buffer(
-        [shapely.LineString([t.start_m, t.end_m]) for t in layout.swaths], half_width_m, cap_style="flat"
+        [shapely.LineString(swath.points_m) for swath in layout.swaths], half_width_m, cap_style="flat"
     )
     worked = shapely.union_all(np.concatenate([headland_strips, swath_strips]), grid_size=GRID_M)
     return float(shapely.intersection(worked, layout.field.boundary, grid_size=GRID_M).area)

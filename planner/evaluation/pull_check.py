@@ -8,53 +8,61 @@ from collections.abc import Callable
 from planner.farm.machines import FarmTractor
 from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
 from reports.common.plan_results import PullFigures
-from vehicle.datasheet.draft import DRAWBAR_SHARE, KMH_PER_MPS, DraftRule, find_draft_rule, get_engine_power_kw
+from vehicle.energy.draft import KMH_PER_MPS, DraftRule, find_draft_rule
+from vehicle.energy.driveline import DRAWBAR_SHARE, get_engine_power_kw
+from vehicle.model.soil import Texture
 from vehicle.model.tractor import Tractor
 
+USUAL_TEXTURE: Texture = "medium"  # where no soil is named
 WIDTH_STEP_M, SPEED_STEP_KMH = 0.5, 0.5
 MIN_SUGGESTED_M, MIN_SUGGESTED_KMH = 1.5, 3.0  # nothing narrower is sold, and nobody tills more slowly
 
 
 def compute_pull_figures(
-    request: PlanRequest, tractor: Tractor, farm_tractor: FarmTractor | None = None
+    request: PlanRequest,
+    tractor: Tractor,
+    farm_tractor: FarmTractor | None = None,
+    texture: Texture = USUAL_TEXTURE,
 ) -> PullFigures | None:
-    """Power that the implement needs and the tractor has at the drawbar; None where either is unknown.
+    """Power that the implement needs in soil of a texture and the tractor has at the drawbar; None if unknown.
 
     The power of the engine is that of the farm's tractor or its sheet, else that of a tractor that comes with Headland.
     """
-    engine_kw = _find_engine_power_kw(tractor, farm_tractor)
+    engine_kw = find_engine_power_kw(tractor, farm_tractor)
     rule = find_draft_rule(request.operation, request.width_m)
     if engine_kw is None or rule is None:
         return None
     available_kw = DRAWBAR_SHARE * engine_kw
     width_m, speed_mps = request.width_m, request.speed_mps
+    needed_kw = rule.compute_power_kw(width_m, speed_mps, texture)
     return PullFigures(
         implement=rule.implement,
         width_m=width_m,
         speed_kmh=KMH_PER_MPS * speed_mps,
         depth_cm=rule.depth_cm if rule.depth_cm > 1.0 else None,
-        draft_kn=rule.compute_draft_n(width_m, speed_mps) / 1000.0,
-        needed_kw=rule.compute_power_kw(width_m, speed_mps),
+        draft_kn=rule.compute_draft_n(width_m, speed_mps, texture) / 1000.0,
+        needed_kw=needed_kw,
         engine_kw=engine_kw,
         available_kw=available_kw,
-        possible_width_m=_find_possible_width_m(rule, width_m, speed_mps, available_kw),
-        possible_speed_kmh=_find_possible_speed_kmh(rule, width_m, speed_mps, available_kw),
+        possible_width_m=_find_possible_width_m(width_m, needed_kw, available_kw),
+        possible_speed_kmh=_find_possible_speed_kmh(rule, request, texture, available_kw),
     )
 
 
-def describe_pull(pull: PullFigures | None) -> tuple[str, ...]:
+def describe_pull(pull: PullFigures | None, texture: Texture = USUAL_TEXTURE) -> tuple[str, ...]:
     """How the figures of a questioned implement come about; nothing where it can be pulled."""
     if pull is None or not pull.is_questioned:
         return ()
     depth = "" if pull.depth_cm is None else f" {pull.depth_cm:g} cm deep"
     return (
-        f"The draft of the {pull.implement}, {pull.draft_kn:.0f} kN{depth} in medium soil, is that of ASAE D497, give "
-        f"or take 30 %; at the drawbar the tractor is taken to have {100.0 * DRAWBAR_SHARE:.0f} % of its "
+        f"The draft of the {pull.implement}, {pull.draft_kn:.0f} kN{depth} in {texture} soil, is that of ASAE D497, "
+        f"give or take 30 %; at the drawbar the tractor is taken to have {100.0 * DRAWBAR_SHARE:.0f} % of its "
         f"{pull.engine_kw:g} kW.",
     )
 
 
-def _find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) -> float | None:
+def find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) -> float | None:
+    """Power of the engine: that of the tractor in the farm or its sheet, else of the tractor itself."""
     if farm_tractor is not None and farm_tractor.power_kw is not None:
         return farm_tractor.power_kw
     if farm_tractor is not None and farm_tractor.sheet is not None:
@@ -62,21 +70,24 @@ def _find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) ->
     return get_engine_power_kw(tractor)
 
 
-def _find_possible_width_m(rule: DraftRule, width_m: float, speed_mps: float, available_kw: float) -> float | None:
+def _find_possible_width_m(width_m: float, needed_kw: float, available_kw: float) -> float | None:
     """The greatest width that can be pulled at this speed, in half metres; None if no implement is so narrow."""
-    possible_m = min(width_m, width_m * available_kw / rule.compute_power_kw(width_m, speed_mps))
+    possible_m = min(width_m, width_m * available_kw / needed_kw)
     possible_m = possible_m if possible_m == width_m else _round_down(possible_m, WIDTH_STEP_M)
     return possible_m if possible_m >= MIN_SUGGESTED_M else None
 
 
-def _find_possible_speed_kmh(rule: DraftRule, width_m: float, speed_mps: float, available_kw: float) -> float | None:
+def _find_possible_speed_kmh(
+    rule: DraftRule, request: PlanRequest, texture: Texture, available_kw: float
+) -> float | None:
     """The greatest speed, up to that asked for, at which this width can be pulled, in half km/h; None if too slow."""
 
     def needs_less(speed_kmh: float) -> bool:
-        return rule.compute_power_kw(width_m, speed_kmh / KMH_PER_MPS) <= available_kw
+        return rule.compute_power_kw(request.width_m, speed_kmh / KMH_PER_MPS, texture) <= available_kw
 
-    possible_kmh = _bisect(needs_less, MIN_SPEED_KMH, KMH_PER_MPS * speed_mps)
-    if possible_kmh < KMH_PER_MPS * speed_mps:
+    requested_kmh = KMH_PER_MPS * request.speed_mps
+    possible_kmh = _bisect(needs_less, MIN_SPEED_KMH, requested_kmh)
+    if possible_kmh < requested_kmh:
         possible_kmh = _round_down(possible_kmh, SPEED_STEP_KMH)
     return possible_kmh if possible_kmh >= MIN_SUGGESTED_KMH else None
 

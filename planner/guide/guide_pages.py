@@ -12,9 +12,9 @@ from planner.errors import RequestError, suggest_name
 from planner.guide.options_page import build_options_page
 
 TOPICS = (
-    "tutorial", "obstacles", "headlands", "machines", "weather", "refills", "day", "many-fields", "terminals",
-    "task-logs", "diagnosis", "vehicle", "service", "operations", "proxy", "threat-model", "python", "reference",
-    "options", "architecture", "benchmarks", "glossary",
+    "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "weather", "refills", "day",
+    "many-fields", "terminals", "task-logs", "diagnosis", "vehicle", "service", "operations", "proxy", "threat-model",
+    "python", "reference", "options", "architecture", "benchmarks", "glossary",
 )  # fmt: skip
 """In the order in which people need them."""
 OPTIONS_TOPIC = "options"

@@ -11,6 +11,8 @@ import numpy as np
 
 from planner.errors import HeadlandError, RequestError, attach_parameter, mark_parameter
 from planner.pipeline.diagnosis_evidence import build_evidence, compute_log_alignment
+from planner.pipeline.held_out_runs import HeldOut, HeldOutSplit, split_held_out_runs
+from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from planner.pipeline.next_drive_plan import build_next_drive_plan
 from reports.common.notebook import ResultView, ShownResult
 from reports.diagnosis.notebook import build_replay_view
@@ -29,6 +31,7 @@ from vehicle.identification.replay.rig import ReplayRig, build_rig_and_correctio
 from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.verdict.diagnose import ReportProgress, diagnose_logs
 from vehicle.identification.verdict.diagnosis_types import Diagnosis, PlanGain, ReplayedSegment, ReplayResult
+from vehicle.identification.verdict.holdout import measure_holdout
 from vehicle.model.tractor import Settings, Tractor, resolve_tractor
 from vehicle.records import WORKING
 
@@ -63,6 +66,8 @@ def diagnose(
     ground: str = "soil",
     fixes: Sequence[str] = (),
     use_driven_size: bool = False,
+    holdout: HeldOut | None = None,
+    heights: HeightFile | str | Path | None = None,
     progress: ReportProgress | None = None,
 ) -> TractorDiagnosis:
     """Return what the simulation of a tractor gets wrong in measured logs, why, and the gain of correcting it.
@@ -79,17 +84,25 @@ def diagnose(
 
     `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object,
     a name or a file. Logs that cannot be of this tractor are refused with the size that they suggest, or diagnosed with
-    a tractor of that size with `use_driven_size`. `progress` is called with (done, an estimate of all). Raises LogError
-    and VehicleError.
+    a tractor of that size with `use_driven_size`. Runs in `holdout` (names or patterns, "#2" for the second, how many,
+    or "auto") have no part in anything; the result's `holdout` has their errors before and after, and `is_savable` says
+    whether the extended tractor is worth saving. `heights` are those of the ground, a file as for plans; without it,
+    `elevation_m` of the logs counts where they lack roll or pitch. `progress` is called with (done, an estimate of
+    all). Raises LogError, VehicleError and, for heights, ElevationError.
     """
     with attach_parameter("tractor"):
         machine = resolve_tractor(tractor)
     with attach_parameter("logs"):
         parsed_logs = collect_logs(logs, fixes, machine)
+    height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
+    parsed_logs = add_known_ground(parsed_logs, height_file)
+    with attach_parameter("holdout"):
+        split = None if holdout is None else split_held_out_runs(parsed_logs, holdout)
+        parsed_logs = parsed_logs if split is None else list(split.used_logs)
     if use_driven_size:
         machine = scale_to_logs(parsed_logs, machine, ground)
     refuse_other_vehicle(parsed_logs, machine, ground)
-    return _explain_logs(parsed_logs, machine, ground, progress)
+    return _explain_logs(parsed_logs, machine, ground, progress, split)
 
 
 def diagnose_demo(
@@ -98,11 +111,13 @@ def diagnose_demo(
     ground: str = "soil",
     seed: int = 1,
     hidden_effect: str | None = None,
+    holdout: HeldOut | None = None,
     progress: ReportProgress | None = None,
 ) -> tuple[TractorDiagnosis, HiddenEffect]:
     """Diagnose simulated logs with a hidden effect, drawn from `seed` or named by `hidden_effect`; returns both.
 
-    Raises RequestError for a seed below 0 and VehicleError for an effect that cannot be hidden.
+    `holdout` is that of `diagnose`. Raises RequestError for a seed below 0 and VehicleError for an effect that cannot
+    be hidden.
     """
     if seed < 0:
         raise RequestError(f"{mark_parameter('seed')} {seed} is negative; use 0 or more.")
@@ -110,14 +125,24 @@ def diagnose_demo(
         machine = resolve_tractor(tractor)
     with attach_parameter("hide"):
         hidden = draw_hidden_effect(seed, machine, hidden_effect)
-    return _explain_logs(simulate_demo_logs(hidden, machine, ground, seed), machine, ground, progress), hidden
+    logs: Sequence[Log] = simulate_demo_logs(hidden, machine, ground, seed)
+    with attach_parameter("holdout"):
+        split = None if holdout is None else split_held_out_runs(logs, holdout)
+    return _explain_logs(logs if split is None else split.used_logs, machine, ground, progress, split), hidden
 
 
 def _explain_logs(
-    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None
+    logs: Sequence[Log], machine: Tractor, ground: str, progress: ReportProgress | None, split: HeldOutSplit | None
 ) -> TractorDiagnosis:
-    """Diagnose logs; add what their replay shows, the plan of the next drive, and the change of a plan."""
-    diagnosis = diagnose_logs(logs, machine, ground, progress)
+    """Diagnose logs; add what held-out runs say, what their replay shows, the plan of the next drive, and the change
+    of a plan."""
+    diagnosis = describe_known_ground(diagnose_logs(logs, machine, ground, progress), logs)
+    if diagnosis.undiagnosed_reason:
+        return TractorDiagnosis(**{each.name: getattr(diagnosis, each.name) for each in fields(Diagnosis)})
+    if split is not None:
+        with attach_parameter("holdout"):
+            holdout = measure_holdout(split.held_out_logs, machine, diagnosis.tractor, ground)
+        diagnosis = replace(diagnosis, holdout=replace(holdout, words=split.words, is_requested=True))
     evidence = build_evidence(logs, machine, diagnosis.tractor, ground)
     drive_plan = (
         None

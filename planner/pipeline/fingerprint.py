@@ -32,6 +32,17 @@ def hash_content(*parts: Any, worker: str | None = None) -> str:
     return hashlib.sha256(f"{hash_code(worker)}\n{text}".encode()).hexdigest()
 
 
+def hash_file(path: Path) -> str | None:
+    """SHA-256 of a file; None if it does not exist or cannot be read."""
+    if not path.is_file():  # a pipe would wait for ever
+        return None
+    try:
+        with path.open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return None
+
+
 @cache
 def hash_code(worker: str | None = None) -> str:
     """SHA-256 of Headland's source and tables, and of the versions of its libraries.

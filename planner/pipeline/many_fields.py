@@ -14,7 +14,7 @@ from concurrent.futures import BrokenExecutor, Executor
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
-from hashlib import file_digest, sha256
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -26,11 +26,13 @@ from fields.geometry.field import Field
 from fields.text_files import read_text
 from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
 from planner.evaluation.context_inputs import read_requested_field
+from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.fingerprint import hash_content
+from planner.pipeline.fingerprint import hash_content, hash_file
+from planner.pipeline.height_files import hash_height_files
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
@@ -113,17 +115,21 @@ def iter_answers(executor: Executor, questions: Sequence[FieldQuestion]) -> Iter
 def hash_question(inputs: PlanInputs, simulate_all: bool = False) -> str:
     """SHA-256 of everything the answer depends on: values, files and code."""
     request = inputs.request
-    names = (request.tractor, inputs.tractor, request.rain, request.gnss_table)
-    files = [Path(name) for name in names if isinstance(name, str) and os.path.isfile(name)]
-    return hash_content(inputs, simulate_all, [_hash_file(path) for path in (*list_field_files(request.field), *files)])
+    soil_table = None if request.soil is None else split_soil_name(request.soil)[1]
+    names = (request.tractor, inputs.tractor, request.rain, request.gnss_table, soil_table)
+    files = [Path(name) for name in names if isinstance(name, str | Path) and os.path.isfile(name)]
+    hashes = [hash_file(path) for path in (*list_field_files(request.field), *files)]
+    return hash_content(inputs, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
 
 
-def _hash_file(path: Path) -> str | None:
-    """SHA-256 of a file; None if it does not exist."""
-    if not os.path.isfile(path):
+def _find_elevation_name(request: PlanRequest) -> str | None:
+    """The heights of a request or its field; None without any, and where the field cannot be read."""
+    if request.elevation is not None:
+        return request.elevation
+    try:
+        return get_elevation_name(request, read_requested_field(request, None))
+    except HeadlandError:  # the answer will be this refusal
         return None
-    with path.open("rb") as stream:
-        return file_digest(stream, "sha256").hexdigest()
 
 
 KEY_FIELD, CHECKSUM_FIELD = "key", "sum"

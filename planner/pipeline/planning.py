@@ -264,7 +264,14 @@ def _build_result(
     if not evaluations.with_pictures:
         pictures_by_plan = {best_key: build_run_picture(context, best.run, best.result)}
     if context.criteria is not None:
-        check_and_shares = check_best_plan(best.run, context.tractor, context.implement, context.criteria)
+        check_and_shares = check_best_plan(
+            best.run,
+            context.tractor,
+            context.implement,
+            context.criteria,
+            terrain=context.physics.terrain,
+            load=context.physics.driven_load,
+        )
         ranking = replace(ranking, check_sentences=describe_check(*check_and_shares))
     return PlanningResult(context, ranking, best.run, pictures_by_plan, plans_by_key)
 

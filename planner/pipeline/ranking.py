@@ -16,7 +16,8 @@ from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
-from planner.evaluation.pull_check import compute_pull_figures, describe_pull
+from planner.evaluation.ground_sentences import describe_ground, list_height_remarks
+from planner.evaluation.pull_check import USUAL_TEXTURE, compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
 from planner.request.option_texts import MPS_PER_KMH, format_clock
@@ -36,6 +37,7 @@ from reports.common.plan_results import (
 from reports.common.wording import round_up_to_minute
 from strategies.registry import STRATEGIES
 from vehicle.model.effects import DISCREPANCY_KEY
+from vehicle.model.soil import Texture
 from vehicle.model.tractor import Tractor
 
 MINUTE_S = 60.0
@@ -168,7 +170,8 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         **_describe_currency_and_cost(context),
         cut_off_m2=field.cut_off_m2,
         pull=_compute_pull(context),
-        field_remarks=field.remarks,
+        field_remarks=(*field.remarks, *list_height_remarks(context.physics)),
+        ground_sentences=describe_ground(context),
     )
     return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
 
@@ -176,7 +179,12 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
 def _compute_pull(context: PlanningContext) -> PullFigures | None:
     """What the implement needs at the drawbar and the tractor has there; None if unknown."""
     farm_tractor = None if context.cost_terms is None else context.cost_terms.tractor
-    return compute_pull_figures(context.request, context.tractor, farm_tractor)
+    return compute_pull_figures(context.request, context.tractor, farm_tractor, _get_texture(context))
+
+
+def _get_texture(context: PlanningContext) -> Texture:
+    soil = context.physics.soil
+    return USUAL_TEXTURE if soil is None else soil.draft
 
 
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
@@ -252,6 +260,7 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "headland_m": layout.headland_m,
         "bearing_deg": layout.bearing_deg,
         "swaths": len(layout.swaths),
+        "swath_form": request.swaths,
         "cells": describe_cells(layout),
         "radius_m": context.driving_rules.radius_m,
         "clearance_m": request.clearance_m,
@@ -277,6 +286,9 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "objective": request.objective,
         **({} if context.supply is None else export_supply(context.supply)),
         "budget": request.budget,
+        "elevation": None if context.physics.elevation is None else context.physics.elevation.source,
+        "soil": None if context.physics.soil is None else context.physics.soil.name,
+        "moisture_pct": None if context.physics.soil is None else context.physics.soil.moisture_pct,
     }
 
 
@@ -338,10 +350,12 @@ def _describe_counted_day_parts(context: PlanningContext) -> tuple[str, ...]:
 
 def _describe_bearings(layout: Layout) -> str:
     """The bearing of the tracks, or the bearings in the cells."""
+    if any(swath.via_m for swath in layout.swaths):
+        return f"along contours, bearing {layout.bearing_deg:.0f} degrees on the whole"
     bearings = [f"{cell.bearing_deg:.0f}" for cell in layout.cells]
     if len(bearings) == 1:
-        return f"bearing {bearings[0]} degrees"
-    return f"bearings {', '.join(bearings[:-1])} and {bearings[-1]} degrees in {len(bearings)} cells"
+        return f"at bearing {bearings[0]} degrees"
+    return f"at bearings {', '.join(bearings[:-1])} and {bearings[-1]} degrees in {len(bearings)} cells"
 
 
 def _describe_payment(context: PlanningContext) -> str:
@@ -366,7 +380,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         f"Work at {kmh_per_mps * driving_rules.work_speed_mps:.3g} km/h, "
         f"turns at {kmh_per_mps * driving_rules.turn_speed_mps:.3g} km/h.",
         f"Planned turning radius {driving_rules.radius_m:.2f} m; headland {layout.headland_m:g} m at the ends of "
-        f"{len(layout.swaths)} tracks at {_describe_bearings(layout)}.",
+        f"{len(layout.swaths)} tracks {_describe_bearings(layout)}.",
         "Metres outside the field are those of the antenna; tractor and implement may reach over the boundary in "
         "turns, which is counted as outline outside.",
         "Worked ground is what the lowered implement passes over. Missed ground is charged at the plan's own rate: the "
@@ -381,6 +395,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
-        *describe_pull(_compute_pull(context)),
+        *describe_pull(_compute_pull(context), _get_texture(context)),
+        *describe_ground(context),
         *layout.field.remarks,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 _OPTION_NAMES = {
     "mass_kg": "mass",
+    "moisture_pct": "moisture",
     "steering_rate_deg_per_s": "steering_rate",
     "cell_bearings": "cell_bearing",
     "obstacles": "obstacle",

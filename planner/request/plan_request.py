@@ -11,14 +11,22 @@ from typing import Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
-from fields.text_files import shorten_value
 from planner.errors import RequestError, mark_parameter
-from planner.request.option_checks import check_fleet, check_places
+from planner.request.option_checks import (
+    FULL_CIRCLE_DEG,
+    check_bearings,
+    check_fleet,
+    check_headland,
+    check_places,
+    check_samples,
+    check_speeds,
+    check_swaths,
+    check_times,
+)
 from planner.request.option_texts import (
     DAY_S,
     MPS_PER_KMH,
     convert_kmh_to_mps,
-    format_clock,
     format_later_clock,
     parse_cell_bearings,
     parse_clock,
@@ -49,7 +57,6 @@ from strategies.path_planning.turn_kinds import AUTO_CORNERS, CORNERS, TURN_KIND
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
 DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1
 MAX_LENGTH_M = 1000.0  # wider, deeper and farther round than any machine that works a field
-FULL_CIRCLE_DEG = 360.0
 MAX_PRICE = 1e9  # in any currency
 MIN_CLEARANCE_M, MAX_CLEARANCE_M = 0.05, 10.0
 MAX_HEADLAND_PASSES = 50
@@ -66,9 +73,11 @@ STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven ove
 KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
 MAX_MARGIN_M = 100.0
 MAX_SAMPLES = 1_000_000
-FASTEST, CHEAPEST, SUREST = "fastest", "cheapest", "surest"
-OBJECTIVES = (FASTEST, CHEAPEST, SUREST)
-SAMPLED_PARAMETERS = ("rain", "objective", "budget")  # they are judged by samples alone
+MAX_MOISTURE_PCT = 100.0
+STRAIGHT, CONTOUR = "straight", "contour"
+SWATH_FORMS = (STRAIGHT, CONTOUR)
+FASTEST, CHEAPEST, SUREST, LEAST_FUEL = "fastest", "cheapest", "surest", "fuel"
+OBJECTIVES = (FASTEST, CHEAPEST, SUREST, LEAST_FUEL)
 MAX_SEED = 2**53  # JavaScript has no larger whole numbers
 
 FIELD, MACHINES, WORK, COSTS = "Field", "Machines", "Work", "Costs and deadline"
@@ -101,6 +110,10 @@ class PlanRequest:
     latitude, or x and y of a field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or
     "lon,lat,radius in metres" to avoid besides those of the field, `ignored` names or numbers of obstacles of the field
     that are left out.
+
+    `elevation` holds heights of the field, `soil` is a name or file of vehicle.model.soil, and `moisture_pct` chooses
+    between its rows; without them the ground is level and pulls at nothing. With `swaths` "contour" tracks follow
+    contours of these heights.
 
     `samples` is None for as many as usual where there is a deadline, rain, an objective or a budget, else for none;
     `rain` says when it begins (planner.risk.rain). `refill` is "headland", "tender", or a place in degrees "lon,lat"
@@ -276,7 +289,10 @@ class PlanRequest:
         TimeText | None, OptionHelp(_RAIN_HELP, RISK, api_help=f"{_RAIN_HELP[:-1]}; NAME.csv is an uploaded table.")
     ] = None
     objective: Annotated[
-        str | None, OptionHelp("What the best plan is: fastest, cheapest or surest.", COSTS, choices=OBJECTIVES)
+        str | None,
+        OptionHelp(
+            "What the best plan is: fastest, cheapest, surest, or that of least fuel.", COSTS, choices=OBJECTIVES
+        ),
     ] = None
     budget: Annotated[Number | None, OptionHelp("Most that may be paid; dearer plans are left out.", COSTS), _PRICE] = (
         None
@@ -332,16 +348,52 @@ class PlanRequest:
     guidance_line: Annotated[
         str | None, OptionHelp("Lay the tracks along this guidance line of the file, by its name.", FIELD)
     ] = None
+    elevation: Annotated[
+        Text | None,
+        OptionHelp(
+            "Heights of the field: a raster (GeoTIFF, ASCII grid) or points (CSV, GeoJSON, KML, GPX, Shapefile, "
+            "Elevation.txt). By default the file that the field names.",
+            FIELD,
+            api_help="Heights of the field: an uploaded raster or uploaded points.",
+        ),
+    ] = None
+    soil: Annotated[
+        Text | None,
+        OptionHelp(
+            "Soil by its name (loam, clay, soft) or a CSV table; it sets draft, slip and rolling resistance.",
+            FIELD,
+            api_help="Soil by its name (loam, clay, soft); it sets draft, slip and rolling resistance.",
+        ),
+    ] = None
+    elevation_crs: Annotated[
+        str | None, OptionHelp("Coordinate system of heights that name none, such as EPSG:25832.", FIELD)
+    ] = None
+    moisture_pct: Annotated[
+        Number | None,
+        OptionHelp("Moisture of the soil, percent of its dry weight; by default at field capacity.", FIELD),
+        NumberLimits("moisture of the soil", "percent", high=MAX_MOISTURE_PCT),
+    ] = None
+    swaths: Annotated[
+        str,
+        OptionHelp(
+            "Tracks: straight, or contour (curved along the contours of {elevation}).", FIELD, choices=SWATH_FORMS
+        ),
+    ] = STRAIGHT
 
     def __post_init__(self) -> None:
         check_option_limits(self)
-        _check_speeds(self)
+        check_speeds(self)
         check_fleet(self.tractors, self.strategies)
-        _check_headland(self)
-        _check_bearings(self)
+        check_headland(self)
+        check_bearings(self)
+        check_swaths(self)
         check_places(self.entrance, self.obstacles, self.ignored)
-        _check_times(self)
-        _check_samples(self)
+        check_times(self)
+        check_samples(self)
+        if self.moisture_pct is not None and self.soil is None:
+            raise RequestError(
+                f"{mark_parameter('moisture_pct')} is of a soil; name that with {mark_parameter('soil')} as well."
+            )
         if self.gnss_table is not None and not self.gnss:
             raise RequestError(
                 f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
@@ -412,85 +464,3 @@ class FarmChoice:
         str | None, OptionHelp("The implement of the farm file, by name; by default the first that fits.", MACHINES)
     ] = None
     simulate_all: Annotated[bool, OptionHelp("Simulate and show every plan, however slow.", OUTPUT, name="all")] = False
-
-
-def _check_speeds(request: PlanRequest) -> None:
-    speed_mps, least_mps, greatest_mps = request.speed_mps, request.min_speed_mps, request.max_speed_mps
-    if least_mps is not None and speed_mps < least_mps:
-        _refuse_speed(speed_mps, "least", "min_speed_mps", least_mps)
-    if greatest_mps is not None and speed_mps > greatest_mps:
-        _refuse_speed(speed_mps, "greatest", "max_speed_mps", greatest_mps)
-
-
-def _refuse_speed(speed_mps: float, wording: str, name: str, limit_mps: float) -> None:
-    raise RequestError(
-        f"The working speed ({mark_parameter('speed_mps')}) is {speed_mps / MPS_PER_KMH:.3g} km/h, and the {wording} "
-        f"of the implement ({mark_parameter(name)}) is {limit_mps / MPS_PER_KMH:.3g} km/h; change one of them.",
-        parameter="speed_mps",
-    )
-
-
-def _check_headland(request: PlanRequest) -> None:
-    if request.no_headland and request.headland_order is not None:
-        raise RequestError(
-            f"{mark_parameter('no_headland')} leaves the headland, and {mark_parameter('headland_order')} says when to "
-            "work it; leave out one of them."
-        )
-    if request.headland_passes is None:
-        return
-    for name, meaning in (("no_headland", "leaves the headland"), ("headland_m", "is its depth")):
-        if getattr(request, name):
-            raise RequestError(
-                f"{mark_parameter(name)} {meaning}, and {mark_parameter('headland_passes')} says in how many passes it "
-                "is worked; leave out one of them."
-            )
-
-
-def _check_bearings(request: PlanRequest) -> None:
-    for cell, bearing_deg in request.cell_bearings:
-        if not abs(bearing_deg) <= FULL_CIRCLE_DEG:
-            raise RequestError(
-                f"The bearing of cell {cell} ({mark_parameter('cell_bearings')}) is {shorten_value(bearing_deg)}; use "
-                f"{-FULL_CIRCLE_DEG:g} to {FULL_CIRCLE_DEG:g} degrees."
-            )
-    if request.guidance_line is not None and (request.cell_bearings or request.bearing_deg is not None):
-        conflicting = "cell_bearings" if request.cell_bearings else "bearing_deg"
-        raise RequestError(
-            f"{mark_parameter('guidance_line')} is a bearing, and so is {mark_parameter(conflicting)}; leave out one "
-            "of them."
-        )
-    if request.cell_bearings and request.bearing_deg is not None:
-        raise RequestError(
-            f"{mark_parameter('bearing_deg')} is for all cells, {mark_parameter('cell_bearings')} for one; leave out "
-            "one of them."
-        )
-
-
-def _check_times(request: PlanRequest) -> None:
-    for name in ("start_s", "deadline_s"):
-        time_s = getattr(request, name)
-        if time_s is not None and not 0 <= time_s < DAY_S:
-            raise RequestError(f"{mark_parameter(name)} is {time_s:g}; give seconds of the day, from 0 to {DAY_S - 1}.")
-    if request.deadline_s is None:
-        return
-    if request.start_s is None:
-        raise RequestError(
-            f"The deadline {mark_parameter('deadline_s')} needs a start; give {mark_parameter('start_s')} as well.",
-            parameter="start_s",
-        )
-    if request.deadline_s == request.start_s:
-        raise RequestError(
-            f"The deadline {format_clock(request.deadline_s)} is the start itself; give another "
-            f"{mark_parameter('deadline_s')}."
-        )
-
-
-def _check_samples(request: PlanRequest) -> None:
-    if request.samples != 0:
-        return
-    for name in SAMPLED_PARAMETERS:
-        if getattr(request, name) is not None:
-            raise RequestError(
-                f"{mark_parameter('samples')} is 0, and {mark_parameter(name)} is judged by samples; give 1 or more, "
-                "or leave out one of them."
-            )

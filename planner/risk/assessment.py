@@ -13,8 +13,15 @@ from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, estimate_cost
-from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph
-from planner.risk.monte_carlo import DEFAULT_SAMPLES, RiskSettings, apply_factors, estimate_risk, sample_outcomes
+from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_fuel
+from planner.risk.monte_carlo import (
+    DEFAULT_SAMPLES,
+    RiskSettings,
+    apply_factors,
+    estimate_graph_risk,
+    estimate_risk,
+    sample_outcomes,
+)
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
@@ -23,7 +30,9 @@ from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Implement, Tractor
+from vehicle.model.work_load import WorkLoad
 from vehicle.sim.world import World
 
 DEFAULT_DRIVES = 8
@@ -60,6 +69,8 @@ def check_graph_in_physics(
     tractor: Tractor,
     implement: Implement,
     *,
+    terrain: Terrain | None = None,
+    load: WorkLoad | None = None,
     drive_count: int = DEFAULT_DRIVES,
     seed: int = 1,
 ) -> PhysicsCheck:
@@ -67,7 +78,7 @@ def check_graph_in_physics(
 
     Legs are driven at the speeds at which they take their sampled times; what does not depend on speed (changing gear,
     moving the wheels) takes as long as before. Turns sampled quicker than possible are driven as quickly as possible,
-    and the graph is evaluated with those times.
+    and the graph is evaluated with those times. `terrain` and `load` are as for World.
     """
     leg_uncertainty = uncertainty.disable_input("stops").disable_input("breakdowns").disable_input("late start")
     graph = build_leg_graph(run)
@@ -77,7 +88,7 @@ def check_graph_in_physics(
     contact_count = unfinished_count = 0
     for number in range(drive_count):
         plan = scale_speeds(run.plan, graph, factor[:, number], tractor.speed.max_acceleration_mps2)
-        repeat = World(plan, tractor, implement).run(
+        repeat = World(plan, tractor, implement, terrain=terrain, load=load).run(
             max_time_s=600.0 + TIMEOUT_FACTOR * float(outcomes.finish_s[number])
         )
         contact_count += bool(repeat.contacts)
@@ -192,16 +203,20 @@ def add_risk_estimate(
     implement: Implement,
     area_ha: float,
     criteria: DecisionCriteria | None,
+    *,
+    terrain: Terrain | None = None,
+    fuel_load: WorkLoad | None = None,
 ) -> PlanResult:
     """The result of a feasible plan with probability, quantiles of its time, and expected cost.
 
+    `fuel_load` is the load by which it uses fuel; None for flat shares of the engine's power.
     It meets the deadline if it does so in half of the samples, as the median is the end that is stated.
     """
     if criteria is None or not result.feasible:
         return result
-    estimate = estimate_risk(
-        enforce_planned_order(run, tractor, implement), criteria.settings, with_variance_shares=False
-    )
+    ordered_run = enforce_planned_order(run, tractor, implement)
+    graph = build_leg_graph(ordered_run, measure_leg_fuel(ordered_run, tractor, fuel_load, terrain))
+    estimate = estimate_graph_risk(graph, criteria.settings, with_variance_shares=False)
     plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
     deadline_s = criteria.settings.deadline_s
     return replace(
@@ -316,18 +331,27 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
             criteria.settings.samples,
             plan.expected_cost_error or 0.0,
             plan.finish_probability_interval,
+            plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh,
         )
         for plan in plans
     ]
 
 
 def check_best_plan(
-    run: SimulationRun, tractor: Tractor, implement: Implement, criteria: DecisionCriteria
+    run: SimulationRun,
+    tractor: Tractor,
+    implement: Implement,
+    criteria: DecisionCriteria,
+    *,
+    terrain: Terrain | None = None,
+    load: WorkLoad | None = None,
 ) -> tuple[PhysicsCheck, dict[str, float]]:
     """Samples of a plan simulated in full physics, and what causes the spread of its time."""
     ordered_run = enforce_planned_order(run, tractor, implement)
     settings = criteria.settings
-    check_result = check_graph_in_physics(ordered_run, settings.uncertainty, tractor, implement, seed=settings.seed)
+    check_result = check_graph_in_physics(
+        ordered_run, settings.uncertainty, tractor, implement, terrain=terrain, load=load, seed=settings.seed
+    )
     return check_result, estimate_risk(
         ordered_run, replace(settings, samples=min(settings.samples, 2000))
     ).variance_shares

@@ -1,12 +1,13 @@
 """The cost of a plan in every sample: machines, fuel, people, transport, and late ground.
 
-Hourly machine cost follows the ASAE machinery cost equations (ASAE EP496, D497).
+Hourly machine cost follows the ASAE machinery cost equations (ASAE EP496, D497). Fuel is that of the load of the
+simulated drive (vehicle.energy) where that is known, else a flat share of the engine's power.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -170,24 +171,23 @@ def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Arra
     travel = tractors * compute_travel_cost(terms)
     if prices.per_hour is not None:
         return np.asarray(present_h * prices.per_hour + people + travel)
-    return np.asarray(
-        _compute_machine_cost(outcomes, compute_hourly_rates(prices, terms.tractor, terms.implement)) + people + travel
-    )
+    return np.asarray(_compute_machine_cost(outcomes, terms) + people + travel)
 
 
-def compute_simulated_cost(run: SimulationRun, terms: CostTerms) -> float:
-    """What is paid for a run as simulated, without variation."""
+def compute_simulated_cost(run: SimulationRun, terms: CostTerms, fuel_l: float | None = None) -> float:
+    """What is paid for a run as simulated, without variation; `fuel_l` are its litres where they are known."""
     shares = run.compute_time_shares()
     turning_s = shares["turning"].sum() + shares["reversing"].sum()
     work_s, turn_s, zero = (np.array([float(value)]) for value in (shares["working"].sum(), turning_s, 0.0))
     finish_s = np.asarray(run.finish_s)[:, None]
-    return float(
-        compute_paid_per_sample(SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero), terms)[0]
-    )
+    outcomes = SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero)
+    if fuel_l is not None:
+        outcomes = replace(outcomes, fuel_l=np.array([fuel_l]))
+    return float(compute_paid_per_sample(outcomes, terms)[0])
 
 
 def estimate_fuel_l(run: SimulationRun, terms: CostTerms) -> float:
-    """Litres of fuel of all tractors in the field, as simulated; engines idle while waiting."""
+    """Litres of all tractors in the field by flat shares of power; engines idle while waiting."""
     prices, shares = terms.prices, run.compute_time_shares()
     work_s, turn_s = float(shares["working"].sum()), float(shares["turning"].sum() + shares["reversing"].sum())
     idle_s = max(float(np.sum(run.finish_s)) - work_s - turn_s, 0.0)
@@ -225,9 +225,13 @@ def compute_travel_cost(terms: CostTerms) -> float:
     return transport + (hourly + people) / HOUR_S
 
 
-def _compute_machine_cost(outcomes: SampledOutcomes, rates: HourlyRates) -> Array:
+def _compute_machine_cost(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
     """Cost of machines and fuel, (samples,): each tractor until it is done; engines idle while waiting."""
+    prices, rates = terms.prices, compute_hourly_rates(terms.prices, terms.tractor, terms.implement)
     used_s = (outcomes.tractor_finish_s - outcomes.start_delay_s).sum(axis=0)
+    if outcomes.fuel_l is not None:
+        fuel_cost = outcomes.fuel_l * prices.fuel_per_l * (1.0 + prices.oil_share)
+        return np.asarray(used_s * rates.rates_without_fuel / HOUR_S + fuel_cost)
     idle_s = np.maximum(used_s - outcomes.work_s - outcomes.turn_s, 0.0)
     fuel = outcomes.work_s * rates.fuel_at_work + outcomes.turn_s * rates.fuel_in_turns
     fuel += idle_s * IDLE_LOAD * rates.fuel_full

@@ -16,8 +16,13 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from vehicle.energy.fuel import build_diesel_engine
+from vehicle.energy.run_energy import compute_run_energy
 from vehicle.missions.plan import LEAVE, SWATH, FollowOrder, Leg, Mission
 from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.terrain import Terrain
+from vehicle.model.tractor import Tractor
+from vehicle.model.work_load import WorkLoad
 from vehicle.records import REC_SPEED, STANDING, WAITING
 
 WORK_PASS, TURN_OVER_ONE, TURN_OVER_MORE = 0, 1, 2
@@ -43,6 +48,14 @@ class WaitLink:
 
 
 @dataclass(frozen=True, eq=False)
+class LegFuel:
+    """Litres of driving the legs of a graph (n,), and litres per second of a tractor that waits or stands."""
+
+    driving_l: Array
+    idle_l_per_s: float
+
+
+@dataclass(frozen=True, eq=False)
 class LegGraph:
     """All legs of a plan, numbered tractor by tractor; arrays are (n,).
 
@@ -50,7 +63,7 @@ class LegGraph:
     passes and turns within each tractor; legs of a group share their random factor. `kind` is WORK_PASS, TURN_OVER_ONE
     (swath) or TURN_OVER_MORE. `worked_m` are metres with the implement down. `leaving` marks legs back to the entrance,
     None without any. `order` lists nodes after the nodes their start waits for; a node whose end also waits appears
-    twice, for its start and its end. `links` are sorted by `after`.
+    twice, for its start and its end. `links` are sorted by `after`. `fuel` is None where it is not known.
     """
 
     tractors: int
@@ -64,6 +77,7 @@ class LegGraph:
     links: tuple[WaitLink, ...]
     stand_s: Array
     leaving: npt.NDArray[np.bool_] | None = None
+    fuel: LegFuel | None = None
 
     @property
     def node_count(self) -> int:
@@ -104,8 +118,19 @@ class _LegRecord:
         return float(self.standing_s[self.begin_rows[leg] : end].sum())
 
 
-def build_leg_graph(run: SimulationRun) -> LegGraph:
-    """The graph of a finished run; raises ValueError for another."""
+def measure_leg_fuel(
+    run: SimulationRun, tractor: Tractor, load: WorkLoad | None, terrain: Terrain | None
+) -> LegFuel | None:
+    """The fuel of a run by leg; None without the load, whose engine must be known."""
+    if load is None:
+        return None
+    engine = build_diesel_engine(tractor, load.engine_power_w)
+    energy = compute_run_energy(run, tractor, load, terrain, source=engine)
+    return LegFuel(np.concatenate([one.consumption - one.idle for one in energy.tractors]), engine.idle_rate)
+
+
+def build_leg_graph(run: SimulationRun, fuel: LegFuel | None = None) -> LegGraph:
+    """The graph of a finished run with its fuel; raises ValueError for another."""
     if run.outcome != DONE:
         raise ValueError(f"a run that ended in {run.outcome!r} has no finish")
     missions = run.plan.missions
@@ -131,6 +156,7 @@ def build_leg_graph(run: SimulationRun) -> LegGraph:
             [one.sum_standing_s(leg) for one, count in zip(records, counts, strict=True) for leg in range(count)]
         ),
         leaving=leaving if leaving.any() else None,
+        fuel=fuel,
     )
 
 

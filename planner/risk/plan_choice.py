@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from planner.errors import RequestError, mark_parameter, suggest_name
-from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST
+from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, OBJECTIVES, SUREST
 from reports.common.wording import format_price, format_price_change
 from reports.plan.plan_wording import is_interval_wide
 
@@ -23,7 +23,7 @@ class PlanFigures:
     """The figures of a feasible plan: cost, times (s), and the probability of being in time (None: no limit).
 
     `paid` is the mean cost, `expected` adds late ground and has the standard error `expected_error`. The probability is
-    from `samples` samples and has the 95 % `interval`.
+    from `samples` samples and has the 95 % `interval`. `energy` is in litres or kilowatt-hours, None where not known.
     """
 
     strategy: str
@@ -36,6 +36,7 @@ class PlanFigures:
     samples: int = 1
     expected_error: float = 0.0
     interval: tuple[float, float] | None = None
+    energy: float | None = None
 
     @property
     def _probability_error(self) -> float:
@@ -57,7 +58,8 @@ def choose_best(plans: Sequence[PlanFigures], objective: str = CHEAPEST) -> Plan
     """The plan to take: of the plans equal to the best one, the one with the fewest tractors.
 
     Cheapest means the lowest expected cost; of plans equal in cost, those clearly less sure than another are excluded.
-    Surest means the highest probability, or without a limit the earliest 95th percentile.
+    Surest means the highest probability, or without a limit the earliest 95th percentile. The objective fuel means the
+    least energy as simulated; plans whose energy is not known are left out if that of others is.
     """
     check_objective(objective)
     if objective == CHEAPEST:
@@ -66,6 +68,9 @@ def choose_best(plans: Sequence[PlanFigures], objective: str = CHEAPEST) -> Plan
         )
     elif objective == FASTEST:
         equal = _select_equally_good_plans(plans, lambda plan: plan.p50_s, lambda plan: 0.0)
+    elif objective == LEAST_FUEL:
+        metered = [plan for plan in plans if plan.energy is not None] or plans
+        equal = _select_equally_good_plans(metered, lambda plan: plan.energy or 0.0, lambda plan: 0.0)
     elif any(plan.probability is None for plan in plans):
         equal = _select_equally_good_plans(plans, lambda plan: plan.p95_s, lambda plan: 0.0)
     else:
@@ -235,7 +240,9 @@ def _describe_cost(plan: PlanFigures, unit: str) -> str:
 
 
 def _describe_alternative_plan(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:
-    """How an alternative does: its probability, or its time with the objective fastest or without a limit."""
+    """How an alternative does: its probability, its fuel, or its time with the objective fastest or without a limit."""
+    if objective == LEAST_FUEL and plan.energy is not None and chosen.energy:
+        return _describe_energy_change(plan.energy, chosen.energy)
     if objective == FASTEST or plan.probability is None or chosen.probability is None:
         return _describe_time_change(plan, chosen, objective)
     if plan.probability == 0.0:
@@ -244,6 +251,15 @@ def _describe_alternative_plan(plan: PlanFigures, chosen: PlanFigures, objective
     if is_interval_wide(plan.interval) and has_indistinct_probability(plan, chosen):
         return f"{probability_text} (no clear difference with {chosen.samples} samples)"
     return probability_text + (ABOUT_EQUAL if objective == SUREST and has_same_probability(plan, chosen) else "")
+
+
+def _describe_energy_change(energy: float, reference: float) -> str:
+    """The change of fuel or electricity in per cent of that of the chosen plan."""
+    change_pct = round(100.0 * (energy / reference - 1.0))
+    if not change_pct:
+        return "as much fuel"
+    equal_remark = ABOUT_EQUAL if _is_too_near(energy, reference, 0.0) else ""
+    return f"{abs(change_pct)} % {'more' if change_pct > 0 else 'less'} fuel{equal_remark}"
 
 
 def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:

@@ -17,12 +17,14 @@ from planner.traffic.precedence import ScheduledPlan
 from strategies.program.strategy_record import MAX_REPAIRS, Simulate
 from vehicle.missions.plan import DRIVE_IN, GATE_MARGIN_M, HEADLAND_PASS, Leg, LegGate, Plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
+from vehicle.records import REC_SPEED, REC_STATUS, WORKING
 
 CONFLICT_CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 SCHEDULE_SLACKS = (1.0, 2.0)  # times the usual time between two tractors, tried in this order
 MAX_SCHEDULED_REPAIRS = 6  # more rarely help a scheduled plan
 MAX_SOLO_RATIO = 1.01  # if a schedule takes this much longer than driving alone, repairs may be quicker
 MAX_SLOW_SCHEDULE_REPAIRS = 10  # repairs tried in that case
+SLOW_WORK_SHARE, KMH_PER_MPS = 0.8, 3.6  # of the planned speed: less is told
 
 Scheduler = Callable[[Plan, float], ScheduledPlan | None]
 """Schedules a plan so that no tractors meet, with a slack (times the usual time between two); None if it fails."""
@@ -143,7 +145,19 @@ def _explain_failure(run: SimulationRun, conflict: Conflict | None) -> str:
         )
     if run.outcome == STALL:
         return "tractors wait for each other and none moves any more"
-    return f"a tractor does not finish: still driving after {run.time_s[-1]:.0f} s"
+    return f"a tractor does not finish: still driving after {run.time_s[-1]:.0f} s{_describe_slow_work(run)}"
+
+
+def _describe_slow_work(run: SimulationRun) -> str:
+    """A clause on tractors that work more slowly than planned, for lack of power or grip; empty if none does."""
+    planned_mps = max(leg.speed_mps for mission in run.plan.missions for leg in mission.legs)
+    speeds = np.abs(run.record[:, :, REC_SPEED])[run.record[:, :, REC_STATUS] == WORKING]
+    if not len(speeds) or float(np.median(speeds)) > SLOW_WORK_SHARE * planned_mps:
+        return ""
+    return (
+        f"; it works at {KMH_PER_MPS * float(np.median(speeds)):.1f} km/h instead of {KMH_PER_MPS * planned_mps:.1f}, "
+        "as power or grip are too little: use a narrower implement or another tractor"
+    )
 
 
 def _repair_conflict(plan: Plan, run: SimulationRun, conflict: Conflict, repairs: ConflictRepairs) -> bool:

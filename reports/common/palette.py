@@ -12,6 +12,7 @@ HEADLAND_PASS_COLOURS = ("#DDE7F0", "#EFE3C8")  # of even and odd headland passe
 OBSTACLE_COLOUR = "#9A9A8E"
 EDGE_COLOUR = "#4F5B39"
 UNWORKED_COLOUR = "#B00020"
+CONTOUR_COLOUR = "#8A7A5C"
 
 
 def get_tractor_colour(number: int) -> str:

@@ -1,7 +1,8 @@
-"""Results of plans, drives and the fleet study, as the planner hands them to the reports: plain frozen data."""
+"""Results of plans and drives, as the planner hands them to the reports: plain frozen data."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -27,7 +28,7 @@ class UnworkedPiece:
     lat: float | None = None
 
 
-OBSTACLE, FENCE, OUTLINE, NO_PATH = "obstacle", "fence", "outline", "no path"
+OBSTACLE, FENCE, OUTLINE, NO_PATH, STUCK = "obstacle", "fence", "outline", "no path", "stuck"
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,21 @@ class PlanFault:
     number: int | None
     x_m: float
     y_m: float
+
+
+@dataclass(frozen=True)
+class SlopePlace:
+    """A slope (percent) or a margin (degrees) at a place of a tractor, counted from 1: metres of the field and degrees.
+
+    `lon` and `lat` are None for a field in local metres.
+    """
+
+    amount: float
+    tractor: int
+    x_m: float
+    y_m: float
+    lon: float | None = None
+    lat: float | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -78,7 +94,14 @@ class PlanResult(ShownResult):
         refills, refilling_s: stops to fill or empty a tank, and their time; None where nothing is carried.
         faults: places where an infeasible plan touches something, leaves the field, or finds no path.
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
-        fuel_l: litres of fuel of the fleet in the field, by the values of a farm; None without one.
+        fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
+            the flat shares of a farm; None where neither is known, and for electric tractors.
+        energy_kwh: drawn from the batteries of electric tractors; None for others.
+        co2_kg: of the fuel burnt; None where that is not known.
+        fuel_l_by_tractor, energy_kwh_by_tractor: the same of each tractor, by its load; None where not known.
+        steepest_along, steepest_across: the steepest slope (percent; positive uphill, and where the ground falls to the
+            right) that a tractor drives along and across; None without heights. `rollover`: where the margin to
+            rolling over (degrees) is least.
     """
 
     strategy: str
@@ -138,6 +161,14 @@ class PlanResult(ShownResult):
     p95_done_s: float | None = None
     fuel_l: float | None = None
     headland_order: str | None = None
+    fuel_l_per_ha: float | None = None
+    energy_kwh: float | None = None
+    co2_kg: float | None = None
+    fuel_l_by_tractor: tuple[float, ...] | None = None
+    energy_kwh_by_tractor: tuple[float, ...] | None = None
+    steepest_along: SlopePlace | None = None
+    steepest_across: SlopePlace | None = None
+    rollover: SlopePlace | None = None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:
@@ -282,6 +313,7 @@ class PlanRanking(ShownResult):
         changes: of a request without a plan, the smallest changes that were found to work.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
         field_remarks: sentences on the field file, such as what of it is avoided as an obstacle.
+        ground_sentences: what heights, soil and load are taken, and what the soil bears; empty without any.
     """
 
     field_name: str
@@ -309,6 +341,7 @@ class PlanRanking(ShownResult):
     pull: PullFigures | None = None
     field_remarks: tuple[str, ...] = ()
     parts: tuple[FieldPartPlan, ...] = ()
+    ground_sentences: tuple[str, ...] = ()
 
     @property
     def best(self) -> PlanResult | None:
@@ -350,6 +383,9 @@ class DriverLeg:
         over_finished: names of the tracks, and "headland", of finished ground that it leads over; `over_finished_m`:
             metres on it.
         x_m, y_m: the place half way along it.
+        fuel_l, energy_kwh: used on it; None where not known.
+        slope_along_pct, slope_across_pct: the steepest on it, positive uphill and where the ground
+            falls to the right; None without heights.
     """
 
     kind: str
@@ -370,6 +406,10 @@ class DriverLeg:
     reversing_m: float = 0.0
     over_finished: tuple[str, ...] = ()
     over_finished_m: float = 0.0
+    fuel_l: float | None = None
+    energy_kwh: float | None = None
+    slope_along_pct: float | None = None
+    slope_across_pct: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -391,13 +431,27 @@ class CellOutline:
     y_m: float
 
 
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Heights of a field to draw.
+
+    `shade` (rows from south to north, columns from west to east) is the brightness from 0 to 1 of pixels that cover
+    west, south, east and north `bounds_m`; `contours` are heights and lines (n, 2) in metres, `interval_m` apart.
+    """
+
+    shade: Points
+    bounds_m: tuple[float, float, float, float]
+    contours: tuple[tuple[float, Points], ...]
+    interval_m: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class PlanDrive(ShownResult):
     """The drive of all tractors of one plan, for pictures. Metres, rings and lines (n, 2).
 
     Attributes:
         boundary, holes: rings.
-        swaths: centre lines (k, 2, 2); `swath_names`: their names, by default their places from 1.
+        swaths: centre lines (n, 2) each; `swath_names`: their names, by default their places from 1.
         xy, status: per tractor the guided point (t, 2) and its status (t,) every `step_s`: 0 finished, 1 working,
             2 turning, 3 waiting, 4 reversing, 5 refilling.
         seconds: per state (working, turning, waiting, reversing, and refilling where there is any) one value per
@@ -411,12 +465,13 @@ class PlanDrive(ShownResult):
         worked_pct: share of the field that is worked.
         fault_places: places (x, y) where plans cannot be driven.
         crs, origin_m: system and origin of the metres on the earth; None for local metres.
+        relief: heights; None for level ground.
     """
 
     title: str
     boundary: Points
     holes: tuple[Points, ...]
-    swaths: Points
+    swaths: Sequence[Points]
     width_m: float
     step_s: float
     xy: tuple[Points, ...]
@@ -437,33 +492,4 @@ class PlanDrive(ShownResult):
     fault_places: tuple[tuple[float, float], ...] = ()
     crs: str | None = None
     origin_m: tuple[float, float] = (0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class ThesisTableRow:
-    """One row of a table of the thesis beside the simulated time."""
-
-    label: str
-    tractors: int
-    thesis_s: float
-    time_s: float | None
-    difference_pct: float | None
-    note: str = ""
-
-
-@dataclass(frozen=True)
-class ThesisClaim:
-    """A claim of the thesis, and whether the simulation confirms it."""
-
-    claim: str
-    holds: bool
-    why: str
-
-
-@dataclass(frozen=True, repr=False)
-class FleetStudy(ShownResult):
-    """Tables 6.1 to 6.3 beside the thesis, its claims, and the one set of assumptions behind every row."""
-
-    tables: dict[str, tuple[ThesisTableRow, ...]]
-    claims: tuple[ThesisClaim, ...]
-    assumptions: tuple[str, ...]
+    relief: Relief | None = None

@@ -9,6 +9,13 @@ from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.notebook import NOT_DRAWN, ResultView, ShownTable, build_view, encode_figure, render_fragment
 from reports.common.palette import STATE_COLOURS, TRACTOR_COLOURS
 from reports.common.rendering import make_json_safe
+from reports.diagnosis.log_checks import (
+    describe_columns,
+    describe_hints,
+    describe_holdout,
+    describe_unlike_runs,
+    describe_unsaved,
+)
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.replay import (
     describe_replay,
@@ -40,7 +47,7 @@ ERROR_COLOURS = {"before": TRACTOR_COLOURS[1], "after": STATE_COLOURS["working"]
 def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
     """A diagnosis: verdict, errors before and after, and the effects."""
     return ResultView(
-        summary=lambda: replace_effect_ids(diagnosis.headline),
+        summary=lambda: _summarize(diagnosis),
         html=lambda: render_diagnosis_fragment(diagnosis),
         table=lambda: build_effects_frame(diagnosis),
         draw=(lambda axes: draw_errors(axes, diagnosis)) if diagnosis.before else None,
@@ -49,6 +56,14 @@ def build_diagnosis_view(diagnosis: Diagnosis) -> ResultView:
             ".json": lambda: format_diagnosis_json(diagnosis),
             ".html": lambda: render_diagnosis_page(diagnosis),
         },
+    )
+
+
+def _summarize(diagnosis: Diagnosis) -> str:
+    """The verdict, and what runs that were held out on request say of it."""
+    is_requested = diagnosis.holdout is not None and diagnosis.holdout.is_requested
+    return " ".join(
+        [replace_effect_ids(diagnosis.headline), *(describe_holdout(diagnosis)[1:] if is_requested else [])]
     )
 
 
@@ -77,7 +92,14 @@ def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
         figure = Figure(figsize=(6.0, 3.0), layout="constrained", facecolor="white")
         draw_errors(figure.add_subplot(), diagnosis)
         picture = encode_figure(figure)
-    sentences = [f"{describe_log_size(diagnosis)}."]
+    sentences = [
+        *describe_columns(diagnosis),
+        *describe_hints(diagnosis),
+        *describe_unlike_runs(diagnosis),
+        f"{describe_log_size(diagnosis)}.",
+        *describe_holdout(diagnosis),
+        *filter(None, [describe_unsaved(diagnosis)]),
+    ]
     return render_fragment(
         replace_effect_ids(diagnosis.headline), sentences, tables, picture, "Error across the path before and after"
     )
@@ -116,6 +138,7 @@ def _flatten_effect(entry: dict[str, Any]) -> dict[str, Any]:
         "block": entry["block"],
         "equivalent_to": ", ".join(entry["equivalent_to"]),
         "exchange": entry["exchange"],
+        "law": None if entry["law"] is None else entry["law"]["kind"],
         "values": entry["value"],
     }
 

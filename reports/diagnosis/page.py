@@ -11,8 +11,21 @@ from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import render_template
 from reports.common.wording import format_number, join_list
 from reports.diagnosis.evidence import build_correlation_table, build_curve_drawing, build_evidence_content
-from reports.diagnosis.sentences import (
+from reports.diagnosis.log_checks import (
     SHOWN_HORIZON_S,
+    compute_distance_cm,
+    describe_columns,
+    describe_hints,
+    describe_holdout,
+    describe_unlike_runs,
+    describe_unsaved,
+    end_sentence,
+    find_shown_horizon_s,
+    list_column_rows,
+    list_holdout_rows,
+    sort_runs,
+)
+from reports.diagnosis.sentences import (
     SMALLEST_VISIBLE,
     describe_confusable_effects,
     describe_log_size,
@@ -30,7 +43,7 @@ from reports.diagnosis.sentences import (
     name_held_out_data,
     sort_findings,
 )
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
+from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
 from vehicle.model.effects import get_effect
 
 ERROR_KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))
@@ -44,7 +57,16 @@ def render_diagnosis_page(diagnosis: Diagnosis, hidden: str | None = None) -> st
 def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[str, Any]:
     discrepancy = diagnosis.tractor.discrepancy_model
     return {
-        "headline": replace_effect_ids(diagnosis.headline),
+        "headline": replace_effect_ids(diagnosis.causes_sentence),
+        "faults": [fault.sentence for fault in diagnosis.faults],
+        "columns": describe_columns(diagnosis),
+        "column_rows": list_column_rows(diagnosis),
+        "hints": describe_hints(diagnosis),
+        "unlike": describe_unlike_runs(diagnosis),
+        "runs": _list_run_rows(diagnosis),
+        "run_horizon": f"{SHOWN_HORIZON_S:g}",
+        "holdout": _build_holdout_content(diagnosis),
+        "left_out": list(diagnosis.rows_gated_by_reason.items()),
         "grounds": describe_two_level_effects(diagnosis),
         "tractor": diagnosis.tractor.name,
         "ground": diagnosis.ground,
@@ -64,6 +86,7 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "correlations": build_correlation_table(diagnosis.correlations),
         "effects": [_describe_effect(one) for one in sort_findings(diagnosis.findings)],
         "smallest_visible": SMALLEST_VISIBLE,
+        "interval_note": end_sentence(diagnosis.interval_note),
         "likely": explain_likely_verdict() if any(is_calibration_effect(one) for one in diagnosis.findings) else None,
         "discrepancy_model": None
         if discrepancy is None
@@ -79,6 +102,48 @@ def _build_diagnosis_content(diagnosis: Diagnosis, hidden: str | None) -> dict[s
         "notes": [replace_effect_ids(note) for note in diagnosis.notes],
         "before_colour": palette.TRACTOR_COLOURS[1],
         "after_colour": palette.TRACTOR_COLOURS[0],
+    }
+
+
+def _list_run_rows(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """The error of every run, worst first; none with a single run."""
+    if len(diagnosis.runs) < 2:
+        return []
+    return [
+        {
+            "name": run.name,
+            "before": format_number(run.error_before_cm, 1),
+            "after": format_number(run.error_after_cm, 1),
+            "words": end_sentence(run.words) or ("Unlike the other runs." if run.unlike else ""),
+            "unlike": run.unlike,
+        }
+        for run in sort_runs(diagnosis)
+    ]
+
+
+def _build_holdout_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
+    """Sentences, errors by length of the pieces, and errors by run of what was held out."""
+    holdout = diagnosis.holdout
+    if holdout is None:
+        return None
+    rows = [
+        (
+            f"{horizon:g} s",
+            [
+                format_number(getattr(errors[horizon], key), digits)
+                for _, _, key, digits in ERROR_KINDS
+                for errors in (holdout.before, holdout.after)
+            ],
+        )
+        for horizon in holdout.before
+    ]
+    horizon = find_shown_horizon_s(holdout)
+    return {
+        "sentences": describe_holdout(diagnosis),
+        "rows": rows,
+        "runs": list_holdout_rows(diagnosis),
+        "horizon": None if horizon is None else f"{horizon:g}",
+        "unsaved": describe_unsaved(diagnosis),
     }
 
 
@@ -107,6 +172,13 @@ def _list_diagnosis_facts(diagnosis: Diagnosis) -> list[tuple[str, str]]:
                 format_number(value, 2) for value in _get_errors_before_after_noise(diagnosis, SHOWN_HORIZON_S, key)
             )
             facts.append((f"{name}, {unit}, pieces of {SHOWN_HORIZON_S:g} s", f"{before} → {after} (noise {noise})"))
+    horizon = None if diagnosis.holdout is None else find_shown_horizon_s(diagnosis.holdout)
+    if diagnosis.holdout is not None and horizon is not None:
+        old, new = (
+            format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 2)
+            for errors in (diagnosis.holdout.before, diagnosis.holdout.after)
+        )
+        facts.append((f"On runs held out, cm, pieces of {horizon:g} s", f"{old} → {new}"))
     return facts
 
 
@@ -166,6 +238,7 @@ def _describe_effect(finding: Finding) -> dict[str, Any]:
         "value": format_effect_estimate(finding),
         "gain": gain,
         "visible": format_smallest_visible(finding),
+        "law": "" if finding.law is None or finding.law.kind == CONSTANT_LAW else end_sentence(finding.law.words),
         "same": ", ".join(map(get_effect_label, finding.equivalent_to)),
         "regressor": get_effect(finding.id).regressor,
         "drive": get_effect(finding.id).drive if is_unseen else None,

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 
 from reports.common.effect_names import capitalize_first, format_effect_with_id, get_effect_label, replace_effect_ids
 from reports.common.wording import format_number, join_list
+from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_rows_left_out, describe_unsaved
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     LIKELY,
@@ -27,7 +28,6 @@ LIKELY_MEANS = (
     "Likely: clearly not neutral and helpful to runs not used for fitting, but another cause is not excluded."
 )
 LEVEL_NAMES = ("first", "second")
-SHOWN_HORIZON_S = 5.0
 ALONG_KEY = "along_cm"
 REMAINING_KINDS = (("cross_cm", "cm across", 1), (ALONG_KEY, "cm along", 1), ("heading_deg", "degrees", 2))
 STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
@@ -100,13 +100,24 @@ def describe_log_size(diagnosis: Diagnosis) -> str:
     """Describe how much was driven and read."""
     return (
         f"{format_count(len(diagnosis.names), 'run')}, {diagnosis.minutes:.1f} minutes, "
-        f"{format_count(diagnosis.rows_used, 'row')} used, {diagnosis.rows_gated} left out"
+        f"{format_count(diagnosis.rows_used, 'row')} used, {describe_rows_left_out(diagnosis)}"
     )
 
 
 def name_held_out_data(diagnosis: Diagnosis) -> str:
     """Name the data on which errors and gains are measured."""
     return "windows of 20 s" if len(diagnosis.names) == 1 else "runs"
+
+
+def describe_next_drive(diagnosis: Diagnosis) -> str:
+    """Describe the drive that would settle a doubt; empty without one."""
+    drive = diagnosis.next_drive
+    if drive is None:
+        return ""
+    doubt = "" if drive.decides else " No known drive separates them better, but it may not be enough."
+    alternatives = join_list(map(get_effect_label, drive.separates))
+    length = format_count(round(drive.seconds), "second")
+    return f"To distinguish {alternatives}: {drive.description} That takes {length}.{doubt}"
 
 
 def describe_two_level_effects(diagnosis: Diagnosis) -> list[str]:
@@ -167,6 +178,8 @@ def describe_confusable_effects(diagnosis: Diagnosis) -> list[str]:
 
 def describe_remaining_error(diagnosis: Diagnosis) -> list[str]:
     """Describe the remaining error: its size against the noise, its effect on a plan, what it depends on."""
+    if diagnosis.undiagnosed_reason:
+        return ["No error was measured."]
     lines = [f"{_compare_with_noise(diagnosis)}{_describe_unexplained_share(diagnosis)}"]
     if not diagnosis.along_judged:
         lines.append("The error along the path is not judged, because not every log has a measured speed.")
@@ -245,7 +258,9 @@ def describe_saved_effects(diagnosis: Diagnosis) -> str:
 
 
 def describe_plan_change(diagnosis: Diagnosis) -> list[str]:
-    """Describe what the tractor file gets and how a plan changes."""
+    """Describe what the tractor file gets and how a plan changes; or why nothing is saved."""
+    if not diagnosis.is_savable:
+        return [describe_unsaved(diagnosis)]
     saved = describe_saved_effects(diagnosis)
     if not saved and diagnosis.plan is None:
         return ["Nothing was added to the tractor, so plans do not change."]

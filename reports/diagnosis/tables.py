@@ -3,23 +3,36 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from reports.common.effect_names import get_effect_label, replace_effect_ids
 from reports.common.rendering import make_json_safe
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.wording import format_number, join_list
+from reports.common.text_tables import FittedTable, TableColumn, WrappedSentence, format_sentence
+from reports.common.wording import format_number
 from reports.diagnosis.evidence import build_residuals_dict, list_correlations
+from reports.diagnosis.log_checks import (
+    SHOWN_HORIZON_S,
+    build_run_table,
+    describe_columns,
+    describe_hints,
+    describe_holdout,
+    describe_unlike_runs,
+    describe_unsaved,
+    end_sentence,
+    list_column_rows,
+    list_holdout_rows,
+)
 from reports.diagnosis.sentences import (
     SMALLEST_VISIBLE,
     describe_confusable_effects,
     describe_log_size,
+    describe_next_drive,
     describe_plan_change,
     describe_remaining_error,
     describe_trusted_range,
     describe_two_level_effects,
     explain_likely_verdict,
-    format_count,
     format_effect_estimate,
     format_gain_pct,
     format_smallest_visible,
@@ -28,7 +41,15 @@ from reports.diagnosis.sentences import (
     name_held_out_data,
     sort_findings,
 )
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NAMED, Diagnosis, ErrorsByHorizon, Finding
+from vehicle.identification.verdict.diagnosis_types import (
+    EQUIVALENT,
+    NAMED,
+    Diagnosis,
+    ErrorsByHorizon,
+    Finding,
+    HoldoutResult,
+    RunCheck,
+)
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -48,20 +69,27 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
     """Return the diagnosis as plain values."""
     drive, plan = diagnosis.next_drive, diagnosis.plan
     return {
-        "runs": len(diagnosis.names),
+        "runs": [each.__dict__ for each in diagnosis.runs or (RunCheck(name, None, None) for name in diagnosis.names)],
         "rows_used": diagnosis.rows_used,
         "rows_gated": diagnosis.rows_gated,
+        "rows_gated_by_reason": diagnosis.rows_gated_by_reason,
         "verdict": diagnosis.headline,
+        "faults": [each.__dict__ for each in diagnosis.faults],
+        "columns": [each.__dict__ for each in diagnosis.columns],
         "grounds": [{"id": one.id, "value": one.value, "runs": list(one.runs)} for one in diagnosis.grounds],
         "error_before": _convert_errors_to_dict(diagnosis.before),
         "error_after": _convert_errors_to_dict(diagnosis.after),
         "noise_floor": _convert_errors_to_dict(diagnosis.noise_floor),
         "guilty_block": diagnosis.guilty_block,
         "effects": [_convert_effect_to_dict(one) for one in diagnosis.findings],
+        "interval_note": diagnosis.interval_note or None,
         "named": list(diagnosis.named),
         "unexplained_share": diagnosis.unexplained_share,
         "residual_error": _convert_remaining_error_to_dict(diagnosis),
         "unexplained_depends_on": list(diagnosis.depends_on),
+        "hints": [each.__dict__ for each in diagnosis.hints],
+        "holdout": _convert_holdout_to_dict(diagnosis.holdout),
+        "unsaved_reason": describe_unsaved(diagnosis) or None,
         "next_drive": None
         if drive is None
         else {
@@ -84,6 +112,28 @@ def build_diagnosis_dict(diagnosis: Diagnosis, hidden: HiddenEffect | None = Non
 
 def _convert_errors_to_dict(errors: ErrorsByHorizon) -> dict[str, dict[str, float]]:
     return {f"{horizon:g}": dict(error.__dict__) for horizon, error in errors.items()}
+
+
+def _convert_holdout_to_dict(holdout: HoldoutResult | None) -> dict[str, Any] | None:
+    """Export the errors on runs held out, of all of them and of each."""
+    if holdout is None:
+        return None
+    return {
+        "runs": list(holdout.runs),
+        "before": _convert_errors_to_dict(holdout.before),
+        "after": _convert_errors_to_dict(holdout.after),
+        "helps": holdout.helps,
+        "is_requested": holdout.is_requested,
+        "by_run": [
+            {
+                "name": run.name,
+                "before": _convert_errors_to_dict(run.before),
+                "after": _convert_errors_to_dict(run.after),
+            }
+            for run in holdout.by_run
+        ],
+        "words": holdout.words,
+    }
 
 
 def _convert_remaining_error_to_dict(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -113,6 +163,7 @@ def _convert_effect_to_dict(finding: Finding) -> dict[str, Any]:
         "block": finding.block,
         "equivalent_to": list(finding.equivalent_to),
         "exchange": finding.exchange,
+        "law": None if finding.law is None else dict(finding.law.__dict__),
     }
 
 
@@ -134,25 +185,86 @@ _EFFECT_COLUMNS = (
 )
 
 
+_HOLDOUT_COLUMNS = (TableColumn("Pieces"), *_ERROR_COLUMNS[1:7])
+_HELD_OUT_RUN_COLUMNS = (
+    TableColumn("Run held out", is_text=True, break_marks=" +-_/"),
+    TableColumn("Before, cm", "Before"),
+    TableColumn("After, cm", "After"),
+)
+_TIMING_COLUMNS = (
+    TableColumn("Column", is_text=True),
+    TableColumn("Late, s", "Late"),
+    TableColumn("Held, s", "Held"),
+    TableColumn("Low pass, s", "Low pass"),
+    TableColumn("Clock, s", "Clock"),
+    TableColumn("Stale rows", drop_order=1),
+)
+
+
 def build_diagnosis_table(diagnosis: Diagnosis) -> Group:
-    """Build verdict, errors, effects and remarks, from top to bottom."""
+    """Build everything for a terminal: verdict, errors, runs, columns, effects and remarks, from top to bottom."""
     from rich.console import Group
     from rich.text import Text
 
-    parts: list[object] = [format_sentence(replace_effect_ids(diagnosis.headline), style="bold")]
-    parts += [format_sentence(line) for line in describe_two_level_effects(diagnosis)]
-    parts.append(format_sentence(f"{describe_log_size(diagnosis)}."))
-    if diagnosis.guilty_block:
-        parts.append(format_sentence(f"Guilty block: {diagnosis.guilty_block}."))
+    parts: list[object] = list(build_verdict_lines(diagnosis))
+    if diagnosis.undiagnosed_reason:
+        return Group(*parts, *map(format_sentence, list_diagnosis_remarks(diagnosis)))  # type: ignore[arg-type]
     title = (
         f"Error of replayed commands on {name_held_out_data(diagnosis)} not used for fitting: root mean square over "
         "pieces "
         "of that length, each aligned with the measurement; across and along in cm, heading in degrees"
     )
-    parts += [Text(""), format_sentence(title, style="italic"), _build_error_table(diagnosis)]
+    parts += [Text(""), format_sentence(title, style="italic"), build_error_table(diagnosis)]
+    parts += _list_run_parts(diagnosis)
+    parts += build_holdout_parts(diagnosis, by_run=True)
+    if diagnosis.columns:
+        parts += [Text(""), format_sentence("Columns of the logs", style="italic")]
+        parts.append(FittedTable(_TIMING_COLUMNS, tuple(list_column_rows(diagnosis))))
     parts += [Text(""), format_sentence("Effects", style="italic"), _build_effect_table(diagnosis), Text("")]
     parts += [format_sentence(line) for line in list_diagnosis_remarks(diagnosis)]
     return Group(*parts)  # type: ignore[arg-type]
+
+
+def build_verdict_lines(diagnosis: Diagnosis) -> Iterator[WrappedSentence]:
+    """Build the lines before the tables: faults that begin, columns, causes, hints, runs, and what was read."""
+    for fault in diagnosis.faults:
+        yield format_sentence(fault.sentence, style="bold")
+    for line in describe_columns(diagnosis):
+        yield format_sentence(line)
+    yield format_sentence(replace_effect_ids(diagnosis.causes_sentence), style="bold")
+    for line in (
+        *describe_hints(diagnosis),
+        *describe_two_level_effects(diagnosis),
+        *describe_unlike_runs(diagnosis),
+        f"{describe_log_size(diagnosis)}.",
+    ):
+        yield format_sentence(line)
+    if diagnosis.guilty_block:
+        yield format_sentence(f"Guilty block: {diagnosis.guilty_block}.")
+
+
+def _list_run_parts(diagnosis: Diagnosis) -> list[object]:
+    """The error of each run over 5 s, where there are several."""
+    from rich.text import Text
+
+    if len(diagnosis.runs) < 2:
+        return []
+    title = f"Error of each run over pieces of {SHOWN_HORIZON_S:g} s, worst first"
+    return [Text(""), format_sentence(title, style="italic"), build_run_table(diagnosis)]
+
+
+def build_holdout_parts(diagnosis: Diagnosis, by_run: bool) -> list[object]:
+    """Build what runs held out say: errors by horizon and, with `by_run`, of each run."""
+    from rich.text import Text
+
+    holdout = diagnosis.holdout
+    if holdout is None:
+        return []
+    parts: list[object] = [Text(""), *(format_sentence(line) for line in describe_holdout(diagnosis))]
+    parts.append(FittedTable(_HOLDOUT_COLUMNS, tuple(_list_error_cells((holdout.before, holdout.after)))))
+    if by_run and len(holdout.by_run) > 1:
+        parts.append(FittedTable(_HELD_OUT_RUN_COLUMNS, tuple(list_holdout_rows(diagnosis))))
+    return parts
 
 
 def list_diagnosis_remarks(diagnosis: Diagnosis) -> list[str]:
@@ -167,26 +279,25 @@ def list_diagnosis_remarks(diagnosis: Diagnosis) -> list[str]:
             f"{describe_trusted_range(discrepancy)}"
         )
     lines += describe_confusable_effects(diagnosis)
-    drive = diagnosis.next_drive
-    if drive:
-        length = format_count(round(drive.seconds), "second")
-        doubt = "" if drive.decides else " No known drive separates them better, but it may not be enough."
-        alternatives = join_list(map(get_effect_label, drive.separates))
-        lines.append(f"To distinguish {alternatives}: {drive.description} That takes {length}.{doubt}")
+    lines += [line for line in (describe_next_drive(diagnosis), end_sentence(diagnosis.interval_note)) if line]
     lines += [*describe_remaining_error(diagnosis), *describe_plan_change(diagnosis)]
     return lines + [replace_effect_ids(note) for note in diagnosis.notes]
 
 
-def _build_error_table(diagnosis: Diagnosis) -> FittedTable:
-    rows = []
-    for horizon, before in diagnosis.before.items():
-        trio = (before, diagnosis.after[horizon], diagnosis.noise_floor[horizon])
+def build_error_table(diagnosis: Diagnosis) -> FittedTable:
+    """Build the errors before, after and of noise by length of the pieces."""
+    errors = (diagnosis.before, diagnosis.after, diagnosis.noise_floor)
+    return FittedTable(_ERROR_COLUMNS, tuple(_list_error_cells(errors)))
+
+
+def _list_error_cells(errors: Sequence[ErrorsByHorizon]) -> Iterator[tuple[str, ...]]:
+    """The cells of a row per length of the pieces."""
+    for horizon in errors[0]:
         cells = (
             (format_number(one.cross_cm, 1), format_number(one.along_cm, 1), format_number(one.heading_deg, 2))
-            for one in trio
+            for one in (each[horizon] for each in errors)
         )
-        rows.append((f"{horizon:g} s", *(cell for three in cells for cell in three)))
-    return FittedTable(_ERROR_COLUMNS, tuple(rows))
+        yield f"{horizon:g} s", *(cell for three in cells for cell in three)
 
 
 def _build_effect_table(diagnosis: Diagnosis) -> FittedTable:

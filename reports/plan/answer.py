@@ -19,7 +19,7 @@ from reports.common.plan_results import (
     get_stated_finished_end_s,
     get_stated_late_end_s,
 )
-from reports.common.units import format_area, format_speed, format_volume, format_width
+from reports.common.units import format_area, format_speed, format_width
 from reports.common.wording import (
     format_duration,
     format_number,
@@ -29,6 +29,7 @@ from reports.common.wording import (
     format_tractor_count,
     parse_start_time,
 )
+from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     LEAST_COST,
     describe_changes,
@@ -149,12 +150,12 @@ def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
     parts = [_describe_end(ranking, plan)]
     if get_stated_cost(plan) is not None:
         parts.append(format_stated_cost(ranking, plan))
+    if energy := format_energy(plan):
+        parts.append(energy)
     if plan.worked_pct is not None:
         parts.append(translate("{share} % worked", share=format_number(plan.worked_pct, 1)))
     if plan.refills is not None:
         parts.append(translate_count("{count} refill", "{count} refills", plan.refills))
-    if plan.fuel_l is not None:
-        parts.append(format_volume(plan.fuel_l))
     return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
 
 

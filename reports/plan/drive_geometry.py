@@ -146,7 +146,10 @@ def find_stops(
 
 
 def build_swath_outline(centre_line: Points, width_m: float) -> Points:
-    """Corners (4, 2) of the strip of `width_m` around a centre line (2, 2), metres."""
+    """Outline (m, 2) of the strip of `width_m` around a centre line (n, 2), metres; of a straight one, its corners."""
+    if len(centre_line) > 2:
+        strip = shapely.LineString(centre_line).buffer(0.5 * width_m, cap_style="flat", join_style="mitre")
+        return np.asarray(strip.exterior.coords)[:-1]
     along = centre_line[1] - centre_line[0]
     length = float(np.hypot(along[0], along[1]))
     side = np.array([-along[1], along[0]]) / length * width_m / 2 if length else np.zeros(2)
@@ -179,17 +182,18 @@ def choose_round_length_m(length_m: float) -> float:
     return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= length_m * (1 + 1e-12))
 
 
-def place_swath_numbers(swaths: Points, beyond_m: float, apart_m: float) -> list[tuple[int, Points]]:
-    """Places for numbers of tracks (k, 2, 2): index and place (2,), `beyond_m` outside both ends.
+def place_swath_numbers(swaths: Sequence[Points], beyond_m: float, apart_m: float) -> list[tuple[int, Points]]:
+    """Places for numbers of tracks (n, 2) each: index and place (2,), `beyond_m` outside both ends.
 
     At each end no two are nearer than `apart_m`.
     """
     numbers = []
-    for end in (0, 1):
+    for last, before in ((0, 1), (-1, -2)):
         if len(swaths):
-            along = swaths[:, end] - swaths[:, 1 - end]
+            ends = np.array([track[last] for track in swaths])
+            along = ends - np.array([track[before] for track in swaths])
             length = np.maximum(np.hypot(along[:, 0], along[:, 1]), 1e-9)
-            places = swaths[:, end] + along / length[:, None] * beyond_m
+            places = ends + along / length[:, None] * beyond_m
             numbers += [(index, places[index]) for index in choose_places_apart(places, apart_m)]
     return numbers
 

@@ -25,9 +25,11 @@ from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, fo
 from reports.common.units import format_hectares
 from reports.common.wording import format_duration, format_number, format_price, format_yes_no, parse_start_time
 from reports.plan.answer import format_stated_end, write_answer
+from reports.plan.energy_wording import format_energy_cell, has_energy, name_energy_column
 from reports.plan.plan_wording import describe_machines, format_in_time_probability, list_feasible, list_refused
 
 MOST_ROWS, LEAST_ROWS = 8, 5
+MOST_COLUMNS = 7
 _MOST_NAME_LETTERS = 40
 _MORE_HINT = mark_text("a wider window or --explain shows more")
 
@@ -134,6 +136,9 @@ def _list_columns(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[_An
     elif any(plan.meets_deadline is not None for plan in plans):
         in_time = TableColumn(translate("In time"), translate("In\ntime"), drop_order=1)
         columns.append(_AnswerColumn(in_time, lambda plan: format_yes_no(plan.meets_deadline)))
+    if len(columns) < MOST_COLUMNS and has_energy(plans):
+        energy = TableColumn(name_energy_column(plans), name_energy_column(plans).replace(" ", "\n"), drop_order=3)
+        columns.insert(len(columns) - 1, _AnswerColumn(energy, format_energy_cell))
     return columns
 
 

@@ -116,6 +116,10 @@ STEP_KEYS = (
     "reversing_m",
     "over_finished",
     "over_finished_m",
+    "fuel_l",
+    "energy_kwh",
+    "slope_along_pct",
+    "slope_across_pct",
 )
 LEG_HEADINGS = ("No.", "Leg", "From", "Metres", "Min:s")
 LEG_DECIMALS = 2
@@ -206,5 +210,9 @@ def _build_leg_entry(place: int, step: DriverLeg) -> dict[str, Any]:
         step.reversing_m,
         list(step.over_finished),
         step.over_finished_m,
+        step.fuel_l,
+        step.energy_kwh,
+        step.slope_along_pct,
+        step.slope_across_pct,
     )
     return dict(zip(STEP_KEYS, values, strict=True))

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanDrive, PlanRanking, Points
+from reports.common.plan_results import PlanDrive, PlanRanking, Points, Relief
 from reports.common.wording import format_duration
 from reports.plan.drive_geometry import (
     REVERSING,
@@ -44,6 +44,7 @@ from reports.plan.map_labels import (
     place_swath_labels,
     place_unworked_label,
 )
+from reports.plan.relief_drawing import SHADE_OPACITY, encode_shade, name_relief
 
 PATH_TOLERANCE_M = 0.1
 
@@ -193,7 +194,21 @@ def build_page_map(drives: Mapping[str, PlanDrive]) -> dict[str, Any]:
         "waiting": STATUS_BY_STATE["waiting"] in driven,
         "refilling": SERVICE_STATUS in driven,
         "missed": any(drive.unworked for drive in drives.values()),
+        "relief": None if first.relief is None else _draw_relief(first.relief, frame),
     }
+
+
+def _draw_relief(relief: Relief, viewport: Viewport) -> dict[str, Any]:
+    """Picture of the shading with its place on the map, and contours."""
+    west, south, east, north = relief.bounds_m
+    (left, top), (right, bottom) = viewport.convert_points(np.array([(west, north), (east, south)]))
+    return {
+        "picture": encode_shade(relief),
+        "opacity": SHADE_OPACITY,
+        "x": left, "y": top, "width": right - left, "height": bottom - top,
+        "contours": "".join(viewport.format_path(points) for _, points in relief.contours),
+        "words": name_relief(relief),
+    }  # fmt: skip
 
 
 def _combine_extents(boxes: Sequence[MapExtent]) -> MapExtent:

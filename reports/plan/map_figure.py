@@ -42,6 +42,7 @@ from reports.plan.map_labels import (
     place_swath_labels,
     place_unworked_label,
 )
+from reports.plan.relief_drawing import draw_relief, name_relief
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -64,12 +65,14 @@ def draw_field_ground(axes: Axes, drive: PlanDrive) -> None:
         [drive.boundary, *drive.holes], facecolor=palette.FIELD_COLOUR, edgecolor="none", zorder=1
     )
     axes.add_patch(field_patch)
+    if drive.relief is not None:
+        draw_relief(axes, drive.relief, field_patch)
     for headland_pass in drive.headland_passes:
         band = shapely.LineString(headland_pass.points).buffer(0.5 * drive.width_m, **_BUFFER_STYLE)
         parts = shapely.get_parts(band)
         rings = [np.asarray(ring.coords) for part in parts for ring in (part.exterior, *part.interiors)]
         look = _build_patch(
-            rings, facecolor=palette.HEADLAND_PASS_COLOURS[headland_pass.number % 2], edgecolor="none", zorder=1.5
+            rings, facecolor=palette.HEADLAND_PASS_COLOURS[headland_pass.number % 2], edgecolor="none", zorder=1.1
         )
         axes.add_patch(look)
         look.set_clip_path(field_patch)
@@ -467,6 +470,8 @@ def build_legend_entries(drive: PlanDrive) -> list[Artist]:
         )
     if drive.cells:
         handles.append(Line2D([], [], color=INK_COLOUR, linewidth=1.0, linestyle="dashed", label="cells"))
+    if drive.relief is not None:
+        handles.append(Line2D([], [], color=palette.CONTOUR_COLOUR, linewidth=0.8, label=name_relief(drive.relief)))
     if drive.obstacles:
         handles.append(Patch(facecolor=palette.OBSTACLE_COLOUR, edgecolor="none", label="obstacles"))
     if drive.fences:

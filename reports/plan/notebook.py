@@ -17,7 +17,6 @@ from reports.common.notebook import (
     render_fragment,
 )
 from reports.common.plan_results import (
-    FleetStudy,
     PlanDrive,
     PlanRanking,
     PlanResult,
@@ -27,6 +26,7 @@ from reports.common.plan_results import (
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
+from reports.common.study_results import FleetStudy
 from reports.common.wording import (
     format_duration,
     format_minutes,

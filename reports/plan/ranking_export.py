@@ -10,16 +10,15 @@ from typing import Any
 
 from reports.common.plan_results import (
     FieldPartPlan,
-    FleetStudy,
     PlanRanking,
     PlanResult,
     PullFigures,
-    ThesisTableRow,
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
+from reports.common.study_results import FleetStudy, ThesisTableRow
 from reports.plan.answer import question_pull, write_answer
 from reports.plan.plan_wording import get_clearance_m
 
@@ -80,7 +79,18 @@ PLAN_KEYS = (
     "stated_late_end_s",
     "stated_cost",
     "headland_order",
+    "fuel_l_per_ha",
+    "energy_kwh",
+    "co2_kg",
+    "fuel_l_by_tractor",
+    "energy_kwh_by_tractor",
+    "steepest_along",
+    "steepest_across",
+    "rollover",
 )
+SLOPE_KEYS = ("amount", "tractor", "lon", "lat", "x_m", "y_m")
+PLACE_KEYS = ("steepest_along", "steepest_across", "rollover")
+LISTS_BY_TRACTOR = ("fuel_l_by_tractor", "energy_kwh_by_tractor")
 INTERVAL_KEYS = ("low", "high")
 UNWORKED_PIECE_KEYS = ("m2", "lon", "lat", "x_m", "y_m")
 CSV_KEYS = (
@@ -105,8 +115,8 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
     ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
     (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
-    ``questioned`` if it is too little; null if unknown), ``remarks`` (on the field file) and ``summary`` (the answer in
-    a few sentences, as it is printed).
+    ``questioned`` if it is too little; null if unknown), ``remarks`` (on the field file), ``ground`` (sentences on
+    heights, soil and fuel) and ``summary`` (the answer in a few sentences, as it is printed).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
@@ -126,6 +136,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "changes": list(ranking.changes),
             "pull": _build_pull_entry(ranking.pull),
             "remarks": list(ranking.field_remarks),
+            "ground": list(ranking.ground_sentences),
             "summary": write_answer(ranking).list_sentences(),
         }
     )
@@ -166,7 +177,8 @@ def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
     ``stated_cost`` are the figures that every report states.
 
     ``largest_missed`` has `UNWORKED_PIECE_KEYS`: area, degrees (null for a field in local metres) and metres of the
-    field; it is null where nothing is missed.
+    field; it is null where nothing is missed. ``steepest_along``, ``steepest_across`` (percent) and ``rollover``
+    (degrees left) have `SLOPE_KEYS`; they are null on level ground.
     """
     stated = {
         "stated_end_s": get_stated_end_s(plan) if plan.feasible else None,
@@ -177,6 +189,9 @@ def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
     values: dict[str, Any] = {key: stated.get(key, getattr(plan, key, None)) for key in PLAN_KEYS}
     if (piece := plan.largest_missed) is not None:
         values["largest_missed"] = {key: getattr(piece, key) for key in UNWORKED_PIECE_KEYS}
+    for name in PLACE_KEYS:
+        if (place := getattr(plan, name)) is not None:
+            values[name] = {key: getattr(place, key) for key in SLOPE_KEYS}
     return {key: make_json_safe(value, EXPORT_DECIMALS) for key, value in values.items()}
 
 
@@ -201,11 +216,18 @@ def format_ranking_csv(ranking: PlanRanking) -> str:
 
 
 def flatten_entry(entry: dict[str, Any]) -> dict[str, Any]:
-    """The entry of a plan with a key for each value of its largest missed piece and each end of its interval."""
+    """The entry of a plan with a key for each value of its places and each end of its interval.
+
+    Values by tractor are one text, separated by spaces.
+    """
     flattened: dict[str, Any] = {}
     for key, value in entry.items():
         if key == "largest_missed":
             flattened |= {f"{key}_{part}": (value or {}).get(part) for part in UNWORKED_PIECE_KEYS}
+        elif key in PLACE_KEYS:
+            flattened |= {f"{key}_{part}": (value or {}).get(part) for part in SLOPE_KEYS}
+        elif key in LISTS_BY_TRACTOR:
+            flattened[key] = " ".join(map(str, value or ())) or None
         elif key == "finish_probability_interval":
             flattened |= {f"{key}_{part}": end for part, end in zip(INTERVAL_KEYS, value or (None, None), strict=True)}
         else:

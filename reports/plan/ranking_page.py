@@ -14,6 +14,7 @@ from reports.common.plan_results import (
     PlanDrive,
     PlanRanking,
     PlanResult,
+    SlopePlace,
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
@@ -36,6 +37,7 @@ from reports.common.wording import (
 from reports.plan.answer import format_money, format_stated_cost, format_stated_end, write_answer
 from reports.plan.count_charts import build_risk_chart, build_time_chart
 from reports.plan.drive_geometry import SERVICE_STATE, check_drive, list_states
+from reports.plan.energy_wording import describe_physics, format_energy, format_rate
 from reports.plan.first_screen import choose_first_plans
 from reports.plan.leg_list import LEG_HEADINGS, build_leg_cells, format_leg_heading
 from reports.plan.map_data import build_page_map, build_time_bars
@@ -88,6 +90,13 @@ _PAGE_COLUMN_HELP = {
     "Order gap %": "how much quicker another order of the tracks can be at most; - where the strategy gives the order",
     "In time": "done by the deadline in the simulation",
     "95 %": "it is done sooner in 95 % of the samples",
+    "Fuel l": "litres of all tractors in the field, by the load of the simulated drive",
+    "Fuel l/ha": "litres by hectare of the field",
+    "CO2 kg": "of the fuel burnt",
+    "Energy kWh": "from the batteries of all tractors",
+    "Along %": "the steepest slope that a tractor drives up or down",
+    "Across %": "the steepest slope across the drive of a tractor",
+    "To rolling over": "degrees that the tractor nearest to rolling over has left",
 }
 
 CellValue = float | int | str | bool | None
@@ -136,6 +145,25 @@ _SERVICE_STOP_COLUMNS = (
     _PageColumn("Refills", lambda p: p.refills, lambda p: format_number(p.refills, 0)),
     _PageColumn("Refilling", lambda p: p.refilling_s, lambda p: format_duration(p.refilling_s)),
 )
+_FUEL_COLUMNS = (
+    _PageColumn("Fuel l", lambda p: p.fuel_l, lambda p: format_number(p.fuel_l, 1)),
+    _PageColumn("Fuel l/ha", lambda p: p.fuel_l_per_ha, lambda p: format_number(p.fuel_l_per_ha, 1)),
+    _PageColumn("CO2 kg", lambda p: p.co2_kg, lambda p: format_number(p.co2_kg, 0)),
+)
+_ELECTRICITY_COLUMNS = (_PageColumn("Energy kWh", lambda p: p.energy_kwh, lambda p: format_number(p.energy_kwh, 1)),)
+_SLOPE_COLUMNS = (
+    _PageColumn("Along %", lambda p: _get_slope(p.steepest_along), lambda p: _format_slope(p.steepest_along)),
+    _PageColumn("Across %", lambda p: _get_slope(p.steepest_across), lambda p: _format_slope(p.steepest_across)),
+    _PageColumn("To rolling over", lambda p: _get_slope(p.rollover), lambda p: _format_slope(p.rollover)),
+)
+
+
+def _get_slope(place: SlopePlace | None) -> float | None:
+    return None if place is None else abs(place.amount)
+
+
+def _format_slope(place: SlopePlace | None) -> str:
+    return format_number(_get_slope(place), 0)
 
 
 def _list_page_columns(ranking: PlanRanking) -> list[_PageColumn]:
@@ -160,6 +188,9 @@ def _list_page_columns(ranking: PlanRanking) -> list[_PageColumn]:
     elif any(plan.meets_deadline is not None for plan in plans):
         columns.append(_DEADLINE_COLUMN)
     extra = [*_EXTRA_COLUMNS, *([_PAID_COLUMN] if has_late_ground_loss(ranking) else [])]
+    extra += _FUEL_COLUMNS if any(plan.fuel_l is not None for plan in plans) else ()
+    extra += _ELECTRICITY_COLUMNS if any(plan.energy_kwh is not None for plan in plans) else ()
+    extra += _SLOPE_COLUMNS if any(plan.steepest_along is not None for plan in plans) else ()
     extra += _SERVICE_STOP_COLUMNS if any(plan.refills is not None for plan in plans) else ()
     return [*columns, *(replace(column, is_extra=True) for column in extra)]
 
@@ -228,7 +259,11 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "machines": describe_machines(ranking),
         "seed": ranking.seed,
         "headline": [insert_non_breaking_spaces(text) for text in write_answer(ranking).list_sentences()],
-        "details": [insert_non_breaking_spaces(text) for text in describe_ranking(ranking)] if plans else [],
+        "details": [
+            insert_non_breaking_spaces(text) for text in (*describe_ranking(ranking), *describe_physics(ranking))
+        ]
+        if plans
+        else [],
         "facts": _list_plan_facts(ranking, ranking.best),
         "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else build_time_bars(first, states),
@@ -333,6 +368,10 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
         ("Cost", NO_VALUE if get_stated_cost(best) is None else format_stated_cost(ranking, best)),
         ("Paid of it", NO_VALUE if paid is None else format_money(ranking, paid)),
         ("In time", _append_word_unless_dash(format_in_time_probability(best), " %")),
+        (
+            "Fuel",
+            insert_non_breaking_spaces(", ".join(filter(None, (format_energy(best), format_rate(best))))) or NO_VALUE,
+        ),
         ("Worked", _format_with_unit(best.worked_pct, 1, "%")),
         ("Unworked", insert_non_breaking_spaces(format_unworked(best) or format_number(None, 0))),
         ("Overlap", _format_with_unit(best.overlap_pct, 1, "%")),

@@ -11,15 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from reports.common.language import translate, translate_count
-from reports.common.plan_results import (
-    FleetStudy,
-    PlanRanking,
-    PlanResult,
-    ThesisClaim,
-    ThesisTableRow,
-    get_stated_cost,
-    get_stated_s,
-)
+from reports.common.plan_results import PlanRanking, PlanResult, get_stated_cost, get_stated_s
+from reports.common.study_results import FleetStudy, ThesisClaim, ThesisTableRow
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import (
     NO_VALUE,
@@ -32,6 +25,7 @@ from reports.common.wording import (
     join_list,
 )
 from reports.plan.count_charts import choose_plan_per_count
+from reports.plan.energy_wording import describe_physics, format_energy_cell, has_energy, name_energy_column
 from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     COLUMN_HELP,
@@ -72,6 +66,7 @@ class _ColumnFlags:
     has_service_stops: bool
     has_risk: bool
     has_late_costs: bool
+    energy: str
 
 
 def _find_column_flags(ranking: PlanRanking, plans: list[PlanResult]) -> _ColumnFlags:
@@ -83,6 +78,7 @@ def _find_column_flags(ranking: PlanRanking, plans: list[PlanResult]) -> _Column
         any(plan.refills is not None for plan in plans),
         any(plan.expected_cost is not None for plan in plans),
         has_late_ground_loss(ranking),
+        name_energy_column(plans) if has_energy(plans) else "",
     )
 
 
@@ -106,7 +102,9 @@ def build_ranking_table(ranking: PlanRanking, most_plans: int | None = 20) -> Re
     """
     plans = list_feasible(ranking)
     shown = _choose_shown_plans(ranking, plans, most_plans)
-    parts: list[RenderableType] = [format_sentence(text) for text in describe_ranking(ranking)]
+    parts: list[RenderableType] = [
+        format_sentence(text) for text in (*describe_ranking(ranking), *describe_physics(ranking))
+    ]
     if shown:
         flags = _find_column_flags(ranking, shown)
         parts += [Text(""), _build_plan_table(ranking, shown, flags)]
@@ -160,6 +158,10 @@ def _list_plan_columns(flags: _ColumnFlags) -> list[_PlanColumn]:
             TableColumn("Clearance m", "Clear\nm", drop_order=7), lambda p: format_number(get_clearance_m(p), 2)
         ),
     ]
+    if flags.energy:
+        place = [column.column.heading for column in columns].index("Turning")
+        column = TableColumn(flags.energy, flags.energy.replace(" ", "\n"), drop_order=6)
+        columns.insert(place, _PlanColumn(column, format_energy_cell))
     if flags.has_service_stops:
         place = [column.column.heading for column in columns].index("Turning")
         columns.insert(

@@ -118,6 +118,8 @@ def _require_full_round(job: FieldJob, swath_grouping: FormationGrouping) -> For
 
 def _explain_no_room(job: FieldJob) -> str:
     """Why there is no round of all tractors: the round that lacks least, and how much room it would need."""
+    if any(swath.via_m for swath in job.layout.swaths):
+        return "A formation needs straight tracks side by side, and those along contours are curved"
     tightest_round = _find_tightest_round(job)
     if tightest_round is None:
         return (

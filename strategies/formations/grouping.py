@@ -65,9 +65,9 @@ class FormationGrouping:
 
 
 def find_swath_runs(job: FieldJob) -> list[SwathRun]:
-    """Neighbouring swaths long enough for a formation, each joined to the one on the next line it overlaps most."""
+    """Neighbouring straight swaths long enough for a formation, each joined to the next line's it overlaps most."""
     min_length_m = compute_needed_length_m(job, min(job.tractors, 2))
-    swaths = [swath for swath in job.layout.swaths if swath.length_m >= min_length_m]
+    swaths = [swath for swath in job.layout.swaths if swath.length_m >= min_length_m and not swath.via_m]
     pairs = sorted(_list_overlaps(job, swaths), key=lambda pair: (-pair[0], pair[1], pair[2]))
     after: dict[int, int] = {}
     taken: set[int] = set()

@@ -325,7 +325,10 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, eq=False)
 class ObstacleBends:
-    """Bent paths along swaths, by the point where a pass of the swath begins, and the bender for other lines."""
+    """Bent paths along swaths, by the point where a pass of the swath begins, and the bender for other lines.
+
+    Curved swaths have paths here whether or not obstacles stand near them.
+    """
 
     bent_lines: Mapping[Point, BentLine] = field(default_factory=dict)
     bender: LineBender | None = None
@@ -350,6 +353,18 @@ def bend_swaths(layout: Layout, bender: LineBender, tool_m: float) -> tuple[Layo
             f"Small obstacles leave no track of {MIN_SWATH_M:g} m in field '{layout.field.name}'; check the obstacles."
         )
     return replace(layout, swaths=tuple(swaths)), ObstacleBends(bent_lines, bender)
+
+
+def follow_curved_swaths(layout: Layout, tool_m: float) -> ObstacleBends:
+    """The paths along the curved swaths of a layout without small obstacles."""
+    return ObstacleBends(
+        {
+            start: Polyline(_build_driven_line(swath, direction, tool_m)).apply_bends([])
+            for swath in layout.swaths
+            if swath.via_m
+            for start, direction in ((swath.start_m, 1), (swath.end_m, -1))
+        }
+    )
 
 
 def find_clear_parts(points: Points, bender: LineBender) -> list[tuple[Points, float]] | None:
@@ -380,17 +395,19 @@ def _cut_swath(
         for first, last in _find_clear_spans(blocked_spans, swath.length_m, room_m):
             yield from _cut_swath(_cut_part(swath, first, last), bender, tool_m, room_m, bent_lines)
         return
-    for start, (bent_line, _) in zip((swath.start_m, swath.end_m), bend_results, strict=True):
+    for start, direction, (bent_line, _) in zip((swath.start_m, swath.end_m), (1, -1), bend_results, strict=True):
+        if bent_line is None and swath.via_m:
+            bent_line = Polyline(_build_driven_line(swath, direction, tool_m)).apply_bends([])
         if bent_line is not None:
             bent_lines[start] = bent_line
     yield swath
 
 
 def _build_driven_line(swath: Swath, direction: int, tool_m: float) -> np.ndarray:
-    """What the guided point drives along a swath without obstacles, (2, 2)."""
-    a, b = (swath.start_m, swath.end_m) if direction > 0 else (swath.end_m, swath.start_m)
-    past = np.array([b[0] - a[0], b[1] - a[1]]) * tool_m / math.dist(a, b)
-    return np.array([a, b + past])
+    """What the guided point drives along a swath without obstacles, (n, 2): straight on beyond its end."""
+    points = swath.points_m[::direction]
+    ahead = points[-1] - points[-2]
+    return np.concatenate([points[:-1], [points[-1] + ahead * tool_m / math.hypot(*ahead)]])
 
 
 def _find_clear_spans(spans: list[Span], length_m: float, room_m: float) -> Iterator[Span]:
@@ -406,8 +423,12 @@ def _find_clear_spans(spans: list[Span], length_m: float, room_m: float) -> Iter
 
 def _cut_part(swath: Swath, first_m: float, last_m: float) -> Swath:
     """A swath between two distances along it."""
-    ends = np.array([swath.start_m, swath.end_m])
-    ahead = (ends[1] - ends[0]) / swath.length_m
-    a, b = (ends[0] + first_m * ahead).tolist(), (ends[0] + last_m * ahead).tolist()
-    start = swath.start_m if first_m <= 0.0 else (a[0], a[1])
-    return replace(swath, start_m=start, end_m=swath.end_m if last_m >= swath.length_m else (b[0], b[1]))
+    if swath.via_m:
+        points = Polyline(swath.points_m).apply_bends([]).cut_between(first_m, last_m).tolist()
+    else:
+        ends = np.array([swath.start_m, swath.end_m])
+        ahead = (ends[1] - ends[0]) / swath.length_m
+        points = [(ends[0] + first_m * ahead).tolist(), (ends[0] + last_m * ahead).tolist()]
+    start = swath.start_m if first_m <= 0.0 else (points[0][0], points[0][1])
+    end = swath.end_m if last_m >= swath.length_m else (points[-1][0], points[-1][1])
+    return replace(swath, start_m=start, end_m=end, via_m=tuple((x, y) for x, y in points[1:-1]))

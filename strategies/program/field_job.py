@@ -278,13 +278,14 @@ class FieldJob:
     def get_exit_pose(self, swath_pass: SwathPass) -> Pose:
         """Pose of the guided point where the implement has reached the end of the swath."""
         x, y = swath_pass.swath.end_m if swath_pass.direction > 0 else swath_pass.swath.start_m
-        heading = self.compute_heading(swath_pass)
+        heading = self.compute_heading(swath_pass, at_end=True)
         tool = self.driving_rules.tool_m
         return x + tool * math.cos(heading), y + tool * math.sin(heading), heading
 
-    def compute_heading(self, swath_pass: SwathPass) -> float:
-        """Mathematical angle of travel on a pass (rad)."""
-        bearing = self.layout.get_bearing_rad(swath_pass.swath)
+    def compute_heading(self, swath_pass: SwathPass, *, at_end: bool = False) -> float:
+        """Mathematical angle of travel where a pass begins, or ends (rad)."""
+        swath = swath_pass.swath
+        bearing = swath.get_headings_rad(self.layout.get_bearing_rad(swath))[at_end == (swath_pass.direction > 0)]
         return math.remainder(bearing if swath_pass.direction > 0 else bearing + math.pi, 2.0 * math.pi)
 
     def estimate_entrance_time_s(self, first: SwathPass, last: SwathPass) -> float:
@@ -309,7 +310,7 @@ class FieldJob:
 
     def build_turn_estimator(self, a: SwathPass) -> Callable[[SwathPass], float]:
         """`estimate_turn_time_s` from one pass, as a function of the next."""
-        cell, heading = a.swath.cell_number, self.compute_heading(a)
+        cell, heading = a.swath.cell_number, self.compute_heading(a, at_end=True)
         driving_rules, width_m = self.driving_rules, self.layout.width_m
         cosine, sine, speed = math.cos(heading), math.sin(heading), driving_rules.turn_speed_mps
         x, y = a.swath.end_m if a.direction > 0 else a.swath.start_m

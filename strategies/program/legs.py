@@ -31,8 +31,8 @@ def get_straight_leg(
 ) -> Leg:
     """A leg between two distances ahead of a pose: work at work speed, anything else at turn speed.
 
-    It is straight, except for bends round small obstacles of the pass that begins at the pose; distances are along the
-    swath. Each leg is built once for all plans of a field.
+    It is straight, except on a curved swath and in bends round small obstacles of the pass that begins at the pose;
+    distances are along the swath. Each leg is built once for all plans of a field.
     """
     key = a, start_m, end_m, task, may_wait
     if key not in job.leg_cache:

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import vehicle
 from tests.diagnosis.sets import LogSet, record_of, sets_of
-from tests.diagnosis.tally import Record, faults, table, tallied, verdicts
+from tests.diagnosis.tally import Record, coverage_by_parameter, faults, table, tallied, verdicts
 from tests.truth.effects import CLEAR_SIZES
 
 
@@ -109,6 +109,7 @@ def report(records: list[Record], share: Fraction, wanted: int) -> None:
     )
     for words, figure, holds in verdicts(records, tallies):
         print(f"  {words:55s} {figure:>18s}  {'none' if holds is None else 'holds' if holds else 'MISSED'}")
+    print(f"  {coverage_by_parameter(tallies)}")
     print("\n" + "\n".join(table(tallies)))
     print("\n" + "\n".join(faults(records)))
 

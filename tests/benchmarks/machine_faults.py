@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.evaluation.context import PlanningContext, build_body
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_checks import FenceIntrusionCheck, ObstacleIntrusionCheck
 from planner.evaluation.ground.coverage import locate_antenna
+from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.repair.path_deviation import find_turn_deviations
 from vehicle.missions.plan import ENTER, LEAVE
 from vehicle.missions.run import DONE, SimulationRun

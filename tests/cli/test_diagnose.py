@@ -4,6 +4,7 @@ import io
 import json
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from planner.pipeline.diagnosis import diagnose
 from tests.truth.sample_log import HIDDEN, format_sample_log
 from vehicle.identification.logs.reader import resolve_log_path
 from vehicle.identification.verdict.demo_logs import draw_hidden_effect
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 
@@ -64,3 +67,53 @@ def test_the_sample_log_is_that_of_the_truth_model() -> None:
     made = pd.read_csv(io.StringIO(format_sample_log()))
     assert list(made) == list(shipped) and resolve_log_path("sample").stat().st_size < 200_000
     np.testing.assert_allclose(made, shipped, atol=0.002)
+
+
+@pytest.fixture(scope="module")
+def harmful() -> Diagnosis:
+    """A diagnosis whose extension raised the error on runs held out."""
+    found = diagnose("sample", holdout="auto")
+    assert found.holdout is not None and found.holdout.is_requested and found.holdout.helps and found.is_savable
+    worse = replace(found.holdout, before=found.holdout.after, after=found.holdout.before, helps=False)
+    return replace(found, holdout=worse)
+
+
+def test_what_does_not_help_on_runs_held_out_is_not_saved(
+    headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, harmful: Diagnosis
+) -> None:
+    asked: list[Any] = []
+
+    def answer(*_: Any, **options: Any) -> Diagnosis:
+        asked.append(options["holdout"])
+        return harmful
+
+    monkeypatch.setattr("planner.pipeline.diagnosis.diagnose", answer)
+    file, page = tmp_path / "own.toml", tmp_path / "page.html"
+    outcome = headland("diagnose", "sample", "--holdout", "a*", "--holdout", "#2", "--save", file, "--html", page)
+    assert outcome.status == 3 and not file.exists() and page.exists() and asked == [["a*", "#2"]]
+    (sentence,) = outcome.sentences
+    assert sentence.startswith(f"{file} is not written: What was found does not lower the error on runs held out")
+    assert "does not help there" in outcome.out and "steering offset" not in outcome.out
+    explained = headland("diagnose", "sample", "--holdout", "auto", "--explain")
+    assert explained.status == 0 and "steering offset" in explained.out, "nothing was to be saved"
+    told = json.loads(headland("diagnose", "sample", "--holdout", "auto", "--json").out)
+    assert told["holdout"]["helps"] is False and told["unsaved_reason"]
+
+
+def test_runs_that_are_not_there_cannot_be_held_out(headland: Callable[..., Any]) -> None:
+    outcome = headland("diagnose", "sample", "--holdout", "other")
+    assert outcome.status == 2 and "'other' is none of the runs (sample_log)" in outcome.err
+
+
+@pytest.mark.parametrize(("options", "sentence"), [
+    (("--save-soil", "north"), "--save-soil north needs the moisture of the logs; add --moisture, in % of dry weight."),
+    (("--save-soil", "north", "--moisture", "101"), "--moisture 101 is no moisture of a soil"),
+    (("--moisture", "20"), "--moisture 20 is that of a soil; add --save-soil or leave out --moisture."),
+    (("--crs", "EPSG:32632"), "--crs EPSG:32632 needs heights; add --elevation or leave out --crs."),
+    (("--elevation", "nowhere.tif"), "There is no file of heights 'nowhere.tif'"),
+])  # fmt: skip
+def test_options_that_would_be_ignored_are_refused(
+    headland: Callable[..., Any], options: tuple[str, ...], sentence: str
+) -> None:
+    outcome = headland("diagnose", "sample", *options)
+    assert outcome.status == 2 and sentence in outcome.err

@@ -33,7 +33,7 @@ def answer(once: Callable[..., Any], small: Path) -> dict[str, Any]:
 def test_json_keeps_its_contract(answer: dict[str, Any]) -> None:
     assert list(answer) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "unmet", "parts", "changes", "pull", "remarks", "summary",
+        "unmet", "parts", "changes", "pull", "remarks", "ground", "summary",
     ]  # fmt: skip
     assert answer["tractor_effects"] == {}
     assert answer["field"] == {"name": "small", "area_ha": 0.36}
@@ -54,6 +54,38 @@ def test_json_types(answer: dict[str, Any]) -> None:
         assert type(plan["rank"]) is type(plan["tractors"]) is type(plan["reversals"]) is int
         assert plan["collisions"] == 0
         assert (plan["min_clearance_m"] is None) == (plan["tractors"] == 1)
+
+
+def test_a_plan_on_heights_says_its_slopes_in_every_form(
+    headland: Callable[..., Any], small: Path, tmp_path: Path
+) -> None:
+    rows = "\n".join(" ".join(f"{100.0 + 0.16 * column:.2f}" for column in range(70)) for _ in range(70))
+    heights = tmp_path / "hill.asc"
+    heights.write_text(f"ncols 70\nnrows 70\nxllcorner -40\nyllcorner -40\ncellsize 2\n{rows}\n")
+    page, picture, saved = (tmp_path / f"plan.{end}" for end in ("html", "png", "json"))
+    asked = ("plan", small, "--local", "--tractors", "1", "--strategies", "split-field", "--elevation", heights)
+    outcome = headland(*asked, "--soil", "loam", "--html", page, "--png", picture, "--save", saved, "--json")
+    assert outcome.status == 0, outcome.err
+    told = json.loads(outcome.out)
+    slopes = [abs(told["best"][name]["amount"]) for name in ("steepest_along", "steepest_across")]
+    assert max(slopes) == pytest.approx(8.0, abs=0.2)
+    assert told["best"]["fuel_l"] == pytest.approx(told["best"]["fuel_l_by_tractor"][0])
+    assert told["scenario"]["soil"] == "loam" and str(heights) in told["scenario"]["elevation"]
+    assert any(text.startswith("The soil is loam at ") for text in told["ground"])
+    assert "data:image/png;base64," in page.read_text() and picture.stat().st_size > 10_000
+    heights.unlink()
+    legs = headland("show", saved, "--json")
+    assert legs.status == 0, legs.err
+    steps = json.loads(legs.out)["tractors"][0]["legs"]
+    assert sum(step["fuel_l"] for step in steps) == pytest.approx(told["best"]["fuel_l"], abs=0.3)
+    assert max(abs(step["slope_across_pct"]) for step in steps) == pytest.approx(slopes[1], abs=0.1)
+
+
+def test_a_result_does_not_overwrite_the_heights(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
+    heights = tmp_path / "hill.png"
+    heights.write_bytes(b"heights")
+    outcome = headland("plan", small, "--local", "--elevation", heights, "--png", heights)
+    assert outcome.status == 2 and "would overwrite the file of heights" in outcome.err
 
 
 def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], small: Path) -> None:

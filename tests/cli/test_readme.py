@@ -8,8 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from fields.geometry.field import Field
 from planner.guide.guide_pages import read_page
 from tests.cli.examples import (
     EXPERIMENTS,
@@ -35,6 +37,20 @@ def test_readme_and_guide_show_every_command() -> None:
     assert {info.name or info.callback.__name__ for info in app.registered_commands if info.callback} <= shown
 
 
+def write_hill(field: Field, path: Path) -> None:
+    """A raster of a field that rises by 3 % to the east, with a hill of 2 m in the middle."""
+    from fields.terrain.elevation_grid import ElevationGrid, lay_nodes
+    from fields.terrain.raster_writer import render_raster
+
+    frame = lay_nodes(field.boundary, 5.0, 40.0)
+    x, y = frame.list_places().T
+    heights = (20.0 + 0.03 * x + 2.0 * np.exp(-(x**2 + y**2) / 5e3)).reshape(frame.rows, frame.columns)
+    east, north = field.origin_m
+    grid = ElevationGrid(frame.west_m + east, frame.south_m + north, frame.spacing_m, heights)
+    (content,) = render_raster(grid, str(field.crs), path)
+    path.write_bytes(content)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files that the commands name; what a service has is there as well."""
@@ -45,6 +61,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("readme")
     os.environ["HEADLAND_DATA"] = str(place / "data")
     write_field(read_field("netherlands"), place / "myfarm.geojson")
+    write_hill(read_field("netherlands"), place / "dtm.tif")
     (place / "runs").mkdir()
     for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
         log.to_csv(place / "runs" / f"{number}.csv", index=False)

@@ -23,7 +23,7 @@ from planner.day.field_times import (
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
 from planner.request.plan_request import PlanRequest
-from planner.risk.leg_graph import LegGraph, WaitLink
+from planner.risk.leg_graph import LegFuel, LegGraph, WaitLink
 from vehicle.model.tractor import Implement, load_tractor
 
 GRAPH = LegGraph(
@@ -38,6 +38,7 @@ GRAPH = LegGraph(
     links=(WaitLink(2, 1, 0.1 + 0.2, 1.0, at_end=True),),
     stand_s=np.array([0.0, 300.1, 0.0]),
     leaving=np.array([False, True, False]),
+    fuel=LegFuel(np.array([0.1, 1.0 / 7.0, 0.0]), 2.0 / 3600.0),
 )
 
 
@@ -68,6 +69,38 @@ def test_the_name_is_that_of_the_content(task: FieldTimeTask) -> None:
     longer = replace(task, implement=Implement(length_m=0.8))
     assert len({task.key, wider.key, more.key, other.key, longer.key}) == 5
     assert hash_content("a", ["b"]) != hash_content("a", "b") and len(hash_code()) == 64
+
+
+def test_heights_count_by_what_their_file_holds(tmp_path: Path, task: FieldTimeTask) -> None:
+    def find_key(name: Path, x_m: float = 0.0) -> str:
+        field = replace(task.field, elevation=str(name), origin_m=(x_m, 0.0))
+        return replace(task, field=field).key
+
+    first, copy, folder = (tmp_path / name for name in ("a.asc", "b.asc", "agopengps"))
+    keys = [task.key, find_key(first)]
+    for text in ("100", "101"):
+        first.write_text(text)
+        copy.write_text(text)
+        keys.append(find_key(first))
+        assert find_key(copy) == keys[-1]
+    first.with_suffix(".prj").write_text("EPSG:25832")
+    keys += [find_key(first), find_key(first, 5.0)]
+    folder.mkdir()
+    for text in ("1", "2"):
+        (folder / "Elevation.txt").write_text(text)
+        (folder / "Sections.txt").write_text("not read")
+        keys.append(find_key(folder))
+    (folder / "Sections.txt").write_text("still not")
+    assert find_key(folder) == keys[-1] and len(set(keys)) == len(keys)
+
+
+def test_a_refusal_of_heights_is_not_kept_and_shows_no_folder(tmp_path: Path, task: FieldTimeTask) -> None:
+    lost = replace(task, field=replace(task.field, elevation=str(tmp_path / "lost.tif")))
+    cache = FieldTimeCache(tmp_path / "cache")
+    ((refused,),), is_cached = compute_field_times([[lost]], cache, SerialExecutor())
+    assert is_cached and refused is not None and count_uncached_field_times([[lost]], cache) == 1
+    assert "names the heights 'lost.tif'" in refused.reason and "upload" in refused.reason
+    assert str(tmp_path) not in refused.reason and "remove the property elevation" in refused.reason
 
 
 def test_every_room_counts_with_its_data(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

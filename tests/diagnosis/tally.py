@@ -9,7 +9,8 @@ from typing import Any
 from tests.diagnosis.sets import inside, size_of
 from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, REFUTED
 
-NAMED_WANTED, LIKELY_WANTED, INSIDE_WANTED, SETS_PER_WRONG_NAME = 0.97, 0.80, (0.90, 0.98), 300
+NAMED_WANTED, LIKELY_WANTED, INSIDE_WANTED, SETS_PER_WRONG_NAME = 0.97, 0.80, (0.93, 0.97), 300
+LEAST_INSIDE = 0.90  # of the values of every parameter
 Record = dict[str, Any]
 
 
@@ -110,6 +111,16 @@ def table(tallies: dict[str, Tally]) -> list[str]:
         cells = (*sizes, one.together, one.covered, one.likely, one.refuted, one.wrong)
         lines.append(f"{name:22s}" + "".join(f"{cell!s:>14s}" for cell in cells))
     return lines
+
+
+def coverage_by_parameter(tallies: dict[str, Tally]) -> str:
+    """In words: the parameters whose values are in their intervals less often than LEAST_INSIDE, with their counts."""
+    told = {name: one.covered for name, one in tallies.items() if one.covered.of}
+    low = [f"{name} {count}" for name, count in told.items() if count.share < LEAST_INSIDE]
+    return (
+        f"values in their intervals by parameter, at least {LEAST_INSIDE:.0%}: {len(told) - len(low)} of {len(told)}"
+        + (f"; not {', '.join(low)}" if low else "")
+    )
 
 
 def faults(records: Sequence[Record]) -> list[str]:

@@ -25,7 +25,9 @@ def made() -> list[Log]:
 def test_a_cause_is_told_from_a_part_and_errors_of_all_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = made()
     whole = diagnose_logs(logs, eg105(), "soil")
-    monkeypatch.setattr(module, "select_balanced_subset", lambda course: select_balanced_subset(course, 480.0))
+    monkeypatch.setattr(
+        module, "select_balanced_subset", lambda course, left_out: select_balanced_subset(course, 480.0, left_out)
+    )
     found = diagnose_logs(logs, eg105(), "soil")
     assert found.named == whole.named == ("steering_offset",)
     spread = {}

@@ -72,4 +72,4 @@ def test_play_reads_as_it_is_behind_a_noisy_sensor() -> None:
     told = next(one for one in found.findings if one.id == "steering_backlash")
     assert found.named == ("steering_backlash",) and told.interval is not None
     low, high = told.interval["angle_deg"]
-    assert low <= 1.0 <= high and high - low < 0.7
+    assert low <= 1.0 <= high and high - low < 0.9  # with the tolerances of the file

@@ -10,7 +10,7 @@ import pytest
 
 from tests.benchmarks import diagnosis
 from tests.diagnosis.sets import BLOCKS, EITHER_WAY, LogSet, inside, sets_of, size_of
-from tests.diagnosis.tally import Record, faults, tallied, verdicts
+from tests.diagnosis.tally import Record, coverage_by_parameter, faults, tallied, verdicts
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL
 
 NAMES = ("steering_offset", "wheel_slip")
@@ -55,6 +55,12 @@ def test_verdicts_by_hand() -> None:
     *reached, likely = verdicts(good, tallied(good, NAMES))
     assert [holds for *_, holds in reached] == [True, True, False]  # all in their intervals: these are too wide
     assert likely[2] is None
+
+
+def test_coverage_is_told_by_parameter() -> None:
+    words = coverage_by_parameter(tallied(RECORDS, NAMES))
+    assert "at least 90%: 1 of 2" in words and words.endswith("not steering_offset 1/2")
+    assert coverage_by_parameter(tallied(RECORDS[:1], NAMES)).endswith("1 of 1")
 
 
 def test_faults_name_the_set_and_what_was_said() -> None:

@@ -78,6 +78,8 @@ def turned(degrees: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
 
 SPOIL: dict[LogConvention, Callable[[pd.DataFrame], pd.DataFrame]] = {
     LogConvention.TIME_MS: in_unit(1000.0, "time_s"),
+    LogConvention.TIME_US: in_unit(1.0e6, "time_s"),
+    LogConvention.TIME_NS: in_unit(1.0e9, "time_s"),
     LogConvention.EAST_NORTH_SWAPPED: swapped,
     LogConvention.POSITION_DEGREES: to_degrees,
     LogConvention.POSITION_KM: in_unit(0.001, "easting_m", "northing_m"),

@@ -9,7 +9,7 @@ import pytest
 import vehicle.identification
 
 PACKAGE = Path(vehicle.identification.__file__).parent
-LAYERS = ("logs", "replay", "residuals", "fit", "cause_selection", "model_extension", "verdict")
+LAYERS = ("logs", "faults", "replay", "residuals", "fit", "cause_selection", "model_extension", "verdict")
 TESTS = Path(__file__).parents[1]
 
 

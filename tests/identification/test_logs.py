@@ -60,8 +60,8 @@ def test_bom_blanks_and_blank_lines_keep_the_line_numbers(tmp_path: Path) -> Non
 
 
 def test_files_patterns_and_names(tmp_path: Path) -> None:
-    for name in ("b", "a"):
-        saved(table(), tmp_path / f"{name}.csv")
+    for name, east_m in (("b", 0.0), ("a", 20.0)):
+        saved(table().assign(easting_m=table().easting_m + east_m), tmp_path / f"{name}.csv")
     (tmp_path / "other").mkdir()
     saved(table(50), tmp_path / "other" / "a.csv")
     pattern = str(tmp_path / "*.csv")

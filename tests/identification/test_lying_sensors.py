@@ -33,7 +33,7 @@ def test_honest_sensors_are_left_alone() -> None:
             assert not any("off" in one.rule for one in log.gated)
 
 
-@pytest.mark.parametrize("factor", [0.85, 1.12, 1.4])
+@pytest.mark.parametrize("factor", [0.7, 1.3, 1.4])
 def test_a_factor_of_the_speed_sensor_is_told_and_taken_out(factor: float) -> None:
     frame = log_of(WEAVE)
     true = frame.speed_mps.to_numpy()
@@ -47,8 +47,8 @@ def test_a_factor_of_the_speed_sensor_is_told_and_taken_out(factor: float) -> No
 def test_a_factor_that_straight_logs_tell_is_taken_out_of_bends_of_the_same_sensor() -> None:
     """A circle alone tells no factor; beside a line with the same sensor it does, beside another sensor it does not."""
     line, bend = log_of(straight(90.0, seconds=40.0)), log_of(circles(1))
-    wrong = [read(frame.assign(speed_mps=1.2 * frame.speed_mps)) for frame in (line, bend)]
-    assert wrong[0].speed_factor > 1.1 and wrong[1].corrections == ()
+    wrong = [read(frame.assign(speed_mps=1.3 * frame.speed_mps)) for frame in (line, bend)]
+    assert wrong[0].speed_factor > 1.25 and wrong[1].corrections == ()
     first, second = correct_sensors_like_others(wrong)
     assert first is wrong[0] and second.speed_factor == first.speed_factor
     (told,) = second.corrections
@@ -69,37 +69,15 @@ def test_slip_under_the_implement_is_no_factor_of_the_sensor() -> None:
     assert read(frame).corrections == ()
 
 
-def parted(frame: pd.DataFrame, rate: float) -> pd.DataFrame:
-    """The log with positions and heading stamped by a clock that runs slower by `rate`."""
-    time = frame.time_s.to_numpy()
-    shown = time[0] + (time - time[0]) * (1.0 - rate)
-    late = frame.copy()
-    for name in ("easting_m", "northing_m"):
-        late[name] = np.interp(shown, time, frame[name])
-    late["heading_deg"] = np.mod(np.interp(shown, time, np.unwrap(frame.heading_deg, period=360.0)), 360.0)
-    return late
-
-
-@pytest.mark.parametrize("rate", [0.004, -0.006])
-def test_clocks_that_part_are_told_and_joined(rate: float) -> None:
-    frame = log_of(WEAVE)
-    late = parted(frame, rate)
-    log = read(late)
-    (told,) = log.corrections
-    assert f" s a minute {'later' if rate > 0 else 'earlier'} against the steering" in told
-    assert float(told.split()[3]) == pytest.approx(abs(60 * rate), abs=0.02)
-    inside = slice(20, -40)
-    off = np.hypot(log.easting_m - frame.easting_m, log.northing_m - frame.northing_m)[inside]
-    before = np.hypot(late.easting_m - frame.easting_m, late.northing_m - frame.northing_m)[inside]
-    assert float(off.max()) < 0.25 * float(before.max())
-
-
 def test_a_wheel_sensor_that_is_off_costs_its_rows() -> None:
     frame = log_of(WEAVE)
     rows = (frame.index > 600) & (frame.index < 900)
     log = read(frame.assign(steering_deg=frame.steering_deg.where(~rows, 0.0)))
-    (gone,) = [one for one in log.gated if "dead sensor" in one.rule]
+    (gone,) = [one for one in log.gated if "wheel sensor frozen" in one.rule]
     assert abs(gone.rows - 299) <= 3
+    (fault,) = log.faults
+    assert (fault.id, fault.run) == ("wheel_sensor_frozen", log.name)
+    assert fault.from_s == frame.time_s[601] and abs((fault.to_s or 0.0) - frame.time_s[899]) < 0.2
     assert log.segment_count == 2
 
 

@@ -1,5 +1,6 @@
 """What is said about columns and rows that were not used."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.identification.log_tables import refusal, saved, table
-from vehicle.identification.logs.reader import build_log, find_log_files, list_remarks, read_logs
+from vehicle.identification.logs.reader import build_log, count_rows_left_out, find_log_files, list_remarks, read_logs
 from vehicle.identification.replay.drive_segments import build_dataset
 
 
@@ -71,6 +72,14 @@ def test_every_row_that_no_replay_sees_is_told_once(missing: set[int], back: set
     long = build_log(table(), "long")
     course = build_dataset([log, long])
     assert told == course.rows_read - course.rows
+    counts = list(count_rows_left_out([log, long], course.rows).values())
+    assert sum(counts) == told and counts == sorted(counts, reverse=True) and 0 not in counts
+
+
+def test_rows_that_repeat_a_position_are_left_out_for_that_reason() -> None:
+    log = replace(build_log(table(400), "run"), fresh=np.arange(400) % 4 == 0)
+    course = build_dataset([log])
+    assert count_rows_left_out([log], course.rows) == {"positions repeat the row before": 300}
 
 
 def test_a_file_given_twice_counts_once_and_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -230,7 +230,9 @@ def test_own_machines_cost_what_the_farm_says() -> None:
         scenario(), FIELD, uncertainty=build_certain_settings(), cost_terms=CostTerms(FarmPrices(late_per_ha=0.0))
     )
     own = simulate_candidate(site, Candidate("interleaved", 1)).result
-    assert own.paid_cost is not None and own.cost is not None
-    # In an hour some 22 for the tractor, 14 for the implement, 20 for fuel and 6 for a quarter of a person.
-    assert own.paid_cost / (own.time_s or 1.0) * 3600.0 == pytest.approx(62.0, abs=5.0)
+    assert own.paid_cost is not None and own.cost is not None and own.fuel_l is not None
+    hours = (own.time_s or 0.0) / 3600.0
+    assert 8.0 < own.fuel_l / hours < 15.0, "litres of 77 kW at a quarter of its power"
+    # In an hour some 22 for the tractor, 14 for the implement and 6 for a quarter of a person; then litres with oil.
+    assert own.paid_cost == pytest.approx(42.0 * hours + own.fuel_l * 1.2 * 1.15, rel=0.05)
     assert own.cost == pytest.approx(own.paid_cost, rel=0.01), "as simulated it is accounted for in the same way"

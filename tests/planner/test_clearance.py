@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
-from planner.evaluation.context import build_body
+from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import PlanRequest
 
 FIELD = shapely.box(0, 0, 150, 60)

@@ -8,7 +8,13 @@ import pytest
 from planner import HeadlandError, diagnose, replay
 from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
 from planner.evaluation.context import prepare_context
-from planner.pipeline.diagnosis import MIN_TRACTOR_LENGTH_M, PLAN_FIELD, PLAN_WIDTH_M, measure_plan_gain
+from planner.pipeline.diagnosis import (
+    MIN_TRACTOR_LENGTH_M,
+    PLAN_FIELD,
+    PLAN_WIDTH_M,
+    diagnose_demo,
+    measure_plan_gain,
+)
 from planner.request.plan_request import PlanRequest
 from vehicle.model.tractor import EffectSetting, Tractor, load_tractor
 from vehicle.model.tractor_writer import format_tractor_toml
@@ -63,9 +69,18 @@ def test_a_model_car_drives_no_plan() -> None:
     )
 
 
-def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp_path: Path) -> None:
-    path = tmp_path / "unknown.toml"
+def test_a_tractor_without_measured_radii_drives_the_plan_by_its_wheelbase(tmp_path: Path) -> None:
+    path = tmp_path / "ackermann.toml"
     path.write_text(format_tractor_toml(like_eg105(radius={})), encoding="utf-8")
+    machine = load_tractor(path)
+    gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
+    assert why_not == "" and gain is not None and gain.time_before_s is not None
+
+
+def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "asphalt.toml"
+    radius = {"asphalt": like_eg105().radius["asphalt"]}
+    path.write_text(format_tractor_toml(like_eg105(radius=radius)), encoding="utf-8")
     machine = load_tractor(path)
     gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))
     assert gain is None
@@ -78,6 +93,8 @@ def test_a_tractor_whose_radii_are_not_known_there_is_diagnosed_all_the_same(tmp
     (lambda: diagnose("nothing.csv"), "logs"),
     (lambda: diagnose(["nothing.csv"], tractor="nobody"), "tractor"),
     (lambda: diagnose(["nothing.csv"], fixes=["nonsense"]), "fixes"),
+    (lambda: diagnose("sample", holdout="other"), "holdout"),
+    (lambda: diagnose_demo(holdout=99), "holdout"),
     (lambda: replay("nothing.csv"), "log"),
     (lambda: replay("nothing.csv", tractor="nobody"), "tractor"),
 ])  # fmt: skip

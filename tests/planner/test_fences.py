@@ -14,12 +14,13 @@ from shapely import affinity
 
 from fields import Field, FieldError
 from planner.evaluation.candidates.evaluate import Candidate, _find_fault, compute_candidate_figures, simulate_candidate
-from planner.evaluation.context import PlanningContext, build_body, prepare_context
+from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground.contact_checks import (
     ObstacleIntrusionCheck,
 )
 from planner.evaluation.ground.contact_places import find_contact_places
 from planner.evaluation.ground.unworked_area import find_unworked_areas
+from planner.evaluation.machine_outlines import build_body
 from planner.evaluation.repair.path_deviation import MAX_OUTSIDE_M, find_turn_deviations
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import FENCE, OBSTACLE

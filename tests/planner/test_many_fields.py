@@ -28,6 +28,21 @@ from planner.request.plan_request import PlanRequest
 from reports.plan.ranking_export import format_ranking_json
 
 
+@pytest.mark.parametrize("named", ["elevation", "soil"])
+def test_answers_hold_for_what_the_files_hold(tmp_path: Path, named: str) -> None:
+    """The Elevation.txt of a folder, and a table of soils in a folder with the mark of names."""
+    folder = tmp_path / "a#b"
+    folder.mkdir()
+    path = folder / ("Elevation.txt" if named == "elevation" else "soils.csv")
+    value = str(folder) if named == "elevation" else f"{path}#north"
+    inputs = build_inputs_without_farm(PlanRequest(**{named: value}))  # type: ignore[arg-type]
+    keys = set()
+    for text in ("one", "two"):
+        path.write_text(text)
+        keys.add(hash_question(inputs))
+    assert len(keys) == 2
+
+
 def feature(name: str, x: float, wide: float, high: float) -> dict[str, object]:
     """A rectangle in local metres."""
     ring = [[x, 0], [x + wide, 0], [x + wide, high], [x, high], [x, 0]]

@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 import pytest
+import shapely
 
+from fields import Field
+from planner.evaluation.context import prepare_context
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.machines import FarmTractor
+from planner.pipeline.ranking import list_assumptions
 from planner.request.plan_request import PlanRequest
 from reports.plan.answer import question_pull
-from vehicle.datasheet.draft import DRAWBAR_SHARE, find_draft_rule
 from vehicle.datasheet.sheet import Datasheet
+from vehicle.energy.draft import find_draft_rule
+from vehicle.energy.driveline import DRAWBAR_SHARE
+from vehicle.model.soil import Texture
 from vehicle.model.tractor import load_tractor
 
 KMH = 1.0 / 3.6
 EG105 = load_tractor("eg105")
+TEXTURES: tuple[Texture, ...] = ("fine", "medium", "coarse")
 
 
 def test_draft_by_hand() -> None:
-    """6 m at 12 km/h: 40 tines, each 0.85 x (46 + 2.8 x 12) x 10 cm; a drill of 3 m 300 N per metre at any speed."""
+    """6 m at 12 km/h: 40 tines, each 0.85 x (46 + 2.8 x 12) x 10 cm; a drill of 3 m 300 N per row of 15 cm."""
     till, sow = find_draft_rule("till", 6.0), find_draft_rule("sow", 3.0)
     assert till is not None and sow is not None
     assert till.compute_draft_n(6.0, 12 * KMH) == pytest.approx(40 * 0.85 * 79.6 * 10)
     assert till.compute_power_kw(6.0, 12 * KMH) == pytest.approx(27.064 * 12 / 3.6)
-    assert sow.compute_draft_n(3.0, 5 * KMH) == sow.compute_draft_n(3.0, 15 * KMH) == pytest.approx(900.0)
+    assert sow.compute_draft_n(3.0, 5 * KMH) == sow.compute_draft_n(3.0, 15 * KMH) == pytest.approx(20 * 300.0)
     assert all(find_draft_rule(name, 3.0) is None for name in ("spray", "harvest", "mow"))
 
 
@@ -43,11 +50,31 @@ def test_the_question_and_what_it_suggests() -> None:
             assert one is not None and one.is_questioned is expected
 
 
+def test_fine_soil_pulls_harder_and_the_sentence_names_it() -> None:
+    """A cultivator: a factor of 1 in fine soil and of 0.65 in coarse soil, where that of medium soil is 0.85."""
+    request = PlanRequest(width_m=6.0, speed_mps=12 * KMH)
+    fine, medium, coarse = (compute_pull_figures(request, EG105, texture=texture) for texture in TEXTURES)
+    assert fine is not None and medium is not None and coarse is not None
+    assert fine.needed_kw == pytest.approx(medium.needed_kw / 0.85)
+    assert coarse.draft_kn == pytest.approx(medium.draft_kn * 0.65 / 0.85)
+    assert fine.possible_width_m is not None and medium.possible_width_m is not None
+    assert fine.possible_width_m < medium.possible_width_m
+    assert fine.possible_speed_kmh is not None and medium.possible_speed_kmh is not None
+    assert fine.possible_speed_kmh < medium.possible_speed_kmh
+    assert "in fine soil, is that of ASAE D497" in describe_pull(fine, "fine")[0]
+
+
+def test_the_soil_of_a_plan_is_asked_about() -> None:
+    wide = PlanRequest(field="drawn", no_headland=True, soil="clay", width_m=6.0, speed_mps=12 * KMH)
+    context = prepare_context(wide, Field("drawn", shapely.box(0, 0, 90, 90)))
+    assert any("in fine soil, is that of ASAE D497" in sentence for sentence in list_assumptions(context))
+
+
 def test_no_question_where_it_can_be_pulled_or_nothing_is_known() -> None:
     usual = compute_pull_figures(PlanRequest(), EG105)
     assert usual is not None and question_pull(usual) == "" and describe_pull(usual) == ()
     heavy = PlanRequest(width_m=6.0, speed_mps=12 * KMH)
-    assert compute_pull_figures(heavy, load_tractor("mr1000a")) is None and question_pull(None) == ""
+    assert compute_pull_figures(heavy, EG105.model_copy(update={"engine": None})) is None and question_pull(None) == ""
     assert compute_pull_figures(PlanRequest(operation="mow", width_m=9.0, speed_mps=5.0), EG105) is None
 
 

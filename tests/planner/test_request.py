@@ -54,7 +54,7 @@ def test_the_api_has_every_option_with_its_default_and_help() -> None:
         assert model.model_fields[name].default == option.default, name
         assert properties[name]["description"] == option.format_help(strip_unit, for_api=True), name
     assert (properties["width"]["exclusiveMinimum"], properties["width"]["maximum"]) == (0.0, 1000.0)
-    assert properties["objective"]["enum"] == ["fastest", "cheapest", "surest", None]
+    assert properties["objective"]["enum"] == ["fastest", "cheapest", "surest", "fuel", None]
 
 
 def test_no_help_names_an_option_in_the_words_of_others() -> None:

@@ -11,15 +11,13 @@ import pytest
 from reports.common.plan_results import (
     CellOutline,
     DriverLeg,
-    FleetStudy,
     HeadlandPassLine,
     PlanDrive,
     PlanRanking,
     PlanResult,
-    ThesisClaim,
-    ThesisTableRow,
     UnworkedPiece,
 )
+from reports.common.study_results import FleetStudy, ThesisClaim, ThesisTableRow
 
 STEP_S = 0.5
 SPEED_MPS = 1.5

@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from typing import Any
 
-from reports.common.plan_results import PlanRanking, PlanResult, PullFigures
+from reports.common.plan_results import PlanRanking, PlanResult, PullFigures, SlopePlace
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.ranking_export import format_ranking_json
 
@@ -89,9 +89,18 @@ NONE_WORKS = replace(
     plans=REFUSED[:1] * 6,
     changes=("a headland of 14 m (--headland 14)", "an implement of 2.5 m (--width 2.5)"),
 )
+FUEL = replace(
+    DEADLINE,
+    plans=tuple(replace(plan, fuel_l=29.6 + plan.tractors, fuel_l_per_ha=(29.6 + plan.tractors) / 3.92,
+                        co2_kg=2.65 * (29.6 + plan.tractors), fuel_l_by_tractor=(16.0,) * plan.tractors,
+                        steepest_along=SlopePlace(-8.4, 1, 30.0, 40.0, 9.5, 56.2),
+                        steepest_across=SlopePlace(5.2, 2, 30.0, 90.0), rollover=SlopePlace(31.0, 1, 30.0, 90.0))
+                for plan in DEADLINE.plans),
+    ground_sentences=("The soil is loam at 22 % moisture.",),
+)  # fmt: skip
 RANKINGS = {
-    "default": DEFAULT, "deadline": DEADLINE, "rain": RAIN, "late": LATE_RANKING, "remarks": REMARKED, "weak": WEAK,
-    "refused": NONE_WORKS,
+    "default": DEFAULT, "fuel": FUEL, "deadline": DEADLINE, "rain": RAIN, "late": LATE_RANKING, "remarks": REMARKED,
+    "weak": WEAK, "refused": NONE_WORKS,
 }  # fmt: skip
 
 

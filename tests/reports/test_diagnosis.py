@@ -422,13 +422,14 @@ class TestPage:
 
 class TestJson:
     KEYS = (
-        "runs", "rows_used", "rows_gated", "verdict", "grounds", "error_before", "error_after", "noise_floor",
-        "guilty_block", "effects", "named", "unexplained_share", "residual_error", "unexplained_depends_on",
+        "runs", "rows_used", "rows_gated", "rows_gated_by_reason", "verdict", "faults", "columns", "grounds",
+        "error_before", "error_after", "noise_floor", "guilty_block", "effects", "interval_note", "named",
+        "unexplained_share", "residual_error", "unexplained_depends_on", "hints", "holdout", "unsaved_reason",
         "next_drive", "calibration", "plan", "residuals", "correlations", "notes", "tractor", "hidden",
     )  # fmt: skip
     EFFECT_KEYS = (
         "id", "status", "calibrated", "value", "interval", "gain_pct", "gain_interval", "smallest_visible", "unit",
-        "block", "equivalent_to", "exchange",
+        "block", "equivalent_to", "exchange", "law",
     )  # fmt: skip
 
     def test_keys(self) -> None:
@@ -442,6 +443,18 @@ class TestJson:
         section = guide.split("## Keys of `--json`")[1]
         for key in (*self.KEYS, *self.EFFECT_KEYS):
             assert f"`{key}`" in section
+
+    def test_the_guide_lists_every_effect_with_its_parameters_and_neutral_value(self) -> None:
+        guide = (Path(__file__).parents[2] / "planner" / "guide" / "diagnosis.md").read_text(encoding="utf-8")
+        section = guide.split("## Effects")[1].split("## Keys")[0]
+        rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in section.splitlines() if line[:2] == "| "]
+        listed = {name: row for row in rows[1:] for name in re.findall("`(.*?)`", row[0])}
+        assert sorted(listed) == sorted(entry.id for entry in CATALOGUE)
+        for entry in CATALOGUE:
+            _, parameters, neutral, _ = listed[entry.id]
+            assert {param.name for param in entry.params} <= set(re.findall("`(.*?)`", parameters))
+            expected = {None: "file", math.inf: "none"}.get(entry.size.neutral) or f"{entry.size.neutral:g}"
+            assert neutral == expected, entry.id
 
     def test_what_was_hidden(self) -> None:
         hidden = HiddenEffect("steering_offset", {"angle_deg": 1.5})

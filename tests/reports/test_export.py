@@ -13,8 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.plan_results import FleetStudy, PlanRanking, PlanResult, UnworkedPiece
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
 from reports.common.rendering import make_json_safe
+from reports.common.study_results import FleetStudy
 from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
 STATED = ["stated_end_s", "stated_late_end_s", "stated_cost"]
@@ -73,10 +74,21 @@ CONTRACT = [
     "fuel_l",
     *STATED,
     "headland_order",
+    "fuel_l_per_ha",
+    "energy_kwh",
+    "co2_kg",
+    "fuel_l_by_tractor",
+    "energy_kwh_by_tractor",
+    "steepest_along",
+    "steepest_across",
+    "rollover",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]
-PARTS = {"largest_missed": PIECE, "finish_probability_interval": INTERVAL}
+SLOPES = ("steepest_along", "steepest_across", "rollover")
+PARTS = {"largest_missed": PIECE, "finish_probability_interval": INTERVAL} | {
+    name: [f"{name}_{key}" for key in ("amount", "tractor", "lon", "lat", "x_m", "y_m")] for name in SLOPES
+}
 COLUMNS = [column for key in CONTRACT for column in PARTS.get(key, [key])]
 
 
@@ -88,7 +100,7 @@ def test_keys_and_order(ranking: PlanRanking) -> None:
     data = json.loads(format_ranking_json(ranking), parse_constant=no_constant)
     assert list(data) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "unmet", "parts", "changes", "pull", "remarks", "summary",
+        "unmet", "parts", "changes", "pull", "remarks", "ground", "summary",
     ]  # fmt: skip
     assert data["scenario"] == {} and data["unmet"] is None
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}

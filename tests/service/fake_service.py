@@ -43,6 +43,7 @@ class Made:
             "tractors": ["eg105"],
             "farms": ["farm"],
             "tables": ["rain"],
+            "elevations": ["hill"],
             "logs": ["run-1"],
         }
         self.options: dict[str, dict[str, Any]] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from playwright.sync_api import Browser, Page, ViewportSize
 from planner.pipeline.diagnosis_evidence import build_evidence
 from reports.diagnosis.page import render_diagnosis_page
 from tests.reports.test_diagnosis import diagnosis
+from tests.reports.test_diagnosis_logs import FAULTY, HARMFUL, LATE
 from tests.service.accessibility import find_violations
 from tests.service.fake_service import Made
 from tests.service.watching import WatchedPage, find_overflow, needs_browser, until
@@ -37,7 +39,8 @@ def report(
     evidence: ReplayEvidence, browser: Browser, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[Page, list[str]]]:
     path: Path = tmp_path_factory.mktemp("report") / "report.html"
-    path.write_text(render_diagnosis_page(diagnosis(evidence=evidence)), encoding="utf-8")
+    shown = replace(HARMFUL, evidence=evidence, faults=FAULTY.faults, columns=LATE.columns, hints=LATE.hints)
+    path.write_text(render_diagnosis_page(shown), encoding="utf-8")
     page, said = browser.new_page(), list[str]()
     page.on("pageerror", lambda error: said.append(str(error)))
     page.on("request", lambda request: said.append(request.url) if not request.url.startswith("file:") else None)
@@ -111,7 +114,7 @@ def test_the_sample_log_is_diagnosed_and_a_result_is_titled_with_what_was_asked(
     page, made = watched.open("/diagnose"), pages[1]
     made.requests.clear()
     page.click("text=Try it with a sample log")
-    page.wait_for_function("location.hash === '#/diagnose/made'")
+    page.wait_for_function("() => location.hash === '#/diagnose/made'")
     assert ("diagnoses", {"logs": ["sample"]}) in made.requests
     asked = {"logs": ["run-1", "run-2"], "tractor": "mine", "ground": "asphalt"}
     page.route(
@@ -122,6 +125,26 @@ def test_the_sample_log_is_diagnosed_and_a_result_is_titled_with_what_was_asked(
     page.wait_for_selector("text=What does the simulation of mine on asphalt get wrong in run-1, run-2?")
     assert "emonstration" not in page.inner_text("main")
     page.unroute("**/api/v1/diagnoses/old")
+
+
+def test_runs_are_held_out_where_that_was_chosen(watched: WatchedPage, pages: tuple[str, Made]) -> None:
+    page, made = watched.open("/diagnose"), pages[1]
+    made.requests.clear()
+    page.check("main .tile input >> nth=0")
+    page.select_option("select[name=holdout]", "auto")
+    page.get_by_role("button", name="Diagnose", exact=True).click()
+    page.wait_for_function("() => location.hash === '#/diagnose/made'")
+    ((kind, request),) = made.requests
+    assert kind == "diagnoses" and request["holdout"] == ["auto"] and len(request["logs"]) == 1
+    watched.well()
+
+
+def test_the_report_says_what_began_before_what_is_wrong(report: tuple[Page, list[str]]) -> None:
+    text = report[0].inner_text("main")
+    places = [text.index(part) for part in ("the wheel does not follow", "held for up to 2 s", "The wheels stand")]
+    assert places == sorted(places)
+    assert report[0].locator("p.fault").count() == 1
+    assert report[0].get_by_role("region", name="Error of each run", exact=True).locator("tr").count() == 4
 
 
 def test_the_sample_log_is_replayed_in_the_browser(watched: WatchedPage) -> None:

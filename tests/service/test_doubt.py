@@ -85,6 +85,20 @@ def test_a_diagnosis_that_finds_nothing_leaves_the_file_as_it_is(fleet: DoubtedF
     assert fleet.live.twins.tractors[0] == EG105
 
 
+def test_a_diagnosis_that_harms_unseen_driving_offers_no_file(fleet: DoubtedFleet) -> None:
+    fleet.drive(1.0)
+    fleet.client.post(f"{TWIN}/diagnose")
+    job = fleet.store.claim_job("test")
+    assert job is not None
+    result = build_json_file("result.json", json.dumps({"verdict": "It slips.", "named": ["wheel_slip"]}))
+    fleet.store.finish_job(job.number, "test", [result])
+    asyncio.run(fleet.look())
+    told = fleet.client.get(TWIN).json()["finding"]
+    assert told == {"named": ["wheel_slip"], "words": "It slips.", "extends_model": False}
+    taken = fleet.client.post(f"{TWIN}/mend", json={})
+    assert taken.status_code == 409 and "does not lower the error of driving" in taken.json()["error"]
+
+
 def test_an_operator_asks_again_and_a_diagnosis_that_fails_says_why(fleet: DoubtedFleet) -> None:
     fleet.drive(1.0)
     asked = fleet.client.post(f"{TWIN}/diagnose")

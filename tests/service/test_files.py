@@ -183,6 +183,39 @@ def test_exchanged_coordinates_are_put_right_when_it_is_said(client: TestClient,
     assert client.get("/api/v1/fields/yard/summary?local=false").status_code == 422
 
 
+def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[str, str]) -> None:
+    rows = "\n".join(" ".join(f"{100.0 + 0.1 * column:.2f}" for column in range(60)) for _ in range(60))
+    grid = f"ncols 60\nnrows 60\nxllcorner -30\nyllcorner -30\ncellsize 2\n{rows}\n".encode()
+    assert upload(client, "elevations", token, "hill.asc", grid).status_code == 201
+    assert client.get("/api/v1/elevations/hill/summary").json() | {"remarks": []} == {
+        "of": "raster", "rows": 60, "columns": 60, "crs": None, "remarks": [],
+    }  # fmt: skip
+    broken = upload(client, "elevations", token, "broken.asc", b"ncols many")
+    assert (broken.status_code, broken.json()["parameter"]) == (422, "file")
+    assert upload(client, "fields", token, "yard.geojson", SMALL, local="1").status_code == 201
+    body = {"field": "yard", "tractors": "1", "elevation": "hill", "soil": "loam", "moisture": 20.0}
+    asked = client.post("/api/v1/plans", json=body, headers=token)
+    assert asked.status_code == 202, asked.json()
+    job = client.app.state.store.list_jobs()[0]  # type: ignore[attr-defined]
+    assert job.work["elevation"] == "elevation/hill.asc" and "elevation/hill.asc" in job.inputs
+
+
+@pytest.mark.parametrize(
+    ("body", "parameter"),
+    [
+        ({"elevation": "/etc/passwd"}, "elevation"),
+        ({"soil": "/etc/soils.csv"}, "soil"),
+        ({"soil": "loam", "moisture": 99.0}, "soil"),
+        ({"moisture": 20.0}, "moisture"),
+    ],
+)
+def test_heights_and_soils_that_there_are_not(
+    client: TestClient, token: dict[str, str], body: dict[str, object], parameter: str
+) -> None:
+    answer = client.post("/api/v1/plans", json={"tractors": "1"} | body, headers=token)
+    assert (answer.status_code, answer.json()["parameter"]) == (422, parameter)
+
+
 def test_tables_of_rain_and_of_gnss_errors(client: TestClient, token: dict[str, str]) -> None:
     gnss = (resources.files("vehicle") / "data" / "gnss_rtk.csv").read_bytes()
     rain = b"member,time\n1,16:30\n2,17:00\n3,\n4,18:00\n"

@@ -11,3 +11,4 @@ def assert_same_bits(run: SimulationRun, other: SimulationRun) -> None:
     assert run.finish_s.tobytes() == other.finish_s.tobytes()
     assert (run.contacts, run.conflict) == (other.contacts, other.conflict)
     assert run.min_clearance_m == other.min_clearance_m
+    assert (run.stall, run.roll_over) == (other.stall, other.roll_over)

@@ -99,8 +99,15 @@ def test_tables_rise_from_lock_to_lock_through_zero(name: str) -> None:
 def test_a_ground_without_measurements_leaves_the_angle_alone(eg105: Tractor) -> None:
     bare = eg105.model_copy(update={"radius": {}})
     assert (build_steering_table(bare, 0) == build_identity_table(35.0)).all()
-    with pytest.raises(VehicleError, match=r"No turning radii of Yanmar EG105 are known on 'soil'; use one of: none\."):
+    with pytest.raises(VehicleError, match=r"Yanmar EG105 has no measured turning radii; add them as radius\.soil"):
         bare.get_power_law("soil")
+    # Without slip: the wheelbase and the lock, and the antenna 1.1 m ahead of the rear axle.
+    assert bare.compute_smallest_radius_m("soil") == pytest.approx(
+        math.hypot(1.1, bare.wheelbase_m / math.tan(math.radians(35.0)))
+    )
+    asphalt_only = eg105.model_copy(update={"radius": {"asphalt": eg105.radius["asphalt"]}})
+    with pytest.raises(VehicleError, match=r"are known on 'soil'; use one of: asphalt\."):
+        asphalt_only.compute_smallest_radius_m("soil")
 
 
 @pytest.mark.parametrize("law", [

@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 from tests.benchmarks.plain_pymunk import advance
 from vehicle.model.ground import GROUNDS
 from vehicle.model.tractor import Implement, Tractor
-from vehicle.records import STATE
+from vehicle.records import GRAVITY_MPS2, STATE
 from vehicle.sim.calibration import build_identity_table, compute_kinematic_radius, drive_circle
 from vehicle.sim.compile import build_ground_records, build_model_record
-from vehicle.sim.dynamics import GRAVITY_MPS2, step_body
+from vehicle.sim.dynamics import step_body
 from vehicle.sim.loop import run_fixed
 from vehicle.sim.pymunk_bridge import PymunkEngine, create_body
 

@@ -44,7 +44,8 @@ TRACKS = {
 
 def effects() -> dict[str, Tractor]:
     """The tractor with each effect at about its usual size, and with each term of the discrepancy model."""
-    hidden = {entry.id: draw_hidden_effect(1, EG105, entry.id).values for entry in CATALOGUE}
+    acting = [entry.id for entry in CATALOGUE if not entry.is_of_log_alone]
+    hidden = {name: draw_hidden_effect(1, EG105, name).values for name in acting}
     by_name = {name: add_effect(EG105, name, values) for name, values in hidden.items()}
     terms = {term.id: add_discrepancy_model(EG105, **{term.id: term.typical}) for term in DISCREPANCY_TERMS}
     return by_name | {f"discrepancy {name}": tractor for name, tractor in terms.items()}
@@ -55,7 +56,9 @@ TRACTORS = effects()
 # measures it; the world keeps the body's own momentum and lets the speed controller follow. A push of 5 cm/s carries
 # 1.25 m in a drive of 25 s; the two differ by up to 7 cm of that.
 CARRIED, CARRIED_M, CARRIED_RAD = ("discrepancy push_to_east", "discrepancy push_to_north"), 0.08, 0.01
-POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION]
+POSITIONS = [entry.id for entry in CATALOGUE if entry.block == POSITION and not entry.is_of_log_alone]
+# Guidance smooths headings over the 1.6 s that it remembers, a replay over the whole drive: 0.1 degrees of the command.
+REMEMBERED_RAD = {"heading_filter": 2e-3}
 
 
 @pytest.mark.parametrize("commands", [CIRCLE, WAVE], ids=["circle", "wave"])
@@ -102,7 +105,7 @@ def test_guidance_steers_by_what_a_log_would_show(name: str, track: str) -> None
             tractor.guidance.lateral_limit_m, math.radians(tractor.max_steering_deg),
         )  # fmt: skip
         errors.append(command - driven.column("command")[step])
-    assert len(errors) == 140 and np.abs(errors).max() < 1e-6
+    assert len(errors) == 140 and np.abs(errors).max() < REMEMBERED_RAD.get(name, 1e-6)
     assert np.abs(np.degrees(driven.column("command"))).max() > 3.0
 
 

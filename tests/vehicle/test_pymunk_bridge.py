@@ -54,6 +54,9 @@ def assert_same(fast: SimulationRun, slow: SimulationRun) -> None:
     assert fast.contacts == slow.contacts
     assert fast.min_clearance_m == pytest.approx(slow.min_clearance_m, abs=1e-9)
     assert fast.conflict == slow.conflict
+    assert (fast.stall is None) == (slow.stall is None)
+    margins = [[(one.margin_rad, one.x_m, one.y_m, one.leg) for one in run.roll_over] for run in (fast, slow)]
+    assert np.allclose(*margins, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("make", PLANS)

@@ -201,3 +201,22 @@ def test_moments() -> None:
     assert format_isoxml_time(0.0) == "1980-01-01T00:00:00"
     assert format_isoxml_time(86_400.0 * 366 + 3_661.0) == "1981-01-01T01:01:01"
     assert format_isoxml_time(1e18) == ""
+
+
+def test_logged_heights_are_read_in_metres(taskdata: Path) -> None:
+    time_s, xy, works = drive()
+    records, offset, rows = encode_records(time_s, lonlat(xy), values(time_s, xy, works)), 0, []
+    heights_m = 210.0 + 0.01 * np.arange(len(xy))
+    for height_m in heights_m.tolist():  # a record has 15 bytes of head, a count and 5 bytes for each value
+        place, count = offset + 14, records[offset + 15]
+        rows.append(
+            records[offset:place] + struct.pack("<i", round(1e3 * height_m)) + records[place : place + 2 + 5 * count]
+        )
+        offset = place + 2 + 5 * count
+    header = HEADER.replace('<PTN A="" B="" D=""/>', '<PTN A="" B="" C="" D=""/>')
+    (taskdata / "TLG00001.xml").write_text(header, encoding="utf-8")
+    (taskdata / "TLG00001.bin").write_bytes(b"".join(rows))
+    (run,) = read_task_logs(str(taskdata)).runs
+    assert run.elevation_m is not None
+    np.testing.assert_allclose(run.elevation_m, heights_m, atol=1e-9)
+    np.testing.assert_allclose(run.lonlat, lonlat(xy), atol=1e-7)

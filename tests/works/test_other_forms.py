@@ -62,6 +62,19 @@ def test_the_metadata_say_the_field_and_the_unit_of_the_width(tmp_path: Path) ->
     assert read_task_logs(str(path)).runs[0].width_m == pytest.approx(WIDTH_M)
 
 
+@pytest.mark.parametrize(("unit", "unit_m"), [("ft", 0.3048), ("m", 1.0), ("", None)])
+def test_heights_of_a_shapefile_need_their_unit(tmp_path: Path, unit: str, unit_m: float | None) -> None:
+    path = write_points(tmp_path, Elevation=np.linspace(690.0, 700.0, int(drive()[2].sum())))
+    told = {"DataAttributes": [{"Name": "Elevation", "Unit": unit}]}
+    (tmp_path / "points-Deere-Metadata.json").write_text(json.dumps(told))
+    (run,) = read_task_logs(str(path)).runs
+    if unit_m is None:
+        assert run.elevation_m is None and any("Elevation are not used" in note for note in run.notes)
+    else:
+        assert run.elevation_m is not None
+        np.testing.assert_allclose(run.elevation_m[[0, -1]], [690.0 * unit_m, 700.0 * unit_m])
+
+
 def test_a_shapefile_without_time_or_without_points_is_told(tmp_path: Path) -> None:
     write(
         str(tmp_path / "a.shp"), shapely.to_wkb(shapely.points([[15.0, 48.0]])), [np.array([1.0])], ["Rate"],

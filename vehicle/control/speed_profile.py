@@ -25,6 +25,7 @@ import numpy.typing as npt
 from vehicle.jit import compile_function
 from vehicle.model.ground import GROUNDS
 from vehicle.model.tractor import Tractor
+from vehicle.records import GRAVITY_MPS2
 
 # Times the lookahead of turns. Measured: S-bends of 4 to 10 m radius, and arcs of 4 to 6 m, are lost from 1.7 on.
 STEERING_DISTANCE_FACTOR = 1.4
@@ -35,7 +36,6 @@ MIN_LIMIT_MPS = 0.3  # a kink is driven at least at this speed
 MIN_CORRECTION_MPS = 1.0
 MAX_LIMIT_MPS = 1000.0  # where nothing limits the speed
 UNLIMITED_MPS = math.inf  # a path that is not limited at all
-GRAVITY_MPS2 = 9.80665
 Floats = npt.NDArray[np.float64]
 
 

@@ -18,7 +18,7 @@ from vehicle.datasheet.sheet import (
     compute_wheel_spacing_m,
 )
 from vehicle.model.tractor import POWER_LAW_M, PowerLaw, Tractor
-from vehicle.sim.dynamics import GRAVITY_MPS2
+from vehicle.records import GRAVITY_MPS2
 
 GIVEN = "given"
 MASS_PER_POWER_KG_PER_KW = 50.0

@@ -27,13 +27,47 @@ class Conflict:
     second_m: float = 0.0
 
 
+@dataclass(frozen=True)
+class Stall:
+    """A tractor that got stuck or ran away, where, and what it lacked: "drive force", "grip", "power" or "brakes".
+
+    `leg` counts from the first of its mission, `grade` is the rise per metre in its direction of travel. `needed_n` is
+    the thrust that would have kept it going there (for brakes: the force that would have held it), `available_n` what
+    there was.
+    """
+
+    time_s: float
+    tractor: int
+    leg: int
+    x_m: float
+    y_m: float
+    grade: float
+    lacking: str
+    needed_n: float
+    available_n: float
+
+
+@dataclass(frozen=True)
+class RollOverMargin:
+    """How far a tractor stayed from rolling over sideways (rad; negative: it would have), and where it came closest.
+
+    `leg` counts from the first of its mission.
+    """
+
+    margin_rad: float
+    x_m: float
+    y_m: float
+    leg: int
+
+
 @dataclass(frozen=True, eq=False)
 class SimulationRun:
     """A simulated plan.
 
     `time_s` (t,), `record` (t, tractors, 7) at 10 Hz with the columns vehicle.records.RECORD_COLUMNS, `finish_s`
     (tractors,; nan if not finished), `contacts` (time, first, second) at first touch, `min_clearance_m` between any
-    two outlines (inf for one tractor).
+    two outlines (inf for one tractor). `stall` names the tractor of a run that ended because it could not go on;
+    `roll_over` has a margin per tractor, and none where the height of the centre of mass is not known.
     """
 
     plan: Plan
@@ -44,6 +78,8 @@ class SimulationRun:
     contacts: tuple[tuple[float, int, int], ...]
     min_clearance_m: float
     conflict: Conflict | None = None
+    stall: Stall | None = None
+    roll_over: tuple[RollOverMargin, ...] = ()
 
     @property
     def duration_s(self) -> float:

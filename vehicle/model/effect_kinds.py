@@ -19,7 +19,9 @@ import numpy.typing as npt
 REFERENCE_WHEELBASE_M = 2.4  # of the EG105, to which the sizes in the catalogue belong
 INTERVAL_COVERAGE = 0.95
 INTERVAL_SIGMAS = 1.96  # standard deviations either side of the mean that cover 95 % of a normal distribution
-KNEE_SHARE = 0.15  # chosen, of a limit: tyre curves differ by about this much in how they begin to slide
+# Of a limit: tyre curves differ by this much in how they begin to slide. Tyres that begin suddenly (second reference,
+# 0.09 g) are read 18 to 23 % high.
+KNEE_SHARE = 0.24
 TYPICAL_INVERSE_PER_G = 4.0  # chosen, 1/g: the first step of a fit, 0.3 of it, goes from no limit to one of 0.8 g
 PER_SLOPE = "per_slope"  # the value of a drift on a slope that was measured
 ROUNDING_FACTOR = 1.001  # a size that differs from the typical one only by rounding is as fine
@@ -150,6 +152,43 @@ class EffectKind:
         if sample.only_less:
             sign = -1.0
         return {**neutral, size.name: round(neutral[size.name] + sign * sample.share * size.typical, 4)}
+
+
+@dataclass(frozen=True)
+class OneSidedKind(EffectKind):
+    """A number of which only one side is fitted, because the other side is another effect: `sign` times it is positive.
+
+    A tractor file may hold both sides; both are fitted where a place, here any number, says that the logs show the
+    other side.
+    """
+
+    sign: float = 1.0
+
+    def get_kind_for_place(self, place: Sequence[float]) -> EffectKind:
+        """Both sides with a place."""
+        return TwoSidedKind() if place else self
+
+    def build_box(self, size: EffectParameter, zero: float, starts: Sequence[float]) -> CoordinateBox:
+        """The ordinary box, cut at neutral."""
+        box = super().build_box(size, zero, [start for start in starts if self.sign * (start - zero) > 0.0])
+        return box._replace(low=(zero,)) if self.sign > 0.0 else box._replace(high=(zero,))
+
+    def sample_values(
+        self, params: Sequence[EffectParameter], neutral: Values, sample: EffectSample, rng: np.random.Generator
+    ) -> dict[str, float]:
+        """Values on the side that is fitted."""
+        size = params[0]
+        return {**neutral, size.name: round(neutral[size.name] + self.sign * sample.share * size.typical, 4)}
+
+
+class TwoSidedKind(EffectKind):
+    """Both sides of a number that is usually fitted on one side."""
+
+    def compute_values(
+        self, params: Sequence[EffectParameter], coordinates: Array, place: Sequence[float] = ()
+    ) -> dict[str, float]:
+        """The coordinate."""
+        return super().compute_values(params, coordinates)
 
 
 class LimitKind(EffectKind):
@@ -313,6 +352,7 @@ class CircleKind(EffectKind):
 
 
 SIZE, LIMIT, SLOPE, CIRCLE = EffectKind(), LimitKind(), SlopeKind(), CircleKind()
+ABOVE, BELOW = OneSidedKind(1.0), OneSidedKind(-1.0)
 
 
 def _make_single_value_tuples(values: Sequence[float]) -> tuple[tuple[float, ...], ...]:

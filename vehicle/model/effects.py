@@ -14,6 +14,8 @@ from dataclasses import dataclass
 from vehicle.errors import VehicleError
 from vehicle.model.discrepancy_model import NEUTRAL_DISCREPANCY, compute_discrepancy_fields
 from vehicle.model.effect_kinds import (
+    ABOVE,
+    BELOW,
     CIRCLE,
     LIMIT,
     PER_SLOPE,
@@ -33,6 +35,8 @@ DIRECTION, TOOL, TARGET, TURNING, TIME = "direction", "implement", "target speed
 TARGET_RATE = "rate of target speed"
 DISCREPANCY_KEY = "discrepancy_model"
 SLOPE_DRIFT = "cross_slope_drift"
+BY_ROLL = "as measured roll has the slope"
+STEERING_CLOCK = "clock_offset_steering"
 ROUNDING = 1e-9
 DRIVE_LINE_SLIP = 0.05  # chosen: speeds of any make differ this much from the set speed
 # Chosen: without a load wheels slip less on soil that can be worked; a wrong command looks the same.
@@ -50,7 +54,9 @@ class Effect:
     the plot that shows it. `depends_on_ground` marks effects that may differ between grounds and runs, `is_stand_in`
     those that would fit any difference between runs. `kind` says how the values become coordinates of a fit. `starts`
     are sizes to try first (`start_shares`: shares of the file's value), because a dead band or a limit leaves no trace
-    where it does not act. `optional_params` are values that are given only where more was measured.
+    where it does not act. `optional_params` are values that are given only where more was measured; `also_shows_in` are
+    further blocks at whose sensors it shows. Effects with `is_of_log_alone` are in what a log holds, and not in what
+    guidance gets.
     """
 
     id: str
@@ -68,6 +74,8 @@ class Effect:
     starts: tuple[float, ...] = ()
     start_shares: tuple[float, ...] = ()
     optional_params: tuple[EffectParameter, ...] = ()
+    also_shows_in: tuple[str, ...] = ()
+    is_of_log_alone: bool = False
 
     @property
     def size(self) -> EffectParameter:
@@ -82,6 +90,10 @@ class Effect:
 
 def _name_left_or_right(value: float) -> str:
     return "right" if value > 0 else "left"
+
+
+def _name_more_or_less(difference: float) -> str:
+    return "more" if difference > 0 else "less"
 
 
 def _describe_turn_gain(value: float) -> str:
@@ -108,7 +120,7 @@ def _describe_limit(v: Values) -> str:
 def _describe_slope(v: Values) -> str:
     if PER_SLOPE in v:
         drift = f"{10 * v[PER_SLOPE]:.1f} cm downhill per metre driven across a slope of 10 %"
-        return f"The tractor drifts {drift}, as measured roll has the slope."
+        return f"The tractor drifts {drift}, {BY_ROLL}."
     towards = _name_direction(v["bearing_deg"])
     return f"The tractor drifts {100 * v['ratio']:.1f} cm towards the {towards} per metre driven across it."
 
@@ -121,6 +133,29 @@ def _compute_slope_fields(v: Values) -> Fields:
 def _compute_patch_fields(v: Values) -> Fields:
     place = {"patch_east": v["east_m"], "patch_north": v["north_m"], "patch_radius": v["radius_m"]}
     return {"patch": v["ratio"], **place}
+
+
+_CLOCK_STARTS = (0.1, -0.1, 0.25, -0.25, 0.5, -0.5)
+
+
+def _build_clock_effect(
+    column: str, what: str, field: str, block: str, plot: tuple[str, str], kind: EffectKind = SIZE,
+    also_shows_in: tuple[str, ...] = (),
+) -> Effect:  # fmt: skip
+    """The effect of a column that is stamped by another clock than the others.
+
+    Of positions and headings only earlier stamps are fitted, as later ones are delays; of commands only later ones, as
+    earlier ones are a dead time of the steering; of wheel angles only later ones, as with earlier ones wheels would
+    move before their command.
+    """
+    return Effect(
+        f"clock_offset_{column}", block, (EffectParameter("time_s", "s", 0.0, 0.2, 0.1, -2.0, 2.0),),
+        lambda v: {field: v["time_s"]},
+        lambda v: f"The {what} are stamped {abs(v['time_s']):.2f} s too {'late' if v['time_s'] > 0 else 'early'}: "
+                  "another clock than that of the other columns.",
+        "changes of speed and steering", "turns at several speeds, stops and starts",
+        plot=plot, starts=_CLOCK_STARTS, kind=kind, also_shows_in=also_shows_in, is_of_log_alone=True,
+    )  # fmt: skip
 
 
 CATALOGUE: tuple[Effect, ...] = (
@@ -275,6 +310,47 @@ CATALOGUE: tuple[Effect, ...] = (
         plot=(CRAB, DIRECTION),
     ),
     Effect(
+        "position_delay", POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
+        lambda v: {"position_late": v["time_s"] * STEP_HZ},
+        lambda v: f"Positions reach the log {v['time_s']:.2f} s late, headings do not.",
+        "changes of speed and turning rate", "turns at several speeds, stops and starts",
+        plot=(CRAB, TURNING), starts=(0.1, 0.25, 0.5),
+    ),
+    Effect(
+        "heading_delay", POSITION, (EffectParameter("time_s", "s", 0.0, 0.15, 0.06, 0.0, 1.2),),
+        lambda v: {"heading_late": v["time_s"] * STEP_HZ},
+        lambda v: f"Headings reach the log {v['time_s']:.2f} s late, positions do not.",
+        "changes of turning rate", "turns at several speeds, into and out of bends",
+        plot=(CRAB, TURNING), starts=(0.1, 0.25, 0.5),
+    ),
+    Effect(
+        "heading_filter", POSITION, (EffectParameter("time_s", "s", 0.0, 0.3, 0.1, 0.0, 3.0),),
+        lambda v: {"heading_filter": v["time_s"]},
+        lambda v: f"The heading in the log is smoothed, with a time constant of {v['time_s']:.2f} s.",
+        "changes of turning rate", "short bends to both sides, into and out of circles",
+        plot=(CRAB, TURNING), starts=(0.15, 0.4, 0.8),
+    ),
+    Effect(
+        "speed_scale", POSITION, (EffectParameter("ratio", "", 1.0, 0.06, 0.015, 0.4, 2.5),),
+        lambda v: {"speed_scale": v["ratio"]},
+        lambda v: f"The measured speed reads {100 * abs(v['ratio'] - 1):.0f} % {_name_more_or_less(v['ratio'] - 1)} "
+                  "than the tractor drives.",
+        "speed", "straight ahead at several speeds, implement up",
+        plot=(PACE, TARGET), also_shows_in=(SPEED,), is_of_log_alone=True,
+    ),
+    _build_clock_effect("position", "positions", "position_clock", POSITION, (CRAB, TURNING), BELOW),
+    _build_clock_effect("heading", "headings", "heading_clock", POSITION, (CRAB, TURNING), BELOW),
+    _build_clock_effect(
+        "speed", "measured speeds", "speed_clock", POSITION, (PACE, TARGET_RATE), also_shows_in=(SPEED,)
+    ),
+    _build_clock_effect(
+        STEERING_CLOCK.removeprefix("clock_offset_"), "measured wheel angles", "steering_clock", STEERING,
+        (WHEEL, COMMAND_RATE), ABOVE, (POSITION,),
+    ),
+    _build_clock_effect(
+        "steering_command", "steering commands", "command_clock", STEERING, (WHEEL, COMMAND_RATE), ABOVE
+    ),
+    Effect(
         "grip_patch", PATH,
         (
             EffectParameter("ratio", "", 1.0, 0.3, 0.06, 0.1, 3.0),
@@ -353,6 +429,8 @@ NEUTRAL_FIELDS: Fields = {
     "affected": 0.0, "offset": 0.0, "bend": 1.0, "bend_left": 1.0, "dead_steps": 0.0, "half_play": 0.0, "slide": 0.0,
     "understeer": 0.0, "slope_east": 0.0, "slope_north": 0.0, "draft": 0.0, "slip": 0.0, "tool_slip": 0.0,
     "speed_lag": 0.0,
-    "shift_forward": 0.0, "shift_right": 0.0, "latency": 0.0, "heading_bias": 0.0, "patch": 1.0, "patch_east": 0.0,
+    "shift_forward": 0.0, "shift_right": 0.0, "latency": 0.0, "heading_bias": 0.0, "position_late": 0.0,
+    "heading_late": 0.0, "heading_filter": 0.0, "speed_scale": 1.0, "position_clock": 0.0, "heading_clock": 0.0,
+    "speed_clock": 0.0, "steering_clock": 0.0, "command_clock": 0.0, "patch": 1.0, "patch_east": 0.0,
     "patch_north": 0.0, "patch_radius": 0.0, "drift": 0.0, **NEUTRAL_DISCREPANCY,
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What receiver and compass show of a tractor: the lever arm of the antenna, late positions, a biased heading.
+"""What receiver and compass show of a tractor: the lever arm of the antenna, late positions and headings, a bias.
 
 Guidance in the loop, the replay of logs and the filter of the twin all use these formulas.
 """
@@ -9,6 +9,7 @@ import math
 
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.jit import compile_function
+from vehicle.records import DT_S
 
 # Rows that fill_shown_poses writes: the late centre of mass and its true heading, then the shown antenna and heading.
 LATE_X, LATE_Y, LATE_ANGLE, SHOWN_EAST, SHOWN_NORTH, SHOWN_HEADING = range(6)
@@ -50,19 +51,56 @@ def add_heading_bias(angle: float, bias: float) -> float:
 
 
 @compile_function
-def compute_guidance_pose(state, model) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
-    """Centre of mass and heading as guidance sees them: what is shown, less the lever arm of the tractor file.
+def show_late_pose(state, model, x: float, y: float, angle: float) -> tuple[float, float, float, float]:  # type: ignore[no-untyped-def]
+    """Pose (x, y, angle) at the time of the shown position, and the shown heading without its bias.
 
-    Guidance allows for an antenna beside the centre line, so only a shift from there counts. Writes the current pose
-    to the ring buffers of the state, whose entries are one step apart.
+    Writes the current pose (x, y, angle) to the ring buffers of the state, whose entries are one step apart.
     """
     now, size = state.clock, len(state.xs)
     place = now % size
-    state.xs[place], state.ys[place], state.angles[place] = state.x, state.y, state.angle
-    at = max(now - min(model.latency, size - 2.0), 0.0)
+    state.xs[place], state.ys[place], state.angles[place] = x, y, angle
+    at = max(now - min(model.latency + model.position_late, size - 2.0), 0.0)
     before = min(int(at), now - 1)
-    x, y, true = interpolate_past_pose(state.xs, state.ys, state.angles, before, float(before), before + 1.0, at)
-    heading = add_heading_bias(true, model.heading_bias)
+    late_x, late_y, late_angle = interpolate_past_pose(
+        state.xs, state.ys, state.angles, before, float(before), before + 1.0, at
+    )
+    shown = late_angle
+    if model.heading_late != model.position_late:
+        at = max(now - min(model.latency + model.heading_late, size - 2.0), 0.0)
+        before = min(int(at), now - 1)
+        _, _, shown = interpolate_past_pose(state.xs, state.ys, state.angles, before, float(before), before + 1.0, at)
+    if model.heading_filter > 0.0:
+        shown = _filter_angles(state.angles, now, at, shown, compute_filter_share(model.heading_filter))
+    return late_x, late_y, late_angle, shown
+
+
+@compile_function
+def _filter_angles(angles, now: int, at: float, latest: float, share: float) -> float:  # type: ignore[no-untyped-def]
+    """First-order low pass of the ring of angles up to step `at`, whose angle is `latest`.
+
+    What is older than the ring counts as its oldest entry.
+    """
+    first, step = max(now - len(angles) + 1, 0), int(at)
+    filtered = angles[first % len(angles)]
+    for entry in range(first + 1, step + 1):
+        filtered += (angles[entry % len(angles)] - filtered) * share
+    return filtered + (latest - filtered) * share * (at - step)  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_filter_share(time_constant_s: float) -> float:
+    """Share of the way to its input that a first-order low pass goes in one step."""
+    return 1.0 - math.exp(-DT_S / time_constant_s) if time_constant_s > 0.0 else 1.0
+
+
+@compile_function
+def compute_guidance_pose(state, model) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
+    """Centre of mass and heading as guidance sees them: what is shown, less the lever arm of the tractor file.
+
+    Guidance allows for an antenna beside the centre line, so only a shift from there counts.
+    """
+    x, y, true, shown = show_late_pose(state, model, state.x, state.y, state.angle)
+    heading = add_heading_bias(shown, model.heading_bias)
     east, north = apply_lever_arm(
         -model.guide * math.cos(heading),
         -model.guide * math.sin(heading),

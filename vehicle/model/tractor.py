@@ -11,8 +11,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, model_validator
 
@@ -77,6 +78,46 @@ class SpeedParameters(_FrozenModel):
     max_acceleration_mps2: Annotated[float, _make_number_type(0.001, 100.0, "m/s2")] = 0.7
     max_lateral_mps2: Annotated[float, _make_number_type(0.01, 100.0, "m/s2 in bends, usually 0.7 to 1.5")] = 1.0
     shift_time_s: Annotated[float, _make_number_type(0.0, 600.0, "s")] = 1.5
+
+
+ShaftPower = Annotated[float, _make_number_type(0.0, 2000.0, "kW")]
+FuelRate = Annotated[float, _make_number_type(0.0, 1000.0, "l/h")]
+
+
+class EngineParameters(_FrozenModel):
+    """What the engine gives and how much of it reaches the driven axles."""
+
+    power_kw: Annotated[float, _make_number_type(0.01, 2000.0, "kW at the flywheel, usually 10 to 400")]
+    driveline_efficiency: Annotated[float, _make_number_type(0.05, 1.0, "of the power, usually 0.8 to 0.9")] = 0.86
+    fuel_points: tuple[tuple[ShaftPower, FuelRate], ...] = Field(
+        default=(), description="kW at the shaft and l/h at full throttle, from a test; at least two, or none"
+    )
+
+    @model_validator(mode="after")
+    def _check_fuel_points(self) -> EngineParameters:
+        if len(self.fuel_points) == 1:
+            raise ValueError("fuel_points has one pair; give two or more, or none")
+        if any(not more[0] > less[0] or not more[1] > less[1] for less, more in pairwise(self.fuel_points)):
+            raise ValueError("fuel_points must grow in power and in fuel; order them, and leave out the peak of torque")
+        return self
+
+
+class TyreParameters(_FrozenModel):
+    """Sizes of the tyres, and which wheels are driven: by those follows the traction on a soil."""
+
+    front_width_m: Annotated[float, _make_number_type(0.01, 3.0, "m, section width, usually 0.2 to 0.6")]
+    front_diameter_m: Annotated[float, _make_number_type(0.05, 4.0, "m over all, usually 0.8 to 1.7")]
+    rear_width_m: Annotated[float, _make_number_type(0.01, 3.0, "m, section width, usually 0.3 to 0.8")]
+    rear_diameter_m: Annotated[float, _make_number_type(0.05, 4.0, "m over all, usually 1.2 to 2.1")]
+    deflection_ratio: Annotated[float, _make_number_type(0.01, 0.6, "deflection over section height")] = 0.2
+    driven_wheels: Literal["2wd", "mfwd", "4wd"] = "mfwd"
+
+
+class StabilityParameters(_FrozenModel):
+    """What decides whether a tractor rolls over, and below which margin that is warned of."""
+
+    centre_height_m: Annotated[float, _make_number_type(0.01, 5.0, "m, the centre of mass, usually 0.6 to 1.2")]
+    warn_deg: Annotated[float, _make_number_type(0.0, 60.0, "degrees of margin")] = 20.0
 
 
 Factor = Annotated[float, _make_number_type(1e-4, 1e4, "factor c")]
@@ -174,6 +215,9 @@ class Tractor(_FrozenModel):
     steering: SteeringParameters = SteeringParameters()
     guidance: GuidanceParameters = GuidanceParameters()
     speed: SpeedParameters = SpeedParameters()
+    engine: EngineParameters | None = None
+    tyres: TyreParameters | None = None
+    stability: StabilityParameters | None = None
     radius: dict[str, PowerLaw] = {}
     effects: dict[str, EffectSetting] = {}
     discrepancy_model: DiscrepancyModel | None = None
@@ -195,7 +239,13 @@ class Tractor(_FrozenModel):
         return self.rear_axle_m + self.rear_overhang_m
 
     def compute_smallest_radius_m(self, ground: str) -> float:
-        """Radius at full lock on its weaker side."""
+        """Radius of the antenna's circle at full lock on its weaker side.
+
+        Without measured radii on any ground, the circle of the wheels without slip (Ackermann), on every ground.
+        """
+        if not self.radius:
+            lock_m = self.wheelbase_m / math.tan(math.radians(self.max_steering_deg))
+            return math.hypot(self.antenna_forward_m, lock_m)
         law = self.get_power_law(ground)
         return max(law.compute_radius_m(self.max_steering_deg), law.compute_radius_m(-self.max_steering_deg))
 
@@ -204,7 +254,12 @@ class Tractor(_FrozenModel):
         try:
             return self.radius[ground]
         except KeyError:
-            known = ", ".join(sorted(self.radius)) or "none"
+            if not self.radius:
+                raise VehicleError(
+                    f"The file of {self.name} has no measured turning radii; add them as radius.{ground}, or leave the "
+                    "wheels to turn without slip."
+                ) from None
+            known = ", ".join(sorted(self.radius))
             raise VehicleError(
                 f"No turning radii of {self.name} are known on {ground!r}; use one of: {known}."
             ) from None

@@ -13,8 +13,8 @@ def format_tractor_toml(tractor: Tractor) -> str:
     values = tractor.model_dump(mode="python")
     plain_values = {key: value for key, value in values.items() if value is not None and not isinstance(value, dict)}
     lines = [f"{key} = {_format_value(value)}" for key, value in plain_values.items()]
-    for name in ("steering", "guidance", "speed"):
-        lines += _format_table(name, values[name])
+    for name in ("steering", "guidance", "speed", "engine", "tyres", "stability"):
+        lines += _format_table(name, values[name] or {})
     for ground, law in values["radius"].items():
         lines += _format_table(f"radius.{ground}", law)
     for effect, setting in values["effects"].items():

@@ -11,11 +11,20 @@ import numpy.typing as npt
 
 from vehicle.control.speed_profile import UNLIMITED_MPS, build_driving_limits, limit_by_bends, limit_by_brakes
 from vehicle.copying import copy_row
+from vehicle.energy.traction import (
+    HARD_RESISTANCE,
+    SLIP_RESISTANCE,
+    compute_best_pull_slip,
+    compute_gross_traction,
+    compute_net_traction,
+    compute_traction_envelope,
+)
 from vehicle.jit import compile_function
 from vehicle.missions.plan import Mission, Plan
 from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.tractor import Implement, Tractor, get_log_corrections
-from vehicle.records import GATE, GROUND, LEG, MODEL, STATE
+from vehicle.model.work_load import WorkLoad
+from vehicle.records import GATE, GRAVITY_MPS2, GROUND, LEG, MODEL, STATE
 
 SAME_M = 1e-6
 # A tractor looks at least as far ahead as it drives while its wheels swing by this much: 1.7 s for that of the thesis.
@@ -98,8 +107,44 @@ def compute_lateral_ease(tractor: Tractor) -> float:
     return WEAVE_SHARE * rate / (gain * math.sqrt(gain / tractor.wheelbase_m))
 
 
-def build_model_record(tractor: Tractor, implement: Implement) -> Array:
+def add_implement_mass(tractor: Tractor, load: WorkLoad | None) -> Tractor:
+    """The tractor with the mass of its implement, as if that sat where the tractor's own mass does."""
+    if load is None or load.implement_mass_kg == 0.0:
+        return tractor
+    return tractor.model_copy(update={"mass_kg": tractor.mass_kg + load.implement_mass_kg})
+
+
+def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
+    """Fields of MODEL for a load, of a tractor with the mass of its implement."""
+    constant, linear, square = load.draft_n
+    fields = {
+        "loaded": 1.0,
+        "draft_constant": constant,
+        "draft_linear": linear,
+        "draft_square": square,
+        "axle_power": load.axle_power_w,
+        "brake_limit": tractor.speed.max_drive_n,
+    }
+    mobility = load.mobility_number
+    if mobility is None:
+        return fields
+    driven_weight = load.driven_share * tractor.mass_kg * GRAVITY_MPS2
+    max_slip = compute_best_pull_slip(mobility, load.max_slip)
+    return fields | {
+        "driven_weight": driven_weight,
+        "per_driven_weight": 1.0 / driven_weight,
+        "envelope": compute_traction_envelope(mobility),
+        "slip_resistance": SLIP_RESISTANCE / math.sqrt(mobility),
+        "inverse_mobility": 1.0 / mobility,
+        "best_gain": compute_net_traction(max_slip, mobility) + 1.0 / mobility,
+        "max_slip": max_slip,
+        "brake_limit": driven_weight * (compute_gross_traction(load.max_slip, mobility) - HARD_RESISTANCE),
+    }
+
+
+def build_model_record(tractor: Tractor, implement: Implement, load: WorkLoad | None = None) -> Array:
     """One MODEL record."""
+    tractor = add_implement_mass(tractor, load)
     model = np.zeros((), dtype=MODEL)
     boxes = compute_contact_boxes(tractor, implement)
     rate = math.radians(tractor.steering.rate_deg_per_s)
@@ -136,13 +181,15 @@ def build_model_record(tractor: Tractor, implement: Implement) -> Array:
         ),
         **boxes,
     }
+    if load is not None:
+        values |= build_load_fields(tractor, load)
     for name, value in (values | get_log_corrections(tractor).fields).items():
         model[name] = value
     return model
 
 
-def build_ground_records() -> Array:
-    """GROUND records in the order of vehicle.model.ground.GROUNDS."""
+def build_ground_records(load: WorkLoad | None = None) -> Array:
+    """GROUND records in the order of vehicle.model.ground.GROUNDS; a load may say how much they resist rolling."""
     rows = np.zeros(len(GROUNDS), dtype=GROUND)
     for row, ground in zip(rows, GROUNDS, strict=True):
         row["front_slope"] = math.degrees(ground.front_slope_per_deg)
@@ -150,6 +197,8 @@ def build_ground_records() -> Array:
         row["rear_slope"] = math.degrees(ground.rear_slope_per_deg)
         row["rear_limit"] = math.radians(ground.rear_limit_deg)
         row["rolling"] = ground.rolling_resistance
+    if load is not None and load.rolling_share is not None:
+        rows["rolling"] = load.rolling_share
     return rows
 
 

@@ -15,7 +15,14 @@ from vehicle.control.speed import STANDSTILL_MPS, apply_lag, apply_ramp, compute
 from vehicle.control.steering import compute_ackermann_directions, step_steering_simulator
 from vehicle.fast_math import compute_arctangent_ratio
 from vehicle.jit import compile_function, inline_function
+from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.effect_terms import apply_play, compute_ground_speed, read_delayed
+from vehicle.sim.load_terms import (
+    compute_pull,
+    compute_slopes,
+    limit_drive,
+    note_overturning,
+)
 
 CREEP_MPS = 0.05  # slip angles of slower wheels are computed for this speed, to avoid a division by zero
 
@@ -75,7 +82,6 @@ def compute_friction_circle_share(drive: float, grip: float) -> float:
     return max(math.sqrt(1.0 - used * used), 0.05)
 
 
-GRAVITY_MPS2 = 9.80665
 StepFunction = Callable[..., tuple[float, float, float]]
 
 
@@ -244,9 +250,9 @@ def step_steering_system(state, model, dt) -> None:  # type: ignore[no-untyped-d
         state.play = apply_play(state.play, state.steering, model)
 
 
-@compile_function
-def step_speed_control(state, model, ground, forward, dt) -> float:  # type: ignore[no-untyped-def]
-    """Drive force (N) of the speed controller for the target speed in the state, at the speed over ground `forward`."""
+@inline_function
+def compute_wanted_drive(state, model, ground, forward, dt) -> float:  # type: ignore[no-untyped-def]
+    """Drive force (N) that the speed controller would give on level ground without a load, and without limits."""
     target = state.target_speed
     if model.affected != 0.0:
         target = compute_ground_speed(target, state.working, model)
@@ -267,4 +273,31 @@ def step_speed_control(state, model, ground, forward, dt) -> float:  # type: ign
     if target == 0.0 and state.reference_speed == 0.0 and abs(forward) < STANDSTILL_MPS:
         state.integral = 0.0  # the brake holds
         drive = -model.mass * forward * per_second
+    return float(drive)
+
+
+@compile_function
+def step_speed_control(state, model, ground, forward, dt) -> float:  # type: ignore[no-untyped-def]
+    """Drive force (N) of the speed controller for the target speed in the state, at the speed over ground `forward`."""
+    drive = compute_wanted_drive(state, model, ground, forward, dt)
     return float(min(max(drive, -model.max_drive), model.max_drive))
+
+
+@compile_function
+def step_loaded_drive(  # type: ignore[no-untyped-def]
+    state, model, ground, forward, spin, cosine, sine, dt
+) -> tuple[float, float]:
+    """As step_speed_control, on terrain or with a load: the force ahead (N) of wheels, slope and implement together,
+    and the speed to the right (m/s) that the slope gives in `dt`.
+
+    The speed controller knows slope and draft, as a governor feels them. `spin` is counter-clockwise. Across a slope a
+    wheel creeps in proportion to its speed; as slip angles of slower wheels are computed for CREEP_MPS, the push is
+    less by as much, so that a tractor that stands stays. Tyres with a friction circle take the force for that of the
+    wheels alone: they are for trials on level ground.
+    """
+    ahead, aside = compute_slopes(state, cosine, sine)
+    pull = compute_pull(model, ground, ahead, forward, state.working)
+    drive = compute_wanted_drive(state, model, ground, forward, dt) + pull
+    note_overturning(state, aside, forward, spin)
+    creep = min(abs(forward) * (1.0 / CREEP_MPS), 1.0)
+    return limit_drive(state, model, ground, drive, forward, dt) - pull, -dt * creep * GRAVITY_MPS2 * aside

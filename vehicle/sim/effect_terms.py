@@ -12,8 +12,8 @@ from vehicle.control.steering import convert_to_base_angle
 from vehicle.fast_math import compute_saturation_factor, compute_tangent
 from vehicle.jit import compile_function, inline_function
 from vehicle.model.discrepancy_model import FADE_SHARE
+from vehicle.records import GRAVITY_MPS2
 
-GRAVITY_MPS2 = 9.80665
 DRIFT_LIMIT = 0.3  # largest change of grip with time, as a share of it
 KNEE = 0.3  # of the limit of side force: below it nothing is lost, at four fifths of the limit 5 % of the curvature
 DISCREPANCY_LIMIT = 0.9  # of the curvature: a discrepancy model must not turn a tractor the other way

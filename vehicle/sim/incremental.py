@@ -19,7 +19,9 @@ from vehicle.control.guidance import ARRIVAL_TOLERANCE_M
 from vehicle.control.speed_profile import BRAKE_SHARE, STEERING_DISTANCE_FACTOR
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
+from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import Implement, Tractor
+from vehicle.model.work_load import WorkLoad
 from vehicle.sim.compile import LOOKAHEAD_SWING_RAD
 from vehicle.sim.simulated_plan import (
     SimulatedPlan,
@@ -49,11 +51,14 @@ class IncrementalSimulator:
         *,
         stop_clearance_m: float,
         beside_clearance_m: float | None = None,
+        terrain: Terrain | None = None,
+        load: WorkLoad | None = None,
         position_errors: Any = None,
         seed: int = 1,
     ) -> None:
         self.tractor, self.implement = tractor, implement
         self.stop_clearance_m, self.beside_clearance_m = stop_clearance_m, beside_clearance_m
+        self.terrain, self.load = terrain, load
         self.position_errors, self.seed = position_errors, seed
         self.resumed_at_s = 0.0
         self._last_plan: SimulatedPlan | None = None
@@ -168,7 +173,15 @@ class IncrementalSimulator:
         )
 
     def _build_world(self, plan: Plan) -> World:
-        return World(plan, self.tractor, self.implement, position_errors=self.position_errors, seed=self.seed)
+        return World(
+            plan,
+            self.tractor,
+            self.implement,
+            terrain=self.terrain,
+            load=self.load,
+            position_errors=self.position_errors,
+            seed=self.seed,
+        )
 
     def _list_common_snapshots(self, earlier: SimulatedPlan, plan: Plan, max_time_s: float) -> list[WorldSnapshot]:
         """The snapshots of a run up to which no tractor met a difference between its plan and another."""

@@ -12,6 +12,7 @@ from vehicle.control.steering import convert_to_base_angle
 from vehicle.fast_math import compute_tangent
 from vehicle.jit import compile_function, drop_owner
 from vehicle.model.gnss import draw_error
+from vehicle.model.terrain import compute_gradient
 from vehicle.records import (
     BODY_ANGLE,
     BODY_SPIN,
@@ -36,8 +37,9 @@ from vehicle.sim.compiled_access import (
     read_motions,
     step_space,
 )
-from vehicle.sim.dynamics import step_body, step_speed_control, step_steering_system
+from vehicle.sim.dynamics import step_body, step_loaded_drive, step_speed_control, step_steering_system
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_ground_drift
+from vehicle.sim.load_terms import STALL_AFTER_S
 
 # m/s, rad/s. Speeds that decay on a straight line become ever smaller, and processors calculate many times slower with
 # numbers below 1e-307; the cube of this limit is above that.
@@ -77,11 +79,14 @@ def compute_tractor_force(state, model, ground, table, body, dt):  # type: ignor
         place = state.clock % len(state.xs)
         state.xs[place], state.ys[place], state.angles[place] = x, y, angle
         state.clock += 1
-    drive = step_speed_control(state, model, ground, forward - drift_ahead, dt)
     # Relative to drifting ground, the tyres hold as usual.
-    new_forward, new_right, new_spin = step_body(
-        forward - drift_ahead, right - drift_right, -turning, bend, drive, dt, model, ground
-    )
+    ahead, aside = forward - drift_ahead, right - drift_right
+    if model.loaded == 0.0:
+        drive = step_speed_control(state, model, ground, ahead, dt)
+    else:
+        drive, push = step_loaded_drive(state, model, ground, ahead, turning, cosine, sine, dt)
+        aside += push
+    new_forward, new_right, new_spin = step_body(ahead, aside, -turning, bend, drive, dt, model, ground)
     new_forward += drift_ahead
     new_right += drift_right
     turn = turning * dt
@@ -120,9 +125,35 @@ def write_record_row(record, row, states) -> None:  # type: ignore[no-untyped-de
 
 
 @compile_function
+def find_stuck_tractor(states) -> int:  # type: ignore[no-untyped-def]
+    """Number of the first tractor that cannot go on, or -1."""
+    for i in range(len(states)):
+        if states[i].short_time > STALL_AFTER_S:
+            return i
+    return -1
+
+
+@compile_function
+def note_contacts(bridge, contacts, time) -> None:  # type: ignore[no-untyped-def]
+    """Add the pairs that touch for the first time to `contacts` (k, 3), whose last row counts them."""
+    touching = bridge.touching
+    for pair in range(count_contacts(bridge)):
+        used = int(contacts[-1, 0])
+        is_known = False
+        for row in range(used):
+            if contacts[row, 1] == touching[2 * pair] and contacts[row, 2] == touching[2 * pair + 1]:
+                is_known = True
+        if not is_known and used < len(contacts) - 1:
+            contacts[used, 0] = time
+            contacts[used, 1] = touching[2 * pair]
+            contacts[used, 2] = touching[2 * pair + 1]
+            contacts[-1, 0] += 1.0
+
+
+@compile_function
 def run_loop(  # type: ignore[no-untyped-def]
     steps, dt, steps_per_tick, clock, bridge, states, models, grounds, tables, legs, gates, points, cumulative, record,
-    clearances, contacts, stop_clearance, beside_clearance, stall_s, position_errors, present, required,
+    clearances, contacts, stop_clearance, beside_clearance, stall_s, position_errors, present, required, heights, frame,
 ):  # fmt: skip
     """Drive all tractors for at most `steps` steps of `dt`; control, record and clearance every `steps_per_tick`.
 
@@ -131,7 +162,8 @@ def run_loop(  # type: ignore[no-untyped-def]
     `position_errors` (k, 4) is a GNSS table of vehicle.model.gnss, without rows for no error. `present` (n,) says which
     tractors have their contact boxes in the space: if these are not the required ones before a tick, the loop returns
     NEIGHBOURS_CHANGED and writes the required ones to `required` (n,). With a `stop_clearance` of IGNORE_CLEARANCE_M
-    clearances are not checked. Returns an outcome of this module, the number of record rows, and the closest pair.
+    clearances are not checked. `heights` and `frame` are those of a Terrain, without rows for level ground. Returns an
+    outcome of this module, the number of record rows, and the closest pair, or the tractor that is stuck.
     """
     bridge, states, models = drop_bridge_owner(bridge), drop_owner(states), drop_owner(models)
     grounds, tables, legs, gates = drop_owner(grounds), drop_owner(tables), drop_owner(legs), drop_owner(gates)
@@ -142,7 +174,8 @@ def run_loop(  # type: ignore[no-untyped-def]
         drop_owner(present),
     )
     clearances, position_errors, required = drop_owner(clearances), drop_owner(position_errors), drop_owner(required)
-    count = len(states)
+    heights, frame = drop_owner(heights), drop_owner(frame)
+    count, is_level = len(states), len(heights) == 0
     checks_clearance = count > 1 and stop_clearance > IGNORE_CLEARANCE_M
     touchable, rows = present.any(), 0
     for _ in range(steps):
@@ -170,6 +203,9 @@ def run_loop(  # type: ignore[no-untyped-def]
                 _, first, second = find_too_close(states, models, clearances, stop_clearance, beside_clearance)
                 if first >= 0:
                     return TOO_CLOSE, rows, first, second
+            stuck = find_stuck_tractor(states)
+            if stuck >= 0:
+                return STALLED, rows, stuck, -1
             if running == 0:
                 return ALL_DONE, rows, -1, -1
             if total > clock[1] + MIN_PROGRESS_M or standing > 0:
@@ -179,26 +215,19 @@ def run_loop(  # type: ignore[no-untyped-def]
         for i in range(count):
             state = states[i]
             ground = legs[state.leg].ground
+            motion = get_motion(bridge, i)
+            if not is_level:
+                # Of the place that pymunk moves the body to before it applies the force: only so is energy kept.
+                x, y = motion[0] + dt * motion[3], motion[1] + dt * motion[4]
+                state.slope_east, state.slope_north = compute_gradient(heights, frame, x, y)
             force = compute_tractor_force(
-                state, models[state.model], grounds[ground], tables[state.model, ground], get_motion(bridge, i), dt
+                state, models[state.model], grounds[ground], tables[state.model, ground], motion, dt
             )
             apply_force(bridge, i, force)
         step_space(bridge, dt)
         clock[0] += 1.0
-        if not touchable:
-            continue
-        touching = bridge.touching
-        for pair in range(count_contacts(bridge)):
-            used = int(contacts[-1, 0])
-            is_known = False
-            for row in range(used):
-                if contacts[row, 1] == touching[2 * pair] and contacts[row, 2] == touching[2 * pair + 1]:
-                    is_known = True
-            if not is_known and used < len(contacts) - 1:
-                contacts[used, 0] = time
-                contacts[used, 1] = touching[2 * pair]
-                contacts[used, 2] = touching[2 * pair + 1]
-                contacts[-1, 0] += 1.0
+        if touchable:
+            note_contacts(bridge, contacts, time)
     return RUNNING, rows, -1, -1
 
 

@@ -93,6 +93,7 @@ def extract_solo_run(
         finish_s=run.finish_s[tractor : tractor + 1],
         contacts=(),
         min_clearance_m=np.inf,
+        roll_over=run.roll_over[tractor : tractor + 1],
     )
     before = (entry for entry in snapshots if entry[0].rows <= rows)
     return SoloRun(

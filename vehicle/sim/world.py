@@ -17,14 +17,25 @@ import numpy.typing as npt
 import pymunk
 
 from vehicle.control.guidance import run_control_tick
+from vehicle.errors import VehicleError
 from vehicle.missions.plan import Plan, check_plan
-from vehicle.missions.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, SimulationRun
+from vehicle.missions.run import CONFLICT, DONE, STALL, TIMEOUT, Conflict, RollOverMargin, SimulationRun, Stall
 from vehicle.model.gnss import NO_ERROR, draw_error, make_error_keys
+from vehicle.model.terrain import NO_TERRAIN, Terrain, compute_gradient
 from vehicle.model.tractor import Implement, Tractor
+from vehicle.model.work_load import WorkLoad
 from vehicle.records import DT_S, RECORD_COLUMNS
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.clearance import find_too_close
-from vehicle.sim.compile import CompiledPlan, build_ground_records, build_model_record, compile_plan
+from vehicle.sim.compile import (
+    CompiledPlan,
+    add_implement_mass,
+    build_ground_records,
+    build_model_record,
+    compile_plan,
+)
+from vehicle.sim.load_report import build_roll_over_margins, build_stall
+from vehicle.sim.load_terms import STALL_AFTER_S
 from vehicle.sim.loop import (
     ALL_DONE,
     IGNORE_CLEARANCE_M,
@@ -58,6 +69,22 @@ class SimulationScene:
     clock: Array
     clearances: Array
     contacts: Array
+    heights: Array
+    frame: Array
+
+
+def _check_heights(terrain: Terrain, points: Array) -> None:
+    """Raise VehicleError if a path leads beyond the known heights, where the ground would only seem level."""
+    if terrain.covers(points[:, :2], terrain.spacing_m):
+        return
+    west, south, east, north = terrain.bounds_m
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    raise VehicleError(
+        f"Paths reach from ({low[0]:.0f}, {low[1]:.0f}) to ({high[0]:.0f}, {high[1]:.0f}) m, but heights go from "
+        f"({west:.0f}, {south:.0f}) to ({east:.0f}, {north:.0f}) m; keep the paths there, for "
+        "instance with less overhang, or plan without heights.",
+        parameter="elevation",
+    )
 
 
 def run_slow_loop(
@@ -90,6 +117,9 @@ def run_slow_loop(
         for index, body in enumerate(scene.bodies):
             ground = int(legs[states[index].leg].ground)
             pose = np.array([*body.position, body.angle, *body.velocity, body.angular_velocity])
+            if len(scene.heights):
+                slopes = compute_gradient(scene.heights, scene.frame, *(body.position + dt * body.velocity))
+                states[index].slope_east, states[index].slope_north = slopes
             push = np.zeros(3)
             model = int(states[index].model)
             drive_tractor(states[index], models[model], grounds, ground, scene.tables[model, ground], pose, push, dt)
@@ -113,6 +143,9 @@ def _judge_outcome(
         _, first, second = find_too_close(states, scene.models, scene.clearances, *stop)
         if first >= 0:
             return TOO_CLOSE, (first, second)
+    stuck = np.flatnonzero(states["short_time"] > STALL_AFTER_S)
+    if len(stuck):
+        return STALLED, (int(stuck[0]), -1)
     if (states["done"] == 1).all():
         return ALL_DONE, (-1, -1)
     total = float(states["progress"].sum())
@@ -190,6 +223,7 @@ class World:
     """Executes one plan. Every tractor is of the same kind and carries the same implement.
 
     `position_errors` is a GNSS table of vehicle.model.gnss, from which each tractor draws its own errors by the `seed`.
+    Without `terrain` the ground is level, without `load` nothing is pulled and power and grip are not limited.
     """
 
     def __init__(
@@ -198,22 +232,29 @@ class World:
         tractor: Tractor,
         implement: Implement,
         *,
+        terrain: Terrain | None = None,
+        load: WorkLoad | None = None,
         tables: Array | None = None,
         position_errors: Array | None = None,
         seed: int = 1,
     ) -> None:
         check_plan(plan)
-        self.plan = plan
+        self.plan, self.tractor, self.terrain = plan, tractor, terrain
+        self.load = WorkLoad() if terrain is not None and load is None else load
         self.program: CompiledPlan = compile_plan(plan, tractor)
-        self.models = np.array([build_model_record(tractor, implement)])
-        self.grounds = build_ground_records()
+        if terrain is not None:
+            _check_heights(terrain, self.program.points)
+        self.heights, self.frame = (NO_TERRAIN, np.zeros(3)) if terrain is None else (terrain.grid, terrain.frame)
+        self.models = np.array([build_model_record(tractor, implement, self.load)])
+        self.grounds = build_ground_records(self.load)
         self.tables = (build_steering_tables(tractor) if tables is None else tables)[None]
         self.position_errors = NO_ERROR if position_errors is None else position_errors
         self.program.states["error_key"] = make_error_keys(seed, plan.tractors)
         self.steps_per_tick = max(1, round(1.0 / (tractor.guidance.rate_hz * DT_S)))
         self.space = create_space()
         poses = [(float(s["x"]), float(s["y"]), float(s["angle"])) for s in self.program.states]
-        self.bodies = [create_body(self.space, tractor, pose) for pose in poses]
+        loaded_tractor = add_implement_mass(tractor, self.load)
+        self.bodies = [create_body(self.space, loaded_tractor, pose) for pose in poses]
         self.boxes = ContactBoxes(self.space, self.bodies, tractor, implement)
         self.clock = np.zeros(3)
         self.clearances = np.full(plan.tractors, np.inf)
@@ -356,6 +397,8 @@ class World:
             clock=self.clock,
             clearances=self.clearances,
             contacts=self.contacts,
+            heights=self.heights,
+            frame=self.frame,
         )
         return lambda steps, record, stop: run_slow_loop(scene, steps, DT_S, record, stop, STALL_S)
 
@@ -367,7 +410,7 @@ class World:
                 last - int(self.clock[0]), DT_S, self.steps_per_tick, self.clock, engine.bridge,
                 program.states, self.models, self.grounds, self.tables, program.legs, program.gates,
                 program.points, program.cumulative, record[rows:], self.clearances, self.contacts, *stop, STALL_S,
-                self.position_errors, self.boxes.present, self.boxes.required,
+                self.position_errors, self.boxes.present, self.boxes.required, self.heights, self.frame,
             )  # fmt: skip
             rows += more
             if outcome != NEIGHBOURS_CHANGED:
@@ -379,6 +422,8 @@ class World:
         states = self.program.states
         finish = np.where(states["done"] == 1, states["done_time"], np.nan)
         conflict = self._build_conflict() if outcome == TOO_CLOSE else None
+        stuck = self.pair[0] if outcome == STALLED else -1
+        stall = self._build_stall(stuck) if stuck >= 0 else None
         return SimulationRun(
             plan=self.plan,
             outcome=names[outcome],
@@ -388,6 +433,8 @@ class World:
             contacts=self._list_first_contacts(),
             min_clearance_m=float(self.clearances.min()),
             conflict=conflict,
+            stall=stall,
+            roll_over=self._list_roll_over_margins(),
         )
 
     def _build_conflict(self) -> Conflict:
@@ -397,6 +444,17 @@ class World:
         starts = [float(ends[states["leg"][i] - 1]) if leg else 0.0 for i, leg in zip(pair, legs, strict=True)]
         done = [float(states["progress"][i]) - start for i, start in zip(pair, starts, strict=True)]
         return Conflict(float(self.clock[0] * DT_S), int(pair[0]), int(pair[1]), *legs, *done)
+
+    def _build_stall(self, tractor: int) -> Stall:
+        state = self.program.states[tractor]
+        ground = self.grounds[self.program.legs[state["leg"]]["ground"]]
+        return build_stall(tractor, float(self.clock[0] * DT_S), state, self.models[state["model"]], ground)
+
+    def _list_roll_over_margins(self) -> tuple[RollOverMargin, ...]:
+        height_m = None if self.load is None else self.load.centre_height_m
+        if self.load is not None and height_m is None and self.tractor.stability is not None:
+            height_m = self.tractor.stability.centre_height_m
+        return () if height_m is None else build_roll_over_margins(self.program.states, self.tractor.track_m, height_m)
 
     def _list_first_contacts(self) -> tuple[tuple[float, int, int], ...]:
         """Each touching pair once, at the time it first touched."""
@@ -408,6 +466,14 @@ class World:
         return tuple((time, *pair) for pair, time in seen.items())
 
 
-def simulate(plan: Plan, tractor: Tractor, implement: Implement, **options: Any) -> SimulationRun:
-    """Build a world for the plan and run it; options as for World.run."""
-    return World(plan, tractor, implement).run(**options)
+def simulate(
+    plan: Plan,
+    tractor: Tractor,
+    implement: Implement,
+    *,
+    terrain: Terrain | None = None,
+    load: WorkLoad | None = None,
+    **options: Any,
+) -> SimulationRun:
+    """Build a world for the plan, on terrain and with a load as for World, and run it; options as for World.run."""
+    return World(plan, tractor, implement, terrain=terrain, load=load).run(**options)

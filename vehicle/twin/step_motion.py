@@ -17,7 +17,7 @@ import numpy.typing as npt
 from vehicle.control.guidance import run_control_tick
 from vehicle.jit import compile_function
 from vehicle.model.effects import get_effect
-from vehicle.model.instruments import add_heading_bias, apply_lever_arm, interpolate_past_pose
+from vehicle.model.instruments import add_heading_bias, apply_lever_arm, show_late_pose
 from vehicle.model.tractor import EffectSetting, Implement, Tractor
 from vehicle.records import DT_S, STATE
 from vehicle.sim.calibration import build_steering_tables
@@ -193,13 +193,10 @@ def run_mission_steps(  # type: ignore[no-untyped-def]
 @compile_function
 def measure_pose(state, model, body, ahead, aside) -> tuple[float, float, float]:  # type: ignore[no-untyped-def]
     """East and north of the antenna and the heading as instruments show them now, with latency and bias."""
-    now, size = state.clock, len(state.xs)
     x, y, angle = body[0], body[1], body[2]
-    if model.affected != 0.0 and model.latency > 0.0 and now > 0:
-        place = now % size
-        state.xs[place], state.ys[place], state.angles[place] = x, y, angle
-        at = max(now - min(model.latency, size - 2.0), 0.0)
-        before = min(int(at), now - 1)
-        x, y, angle = interpolate_past_pose(state.xs, state.ys, state.angles, before, float(before), before + 1.0, at)
+    shown = angle
+    is_late = model.latency + model.position_late + model.heading_late + model.heading_filter > 0.0
+    if model.affected != 0.0 and is_late and state.clock > 0:
+        x, y, angle, shown = show_late_pose(state, model, x, y, angle)
     east, north = apply_lever_arm(x, y, math.cos(angle), math.sin(angle), ahead, aside)
-    return east, north, add_heading_bias(angle, model.heading_bias)
+    return east, north, add_heading_bias(shown, model.heading_bias)

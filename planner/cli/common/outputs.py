@@ -30,7 +30,7 @@ class WriteError(HeadlandError):
 
 def list_input_files(
     *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
-    farm: str | None = None, rain: str | None = None,
+    farm: str | None = None, rain: str | None = None, elevation: str | None = None, soil: str | None = None,
 ) -> dict[str | Path, str]:  # fmt: skip
     """The files that a command reads and what they are, for `check_outputs`."""
     files: dict[str | Path, str] = {}
@@ -42,6 +42,13 @@ def list_input_files(
         files[rain.strip()] = "the file of rain"
     if gnss_table is not None:
         files[gnss_table] = "the table of GNSS errors"
+    if elevation is not None:
+        files[elevation] = "the file of heights"
+    if soil is not None:
+        from planner.evaluation.field_physics import split_soil_name
+
+        table = split_soil_name(soil)[1]
+        files |= {} if table is None else {table: "the table of soils"}
     if farm is not None:
         from planner.farm.inventory import load_farm
 

@@ -22,6 +22,12 @@ from planner.evaluation.candidates.pruning import (
     simulate_promising_first,
     split_contenders,
 )
+from planner.evaluation.candidates.slope_figures import (
+    describe_stall,
+    find_overturning,
+    list_slope_remarks,
+    locate_stall,
+)
 from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
 from planner.evaluation.candidates.time_bounds import build_speed_limits
 from planner.evaluation.candidates.variants import (
@@ -121,10 +127,18 @@ def simulate_candidate(
         measure_candidate(context, candidate.strategy, candidate.tractors, outcome),
         context.layout.field.area_ha,
     )
-    return CandidateEvaluation(
-        add_risk_estimate(result, outcome.run, context.tractor, context.implement, area_ha, context.criteria),
+    physics = context.physics
+    estimated = add_risk_estimate(
+        result,
         outcome.run,
+        context.tractor,
+        context.implement,
+        area_ha,
+        context.criteria,
+        terrain=physics.terrain,
+        fuel_load=physics.fuel_load,
     )
+    return CandidateEvaluation(estimated, outcome.run)
 
 
 def _locate_missing_path(refusal: NoPathError | NoPathFromError) -> PlanFault:
@@ -217,6 +231,8 @@ def _run_job(
         context.implement,
         stop_clearance_m=context.request.clearance_m,
         beside_clearance_m=compute_parallel_clearance_m(context),
+        terrain=context.physics.terrain,
+        load=context.physics.driven_load,
         position_errors=context.position_errors,
         seed=context.request.seed,
     )
@@ -315,6 +331,9 @@ def _run_plan(
     repairs = strategy.max_repairs
     places: tuple[ContactPlace, ...] = ()
     run, reason = _simulate_without_conflicts(refined, simulate, repairs, schedule)
+    faults: tuple[PlanFault, ...] = ()
+    if run.stall is not None:
+        reason, faults = describe_stall(run.stall, context.layout.field), (locate_stall(run.stall),)
     if reason is None:
         run, worst_deviation = _repair_turns(context, refined.plan, run, simulate, repairs, schedule, repaired_turns)
         run, places, slowed = slow_at_places(
@@ -327,7 +346,7 @@ def _run_plan(
         reason,
         _name_main_turns(job),
         _join_remarks(refined.remark, *remarks),
-        tuple(place.fault for place in places),
+        (*faults, *(place.fault for place in places)),
     )
 
 
@@ -355,7 +374,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation:
         remarks.append(f"in {places} the order of tractors was changed to avoid a deadlock")
     if worst_deviation is not None and worst_deviation.offset_m > MAX_OFFSET_SHARE * context.layout.width_m:
         remarks.append(f"{_describe_offset_start(run, worst_deviation)}; ground missed there is counted")
-    return remarks
+    return remarks + list_slope_remarks(context, run)
 
 
 def _describe_offset_start(run: SimulationRun, deviation: TurnDeviation) -> str:
@@ -378,6 +397,8 @@ def _compute_min_spacing_m(layout: Layout) -> float:
     """The least distance of neighbouring swaths (m); below the width where swaths are evenly spaced."""
     spacing = layout.width_m
     for before, swath in pairwise(layout.swaths):
+        if before.via_m or swath.via_m:
+            continue  # curved swaths are the spacing of their lines apart
         ends = np.array([swath.start_m, swath.end_m]) - before.start_m
         along = (np.array(before.end_m) - before.start_m) / before.length_m
         distance_m = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
@@ -448,6 +469,9 @@ def _find_fault(
     if run.contacts:
         time, first, second = run.contacts[0]
         return f"tractors {first + 1} and {second + 1} touch after {time:.0f} s"
+    overturning = find_overturning(context, run)
+    if overturning is not None:
+        return overturning
     if places:
         return describe_worst_place(places, context)
     width = context.layout.width_m

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from planner.evaluation.candidates.energy_figures import list_energy_figures, measure_energy
+from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.candidates.variants import measure_headland_phase_s
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import (
@@ -20,8 +22,9 @@ from planner.evaluation.ground.overhang import Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
-from planner.risk.costs import compute_simulated_cost, compute_travel_cost, estimate_fuel_l
+from planner.risk.costs import compute_simulated_cost, compute_travel_cost
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
+from vehicle.energy.run_energy import RunEnergy
 from vehicle.missions.run import DONE, SimulationRun
 
 MIN_BEYOND_M = 5.0  # less driving beyond the allowed overhang is in the results, but no remark
@@ -48,7 +51,15 @@ def measure_candidate(
     run, reason, turn_names = candidate_run.run, candidate_run.reason, candidate_run.turns
     excursion = measure_excursion(run, context)
     if run.outcome != DONE:
-        return PlanResult(strategy, tractors, turn_names, False, reason, collisions=len(run.contacts))
+        return PlanResult(
+            strategy,
+            tractors,
+            turn_names,
+            False,
+            reason,
+            collisions=len(run.contacts),
+            faults=candidate_run.faults,
+        )
     shares, swept = run.compute_time_shares(), compute_swept_area(run, context)
     traffic, is_charged = (
         measure_finished_ground_traffic(run, context, swept),
@@ -56,7 +67,8 @@ def measure_candidate(
     )
     coverage = replace(measure_coverage(run, context, swept), spoilt_m2=traffic.area_m2 if is_charged else 0.0)
     tractor_time = float(np.sum(run.finish_s))
-    hourly, hiring = _compute_cost(context, run)
+    energy = measure_energy(context, run)
+    hourly, hiring = _compute_cost(context, run, energy)
     overhang = measure_overhang(run, context)
     figures = PlanResult(
         strategy=strategy,
@@ -93,7 +105,8 @@ def measure_candidate(
         headland_passes=context.layout.headland_passes,
         headland_s=measure_headland_phase_s(run),
         headland_order=run.plan.notes.get("headland"),
-        fuel_l=None if context.cost_terms is None else estimate_fuel_l(run, context.cost_terms),
+        **list_energy_figures(context, run, energy),
+        **list_slope_figures(context, run),
         refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
         refilling_s=None if context.supply is None else float(run.standing_s.sum()),
         faults=candidate_run.faults,
@@ -112,12 +125,13 @@ def _join_overhang_remark(remark: str | None, overhang: Overhang, context: Plann
     return f"{remark}; {edge_remark}" if remark else edge_remark
 
 
-def _compute_cost(context: PlanningContext, run: SimulationRun) -> tuple[float, float]:
+def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnergy | None) -> tuple[float, float]:
     """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price."""
     tractors, request = run.plan.tractors, context.request
     if context.cost_terms is not None:
         travel_cost = tractors * compute_travel_cost(context.cost_terms)
-        return compute_simulated_cost(run, context.cost_terms) - travel_cost, travel_cost
+        fuel_l = None if energy is None else energy.fuel_l
+        return compute_simulated_cost(run, context.cost_terms, fuel_l) - travel_cost, travel_cost
     return run.duration_s * tractors / 3600.0 * request.price_per_hour, tractors * request.price_per_tractor
 
 

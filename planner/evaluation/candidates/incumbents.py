@@ -26,7 +26,7 @@ from planner.evaluation.candidates.variants import (
     iter_headland_variants,
 )
 from planner.evaluation.context import PlanningContext
-from planner.request.plan_request import SUREST
+from planner.request.plan_request import LEAST_FUEL, SUREST
 from reports.common.plan_results import PlanResult, get_finished_field_s
 from strategies.path_planning.errors import StrategyError
 from strategies.program.field_job import FieldJob
@@ -42,9 +42,9 @@ def order_candidates(context: PlanningContext, todo: Sequence[Candidate]) -> lis
     """Numbers of the candidates in the order they are simulated: one strategy before the others.
 
     It is the first requested strategy of the registry whose tractors have swaths of their own. There is only one wave
-    on small fields, and if the surest plan is requested: a slower plan may be the surest.
+    on small fields, and if the surest plan or that of least fuel is requested: a slower plan may be that.
     """
-    simulates_all = context.criteria is not None and context.criteria.objective == SUREST
+    simulates_all = context.criteria is not None and context.criteria.objective in (SUREST, LEAST_FUEL)
     if simulates_all or not is_worth_bounding(context):
         return [list(range(len(todo)))]
     strategies = {one.strategy for one in todo}

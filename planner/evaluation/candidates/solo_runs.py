@@ -73,6 +73,8 @@ class SoloRuns:
                 Plan((mission,)),
                 self.context.tractor,
                 self.context.implement,
+                terrain=self.context.physics.terrain,
+                load=self.context.physics.driven_load,
                 seed=self.context.request.seed,
                 position_errors=self.context.position_errors,
             )

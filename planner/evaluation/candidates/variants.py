@@ -257,9 +257,7 @@ def restrict_to_reachable(job: FieldJob) -> ReachableJob:
     reachable = ReachableJob(job)
     if len(parts) < 2 or not job.layout.swaths:
         return reachable
-    part_of_swath = [
-        _find_nearest_part(parts, shapely.LineString([swath.start_m, swath.end_m])) for swath in job.layout.swaths
-    ]
+    part_of_swath = [_find_nearest_part(parts, shapely.LineString(swath.points_m)) for swath in job.layout.swaths]
     length = [
         math.fsum(t.length_m for t, part in zip(job.layout.swaths, part_of_swath, strict=True) if part == n)
         for n in range(len(parts))

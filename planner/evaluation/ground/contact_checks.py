@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.evaluation.context import PlanningContext, build_body
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.machine_outlines import build_body
 from vehicle.jit import compile_function
 
 CHECK_ROW_STEP = 2  # rows of the 10 Hz record between checks: under half a metre of driving

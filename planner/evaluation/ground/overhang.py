@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from planner.evaluation.context import PlanningContext, build_body
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import InteriorCellTable
+from planner.evaluation.machine_outlines import build_body
 from strategies.path_planning.collision_check import MachineBody
 from vehicle.missions.run import SimulationRun
 

@@ -70,9 +70,7 @@ def _iter_swath_lines(context: PlanningContext) -> Iterator[shapely.LineString]:
     """Centre lines of the swaths, bent round small obstacles."""
     for swath in context.layout.swaths:
         bent = context.obstacle_bends.bent_lines.get(swath.start_m)
-        yield shapely.LineString(
-            [swath.start_m, swath.end_m] if bent is None else bent.cut_between(0.0, swath.length_m)
-        )
+        yield shapely.LineString(swath.points_m if bent is None else bent.cut_between(0.0, swath.length_m))
 
 
 def _iter_headland_lines(context: PlanningContext) -> Iterator[shapely.LineString]:
@@ -134,7 +132,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     small = shapely.union_all(layout.field.small_obstacles).buffer(BEND_ZONE_WIDTHS * layout.width_m)
     yield "beside obstacles that are driven round", small
     if not layout.headland_passes:
-        lines = shapely.linestrings([[swath.start_m, swath.end_m] for swath in layout.swaths])
+        lines = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
         headland_zone = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)
         yield "headland, kept free for turning", headland_zone
         yield "too short for a track between its headlands", boundary

@@ -25,7 +25,7 @@ from planner.evaluation.repair.path_deviation import (
 )
 from vehicle.missions.plan import Leg, Mission, Plan
 from vehicle.missions.run import DONE
-from vehicle.sim.world import simulate
+from vehicle.sim.world import World
 
 LEAD_M, TAIL_M = 40.0, 2.0  # of the swaths before and after: enough to reach speed and to settle
 MAX_TRIAL_S = 900.0
@@ -83,7 +83,10 @@ class TurnTrial:
         return [place * look_m / START_SHIFTS for place in range(START_SHIFTS)]
 
     def _simulate_offset_m(self, legs: tuple[Leg, ...]) -> float | None:
-        run = simulate(Plan((Mission(legs),)), self.context.tractor, self.context.implement, max_time_s=MAX_TRIAL_S)
+        context, physics = self.context, self.context.physics
+        plan = Plan((Mission(legs),))
+        world = World(plan, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
+        run = world.run(max_time_s=MAX_TRIAL_S)
         return get_worst_offset_m(find_turn_deviations(run, self.context)) if run.outcome == DONE else None
 
     @property

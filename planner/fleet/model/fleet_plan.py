@@ -17,8 +17,10 @@ import shapely
 from fields.documents.reader import read_field
 from fields.geometry.field import Field
 from fields.sample_fields import list_sample_names
+from planner.evaluation.field_physics import LEVEL_GROUND, FieldPhysics
 from planner.fleet.model.errors import FleetManagerError
 from planner.fleet.model.timed_mission import TimedMission
+from planner.pipeline.outputs.saved_physics import read_physics
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY, read_machines, read_request
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan import Plan
@@ -26,7 +28,7 @@ from vehicle.missions.plan_file import SavedPlan, parse_saved_plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names
 from vehicle.records import WAITING
-from vehicle.sim.world import simulate
+from vehicle.sim.world import World
 
 CLEARANCE_SHARE = 0.8  # of the clearance that the plan itself keeps: what is nearer was not planned
 SHORTEST_LEG_S = 0.05
@@ -40,7 +42,7 @@ class FleetPlan:
     """A plan to be driven live; metres are those of the plan, whose origin is in `saved`.
 
     `finish_s` is when each tractor is done in the simulation, `min_clearance_m` the least distance of two in it.
-    `ground` is the ground that is driven on, `field` the field if it is known.
+    `ground` is the ground that is driven on, `field` the field if it is known, `physics` its heights and load.
     """
 
     saved: SavedPlan
@@ -52,6 +54,7 @@ class FleetPlan:
     min_clearance_m: float
     ground: shapely.Geometry
     field: Field | None = None
+    physics: FieldPhysics = LEVEL_GROUND
 
     @property
     def tractor_count(self) -> int:
@@ -119,13 +122,18 @@ def prepare_fleet_plan(
             parameter="tractor",
         )
     machine, implement = read_machines(saved, scenario)
+    physics = read_physics(saved, scenario, machine)
     timed_missions, finish_s, min_clearance_m = (
-        _simulate_plan(saved.plan, machine, implement) if timing is None else _restore_timing(saved.plan, timing)
+        _simulate_plan(saved.plan, machine, implement, physics)
+        if timing is None
+        else _restore_timing(saved.plan, timing)
     )
     plan_field = _read_plan_field(scenario, saved, field)
     width_m = max(implement.contact_width_m, machine.width_m)
     ground = _build_driving_area(saved, plan_field, width_m)
-    return FleetPlan(saved, scenario, machine, implement, timed_missions, finish_s, min_clearance_m, ground, plan_field)
+    return FleetPlan(
+        saved, scenario, machine, implement, timed_missions, finish_s, min_clearance_m, ground, plan_field, physics
+    )
 
 
 def _check_stop_durations(plan: Plan) -> None:
@@ -156,8 +164,8 @@ TimedPlan = tuple[tuple[TimedMission, ...], tuple[float, ...], float]
 """Timed missions, when each tractor is done (s), and the least distance of two (m)."""
 
 
-def _simulate_plan(plan: Plan, machine: Tractor, implement: Implement) -> TimedPlan:
-    run = simulate(plan, machine, implement)
+def _simulate_plan(plan: Plan, machine: Tractor, implement: Implement, physics: FieldPhysics) -> TimedPlan:
+    run = World(plan, machine, implement, terrain=physics.terrain, load=physics.driven_load).run()
     if run.outcome != DONE:
         raise FleetManagerError(
             f"{machine.name} does not reach the end of the plan ({run.outcome}); plan again.", parameter="plan"

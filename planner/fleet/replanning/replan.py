@@ -78,7 +78,13 @@ def replan_remaining_work(remaining: RemainingWork) -> ReplanProposal:
     scenario = replace(
         remaining.plan.scenario, rain=None, samples=None, deadline_s=None, refill=None, gnss=False, gnss_table=None
     )
-    context = prepare_context(scenario, remaining.plan.field, remaining.plan.tractor, remaining.plan.implement)
+    context = prepare_context(
+        scenario,
+        remaining.plan.field,
+        remaining.plan.tractor,
+        remaining.plan.implement,
+        physics=remaining.plan.physics,
+    )
     helpers = [number for number in range(remaining.plan.tractor_count) if _can_help(remaining, number)]
     if not helpers:
         raise FleetManagerError(
@@ -356,6 +362,8 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
         context.implement,
         stop_clearance_m=clearance_m,
         beside_clearance_m=beside_m,
+        terrain=context.physics.terrain,
+        load=context.physics.driven_load,
         seed=context.request.seed,
     )
 
@@ -365,7 +373,9 @@ def _simulate_without_conflicts(remaining: RemainingWork, context: PlanningConte
 
     def simulate_alone(mission: Mission) -> SimulationRun:
         single = Plan((mission,))
-        return World(single, context.tractor, context.implement).run(max_time_s=compute_patience_s(single))
+        physics = context.physics
+        world = World(single, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
+        return world.run(max_time_s=compute_patience_s(single))
 
     def schedule_traffic(tried_plan: Plan, slack: float) -> ScheduledPlan | None:
         return schedule_plan(

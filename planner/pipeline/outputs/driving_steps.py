@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
 from reports.common.plan_results import DriverLeg
 from vehicle.missions.plan import (
     DRIVE,
@@ -68,11 +69,15 @@ class _RecordSegment:
     end_row: int
 
 
-def list_steps(run: SimulationRun, width_m: float) -> tuple[tuple[DriverLeg, ...], ...]:
-    """The steps of every tractor in order; `width_m` is the width of the implement."""
+def list_steps(
+    run: SimulationRun, width_m: float, measures: StepMeasures = NO_MEASURES
+) -> tuple[tuple[DriverLeg, ...], ...]:
+    """The steps of every tractor in order; `width_m` is the width of the implement, `measures` what steps use."""
     names = _StepNames(_find_split_lines(run.plan), width_m)
     worked_ground = _list_worked_ground(run, names)
-    return tuple(tuple(_iter_steps(run, tractor, names, worked_ground)) for tractor in range(run.plan.tractors))
+    return tuple(
+        tuple(_iter_steps(run, tractor, names, worked_ground, measures)) for tractor in range(run.plan.tractors)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +152,14 @@ def _is_on_headland(task: LegTask) -> bool:
 
 
 def _iter_steps(
-    run: SimulationRun, tractor: int, names: _StepNames, worked_ground: _WorkedGround
+    run: SimulationRun, tractor: int, names: _StepNames, worked_ground: _WorkedGround, measures: StepMeasures
 ) -> Iterator[DriverLeg]:
     legs = run.plan.missions[tractor].legs
     groups = _number_leg_steps(legs)
     begun: set[int] = set()
     for segment in _iter_segments(run, tractor, groups):
-        step = _build_wait_step(run, tractor, segment)
+        values = measures.list_values(tractor, segment.first_row, segment.end_row)
+        step = replace(_build_wait_step(run, tractor, segment), **values)
         if segment.is_standing:
             yield replace(step, kind=REFILL, amount=_find_service_amount(run, tractor, segment))
             continue
@@ -171,6 +177,7 @@ def _iter_steps(
             y_m=step.y_m,
             continues=segment.group in begun,
             **_describe_drive(run, tractor, segment, named.kind, worked_ground),
+            **values,
         )
         begun.add(segment.group)
 

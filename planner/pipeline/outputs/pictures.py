@@ -16,11 +16,14 @@ from fields.geometry.obstacles import LINE, POINT, Obstacle
 from fields.layout.cells import Cell
 from fields.layout.headland_passes import HeadlandPass
 from fields.layout.swaths import Layout
+from fields.terrain.slopes import choose_contour_interval_m, compute_gradients, compute_hill_shade, trace_contours
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.evaluation.ground.overlays import GRID_M
 from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, build_worked_ground, find_unworked_areas
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
+from planner.pipeline.outputs.slope_facts import describe_slopes
+from planner.pipeline.outputs.step_measures import measure_steps
 from reports.common.plan_results import (
     CellOutline,
     HeadlandPassLine,
@@ -28,6 +31,7 @@ from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     Points,
+    Relief,
     UnworkedPiece,
 )
 from strategies.path_planning.connector import Connector
@@ -36,6 +40,9 @@ from strategies.program.field_job import SwathPass
 from vehicle.missions.run import SimulationRun
 
 OUTLINE_TOLERANCE_M = 0.1  # for outlines of missed ground: a picture needs no finer
+USUAL_SHARE, SHADED_SLOPE, MIN_SHADED_SLOPE = 0.9, 0.5, 0.005
+"""Heights are exaggerated so that nine tenths of the slopes look no steeper than this; below the last they are flat."""
+MAX_SHADE_PIXELS = 300
 CUT_OFF_TOLERANCE_M = 0.5  # the place of a piece may lie this far beside the cut-off ground it is part of
 
 
@@ -47,7 +54,7 @@ def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
         title=title,
         boundary=np.asarray(boundary.exterior.coords)[:, :2],
         holes=tuple(np.asarray(hole.coords)[:, :2] for hole in boundary.interiors),
-        swaths=np.array([[swath.start_m, swath.end_m] for swath in layout.swaths]),
+        swaths=[swath.points_m for swath in layout.swaths],
         width_m=layout.width_m,
         step_s=0.1,
         xy=(),
@@ -63,7 +70,26 @@ def build_field_picture(context: PlanningContext, title: str) -> PlanDrive:
         cut_off=tuple(_build_cut_off_piece(part) for part in layout.field.cut_off_parts),
         crs=layout.field.crs,
         origin_m=layout.field.origin_m,
+        relief=_build_relief(context),
     )
+
+
+def _build_relief(context: PlanningContext) -> Relief | None:
+    """Shading and contours of the heights of a field; None for level ground."""
+    grid = context.physics.elevation
+    if grid is None:
+        return None
+    slopes = np.hypot(*np.moveaxis(compute_gradients(grid), -1, 0))
+    usual = max(float(np.quantile(slopes, USUAL_SHARE)), MIN_SHADED_SLOPE)
+    shade = compute_hill_shade(grid, max(1.0, SHADED_SLOPE / usual))
+    step = math.ceil(max(shade.shape) / MAX_SHADE_PIXELS)
+    shade = shade[::step, ::step]
+    interval_m = choose_contour_interval_m(grid, context.layout.field.boundary)
+    west, south, half_m = grid.west_m, grid.south_m, 0.5 * step * grid.spacing_m
+    rows, columns = shade.shape
+    east, north = west + (columns - 1) * step * grid.spacing_m, south + (rows - 1) * step * grid.spacing_m
+    bounds = west - half_m, south - half_m, east + half_m, north + half_m
+    return Relief(shade, bounds, tuple(trace_contours(grid, interval_m)), interval_m)
 
 
 def build_run_picture(context: PlanningContext, run: SimulationRun, result: PlanResult) -> PlanDrive:
@@ -80,7 +106,7 @@ def build_run_picture(context: PlanningContext, run: SimulationRun, result: Plan
         | _list_service_seconds_by_tractor(context, run),
         unworked=list_simplified_rings(measure_coverage(run, context).unworked_pieces),
         largest_missed=exclude_cut_off_piece(result.largest_missed, context.layout.field),
-        steps=list_steps(run, context.layout.width_m),
+        steps=list_steps(run, context.layout.width_m, measure_steps(run, context.tractor, context.physics)),
         worked_pct=result.worked_pct,
     )
 
@@ -177,6 +203,7 @@ def describe_field(context: PlanningContext) -> dict[str, Any]:
         "max_tractors": min(50, len({swath.line for swath in layout.swaths})),
         "covered_pct": round(100.0 * _compute_layout_coverage_share(context), 2),
         "unworked": [_describe_unworked(context, one) for one in find_unworked_areas(context)],
+        **describe_slopes(context.physics.elevation, field),
         "turns": _describe_turns(context),
     }
 

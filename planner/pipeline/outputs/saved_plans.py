@@ -15,6 +15,8 @@ from planner.errors import RequestError, attach_parameter
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import load_gnss_errors
 from planner.pipeline.outputs.driving_steps import list_steps
+from planner.pipeline.outputs.saved_physics import PHYSICS_KEY, export_physics, read_physics
+from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
 from reports.common.plan_results import (
@@ -69,7 +71,9 @@ def simulate_saved_plan(path: str | Path) -> SavedPlanRun:
             f"The plan is not driven to its end ({run.outcome}): it or the tractor {request.tractor!r} was changed "
             f"since it was saved{_describe_old_plan(saved)}; plan again."
         )
-    return SavedPlanRun(saved, request, run, list_steps(run, request.width_m))
+    tractor = read_machines(saved, request)[0]
+    measures = measure_steps(run, tractor, read_physics(saved, request, tractor))
+    return SavedPlanRun(saved, request, run, list_steps(run, request.width_m, measures))
 
 
 def read_request(saved: SavedPlan) -> PlanRequest:
@@ -77,7 +81,9 @@ def read_request(saved: SavedPlan) -> PlanRequest:
     if not saved.scenario:
         raise RequestError("The plan has no scenario that names its tractor; save it with headland plan --save.")
     request_values = {
-        EARLIER_NAMES.get(key, key): value for key, value in saved.scenario.items() if key != MACHINES_KEY
+        EARLIER_NAMES.get(key, key): value
+        for key, value in saved.scenario.items()
+        if key not in (MACHINES_KEY, PHYSICS_KEY)
     }
     unknown_keys = sorted(request_values.keys() - {each.name for each in fields(PlanRequest)})
     if unknown_keys:
@@ -94,9 +100,19 @@ def _convert_to_tuple(value: Any) -> Any:
 
 
 def rerun_plan(saved: SavedPlan, request: PlanRequest) -> SimulationRun:
-    """The run of a saved plan with the tractor, implement and position errors of its request."""
+    """The run of a saved plan with the tractor, implement, ground and position errors of its request."""
     tractor, implement = read_machines(saved, request)
-    return World(saved.plan, tractor, implement, position_errors=load_gnss_errors(request), seed=request.seed).run()
+    physics, errors = read_physics(saved, request, tractor), load_gnss_errors(request)
+    world = World(
+        saved.plan,
+        tractor,
+        implement,
+        terrain=physics.terrain,
+        load=physics.driven_load,
+        position_errors=errors,
+        seed=request.seed,
+    )
+    return world.run()
 
 
 def export_machines(context: PlanningContext) -> dict[str, Any]:
@@ -149,7 +165,8 @@ def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking 
     """A plan as JSON: legs and gates with the request and the machines they are for, and what its ranking states."""
     field = context.layout.field
     plan = replace(plan, notes={**plan.notes, **_export_stated_figures(plan, ranking)})
-    request_values = asdict(context.request) | export_machines(context)
+    physics = export_physics(context.physics, context.request, context.tractor)
+    request_values = asdict(context.request) | export_machines(context) | physics
     text = format_plan(
         add_coordinates(plan, field),
         crs=field.crs,

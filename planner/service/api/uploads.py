@@ -1,4 +1,4 @@
-"""Routes for uploaded fields, tractors, farms, logs and tables: upload, list, summarise, download, delete."""
+"""Routes for uploaded fields, tractors, farms, logs, tables and heights: upload, list, summarise, download, delete."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ from planner.service.store.file_table import MEDIA_BY_SUFFIX, SUFFIXES_BY_KIND, 
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import is_found
 
-FILE_KIND_BY_PATH = {"fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table"}
+FILE_KIND_BY_PATH = {
+    "fields": "field", "tractors": "tractor", "farms": "farm", "logs": "log", "tables": "table",
+    "elevations": "elevation",
+}  # fmt: skip
 HAND_WRITTEN_KINDS = ("tractor", "farm")  # they stay small
 ReadAccess = Annotated[Caller, Depends(require_right("read"))]
 PlanAccess = Annotated[Caller, Depends(require_right("plan"))]

@@ -105,7 +105,8 @@ class TwinDiagnosis:
         if row.status != DONE:
             return _build_empty_finding(row.error or f"it was {row.status}.")
         result = json.loads(self.store.blobs.read_bytes(self.store.get_result(id, RESULT_FILE, DIAGNOSIS_KIND).sha256))
-        extends_model = is_different_tractor(self._read_tractor(id), tractor)
+        has_file = any(each.name == TRACTOR_FILE for each in row.results)
+        extends_model = has_file and is_different_tractor(self._read_tractor(id), tractor)
         return {"named": result["named"], "words": result["verdict"], "extends_model": extends_model}
 
     def _read_tractor(self, id: str) -> Tractor:
@@ -132,9 +133,15 @@ class TwinDiagnosis:
         Raises ConflictError while there is none, and if it adds nothing to the file of the twin.
         """
         job = self.get_last_diagnosis_job(session, number)
-        if job is None or job["status"] != DONE or TRACTOR_FILE not in job["results"]:
+        if job is None or job["status"] != DONE:
             raise ConflictError(
                 f"No diagnosis of tractor {number + 1} is done; start one and wait for it.", parameter="tractor"
+            )
+        if TRACTOR_FILE not in job["results"]:
+            raise ConflictError(
+                f"What the diagnosis of tractor {number + 1} found does not lower the error of driving that it was "
+                "not fitted to; there is nothing to add.",
+                parameter="tractor",
             )
         diagnosed = self._read_tractor(job["id"])
         if not is_different_tractor(diagnosed, session.twins.tractors[number]):

@@ -18,6 +18,7 @@ from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest
 from planner.service.store.file_table import SUFFIXES_BY_KIND
 from planner.service.store.service_store import Store
 from vehicle.identification.logs.reader import SAMPLE_LOG
+from vehicle.model.soil import load_soils
 from vehicle.model.tractor import list_tractor_names
 
 DAY_FILE = "day/day.toml"
@@ -138,11 +139,22 @@ def _collect_plan_files(
     values = collector.get_field_options(options["field"]) | values
     if options["gnss_table"] is not None:
         values["gnss_table"] = collector.add_file("table", options["gnss_table"], "gnss_table")
+    if options["elevation"] is not None:
+        values["elevation"] = collector.add_file("elevation", options["elevation"], "elevation")
+    if options["soil"] is not None:
+        _check_soil_name(options["soil"])
     if options["farm"] is not None:
         values["farm"] = collector.add_file("farm", options["farm"], "farm")
     if "tractor" in values and not _is_farm_tractor(store, options["farm"], options["tractor"]):
         values["tractor"] = collector.add_tractor(options["tractor"], "tractor")
     return values
+
+
+def _check_soil_name(name: str) -> None:
+    """Raise ServiceError for anything but a soil of Headland: a request names no table by its path."""
+    soils = load_soils()
+    if name not in soils:
+        raise ServiceError(f"The soil {name[:60]!r} is unknown; use one of: {', '.join(soils)}.", parameter="soil")
 
 
 def write_inputs(store: Store, inputs: Mapping[str, str], folder: Path) -> None:

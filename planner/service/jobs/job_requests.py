@@ -98,6 +98,13 @@ class DiagnosisJobRequest(JobRequest):
     ground: ShortText = Field("soil", description="Ground the logs were made on: soil or asphalt.")
     fix: Annotated[ShortTexts, Field(description="Conventions to convert from.")] = []
     as_driven: bool = Field(False, description="Where the file is of another vehicle, take its size from the logs.")
+    holdout: Annotated[
+        ShortTexts,
+        Field(
+            description="Logs to keep out of everything, for the error before and after on them: names or patterns, "
+            "#2 for the second log, how many, or auto."
+        ),
+    ] = []
     demo: bool = Field(False, description="Hide an effect in made logs and find it.")
     hide: ShortText | None = Field(None, description="Effect to hide in the demonstration; by default drawn.")
     seed: Annotated[int | None, Field(ge=0, le=MAX_SEED, description="Seed of the demonstration.")] = None

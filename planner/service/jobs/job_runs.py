@@ -123,6 +123,7 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
             ground=request.ground,
             seed=request.seed if request.seed is not None else 1,
             hidden_effect=request.hide,
+            holdout=request.holdout or None,
             progress=report_progress,
         )
     else:
@@ -132,6 +133,7 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
             ground=request.ground,
             fixes=request.fix,
             use_driven_size=request.as_driven,
+            holdout=request.holdout or None,
             progress=report_progress,
         )
     return list(_write_diagnosis_results(diagnosis, hidden))
@@ -140,7 +142,8 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
 def _write_diagnosis_results(diagnosis: Diagnosis, hidden: HiddenEffect | None) -> Iterator[ResultFile]:
     yield build_json_file("result.json", format_diagnosis_json(diagnosis, hidden))
     yield build_html_file("page.html", render_diagnosis_page(diagnosis, None if hidden is None else hidden.description))
-    yield build_toml_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
+    if diagnosis.is_savable:
+        yield build_toml_file("tractor.toml", format_tractor_toml(diagnosis.tractor))
     if diagnosis.next_drive_plan is not None:
         yield build_json_file("next-drive.json", diagnosis.next_drive_plan)
 

@@ -7,6 +7,7 @@ import os
 import signal
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ def load_libraries() -> None:
     import pyogrio.raw  # noqa: F401
     import tomlkit  # noqa: F401
 
+    with suppress(ImportError):  # an extra, for GeoTIFFs
+        import rasterio.windows  # noqa: F401
     from planner.evaluation import context  # noqa: F401
     from planner.service.sandbox.file_summaries import summarize_field, summarize_tractor
     from vehicle.identification.logs import reader  # noqa: F401

@@ -164,12 +164,29 @@ def summarize_table(file_path: str) -> dict[str, Any]:
     return {"of": "rain", "times": len(rain.onsets_s), "share_pct": round(100.0 * sum(rain.probabilities), 3)}
 
 
+def summarize_elevation(file_path: str) -> dict[str, Any]:
+    """The size and coordinate system of heights; raises HeadlandError for a file that holds none.
+
+    Whether they fit a field is said where they are used.
+    """
+    from fields.terrain.point_files import read_height_points
+    from fields.terrain.rasters import RASTER_SUFFIXES, open_raster
+
+    if Path(file_path).suffix.lower() in RASTER_SUFFIXES:
+        raster = open_raster(file_path)
+        rows, columns = raster.shape
+        return {"of": "raster", "rows": rows, "columns": columns, "crs": raster.crs, "remarks": list(raster.remarks)}
+    points = read_height_points(file_path)
+    return {"of": "points", "points": len(points.heights_m), "crs": points.crs, "remarks": list(points.remarks)}
+
+
 SUMMARIES: dict[str, Callable[..., dict[str, Any]]] = {
     "field": summarize_field,
     "tractor": summarize_tractor,
     "farm": summarize_farm,
     "log": summarize_log,
     "table": summarize_table,
+    "elevation": summarize_elevation,
 }
 """Summaries by kind of file."""
 UPLOAD_CHECKS = {**SUMMARIES, "field": count_uploaded_fields}

@@ -39,6 +39,7 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     from fields.geometry.field_lines import find_line_bearing_deg
     from fields.layout.swaths import check_width
     from planner.evaluation.context_inputs import load_gnss_errors, read_requested_field
+    from planner.evaluation.field_physics import find_requested_soil, read_requested_elevation
     from planner.request.service_points import locate_service_point
     from planner.risk.assessment import build_decision_criteria
 
@@ -53,6 +54,8 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
         check_width(field, request.width_m)
         if request.guidance_line is not None:
             find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
+    read_requested_elevation(request, field)
+    find_requested_soil(request)
     with attach_parameter("refill"):
         locate_service_point(request, field, question.supply)
 

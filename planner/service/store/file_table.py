@@ -1,4 +1,4 @@
-"""The table of uploaded files: fields, tractors, farms, logs, tables of rain and of GNSS errors."""
+"""The table of uploaded files: fields, tractors, farms, logs, heights, tables of rain and of GNSS errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ SUFFIXES_BY_KIND = {
     "farm": (".toml",),
     "log": (".csv",),
     "table": (".csv",),
-}
+    "elevation": (
+        ".tif", ".tiff", ".asc", ".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip",
+    ),
+}  # fmt: skip
 MEDIA_BY_SUFFIX = {
     ".geojson": "application/geo+json",
     ".json": "application/json",
@@ -30,6 +33,10 @@ MEDIA_BY_SUFFIX = {
     ".fgb": "application/octet-stream",
     ".gpx": "application/gpx+xml",
     ".xml": "application/xml",
+    ".tif": "image/tiff",
+    ".tiff": "image/tiff",
+    ".asc": "text/plain; charset=utf-8",
+    ".txt": "text/plain; charset=utf-8",
 }
 
 

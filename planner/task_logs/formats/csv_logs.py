@@ -6,6 +6,7 @@
     latitude = "Lat"
     speed_kmh = "Speed"       # or speed_mps
     works = "Implement"       # 1, true, on or yes while working
+    elevation_m = "Altitude"  # or elevation_ft
     [values]
     width_m = 3.0
     field = "Long acre"
@@ -26,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from fields.nested_text import parse_toml
+from fields.terrain.height_units import FOOT_M
 from fields.text_files import check_header, explain_parse_error, quote_path, read_bytes, read_text, shorten_value
 from planner.errors import suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
@@ -40,6 +42,8 @@ USUAL_COLUMNS: dict[str, tuple[str, ...]] = {
     "speed_kmh": ("speed_kmh", "kmh"),
     "speed_mps": ("speed_mps",),
     "works": ("works", "implement", "working", "work_state"),
+    "elevation_m": ("elevation_m", "altitude_m"),
+    "elevation_ft": ("elevation_ft", "altitude_ft"),
 }
 """Usual names of columns, in lower case."""
 REQUIRED_COLUMNS = ("time", "longitude", "latitude")
@@ -80,6 +84,7 @@ def read_csv_log(path: str, mapping: str | None) -> LogContents:
         start,
         column_mapping.field or Path(path).stem,
         notes=(encoding_note,) if encoding_note else (),
+        elevation_m=_find_elevation_m(cells, decimal_mark),
     )
     return LogContents((remove_unusable_rows(run),))
 
@@ -184,6 +189,12 @@ def _find_speed_mps(cells: Mapping[str, list[str]], decimal_mark: str) -> Array 
     if "speed_mps" in cells:
         return _parse_numbers(cells["speed_mps"], decimal_mark)
     return _parse_numbers(cells["speed_kmh"], decimal_mark) * MPS_PER_KMH if "speed_kmh" in cells else None
+
+
+def _find_elevation_m(cells: Mapping[str, list[str]], decimal_mark: str) -> Array | None:
+    if "elevation_m" in cells:
+        return _parse_numbers(cells["elevation_m"], decimal_mark)
+    return _parse_numbers(cells["elevation_ft"], decimal_mark) * FOOT_M if "elevation_ft" in cells else None
 
 
 def _parse_work_states(cells: list[str] | None) -> Mask | None:

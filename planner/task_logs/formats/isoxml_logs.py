@@ -49,6 +49,7 @@ _POSITION_FIELDS = (
 )
 SECONDS_PER_DAY = 86_400.0
 DEGREES_PER_UNIT = 1e-7
+METRES_PER_MM = 1e-3
 TLG_EPOCH = date(1980, 1, 1)
 MAX_COLUMNS = 255
 
@@ -64,6 +65,7 @@ class TimeLog:
         fix_status: (n,) status of the position, 0 for none, NaN if not logged.
         values: (n, columns), NaN before the first value.
         lost_bytes: after the last complete record.
+        elevation_m: (n,) height of the antenna, NaN if not logged.
     """
 
     columns: tuple[tuple[str, str], ...]
@@ -73,6 +75,7 @@ class TimeLog:
     fix_status: Array
     values: Array
     lost_bytes: int
+    elevation_m: Array
 
     def find_ddi_columns(self, ddi: str) -> list[int]:
         """Columns with a DDI."""
@@ -101,6 +104,7 @@ def parse_time_log(header: bytes, records: bytes, label: str) -> TimeLog:
         table.get("D", empty),
         values,
         lost_bytes,
+        table.get("C", empty) * METRES_PER_MM,
     )
 
 
@@ -152,7 +156,6 @@ MAX_RISE_PER_S = {AREA_M2: 300.0, ACTIVE_M: 6.0, INACTIVE_M: 15.0, ACTIVE_S: 1.0
 CONDENSED_STATE_DDIS = frozenset(f"{ddi:04X}" for ddi in range(0xA1, 0xB1))
 """Actual condensed work states of sections, 16 in each (ISO 11783-11)."""
 SPEED_UNITS_MPS = {"km/h": 1.0 / 3.6, "m/s": 1.0, "mm/s": 1e-3}
-METRES_PER_MM = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,6 +250,7 @@ def _read_run(
         _estimate_width_m(log),
         counters=_compute_counter_rises(log),
         notes=tuple(notes),
+        elevation_m=log.elevation_m if (np.isfinite(log.elevation_m) & (log.elevation_m != 0.0)).any() else None,
     )
     start = float(time_s[0]) if len(time_s) else 0.0
     return replace(remove_unusable_rows(run), start=format_isoxml_time(start))

@@ -65,5 +65,6 @@ def remove_unusable_rows(run: LoggedRun) -> LoggedRun:
         time_s=run.time_s[rows] - run.time_s[rows[0]],
         speed_mps=None if run.speed_mps is None else run.speed_mps[rows],
         is_working=None if run.is_working is None else run.is_working[rows],
+        elevation_m=None if run.elevation_m is None else run.elevation_m[rows],
         notes=(*run.notes, *notes),
     )

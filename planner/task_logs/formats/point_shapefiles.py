@@ -30,7 +30,7 @@ LATIN1_NOTE = "names do not match the declared encoding; they are read as Latin-
 RATE_COLUMNS = ("appliedrate", "vryieldvol", "wetmass", "drymass", "vryieldmas", "seedrate")
 MAX_DBF_NAME_LETTERS = 10  # longest column name of dBASE; some exports write longer ones
 UNIT_LENGTHS_M = {"ft": 0.3048, "m": 1.0, "in": 0.0254, "cm": 0.01}
-TIME_COLUMNS = ("isotime", "time")
+TIME_COLUMNS, ELEVATION_COLUMN = ("isotime", "time"), "elevation"
 TIME_FORMATS = ("%m/%d/%Y %I:%M:%S %p", "%Y-%m-%d %H:%M:%S", "%Y/%m/%d %H:%M:%S")
 
 
@@ -56,6 +56,7 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
     works = _find_work_state(columns, notes)
     if len(time_s) and not np.isfinite(time_s).any():
         raise LogError("its column IsoTime or Time has no valid time; export the points with their time.")
+    elevation_m = _find_elevation_m(columns, metadata, notes)
     order = np.argsort(time_s, kind="stable")
     run = LoggedRun(
         stem,
@@ -67,6 +68,7 @@ def _read_run(members: ArchiveMembers, name: str) -> LoggedRun:
         start=start,
         field=str(metadata.get("FieldName") or stem),
         notes=tuple(notes),
+        elevation_m=None if elevation_m is None else elevation_m[order],
     )
     return remove_unusable_rows(run)
 
@@ -160,11 +162,27 @@ def _compute_median_width_m(columns: Mapping[str, Sequence[Any]], metadata: dict
     """The median of SWATHWIDTH in metres, by the unit in the metadata, in feet without it."""
     if "swathwidth" not in columns:
         return None
-    attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
-    unit = next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == "swathwidth"), "ft")
+    unit = _find_unit(metadata, "swathwidth") or "ft"
     values = np.array([_parse_number(value) for value in columns["swathwidth"]])
     values = values[np.isfinite(values) & (values > 0.0)]
     return float(np.median(values)) * UNIT_LENGTHS_M.get(str(unit), UNIT_LENGTHS_M["ft"]) if len(values) else None
+
+
+def _find_elevation_m(columns: Mapping[str, Sequence[Any]], metadata: dict[str, Any], notes: list[str]) -> Array | None:
+    """Heights of the column Elevation in metres, by the unit in the metadata; without a unit they are not used."""
+    if ELEVATION_COLUMN not in columns:
+        return None
+    unit_m = UNIT_LENGTHS_M.get(_find_unit(metadata, ELEVATION_COLUMN))
+    if unit_m is None:
+        notes.append("heights of the column Elevation are not used, as their unit is not stated")
+        return None
+    return unit_m * np.array([_parse_number(value) for value in columns[ELEVATION_COLUMN]])
+
+
+def _find_unit(metadata: dict[str, Any], column: str) -> str:
+    """The unit that the metadata give a column, "" without one."""
+    attributes = [one for one in metadata.get("DataAttributes") or () if isinstance(one, dict)]
+    return str(next((one.get("Unit") for one in attributes if str(one.get("Name")).lower() == column), None) or "")
 
 
 def _parse_number(value: Any) -> float:

@@ -20,11 +20,13 @@ from reports.task_logs.run_results import RunFigures
 from vehicle.identification.errors import LogError
 
 FORMAT_VERSION, VERSION_KEY = 1, "headland_run"
-LOG_COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "implement")
-COLUMN_FORMATS = ("%.3f", "%.3f", "%.3f", "%.2f", "%.3f", "%d")
+LOG_COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "implement", "elevation_m")
+COLUMN_FORMATS = ("%.3f", "%.3f", "%.3f", "%.2f", "%.3f", "%d", "%.3f")
+OPTIONAL_COLUMNS = ("implement", "elevation_m")
 HEADING_NOTE = "heading_deg is the course over ground, opposite to the heading in reverse; there is no steering angle"
 MAX_COORDINATE_M = 1e8  # from the origin of any coordinate system on the earth
 MAX_NAME_LENGTH = 24
+NO_VALUE = float("nan")
 
 
 def choose_file_stems(runs: Sequence[ProjectedRun]) -> list[str]:
@@ -47,13 +49,15 @@ def _simplify_name(text: str) -> str:
 
 
 def format_log_csv(run: ProjectedRun) -> str:
-    """The log as CSV: time, UTM position, course, speed and, if logged, work state."""
-    columns = [run.time_s, *run.xy.T, run.heading_deg, run.speed_mps, run.is_working]
-    column_indexes = [index for index, name in enumerate(LOG_COLUMNS) if name != "implement" or run.has_work_state]
+    """The log as CSV: time, UTM position, course, speed and, if logged, work state and height; no height is empty."""
+    elevation_m = np.empty(0) if run.elevation_m is None else run.elevation_m
+    columns = [run.time_s, *run.xy.T, run.heading_deg, run.speed_mps, run.is_working, elevation_m]
+    missing = {"implement": not run.has_work_state, "elevation_m": run.elevation_m is None}
+    column_indexes = [index for index, name in enumerate(LOG_COLUMNS) if not missing.get(name)]
     lines = [",".join(LOG_COLUMNS[index] for index in column_indexes)]
     row_format = ",".join(COLUMN_FORMATS[index] for index in column_indexes)
     lines += [row_format % row for row in zip(*(columns[index].tolist() for index in column_indexes), strict=True)]
-    return "\n".join(lines) + "\n"
+    return "\n".join(line.removesuffix("nan") for line in lines) + "\n"
 
 
 def format_metadata(run: ProjectedRun, source: str, figures: RunFigures, notes: Sequence[str]) -> str:
@@ -147,6 +151,7 @@ def load_imported_run(path: Path) -> ProjectedRun:
             outline=shapely.Polygon(rings[0], rings[1:]) if rings else None,
             outline_m2=_parse_number(metadata.get("outline_m2")),
             notes=tuple(map(str, metadata.get("notes", ()))),
+            elevation_m=table.get("elevation_m"),
         )
     except (KeyError, TypeError, ValueError, AttributeError, shapely.errors.GEOSException) as error:
         raise LogError(f"{quote_path(path.with_suffix('.json'))} is garbled ({error}); import the run again.") from None
@@ -169,19 +174,24 @@ def _load_table(path: Path) -> dict[str, Array]:
     """Columns of a log by name; raises LogError with the line of a row that is not numbers."""
     lines = read_text(path, "a log of headland logs import", LogError).splitlines()
     header = lines[0].split(",") if lines else []
-    missing_columns = [name for name in LOG_COLUMNS[:-1] if name not in header]
+    missing_columns = [name for name in LOG_COLUMNS if name not in (*header, *OPTIONAL_COLUMNS)]
     if missing_columns:
         raise LogError(f"{quote_path(path)} has no column {missing_columns[0]}; import the run again.")
     rows, label = [], f"{quote_path(path)}, line"
     for number, line in enumerate(lines[1:], start=2):
         try:
-            rows.append([float(cell) for cell in line.split(",")])
+            rows.append([float(cell) if cell else NO_VALUE for cell in line.split(",")])
         except ValueError:
             raise LogError(f"{label} {number}: {line[:40]!r} is not a row of numbers; import the run again.") from None
         if len(rows[-1]) != len(header):
             raise LogError(f"{label} {number} has {len(rows[-1])} cells, not {len(header)}; import the run again.")
     table = np.array(rows)
-    if len(table) < 2 or not np.isfinite(table).all() or (np.diff(table[:, header.index("time_s")]) <= 0.0).any():
+    needed = [index for index, name in enumerate(header) if name != "elevation_m"]
+    if (
+        len(table) < 2
+        or not np.isfinite(table[:, needed]).all()
+        or (np.diff(table[:, header.index("time_s")]) <= 0.0).any()
+    ):
         raise LogError(f"{quote_path(path)} has rows without numbers or out of order; import the run again.")
     if (np.abs(table[:, [header.index("easting_m"), header.index("northing_m")]]) > MAX_COORDINATE_M).any():
         raise LogError(f"{quote_path(path)} has a position beyond {MAX_COORDINATE_M:g} m; import the run again.")

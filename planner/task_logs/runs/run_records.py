@@ -37,6 +37,7 @@ class LoggedRun:
         time_s: (n,) from the first row, increasing.
         speed_mps: (n,), None if not logged.
         is_working: (n,) whether the implement worked, None if not logged.
+        elevation_m: (n,) heights of the antenna, NaN where they are missing; None if not logged.
         width_m: working width, None if unknown.
         start: time of the first row, such as "2020-01-02T17:30:20", "" if unknown.
         field: name of the field, "" if unknown.
@@ -59,6 +60,7 @@ class LoggedRun:
     outline: tuple[Array, ...] = ()
     outline_m2: float | None = None
     notes: tuple[str, ...] = ()
+    elevation_m: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +73,7 @@ class ProjectedRun:
         has_logged_speed: whether the speed was logged; if not, it is from the positions.
         outline: the field, None if unknown.
         outline_m2: its area as stated in the file of the run.
+        elevation_m: (n,) heights of the antenna, NaN where they are missing; None if not logged.
     """
 
     name: str
@@ -90,6 +93,7 @@ class ProjectedRun:
     outline: shapely.Polygon | None = None
     outline_m2: float | None = None
     notes: tuple[str, ...] = ()
+    elevation_m: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -137,6 +141,7 @@ def project_run(run: LoggedRun, crs: str | None = None) -> ProjectedRun:
         outline=_project_outline(run, crs),
         outline_m2=run.outline_m2,
         notes=tuple(notes),
+        elevation_m=run.elevation_m,
     )
 
 
@@ -177,6 +182,16 @@ def _project_outline(run: LoggedRun, crs: str) -> shapely.Polygon | None:
     shape = shapely.make_valid(shapely.Polygon(rings[0], rings[1:]))
     parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
     return max(parts, key=lambda part: part.area) if parts else None
+
+
+def reproject_run(run: ProjectedRun, crs: str) -> ProjectedRun:
+    """The run in metres of another system; its course is that of the former. Raises FieldError."""
+    if run.crs == crs:
+        return run
+    outline = None
+    if run.outline is not None:
+        outline = shapely.transform(run.outline, lambda points: project(points, run.crs, crs))
+    return replace(run, crs=crs, xy=project(run.xy, run.crs, crs), outline=outline)
 
 
 def scale_run_east_west(run: ProjectedRun, factor: float) -> ProjectedRun:

@@ -61,7 +61,7 @@ def test_the_true_cause_stands(residual_model: ResidualModel) -> None:
     true = refit_with_new_weights(residual_model, ((get_parameters("steering_offset"), np.array([1.0])),), None)
     outcome = challenge_causes(residual_model, true, (), eg105())
     assert outcome.better_fit is None and outcome.lookalikes == {"steering_offset": {}}
-    assert select_causes(residual_model, eg105()).lookalikes == outcome.lookalikes
+    assert select_causes(residual_model, eg105()).lookalikes["steering_offset"] == {}
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,8 @@ from vehicle.identification.cause_selection.covariates import (
     DISTANCE_CHANGE,
     ErrorCovariate,
     PathResponse,
-    _compute_curvature_per_angle,
     compute_covariate_columns,
+    compute_curvature_per_angle,
     compute_explained_loss,
     list_covariates,
     score_covariates,
@@ -56,7 +56,7 @@ def test_responses_are_linear_in_their_terms(pushed: ResidualModel) -> None:
     response = PathResponse(pushed, fit)
     segment, move = pushed.dataset.segments[0], response.increments[0]
     bend = next(one for one in list_covariates(pushed) if one.regressor == "the direction of travel")
-    east, north = bend.make_increments(segment, move, _compute_curvature_per_angle(pushed, segment))
+    east, north = bend.make_increments(segment, move, compute_curvature_per_angle(pushed, segment))
     both = PoseIncrements(east.ahead, east.aside, east.turned + 2.0 * north.turned)
     one, two, sum_of = response.compute_columns(0, [east, north, both]).T
     assert np.abs(one).max() > 1.0 and sum_of == pytest.approx(one + 2.0 * two, abs=1e-8)
@@ -78,7 +78,7 @@ def test_the_curvature_of_an_angle_is_the_slope_of_the_measured_law(pushed: Resi
     slope = (right - left) / np.radians(2.0) / rig().tractor.wheelbase_m
     segment = pushed.dataset.segments[0]
     assert segment.wheel is not None and not segment.wheel.any()
-    assert _compute_curvature_per_angle(pushed, segment) == pytest.approx(slope)
+    assert compute_curvature_per_angle(pushed, segment) == pytest.approx(slope)
 
 
 def test_words_and_blocks_of_a_term() -> None:
@@ -113,7 +113,7 @@ def test_a_term_moves_the_tractor_as_the_rest_that_it_becomes(
         residual_model.dataset.segments,
     )
     terms = next(one for one in list_covariates(residual_model) if one.description == words)
-    term = terms.make_increments(segment, plain, _compute_curvature_per_angle(residual_model, segment))[0]
+    term = terms.make_increments(segment, plain, compute_curvature_per_angle(residual_model, segment))[0]
     for kind in ("ahead", "aside", "turned"):
         change, told = getattr(moved, kind) - getattr(plain, kind), size * getattr(term, kind)
         most = float(np.abs(told).max())
@@ -158,7 +158,7 @@ def test_products_are_those_of_all_columns_whatever_is_passed_over(pushed: Resid
     fit = replace(make_empty_fit(pushed), jacobian=slope)
     response, bend = PathResponse(pushed, fit), next(one for one in list_covariates(pushed) if one.per_run)
     for index, segment in enumerate(pushed.dataset.segments):
-        terms = bend.make_increments(segment, response.increments[index], _compute_curvature_per_angle(pushed, segment))
+        terms = bend.make_increments(segment, response.increments[index], compute_curvature_per_angle(pushed, segment))
         made, place = response.compute_columns(index, terms), response.places[index]
         slow = made.T @ made, made.T @ fit.residuals[place], made.T @ slope[place]
         for told in (

@@ -12,6 +12,8 @@ from vehicle.identification.logs.schema import LogConvention
 
 BY_HAND = {
     LogConvention.TIME_MS: ("time_s", 1500.0, 1.5),
+    LogConvention.TIME_US: ("time_s", 2.5e6, 2.5),
+    LogConvention.TIME_NS: ("time_s", 3.5e9, 3.5),
     LogConvention.POSITION_KM: ("easting_m", 0.25, 250.0),
     LogConvention.SPEED_KMH: ("speed_mps", 18.0, 5.0),
     LogConvention.SPEED_MEASURED_KMH: ("speed_mps", 18.0, 5.0),
@@ -39,7 +41,18 @@ def test_one_number_by_hand(fix: LogConvention) -> None:
 
 
 def test_every_fix_is_tried() -> None:
-    assert set(LogConvention) == {*BY_HAND, LogConvention.EAST_NORTH_SWAPPED, LogConvention.POSITION_DEGREES}
+    swaps = {LogConvention.EAST_NORTH_SWAPPED, LogConvention.STEERING_SWAPPED}
+    assert set(LogConvention) == {*BY_HAND, *swaps, LogConvention.POSITION_DEGREES}
+
+
+def test_swapped_steering_columns_are_exchanged_before_their_unit_is_converted() -> None:
+    columns = {"steering_command_deg": np.array([0.1]), "steering_deg": np.array([0.2])}
+    fixes = frozenset({LogConvention.STEERING_SWAPPED, LogConvention.STEERING_RADIANS})
+    result = convert_columns(columns, fixes)
+    assert result["steering_command_deg"] == pytest.approx([math.degrees(0.2)])
+    assert result["steering_deg"] == pytest.approx([math.degrees(0.1)])
+    del columns["steering_deg"]
+    assert "steering_deg is not logged" in refusal(lambda: convert_columns(columns, fixes))
 
 
 def test_swapped_axes_are_exchanged_before_degrees_become_metres() -> None:

@@ -8,6 +8,11 @@ import pytest
 
 from tests.identification.residual_models import build_commanded_model, build_programme_model, eg105, get_parameters
 from vehicle.identification.cause_selection.evidence import estimate_robust_covariance
+from vehicle.identification.cause_selection.tolerances import (
+    estimate_form_covariance,
+    estimate_run_variances,
+    estimate_tolerance_covariance,
+)
 from vehicle.identification.fit.effect_parameters import build_discrepancy_parameters
 from vehicle.identification.fit.open_loop import ModelTerm, OpenLoopErrors, fit_terms
 from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
@@ -45,16 +50,21 @@ def test_held_out_settings_with_some_of_the_effects() -> None:
     assert whole.term_ids == {"steering_offset"}
 
 
-def test_intervals_come_from_the_scatter_of_blocks_and_the_tolerance(residual_model: ResidualModel) -> None:
+def test_intervals_come_from_scatter_tolerances_and_form(residual_model: ResidualModel) -> None:
     names = ("steering_offset", "heading_bias")
     residuals = residual_model.compute_residuals({})
     fit = refine_fit(residual_model, EffectFit(tuple((get_parameters(name), np.zeros(1)) for name in names), residuals,
                              np.zeros((len(residuals), 0))))  # fmt: skip
     added = build_fit_extension(residual_model, fit, ["steering_offset"])
-    value, sigma = (
-        float(fit.parts[0][1][0]),
-        math.sqrt(estimate_robust_covariance(residual_model, fit, widen_for_few=True)[0, 0]),
+    value = float(fit.parts[0][1][0])
+    scatter = float(estimate_robust_covariance(residual_model, fit, widen_for_few=True)[0, 0])
+    parts = (
+        max(scatter, float(estimate_run_variances(residual_model, fit)[0])),
+        float(estimate_tolerance_covariance(residual_model, fit)[0, 0]),
+        float(estimate_form_covariance(fit)[0, 0]),
     )
+    sigma = math.sqrt(sum(parts))
+    assert parts[1] > 0.0 and sigma > math.sqrt(scatter)  # a stated scale or place may be off
     wide = math.hypot(1.96 * sigma, 0.12)
     assert added.tolerant_intervals["steering_offset"] == {"angle_deg": pytest.approx((value - wide, value + wide))}
     told = math.hypot(1.96 * sigma, 0.2 * 0.12)

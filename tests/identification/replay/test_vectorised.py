@@ -34,8 +34,8 @@ from vehicle.identification.replay.state_cache import (
 )
 from vehicle.identification.replay.vectorised import LANES, compute_tangents_and_drift
 from vehicle.model.tractor import Settings
-from vehicle.records import DT_S
-from vehicle.sim.dynamics import GRAVITY_MPS2, step_body
+from vehicle.records import DT_S, GRAVITY_MPS2
+from vehicle.sim.dynamics import step_body
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_ground_drift
 
 BENT: Settings = {

@@ -157,7 +157,9 @@ def stub(
     errors = {5.0: final, **{float(name[3:]): value for name, value in others.items()}}
     return SimpleNamespace(
         residual_model=SimpleNamespace(
-            row_interval_s=row_s, has_measured_wheel_angle=True, dataset=SimpleNamespace(seconds=seconds)
+            row_interval_s=row_s,
+            has_measured_wheel_angle=True,
+            dataset=SimpleNamespace(seconds=seconds, segments=()),
         ),
         noise_floor="floor",
         compute_run_errors=lambda squares, over=5.0: np.array([floor if squares == "floor" else squares[0][over][0]]),

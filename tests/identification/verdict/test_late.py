@@ -16,10 +16,17 @@ from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NAMED, RE
 from vehicle.identification.verdict.findings import add_delay_like_competitors, list_delay_like_effects
 from vehicle.model.tractor import load_tractor
 
+THREE_SPEEDS, ONE_SPEED = (1.0, 2.0, 3.0), (0.0, 2.0, 2.0, 2.0)
 
-def residual_model(heading_measured: bool = False, has_wheel: bool = True) -> ResidualModel:
-    segment = SimpleNamespace(heading_measured=heading_measured, heading=np.zeros(9), speed_in_gear=np.full(9, 2.0))
-    made: Any = SimpleNamespace(dataset=SimpleNamespace(segments=(segment,)), has_measured_wheel_angle=has_wheel)
+
+def residual_model(
+    heading_measured: bool = False, has_wheel: bool = True, speeds: tuple[float, ...] = THREE_SPEEDS
+) -> ResidualModel:
+    segments = tuple(
+        SimpleNamespace(heading_measured=heading_measured, heading=np.zeros(9), speed_in_gear=np.full(9, speed))
+        for speed in speeds
+    )
+    made: Any = SimpleNamespace(dataset=SimpleNamespace(segments=segments), has_measured_wheel_angle=has_wheel)
     return cast(ResidualModel, made)
 
 
@@ -31,6 +38,14 @@ def test_a_heading_or_a_wheel_angle_tells_them_apart() -> None:
         "gnss_latency",
         "steering_dead_time",
     )
+
+
+def test_at_one_speed_beside_halts_a_heading_does_not_tell_an_antenna_from_late_positions() -> None:
+    one_speed, back = residual_model(heading_measured=True, speeds=ONE_SPEED), {"antenna_forward": {"distance_m": -0.4}}
+    assert list_delay_like_effects(one_speed) == ("antenna_forward", "position_delay")
+    assert add_delay_like_competitors(one_speed, {"antenna_forward": {}}, back, back) == {
+        "antenna_forward": {"position_delay": {"time_s": 0.2}}
+    }
 
 
 def test_competitors_are_as_late_as_what_was_found() -> None:

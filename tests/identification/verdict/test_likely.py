@@ -250,7 +250,9 @@ def test_what_mends_without_being_told_by_the_residuals_leaves_the_model(gain: f
     term = ModelTerm(get_parameters("steering_gain"), np.array([0.7]))
     loop: Any = OpenLoopErrors(build_programme_model("circles", {}), {}, ())
     case: Any = SimpleNamespace(
-        main_terms={"steering_gain": term}, compute_held_out_gain=lambda name: (gain, (gain, gain))
+        main_terms={"steering_gain": term},
+        extension=SimpleNamespace(term_ids=frozenset({"steering_gain"})),
+        compute_held_out_gain=lambda name: (gain, (gain, gain)),
     )
     empty: Any = SimpleNamespace(main_terms={})
     mended = OpenLoopFit(loop, OpenLoopModel((term,), np.zeros(0), np.zeros((0, 1))))

@@ -1,7 +1,7 @@
 """Sentences beside a diagnosis."""
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ import pytest
 from tests.identification.analytic_drives import circle, log
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.verdict.diagnose import _describe_clocks, _describe_logs, _describe_subset
+from vehicle.identification.verdict.diagnosis_types import Diagnosis
 
 
 def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str]:
@@ -33,9 +34,16 @@ def test_without_a_time_nothing_is_said_of_clocks(found: dict[str, dict[str, flo
 
 def test_a_part_of_long_logs_is_said() -> None:
     residual_model: Any = SimpleNamespace(dataset=SimpleNamespace(seconds=3600.0))
-    (told,) = _describe_subset(residual_model, SimpleNamespace(minutes=480.0))  # type: ignore[arg-type]
-    assert "come from 60 of 480 minutes" in told
-    assert _describe_subset(residual_model, SimpleNamespace(minutes=60.0)) == ()  # type: ignore[arg-type]
+    runs = [SimpleNamespace(name="pass 1", unlike=False), SimpleNamespace(name="pass 2", unlike=True)]
+    long, whole, unlike = (
+        cast(Diagnosis, SimpleNamespace(minutes=minutes, runs=some))
+        for minutes, some in ((480.0, runs[:1]), (60.0, runs[:1]), (80.0, runs))
+    )
+    (told,) = _describe_subset(residual_model, long)
+    assert "come from 60 of 480 minutes, sampled" in told
+    assert _describe_subset(residual_model, whole) == ()
+    (told,) = _describe_subset(residual_model, unlike)
+    assert "come from 60 of 80 minutes, without pass 2, unlike" in told
 
 
 def test_a_log_without_heading_is_said_also_where_the_part_has_none_of_it() -> None:

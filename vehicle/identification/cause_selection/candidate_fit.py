@@ -19,7 +19,7 @@ from vehicle.identification.fit.column_products import (
     subtract_columns,
     sum_squares,
 )
-from vehicle.identification.fit.effect_parameters import EffectParameters, collect_settings, get_chain_block
+from vehicle.identification.fit.effect_parameters import EffectParameters, collect_settings, get_shown_blocks
 from vehicle.identification.fit.residual_fit import EffectFit, add_linear_terms
 from vehicle.identification.fit.solver import FIRST_STEP, SolverPoint, StopRule, minimise_loss, perturb_coordinate
 from vehicle.identification.logs.schema import Array
@@ -114,7 +114,7 @@ class _CandidateProblem:
 
     def iterate_points(self, places: Sequence[Array]) -> Iterator[SolverPoint]:
         """Return the points at coordinates, one after another."""
-        block = frozenset({get_chain_block(self.parameters.id)})
+        block = get_shown_blocks(self.parameters.id)
         changes = [
             (collect_settings([*self.fit.parts, (self.parameters, coordinates)]), block) for coordinates in places
         ]
@@ -299,6 +299,6 @@ class EffectTraces:
         )
 
     def _compute_columns(self, parameters: EffectParameters, places: Sequence[Array]) -> Array:
-        block = frozenset({get_chain_block(parameters.id)})
+        block = get_shown_blocks(parameters.id)
         changes = [(collect_settings([*self.fit.parts, (parameters, coordinates)]), block) for coordinates in places]
         return stack_columns([changed - self.bare for changed in self.changes_of(changes, self.bare)], len(self.bare))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -22,17 +23,20 @@ from vehicle.identification.cause_selection.candidate_fit import (
 from vehicle.identification.cause_selection.covariates import ErrorCovariate
 from vehicle.identification.cause_selection.evidence import estimate_held_out_losses, list_nameable_parts
 from vehicle.identification.cause_selection.refit import add_candidate, refit_with_covariates, refit_without
+from vehicle.identification.cause_selection.tolerances import is_within_tolerances
 from vehicle.identification.fit.column_products import stack_columns, sum_squares
 from vehicle.identification.fit.effect_parameters import EffectParameters, build_parameters, find_finest_size
 from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import (
+    EXCHANGEABLE_SHARE,
     LEAST_GAIN,
     LEAST_WITHIN_RUNS_SHARE,
     LOOK_ALIKE_LOSS,
     LOOK_ALIKE_SHARE,
     MOST_REFITTED,
+    OPEN_LOOK_ALIKE_SHARE,
     PREDICTED_SHARE,
 )
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, SPEED, STEERING, get_effect
@@ -81,23 +85,46 @@ def challenge_causes(
     return ChallengeOutcome(lookalikes=lookalikes)
 
 
+def drop_exchangeable(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:
+    """Return the fit without the less needed of two effects of instruments of which either alone explains nearly what
+    both explain.
+
+    A place and a time of a receiver differ at one speed by the bend of the path alone, less than models of it are
+    accurate: two values that share one cause would both be wrong.
+    """
+    names = [part[0].id for part in fit.parts if get_effect(part[0].id).block == POSITION]
+    for name, other_name in combinations(names, 2):
+        without_name, without_other = (refit_without(residual_model, fit, one) for one in (name, other_name))
+        needed = max(without_name.loss, without_other.loss) - fit.loss
+        gain = refit_without(residual_model, without_name, other_name).loss - fit.loss
+        if needed < LOOK_ALIKE_LOSS + EXCHANGEABLE_SHARE * gain:
+            smaller = min(without_name, without_other, key=lambda one: one.loss)
+            return drop_exchangeable(residual_model, smaller)
+    return fit
+
+
 def _find_competitors(
     residual_model: ResidualModel, fit: EffectFit, name: str, traces: EffectTraces | None
 ) -> tuple[EffectFit | None, Lookalikes]:
     """Return the fit in which a competitor is clearly better in the place of an effect, if any, and those that are as
-    good."""
+    good.
+
+    An effect that tolerances of the tractor file may look like is as good as a competitor that explains half of it, of
+    whatever size.
+    """
     tractor = residual_model.rig.tractor
     reduced_fit = refit_without(residual_model, fit, name)
-    gain = reduced_fit.loss - fit.loss
-    slack = LOOK_ALIKE_LOSS + LOOK_ALIKE_SHARE * gain
+    gain, is_open = reduced_fit.loss - fit.loss, is_within_tolerances(residual_model, fit, name)
+    slack = LOOK_ALIKE_LOSS + (OPEN_LOOK_ALIKE_SHARE if is_open else LOOK_ALIKE_SHARE) * gain
     held_out = float(estimate_held_out_losses(residual_model, fit).sum())
     better, lookalikes = fit, {}
     for competitor in _fit_replacing_effects(
         residual_model, reduced_fit, (*fit.settings,), get_effect(name).block, gain - slack, traces
     )[:MOST_REFITTED]:
-        if competitor.gain < gain - slack or competitor.parameters.compute_deviation(
-            competitor.coordinates
-        ) <= find_finest_size(tractor, competitor.parameters.id):
+        deviation = competitor.parameters.compute_deviation(competitor.coordinates)
+        if competitor.gain < gain - slack or (
+            not is_open and deviation <= find_finest_size(tractor, competitor.parameters.id)
+        ):
             continue
         competitor_fit = refine_fit(residual_model, add_candidate(residual_model, reduced_fit, competitor))
         worse = float(estimate_held_out_losses(residual_model, competitor_fit).sum()) - held_out

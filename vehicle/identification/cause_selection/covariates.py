@@ -30,6 +30,7 @@ from vehicle.identification.residuals.innovations import PoseIncrements, compute
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import SENSOR_TIMING_S
 from vehicle.model.effects import PATH, SPEED, compute_effect_fields
+from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.calibration import CIRCLE_SPEED_MPS
 
 # From periods that a tractor can follow to long runs; neighbours a tenth apart are equivalent.
@@ -70,7 +71,7 @@ class ErrorCovariate:
         return SPEED if self.changed_quantity == DISTANCE_CHANGE else PATH
 
 
-def _make_wheel_angle_increments(increments: PoseIncrements, regressor: Array, per_angle: Array) -> PoseIncrements:
+def make_wheel_angle_increments(increments: PoseIncrements, regressor: Array, per_angle: Array) -> PoseIncrements:
     """Return the motion of an extra wheel angle (rad, to the right), which causes `curvature_per_angle`."""
     zero = np.zeros_like(increments.ahead)
     distance = np.copysign(
@@ -79,17 +80,17 @@ def _make_wheel_angle_increments(increments: PoseIncrements, regressor: Array, p
     return PoseIncrements(zero, zero, -regressor * distance * per_angle)
 
 
-def _compute_curvature_per_angle(residual_model: ResidualModel, segment: DriveSegment) -> Array:
+def compute_curvature_per_angle(residual_model: ResidualModel, segment: DriveSegment) -> Array:
     """Return the curvature per wheel angle (1/m per rad), averaged over a degree each way because measured radii are
     singular at 0."""
-    rig, angle = residual_model.rig, _get_steering(segment)
+    rig, angle = residual_model.rig, get_steering(segment)
     grid = np.linspace(-rig.tractor.max_steering_deg, rig.tractor.max_steering_deg, len(rig.table))
     tangents = [np.tan(np.interp(np.degrees(angle) + shift, grid, rig.table)) for shift in (-1.0, 1.0)]
     slope: Array = (tangents[1] - tangents[0]) / np.radians(2.0) / rig.tractor.wheelbase_m
     return slope
 
 
-def _make_curvature_share_increments(increments: PoseIncrements, regressor: Array) -> PoseIncrements:
+def make_curvature_share_increments(increments: PoseIncrements, regressor: Array) -> PoseIncrements:
     """Return the motion of an extra share of the curvature."""
     zero = np.zeros_like(increments.ahead)
     return PoseIncrements(zero, zero, regressor * increments.turned)
@@ -113,7 +114,8 @@ def _get_speed(segment: DriveSegment) -> Array:
     return segment.speed_in_gear[:-1]
 
 
-def _get_steering(segment: DriveSegment) -> Array:
+def get_steering(segment: DriveSegment) -> Array:
+    """Return the measured wheel angle, or else the commanded one, between rows (k - 1,), rad to the right."""
     angle = segment.wheel if segment.wheel is not None else segment.command
     assert angle is not None
     return angle[:-1]
@@ -129,13 +131,13 @@ def _compute_steering_rate(segment: DriveSegment) -> Array:
 def _build_periodic_covariates(period: float, longest: float) -> list[ErrorCovariate]:
     def make_bends(segment: DriveSegment, increments: PoseIncrements, curvature_per_angle: Array) -> TermIncrements:
         phase = 2.0 * np.pi * segment.time[:-1] / period
-        return [_make_wheel_angle_increments(increments, wave(phase), curvature_per_angle) for wave in (np.sin, np.cos)]
+        return [make_wheel_angle_increments(increments, wave(phase), curvature_per_angle) for wave in (np.sin, np.cos)]
 
     def make_grip_changes(
         segment: DriveSegment, increments: PoseIncrements, curvature_per_angle: Array
     ) -> TermIncrements:
         phase = 2.0 * np.pi * segment.time[:-1] / period
-        return [_make_curvature_share_increments(increments, wave(phase)) for wave in (np.sin, np.cos)]
+        return [make_curvature_share_increments(increments, wave(phase)) for wave in (np.sin, np.cos)]
 
     is_periodic = period <= 0.5 * longest
     regressor = f"time, repeating every {period:.1f} s" if is_periodic else "time, changing slowly during a run"
@@ -148,44 +150,44 @@ def _build_periodic_covariates(period: float, longest: float) -> list[ErrorCovar
 def list_covariates(residual_model: ResidualModel) -> list[ErrorCovariate]:
     """Return all covariates that the data could show."""
     terms = [
-        ErrorCovariate("speed", EXTRA_ANGLE, lambda s, m, b: [_make_wheel_angle_increments(m, _get_speed(s), b)]),
+        ErrorCovariate("speed", EXTRA_ANGLE, lambda s, m, b: [make_wheel_angle_increments(m, _get_speed(s), b)]),
         ErrorCovariate(
-            "the square of speed", EXTRA_ANGLE, lambda s, m, b: [_make_wheel_angle_increments(m, _get_speed(s) ** 2, b)]
+            "the square of speed", EXTRA_ANGLE, lambda s, m, b: [make_wheel_angle_increments(m, _get_speed(s) ** 2, b)]
         ),
         ErrorCovariate(
             "time since the start",
             EXTRA_ANGLE,
-            lambda s, m, b: [_make_wheel_angle_increments(m, s.start_s + s.time[:-1], b)],
+            lambda s, m, b: [make_wheel_angle_increments(m, s.start_s + s.time[:-1], b)],
         ),
         ErrorCovariate(
             "the direction of travel",
             EXTRA_ANGLE,
             lambda s, m, b: [
-                _make_wheel_angle_increments(m, np.cos(s.heading[:-1]), b),
-                _make_wheel_angle_increments(m, np.sin(s.heading[:-1]), b),
+                make_wheel_angle_increments(m, np.cos(s.heading[:-1]), b),
+                make_wheel_angle_increments(m, np.sin(s.heading[:-1]), b),
             ],
         ),
-        ErrorCovariate("speed", GRIP_CHANGE, lambda s, m, b: [_make_curvature_share_increments(m, _get_speed(s))]),
+        ErrorCovariate("speed", GRIP_CHANGE, lambda s, m, b: [make_curvature_share_increments(m, _get_speed(s))]),
         ErrorCovariate(
             "the size of the wheel angle",
             GRIP_CHANGE,
-            lambda s, m, b: [_make_curvature_share_increments(m, np.abs(_get_steering(s)))],
+            lambda s, m, b: [make_curvature_share_increments(m, np.abs(get_steering(s)))],
         ),
         ErrorCovariate(
-            "the implement", GRIP_CHANGE, lambda s, m, b: [_make_curvature_share_increments(m, s.working[:-1])]
+            "the implement", GRIP_CHANGE, lambda s, m, b: [make_curvature_share_increments(m, s.working[:-1])]
         ),
         ErrorCovariate(
             "the direction of travel",
             GRIP_CHANGE,
             lambda s, m, b: [
-                _make_curvature_share_increments(m, np.cos(s.heading[:-1])),
-                _make_curvature_share_increments(m, np.sin(s.heading[:-1])),
+                make_curvature_share_increments(m, np.cos(s.heading[:-1])),
+                make_curvature_share_increments(m, np.sin(s.heading[:-1])),
             ],
         ),
         ErrorCovariate(
             "the rate of steering",
             EXTRA_ANGLE,
-            lambda s, m, b: [_make_wheel_angle_increments(m, _compute_steering_rate(s), b)],
+            lambda s, m, b: [make_wheel_angle_increments(m, _compute_steering_rate(s), b)],
         ),
         ErrorCovariate(
             "the direction of travel and the driving time",
@@ -195,7 +197,7 @@ def list_covariates(residual_model: ResidualModel) -> list[ErrorCovariate]:
         ErrorCovariate("speed", DISTANCE_CHANGE, lambda s, m, b: [_make_distance_increments(m, _get_speed(s))]),
         ErrorCovariate(ALWAYS, DISTANCE_CHANGE, lambda s, m, b: [_make_distance_increments(m, np.ones(s.rows - 1))]),
         ErrorCovariate(
-            "the wheel angle", DISTANCE_CHANGE, lambda s, m, b: [_make_distance_increments(m, np.abs(_get_steering(s)))]
+            "the wheel angle", DISTANCE_CHANGE, lambda s, m, b: [_make_distance_increments(m, np.abs(get_steering(s)))]
         ),
     ]
     if not all(segment.speed_measured for segment in residual_model.dataset.segments):
@@ -221,7 +223,7 @@ class CovariateScore:
 def score_covariates(residual_model: ResidualModel, fit: EffectFit) -> list[CovariateScore]:
     """Return the gains of all covariates, the largest first."""
     response = PathResponse(residual_model, fit)
-    curvatures = [_compute_curvature_per_angle(residual_model, segment) for segment in residual_model.dataset.segments]
+    curvatures = [compute_curvature_per_angle(residual_model, segment) for segment in residual_model.dataset.segments]
     ranked = []
     covariates, together = list_covariates(residual_model), _compute_covariate_batch_size(residual_model)
     for batch in (covariates[first : first + together] for first in range(0, len(covariates), together)):
@@ -250,7 +252,7 @@ def compute_covariate_columns(residual_model: ResidualModel, fit: EffectFit, cov
     response, segments_of_dataset = PathResponse(residual_model, fit), residual_model.dataset.segments
     parts = [
         response.compute_columns(
-            index, covariate.make_increments(segment, increments, _compute_curvature_per_angle(residual_model, segment))
+            index, covariate.make_increments(segment, increments, compute_curvature_per_angle(residual_model, segment))
         )
         for index, (segment, increments) in enumerate(zip(segments_of_dataset, response.increments, strict=True))
     ]
@@ -438,7 +440,6 @@ def compute_explained_loss(square: Array, side: Array) -> Array:
     return np.asarray(np.einsum("...i,...ij,...j", scaled, inverse, scaled))
 
 
-GRAVITY_MPS2 = 9.80665
 LEAST_SPEED_SHARE = 0.1  # of the speed of circles: at lower speeds the path shows little of its curvature
 
 

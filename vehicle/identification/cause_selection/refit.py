@@ -76,7 +76,14 @@ def refit_with_new_weights(
 
 def reweigh_residual_model(residual_model: ResidualModel, fit: EffectFit) -> ResidualModel:
     """Return the residual model with noise and weights from the residuals of the fit."""
-    return build_weighted_residual_model(residual_model.dataset, residual_model.rig, fit.settings)
+    weighted = build_weighted_residual_model(residual_model.dataset, residual_model.rig, fit.settings)
+    return replace(
+        residual_model,
+        noise=weighted.noise,
+        filters=weighted.filters,
+        wheel=weighted.wheel,
+        speed=weighted.speed,
+    )
 
 
 def build_weighted_residual_model(dataset: DriveDataset, rig: ReplayRig, settings: Settings) -> ResidualModel:

@@ -26,7 +26,7 @@ from vehicle.identification.cause_selection.candidate_fit import (
 )
 from vehicle.identification.cause_selection.covariates import CovariateScore
 from vehicle.identification.fit.column_products import multiply_columns, stack_columns, subtract_columns, sum_squares
-from vehicle.identification.fit.effect_parameters import EffectParameters, collect_settings, get_chain_block
+from vehicle.identification.fit.effect_parameters import EffectParameters, collect_settings, get_shown_blocks
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.residuals.innovations import PoseIncrements
@@ -139,7 +139,7 @@ class GainPredictor:
         blocks = {PATH, POSITION}
         if all(segment.wheel is None for segment in self.residual_model.dataset.segments):
             blocks |= {STEERING}
-        return get_chain_block(parameters.id) in blocks and not get_effect(parameters.id).kind.is_searched
+        return get_shown_blocks(parameters.id) <= blocks and not get_effect(parameters.id).kind.is_searched
 
     @cached_property
     def _current_increments(self) -> list[PoseIncrements]:
@@ -257,7 +257,7 @@ class ScanCache:
         return {
             candidate.parameters.id: candidate
             for candidate in self.candidates
-            if candidate.is_finished and get_effect(candidate.parameters.id).block in blocks
+            if candidate.is_finished and get_shown_blocks(candidate.parameters.id) <= blocks
         }
 
 
@@ -277,5 +277,5 @@ def _list_parts_in_blocks(fit: EffectFit, blocks: tuple[str, ...]) -> list[tuple
     return sorted(
         (parameters.id, parameters.fixed_values)
         for parameters, _ in fit.parts
-        if get_effect(parameters.id).block in blocks
+        if get_shown_blocks(parameters.id) & set(blocks)
     )

@@ -20,10 +20,11 @@ from vehicle.identification.cause_selection.candidate_fit import (
     fit_candidate,
     resume_candidate,
 )
-from vehicle.identification.cause_selection.challenge import Lookalikes, challenge_causes
+from vehicle.identification.cause_selection.challenge import Lookalikes, challenge_causes, drop_exchangeable
 from vehicle.identification.cause_selection.covariates import CovariateScore, ErrorCovariate, score_covariates
 from vehicle.identification.cause_selection.evidence import is_helping_held_out, predict_removal_costs
 from vehicle.identification.cause_selection.grip_patches import find_best_patch
+from vehicle.identification.cause_selection.merging import simplify_delays
 from vehicle.identification.cause_selection.refit import (
     add_candidate,
     add_part,
@@ -178,17 +179,19 @@ def select_causes(
     chosen = CauseSelection(residual_model, refit_with_new_weights(residual_model, (), None), (), LEAST_STRENGTH)
     refused: set[str] = set()
     for _ in range(MOST_CHANGES):
-        chosen = _drop_superfluous(_select_forward(chosen, tractor, refused, progress))
+        chosen = drop_superfluous(_select_forward(chosen, tractor, refused, progress))
+        chosen = replace(chosen, fit=simplify_delays(chosen.residual_model, chosen.fit))
+        chosen = replace(chosen, fit=drop_exchangeable(chosen.residual_model, chosen.fit))
         outcome = challenge_causes(chosen.residual_model, chosen.fit, chosen.unnamed, tractor)
         if outcome.better_fit is None:
             return replace(chosen, lookalikes=outcome.lookalikes, refused=frozenset(refused))
         better = reweigh_residual_model(chosen.residual_model, outcome.better_fit)
         fit = refit_with_new_weights(better, outcome.better_fit.parts, outcome.unnamed)
         chosen = replace(chosen, residual_model=better, fit=fit, unnamed=outcome.unnamed)
-    return replace(_drop_superfluous(chosen), refused=frozenset(refused))
+    return replace(drop_superfluous(chosen), refused=frozenset(refused))
 
 
-def _drop_superfluous(chosen: CauseSelection) -> CauseSelection:
+def drop_superfluous(chosen: CauseSelection) -> CauseSelection:
     """Drop parts that have become superfluous."""
     residual_model, fit, unnamed = chosen.residual_model, prune_fit(chosen.residual_model, chosen.fit), chosen.unnamed
     for covariate in unnamed:
@@ -196,7 +199,7 @@ def _drop_superfluous(chosen: CauseSelection) -> CauseSelection:
         smaller = refit_with_covariates(residual_model, fit, other_covariates)
         freedoms = fit.jacobian.shape[1] - smaller.jacobian.shape[1]
         if not _is_beyond_random_gain(residual_model, smaller.loss - fit.loss, freedoms, chosen.threshold):
-            return _drop_superfluous(replace(chosen, fit=smaller, unnamed=other_covariates))
+            return drop_superfluous(replace(chosen, fit=smaller, unnamed=other_covariates))
     return replace(chosen, fit=fit)
 
 

@@ -106,3 +106,8 @@ def collect_settings(parts: list[tuple[EffectParameters, Array]]) -> dict[str, d
 def get_chain_block(name: str) -> str:
     """Return the block of the chain that contains an effect."""
     return get_effect(name).block
+
+
+def get_shown_blocks(name: str) -> frozenset[str]:
+    """Return the blocks at whose sensors an effect shows."""
+    return frozenset({get_chain_block(name), *get_effect(name).also_shows_in})

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from vehicle.identification.fit.column_products import IndexedColumns, add_block_products, sum_squares
-from vehicle.identification.fit.effect_parameters import EffectParameters, collect_settings, get_chain_block
+from vehicle.identification.fit.effect_parameters import EffectParameters, collect_settings, get_shown_blocks
 from vehicle.identification.fit.solver import (
     LATER_STEP,
     SolverPoint,
@@ -82,6 +82,8 @@ class EffectFit:
     linear_terms: LinearTerms | None = None
     # Fits without one of the parts, or without covariates (""), which are needed several times.
     smaller_fits: dict[tuple[ResidualModel, str], EffectFit] = field(init=False, default_factory=dict)
+    # Covariance of the coordinates by the tolerances of the tractor file, which is needed several times.
+    tolerance_covariances: dict[ResidualModel, Array] = field(init=False, default_factory=dict)
 
     @property
     def loss(self) -> float:
@@ -177,7 +179,7 @@ class _FitProblem:
         return extended.T
 
     def compute_residuals(self, coordinates: Array, start: SolverPoint) -> Array:
-        blocks = frozenset(get_chain_block(name) for name in self.coordinate_effects)
+        blocks = frozenset[str]().union(*(get_shown_blocks(name) for name in self.coordinate_effects))
         changed = self.residual_model.compute_change(
             collect_settings(list(self._build_parts_at(coordinates))), self._compute_bare_residuals(start), blocks
         )
@@ -186,7 +188,7 @@ class _FitProblem:
     def compute_changes(self, places: Sequence[Array], axes: Sequence[int], start: SolverPoint) -> Iterator[Array]:
         bare_residuals = self._compute_bare_residuals(start)
         settings = [collect_settings(list(self._build_parts_at(coordinates))) for coordinates in places]
-        blocks = [frozenset({get_chain_block(self.coordinate_effects[axis])}) for axis in axes]
+        blocks = [get_shown_blocks(self.coordinate_effects[axis]) for axis in axes]
         changed = self.residual_model.compute_changes(list(zip(settings, blocks, strict=True)), bare_residuals)
         return (residuals - bare_residuals for residuals in changed)
 

@@ -87,6 +87,15 @@ _FEWEST_ROWS = 20  # needed to find that two columns contradict each other
 _MIRRORED_SHARE = 0.8  # of the clear bends: some are misjudged where the steering is changing
 
 
+_CLEAR_CORRELATION, _PARTS = 0.7, 5  # chosen: of two columns that hold one angle, and parts of a run to look at
+
+
+def _correlate(one: Array, other: Array) -> float:
+    """Return the correlation of two columns (k,), 0 where one of them is constant."""
+    spread = float(np.std(one)) * float(np.std(other))
+    return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread > 0.0 else 0.0
+
+
 def select_chord_steering(log: Log) -> Array:
     """Return the steering (deg) to compare with: the sensor if there is one, else the command.
 
@@ -100,20 +109,21 @@ def select_chord_steering(log: Log) -> Array:
     commanded, measured = command[log.used], sensor[log.used]
     if len(commanded) < _FEWEST_ROWS:
         return sensor
-    spread, measured_spread = float(np.std(commanded)), float(np.std(measured))
-    if spread > 0.0 and measured_spread > 0.0:
-        correlation = float(np.mean((commanded - commanded.mean()) * (measured - measured.mean()))) / (
-            spread * measured_spread
-        )
-        if correlation < -0.7 and spread > 0.03:
+    correlation = _correlate(commanded, measured)
+    if correlation < -_CLEAR_CORRELATION and float(np.std(commanded)) > 0.03:
+        # Wheels that stop following during a run follow before or after.
+        parts = zip(np.array_split(commanded, _PARTS), np.array_split(measured, _PARTS), strict=True)
+        if not any(_correlate(*part) > _CLEAR_CORRELATION for part in parts):
             raise LogError(
                 f"{log.name}: steering_command_deg and steering_deg have opposite signs (correlation "
                 f"{correlation:.2f}); make both positive to the right."
             )
-        if correlation > 0.7 and not 1.0 / 20.0 < spread / measured_spread < 20.0:
+    if correlation > _CLEAR_CORRELATION:
+        ratio = float(np.std(commanded)) / float(np.std(measured))
+        if not 1.0 / 20.0 < ratio < 20.0:
             raise LogError(
-                f"{log.name}: steering_command_deg moves {spread / measured_spread:.3g} times as far as steering_deg; "
-                "one is in radians, write both in degrees."
+                f"{log.name}: steering_command_deg moves {ratio:.3g} times as far as steering_deg; one is in radians, "
+                "write both in degrees."
             )
     return sensor
 

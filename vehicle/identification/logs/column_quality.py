@@ -24,6 +24,7 @@ from vehicle.identification.logs.table import Columns
 _LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
 _LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
 _LEAST_STEERING_MOVE_DEG = 2.0  # of the other steering column: beyond the noise of a sensor
+_AT_COMMAND_S, _CLEARLY_APART_DEG = 8.0, 5.0  # chosen: wheels that stand straight by chance do not for so long
 _PACE_CHANGE_SHARE = 0.3  # of the median pace, between the slower and the faster tenth of the drive
 _FEWEST_MOTION_CHORDS = 8  # chords
 
@@ -63,6 +64,8 @@ def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
         if values is None or not _is_constant(values, log):
             continue
         moves = other_values is not None and float(np.ptp(other_values[log.used])) > _LEAST_STEERING_MOVE_DEG
+        if name == "steering_command_deg" and _leaves_command_once(log):
+            continue
         if moves and (has_bends or name == "steering_command_deg"):
             return _drop_constant_column(log, name, True, f"{other_name} moves")
         if has_bends and not moves:
@@ -71,6 +74,31 @@ def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
                 "it shows nothing about the steering; log the wheel angle or the command."
             )
     return log
+
+
+def _leaves_command_once(log: Log) -> bool:
+    """Whether the wheels stay at a constant command for seconds and leave it once, as when the steering breaks."""
+    if log.steering_deg is None or log.steering_command_deg is None:
+        return False
+    rows = np.flatnonzero(log.used)
+    apart = np.abs(log.steering_deg[rows] - log.steering_command_deg[rows])
+    is_apart = apart > _LEAST_STEERING_MOVE_DEG
+    leaves = np.flatnonzero(np.diff(is_apart.astype(np.int64)) > 0)
+    if is_apart[0] or not len(leaves):
+        return False
+    clear = float(np.max(apart)) > _CLEARLY_APART_DEG
+    return clear and float(log.time_s[rows[leaves[0]]] - log.time_s[rows[0]]) > _AT_COMMAND_S and len(leaves) <= 2
+
+
+def drop_commands_not_logged(logs: Sequence[Log]) -> list[Log]:
+    """Drop commands that are constant while the wheels move, where no log of the set has a command that moves."""
+    commands = [log.steering_command_deg[log.used] for log in logs if log.steering_command_deg is not None]
+    if any(float(np.ptp(values)) > 0.0 for values in commands if len(values)):
+        return list(logs)
+    return [
+        _drop_constant_column(log, "steering_command_deg", _leaves_command_once(log), "steering_deg moves")
+        for log in logs
+    ]
 
 
 def _is_constant(values: Array, log: Log) -> bool:

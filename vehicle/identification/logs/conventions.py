@@ -25,6 +25,7 @@ from vehicle.identification.logs.schema import (
     LogConvention,
     Suspicion,
 )
+from vehicle.identification.logs.swapped_steering import find_swapped_steering
 
 Columns = dict[str, Array]
 Place = tuple[float, float]
@@ -35,8 +36,8 @@ _EARTH_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
 def convert_columns(columns: Columns, fixes: frozenset[LogConvention], reference: Place | None = None) -> Columns:
     """Return the columns in the contract's units and signs.
 
-    Fixes are applied in the order of LogFix. `reference` is the (longitude, latitude) in degrees that becomes the
-    origin of positions given in degrees; by default the first position.
+    Fixes are applied in the order of LogConvention. `reference` is the (longitude, latitude) in degrees that becomes
+    the origin of positions given in degrees; by default the first position.
     """
     out = dict(columns)
     for fix in LogConvention:
@@ -45,12 +46,27 @@ def convert_columns(columns: Columns, fixes: frozenset[LogConvention], reference
         if fix is LogConvention.EAST_NORTH_SWAPPED:
             out |= {"easting_m": out["northing_m"], "northing_m": out["easting_m"]}
             continue
+        if fix is LogConvention.STEERING_SWAPPED:
+            out |= _swap_steering(out)
+            continue
         if fix is LogConvention.POSITION_DEGREES:
             out |= _convert_to_local_metres(out, reference or find_first_place(out))
             continue
         names, convert = _CONVERSIONS[fix]
         out |= {name: convert(out[name]) for name in names if name in out}
     return out
+
+
+def _swap_steering(columns: Columns) -> Columns:
+    """Return each steering column under the name of the other; raises LogError where there is only one."""
+    command, wheel = STEERING_COLUMNS
+    absent = next((name for name in STEERING_COLUMNS if name not in columns), None)
+    if absent is not None:
+        raise LogError(
+            f"{absent} is not logged, and the fix {LogConvention.STEERING_SWAPPED} exchanges it with the other "
+            "steering column; remove that fix, or rename the column."
+        )
+    return {command: columns[wheel], wheel: columns[command]}
 
 
 def _make_ccw_heading_converter(zero_deg: float) -> Callable[[Array], Array]:
@@ -62,12 +78,14 @@ def _convert_from_kmh(values: Array) -> Array:
 
 
 _CONVERSIONS: dict[LogConvention, tuple[tuple[str, ...], Callable[[Array], Array]]] = {
-    LogConvention.TIME_MS: (("time_s",), lambda values: values / 1000.0),
+    LogConvention.TIME_MS: (("time_s",), lambda values: values / 1e3),
+    LogConvention.TIME_US: (("time_s",), lambda values: values / 1e6),
+    LogConvention.TIME_NS: (("time_s",), lambda values: values / 1e9),
     LogConvention.POSITION_KM: (("easting_m", "northing_m"), lambda values: values * 1000.0),
     LogConvention.SPEED_KMH: (("speed_mps", "speed_command_mps"), _convert_from_kmh),
     LogConvention.SPEED_MEASURED_KMH: (("speed_mps",), _convert_from_kmh),
     LogConvention.SPEED_COMMAND_KMH: (("speed_command_mps",), _convert_from_kmh),
-    LogConvention.HEADING_RADIANS: (("heading_deg",), np.degrees),
+    LogConvention.HEADING_RADIANS: (("heading_deg",), lambda values: np.mod(np.degrees(values), 360.0)),
     LogConvention.HEADING_CCW_EAST: (("heading_deg",), _make_ccw_heading_converter(90.0)),
     LogConvention.HEADING_CCW_NORTH: (("heading_deg",), _make_ccw_heading_converter(0.0)),
     LogConvention.HEADING_REVERSED: (("heading_deg",), lambda values: np.mod(values + 180.0, 360.0)),
@@ -121,7 +139,9 @@ def convert_log(log: Log, fix: LogConvention) -> Log:
     return replace(log, **changed)
 
 
-SLOWEST_STEP_S = 5.0  # logs have at least 1 Hz; at 1 to 200 Hz milliseconds give steps of 5 to 1000
+# Logs have at least 1 Hz. At 1 to 200 Hz milliseconds give steps of 5 to 1000, and each smaller unit 1000 times more.
+SLOWEST_STEP_S = 5.0
+_TIME_UNITS = ((LogConvention.TIME_NS, 5.0e6), (LogConvention.TIME_US, 5.0e3), (LogConvention.TIME_MS, SLOWEST_STEP_S))
 SMALLEST_WHEELBASE_M = 0.12  # of a model car
 LARGEST_RAD = 1.0  # 57 degrees: no road wheel turns further
 # Ratio of a speed in km/h to the speed of the path in m/s: 3.6, with slip. A command may not be reached for long.
@@ -131,6 +151,11 @@ _SURE_SIGMAS = 4.0  # standard errors
 _LEAST_STEERING_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and noise in degrees
 # Turns and straight rows of a field: limits of curvature, least number of turns, share that contradicts the column.
 _TURN_PER_M, _ROW_PER_M, _FEWEST_TURNS, _REVERSED_SHARE = 0.06, 0.02, 4, 0.85
+# A heading in radians changes by 0.017 for a degree of the path, one in degrees by 1, a frozen one by 0.
+_RADIAN_TURN_RATIO, _WRAP_RAD = (0.012, 0.025), 3.0
+# Nothing in radians changes by more than a circle; a share of wild rows is left to receivers.
+_LARGEST_CHANGE_RAD, _MOST_LARGER_SHARE = 7.0, 0.05
+_LEAST_TURN_DEG2 = 20 * 5.0**2  # chosen: 20 chords that turn by 5 degrees, where noise turns them by 1
 _FEWEST_BENDS = 8  # chords, each half overlapping the next: four observations for two numbers
 
 
@@ -148,13 +173,14 @@ def find_convention_errors(
         for fix, why in check(log, wheelbase_m, other_logs):
             suspicions.append(Suspicion(fix, why))
             log, other_logs = convert_log(log, fix), [convert_log(other_log, fix) for other_log in other_logs]
-    return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log)]
+    return [*suspicions, *find_direction_errors(log, other_logs), *_check_implement(log), *_check_steering_names(log)]
 
 
 def _check_time(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
-    if log.step_s < SLOWEST_STEP_S:
+    fix = next((unit for unit, least_step in _TIME_UNITS if log.step_s >= least_step), None)
+    if fix is None:
         return []
-    return [(LogConvention.TIME_MS, f"its rows are {log.step_s:g} apart, and a log has at least one row per second")]
+    return [(fix, f"its rows are {log.step_s:g} apart, and a log has at least one row per second")]
 
 
 def _check_positions(
@@ -220,14 +246,18 @@ def _explain_kmh(name: str, log: Log, chords: PathChords, band: tuple[float, flo
 def _check_heading_unit(
     log: Log, _wheelbase_m: float | None, other_logs: Sequence[Log]
 ) -> list[tuple[LogConvention, str]]:
-    """Check for radians, which end at 6.3 in every log; driving due east they look like degrees from east as well."""
+    """Check for radians: they turn a 57th as far as the path, or they end at 6.3 in every log and agree with the path.
+
+    Driving due east, radians look like degrees from east as well.
+    """
     chords = compute_path_chords(log)
     if log.heading_deg is None or chords is None:
         return []
-    headings = [
-        other_log.heading_deg[other_log.used] for other_log in (log, *other_logs) if other_log.heading_deg is not None
-    ]
-    largest = max(float(np.abs(values).max()) for values in headings)
+    logs = [one for one in (log, *other_logs) if one.heading_deg is not None]
+    ratio = _measure_turn_ratio(logs)
+    if ratio is not None and _RADIAN_TURN_RATIO[0] < abs(ratio) < _RADIAN_TURN_RATIO[1]:
+        return [(LogConvention.HEADING_RADIANS, f"it changes by {abs(ratio):.3f} while the path turns by one degree")]
+    largest = max(float(np.abs(one.heading_deg[one.used]).max()) for one in logs if one.heading_deg is not None)
     as_degrees = compute_heading_agreements(log, chords, log.heading_deg)
     as_radians = max(compute_heading_agreements(log, chords, np.degrees(log.heading_deg)).values())
     if as_degrees[None] >= HEADING_FITS or largest > 6.5:
@@ -237,6 +267,37 @@ def _check_heading_unit(
     return [
         (LogConvention.HEADING_RADIANS, f"no value exceeds {largest:.2f}, and in radians it agrees with the course")
     ]
+
+
+def _measure_turn_ratio(logs: Sequence[Log]) -> float | None:
+    """Return by how much the heading changes while the path turns by one degree; None where logs do not show it.
+
+    Between neighbouring chords no tractor turns half a circle, so larger changes are the wrap of radians. A heading
+    that often changes by more than a circle of radians is in degrees; so few of its changes are small that their ratio
+    says nothing, as a ratio within its own error.
+    """
+    all_turns, all_changes = [np.empty(0)], [np.empty(0)]
+    for log in logs:
+        chords = compute_path_chords(log)
+        if log.heading_deg is None or chords is None:
+            continue
+        turns = np.degrees(np.diff(chords.course) + math.pi) % 360.0 - 180.0
+        changes = np.diff(log.heading_deg[chords.row])
+        near = (np.diff(log.segment[chords.row]) == 0) & (np.abs(turns) < 90.0)
+        all_turns.append(turns[near])
+        all_changes.append(changes[near])
+    turns, changes = np.concatenate(all_turns), np.concatenate(all_changes)
+    if np.count_nonzero(np.abs(changes) > _LARGEST_CHANGE_RAD) > _MOST_LARGER_SHARE * len(changes):
+        return None
+    small = np.abs(changes) < _WRAP_RAD
+    turns, changes = turns[small], changes[small]
+    squares = float(turns @ turns)
+    if squares < _LEAST_TURN_DEG2:
+        return None
+    ratio = float(turns @ changes) / squares
+    # Chords overlap by half, so two count as one observation.
+    error = math.sqrt(2.0 * float(np.mean((changes - ratio * turns) ** 2)) / squares)
+    return ratio if abs(ratio) > _SURE_SIGMAS * error else None
 
 
 def _check_steering_unit(
@@ -260,6 +321,12 @@ def _check_steering_unit(
     wheelbase_cm = 100.0 * math.radians(1.0) / abs(slope)
     why = f"no angle exceeds {largest:.2f}, and in degrees they would need a wheelbase of {wheelbase_cm:.1f} cm"
     return [(LogConvention.STEERING_RADIANS, why)]
+
+
+def _check_steering_names(log: Log) -> list[Suspicion]:
+    """Check for a wheel angle under the name of the command, and the command under that of the wheel angle."""
+    why = find_swapped_steering(log)
+    return [] if why is None else [Suspicion(LogConvention.STEERING_SWAPPED, why)]
 
 
 def _check_implement(log: Log) -> list[Suspicion]:

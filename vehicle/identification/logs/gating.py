@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from bisect import bisect_left
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.identification.logs.schema import Array, GatedRows, Mask
+from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
@@ -36,12 +37,14 @@ class RowRules:
             self.used[rows] = False
 
 
-def gate_rows(columns: dict[str, Array]) -> RowRules:
-    """Apply every rule to the columns (units of the contract).
+def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = None) -> RowRules:
+    """Apply every rule to the columns (units of the contract); `faults` are rules with their rows, found before.
 
     Roll and pitch exclude no row: neighbouring values replace bad ones.
     """
     rules = RowRules(len(columns["time_s"]))
+    for rule, fault_rows in (faults or {}).items():
+        rules.exclude_rows(rule, np.isin(np.arange(len(rules.used)), fault_rows))
     rules.exclude_rows("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]
     rules.exclude_rows("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))

@@ -14,14 +14,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vehicle.identification.errors import LogError
+from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
 from vehicle.identification.logs.column_quality import (
     LONGEST_STEP_S,
     drop_coarse_columns,
     drop_constant_columns,
     interpolate_held_values,
 )
-from vehicle.identification.logs.conventions import convert_columns, find_convention_errors, find_first_place
+from vehicle.identification.logs.conventions import (
+    SLOWEST_STEP_S,
+    convert_columns,
+    find_convention_errors,
+    find_first_place,
+)
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
+from vehicle.identification.logs.log_sets import is_parked, leave_out_parked_logs, merge_copies
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
@@ -32,6 +39,7 @@ from vehicle.identification.logs.schema import (
     split_drive_segments,
 )
 from vehicle.identification.logs.sensor_checks import correct_sensors
+from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
 from vehicle.identification.logs.table import Columns, extract_columns, read_table
 from vehicle.identification.logs.terrain import STEEPEST_DEG
 
@@ -40,6 +48,8 @@ if TYPE_CHECKING:
 
 
 SAMPLE_LOG = "sample"  # made as planner/guide/diagnosis.md says, with an effect to find
+_SHORT_SEGMENTS = f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
+_REPEATED = "positions repeat the row before"
 _SHOWN_NAMES = 3  # names of logs with the same remark
 _NEAR_LIKENESS = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
@@ -69,7 +79,19 @@ def list_shared_remarks(logs: Sequence[Log]) -> list[str]:
     for log in logs:
         for message in list_remarks(log):
             names.setdefault(message.removeprefix(f"{log.name}: "), []).append(log.name)
-    return [f"{_join_names(log_names)}: {message}" for message, log_names in names.items()]
+    set_remarks = dict.fromkeys(remark for log in logs for remark in log.set_remarks)
+    return [*set_remarks, *[f"{_join_names(log_names)}: {message}" for message, log_names in names.items()]]
+
+
+def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
+    """Return how many rows no replay uses by reason, most first; `rows_used` are those of the replayed segments."""
+    counts: dict[str, int] = {}
+    for log in logs:
+        short = sum(map(len, split_drive_segments(log)[1]))
+        for rule, rows in [*((each.rule, each.rows) for each in log.gated), (_SHORT_SEGMENTS, short)]:
+            counts[rule] = counts.get(rule, 0) + rows
+    counts[_REPEATED] = sum(len(log.used) for log in logs) - rows_used - sum(counts.values())
+    return dict(sorted(((rule, rows) for rule, rows in counts.items() if rows > 0), key=lambda pair: -pair[1]))
 
 
 def _join_names(names: Sequence[str]) -> str:
@@ -122,11 +144,7 @@ def _describe_short_segments(log: Log) -> list[str]:
     if not short_segments:
         return []
     rows = np.concatenate(short_segments)
-    reason = (
-        f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
-        if long_segments
-        else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
-    )
+    reason = _SHORT_SEGMENTS if long_segments else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
     return [f"{_format_row_count(len(rows))} not used: {reason} (first in line {_get_first_file_line(rows)})"]
 
 
@@ -136,8 +154,8 @@ def _get_first_file_line(rows: Rows) -> int:
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
 _REFUSED_SHARE = 0.5  # of the rows: if one rule excludes more, the column is wrong and not a row
+_MOST_EMPTY_SHARE = 0.1  # chosen: fewer empty commands cost less as rows than as a column
 _SHOWN_RULES = 4
-_STANDING_M = 0.3  # spread of antenna noise
 _POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
 _SPEED_FIXES = (LogConvention.SPEED_KMH, LogConvention.SPEED_MEASURED_KMH, LogConvention.SPEED_COMMAND_KMH)
 
@@ -180,6 +198,7 @@ def read_logs(
             reference = find_first_place(convert_columns(columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
         log = build_log(frame, name, fix_set, wheelbase_m, reference, check=False)
         logs.append(replace(log, other_names=other_paths))
+    logs = merge_copies(leave_out_parked_logs(logs))
     for log in logs:
         _check_log(log, fix_set, wheelbase_m, [other_log for other_log in logs if other_log is not log])
     return [correct_sensors(log) for log in logs]
@@ -196,18 +215,44 @@ def build_log(
     """Build one run from a table, as read_log. Without `check`, only constant columns and rows are judged."""
     fix_set = parse_conventions(fixes)
     raw_columns, ignored = extract_columns(frame, name)
-    columns, fresh, doubts = interpolate_held_values(
-        convert_columns(raw_columns, fix_set, reference), name, raw_columns
-    )
-    rules = gate_rows(columns)
+    if LogConvention.POSITION_DEGREES in fix_set and reference is None:
+        reference = find_first_place(convert_columns(raw_columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
+    converted = convert_columns(raw_columns, fix_set, reference)
+    column_faults = [*find_column_faults(converted, name), *find_sparse_steering_faults(converted, name)]
+    converted, gaps = _drop_command_with_gaps(converted)
+    columns, fresh, doubts = interpolate_held_values(converted, name, raw_columns)
+    rules = gate_rows(columns, collect_fault_rows(column_faults))
     columns = _clip_negative_speeds(columns)
     _refuse_unusable_rows(columns, rules, name)
-    log = replace(_assemble_log(columns, rules, name, ignored), fresh=fresh, corrections=doubts)
-    log = drop_constant_columns(drop_coarse_columns(log))
+    faults = tuple(column_fault.fault for column_fault in column_faults)
+    log = replace(
+        _assemble_log(columns, rules, name, ignored),
+        fresh=fresh,
+        corrections=(*gaps, *doubts),
+        faults=faults,
+        origin_deg=reference if LogConvention.POSITION_DEGREES in fix_set else None,
+    )
+    log = drop_coarse_columns(log)
+    if log.step_s < SLOWEST_STEP_S and not is_parked(log):
+        log = drop_constant_columns(log)
     if not check:
         return log
     _check_log(log, fix_set, wheelbase_m)
     return correct_sensors(log)
+
+
+def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
+    """Drop a commanded speed that is empty in many rows, as of a tractor that pauses or is driven by hand; all else in
+    these rows is known."""
+    command = columns.get("speed_command_mps")
+    if command is None or np.count_nonzero(~np.isfinite(command)) <= _MOST_EMPTY_SHARE * len(command):
+        return columns, ()
+    empty = np.flatnonzero(~np.isfinite(command))
+    message = (
+        f"speed_command_mps is empty in {len(empty)} of {len(command)} rows (first in line "
+        f"{_get_first_file_line(empty)}); the column is ignored and the rows are used"
+    )
+    return {name: values for name, values in columns.items() if name != "speed_command_mps"}, (message,)
 
 
 def _clip_negative_speeds(columns: Columns) -> Columns:
@@ -309,6 +354,7 @@ def _assemble_log(columns: Columns, rules: RowRules, name: str, ignored_columns:
         implement=columns.get("implement", np.zeros(rows)),
         roll_deg=columns.get("roll_deg"),
         pitch_deg=columns.get("pitch_deg"),
+        elevation_m=columns.get("elevation_m"),
         used=rules.used,
         segment=number_segments(columns["time_s"], rules.used),
         gated=tuple(rules.gated),
@@ -336,9 +382,9 @@ def _refuse_standing_tractor(log: Log, suspicions: Sequence[Suspicion]) -> None:
     """Refuse a tractor that never moves, unless the unit of the positions is wrong."""
     if any(suspicion.fix in _POSITION_FIXES for suspicion in suspicions):
         return
-    moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
-    seconds = float(np.ptp(log.time_s[log.used]))
-    if moved == 0.0 or (moved < _STANDING_M and seconds >= SHORTEST_SEGMENT_S):
+    if is_parked(log):
+        moved = float(np.hypot(np.ptp(log.easting_m[log.used]), np.ptp(log.northing_m[log.used])))
+        seconds = float(np.ptp(log.time_s[log.used]))
         raise LogError(
             f"{log.name}: its positions stay within {moved:.2g} m for {seconds:.0f} s, so the tractor never moves; "
             "leave "

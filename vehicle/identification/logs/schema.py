@@ -17,7 +17,9 @@ Rows = npt.NDArray[np.int64]
 
 NEEDED_COLUMNS = ("time_s", "easting_m", "northing_m")
 STEERING_COLUMNS = ("steering_command_deg", "steering_deg")
-OPTIONAL_COLUMNS = ("heading_deg", "speed_mps", "speed_command_mps", "shuttle", "implement", "roll_deg", "pitch_deg")
+OPTIONAL_COLUMNS = (
+    "heading_deg", "speed_mps", "speed_command_mps", "shuttle", "implement", "roll_deg", "pitch_deg", "elevation_m",
+)  # fmt: skip
 COLUMNS = NEEDED_COLUMNS + STEERING_COLUMNS + OPTIONAL_COLUMNS
 
 
@@ -25,6 +27,8 @@ class LogConvention(StrEnum):
     """Conventions that a log may follow instead of the contract's; the value is the name of the option."""
 
     TIME_MS = "time-ms"
+    TIME_US = "time-us"
+    TIME_NS = "time-ns"
     EAST_NORTH_SWAPPED = "east-north-swapped"
     POSITION_DEGREES = "position-degrees"
     POSITION_KM = "position-km"
@@ -35,6 +39,7 @@ class LogConvention(StrEnum):
     HEADING_CCW_EAST = "heading-ccw-east"
     HEADING_CCW_NORTH = "heading-ccw-north"
     HEADING_REVERSED = "heading-reversed"
+    STEERING_SWAPPED = "steering-swapped"
     STEERING_RADIANS = "steering-radians"
     STEERING_LEFT = "steering-left-positive"
     IMPLEMENT_REVERSED = "implement-reversed"
@@ -43,6 +48,8 @@ class LogConvention(StrEnum):
 
 FIX_MEANINGS = {
     LogConvention.TIME_MS: "time_s counts milliseconds",
+    LogConvention.TIME_US: "time_s counts microseconds",
+    LogConvention.TIME_NS: "time_s counts nanoseconds",
     LogConvention.EAST_NORTH_SWAPPED: "easting and northing are swapped",
     LogConvention.POSITION_DEGREES: "easting_m and northing_m are longitude and latitude in degrees",
     LogConvention.POSITION_KM: "easting_m and northing_m are in kilometres",
@@ -53,6 +60,7 @@ FIX_MEANINGS = {
     LogConvention.HEADING_CCW_EAST: "heading_deg runs counter-clockwise from east",
     LogConvention.HEADING_CCW_NORTH: "heading_deg runs counter-clockwise from north",
     LogConvention.HEADING_REVERSED: "heading_deg points backwards",
+    LogConvention.STEERING_SWAPPED: "steering_command_deg and steering_deg are swapped",
     LogConvention.STEERING_RADIANS: "steering angles are in radians",
     LogConvention.STEERING_LEFT: "steering is positive to the left",
     LogConvention.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
@@ -95,6 +103,21 @@ class GatedRows:
     first_line: int
 
 
+@dataclass(frozen=True)
+class LogFault:
+    """Something that breaks during a run: its id, its times in `time_s` (`to_s` None: until the log ends), and what.
+
+    `between_s` are the times between which it began, where these columns do not show when; `from_s` is the middle.
+    """
+
+    id: str
+    run: str
+    from_s: float
+    to_s: float | None
+    words: str
+    between_s: tuple[float, float] | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Log:
     """One run. Arrays have one value per row of the file, in the units of their names; None when a column is absent.
@@ -104,9 +127,15 @@ class Log:
     -0.1 m/s counts as 0): the direction is in `shuttle` (-1, 0, 1), which is 1 throughout when the file has no such
     column; `implement` is then 0 throughout. `other_names` are further paths under which the same file was given;
     `corrections` are sentences on instrument errors that were corrected. The measured speed was divided by
-    `speed_factor`; `stray_steering_deg` is the standard deviation of a wheel angle that was dropped because it is
-    unrelated to the path. Positions and heading were measured in the `fresh` rows (None: in all) and are interpolated
-    between them. `coarse_columns` are columns that were dropped for their resolution, with the size of their steps.
+    `speed_factor`, the wheel angle by `steering_factor`; `stray_steering_deg` is the standard deviation of a wheel
+    angle that was dropped because it is unrelated to the path. Positions and heading were measured in the `fresh` rows
+    (None: in all) and are interpolated between them; `measured_rows` has the same for other columns that are slower
+    than the log. `coarse_columns` are columns that were dropped for their resolution, with the size of their steps.
+    `set_remarks` are sentences on the set of logs, carried by one of them; `faults` began during the run, or during one
+    that has no row left, and their rows are not used. `elevation_m` are logged heights of the antenna, NaN
+    where they are missing. `ground_fall` (n, 2) is the known fall of the ground (m/m) to the east and to the north;
+    `ground_source` says, as a plural, where it is known from. `origin_deg` is the longitude and latitude of the origin
+    of positions that were logged in degrees.
     """
 
     name: str
@@ -129,9 +158,17 @@ class Log:
     other_names: tuple[str, ...] = ()
     corrections: tuple[str, ...] = ()
     speed_factor: float = 1.0
+    steering_factor: float = 1.0
     stray_steering_deg: float = 0.0
     fresh: Mask | None = None
+    measured_rows: Mapping[str, Mask] = field(default_factory=dict)
     coarse_columns: Mapping[str, float] = field(default_factory=dict)
+    set_remarks: tuple[str, ...] = ()
+    faults: tuple[LogFault, ...] = ()
+    elevation_m: Array | None = None
+    ground_fall: Array | None = None
+    ground_source: str = ""
+    origin_deg: tuple[float, float] | None = None
 
     @property
     def rows_used(self) -> int:

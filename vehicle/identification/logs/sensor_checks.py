@@ -9,25 +9,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords, select_chord_steering
+from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords
+from vehicle.identification.logs.clock_drift import correct_position_clock
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
 from vehicle.identification.logs.schema import Array, GatedRows, Log, Mask, Rows
 
-# Speed: no workable slope changes it this much, and a slope does so in one direction only.
-_LEAST_FACTOR, _SURE_SIGMAS = 1.05, 5.0
+# Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
+# diagnosis (speed_scale).
+_LEAST_FACTOR, _SURE_SIGMAS = 1.25, 5.0
 _STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.02
 # Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
 _NEARER_SHARE = 0.4
 _FEWEST_CHORDS = 12
-# Clocks, in s. Windows contain several changes of the steering; larger lags have other reasons.
-_WINDOW_S, _SEARCH_S, _GRID_S, _SMOOTH_S = 20.0, 2.5, 0.1, 0.6
-_LEAST_WINDOWS, _LEAST_DRIFT_S, _LEAST_CORRELATION = 5, 0.3, 0.75
-# Shorter logs cannot show two clocks: with windows of 10 s, one correct log in ten would seem to have them.
-CLOCKS_FROM_S = _LEAST_WINDOWS * _WINDOW_S
 # A dead wheel sensor repeats one value for long; the angle that the path needs is averaged over that time.
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 # Correlations with the bends of the path: a working sensor reaches the second.
@@ -38,7 +34,7 @@ _STILL_S, _DEAD_SENSOR_DEG, _LEAST_STEERING_SPREAD_DEG, _RUN_CHORDS, _DEAD_SENSO
 
 def correct_sensors(log: Log) -> Log:
     """Return the log with sensor errors corrected, and a sentence for each in `corrections`."""
-    for check in (_drop_unrelated_wheel_angle, _gate_dead_sensor, _correct_speed_factor, _correct_position_clock):
+    for check in (_drop_unrelated_wheel_angle, _gate_dead_sensor, _correct_speed_factor, correct_position_clock):
         log = check(log)
     return log
 
@@ -129,118 +125,6 @@ def _split_chords(course: Array, working: Array) -> list[Mask]:
     east, north = np.sin(course), np.cos(course)
     parts = [east > 0.5, east < -0.5, north > 0.5, north < -0.5, working > 0.5, working <= 0.5]
     return [part for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
-
-
-def _correct_position_clock(log: Log) -> Log:
-    """Correct positions stamped by a clock that runs faster or slower than that of the steering."""
-    lags = _measure_turning_lags(log)
-    if lags is None or len(lags[0]) < _LEAST_WINDOWS:
-        return log
-    middle_s, lag = lags
-    rate, error = _fit_line(middle_s, lag)
-    drift = rate * float(np.ptp(middle_s))
-    if abs(drift) < _LEAST_DRIFT_S or abs(rate) < _SURE_SIGMAS * error:
-        return log
-    start = float(log.time_s[log.used][0])
-    shift_s = rate * (log.time_s - start)
-    message = (
-        f"the positions get {abs(60.0 * rate):.2f} s a minute {'later' if rate > 0.0 else 'earlier'} against the "
-        f"steering, {abs(drift):.1f} s over the log: two clocks, not a dead time; the positions are shifted back"
-    )
-    return replace(_shift_positions(log, shift_s), corrections=(*log.corrections, message))
-
-
-def _shift_positions(log: Log, shift_s: Array) -> Log:
-    """Return position and heading `shift_s` later in the log."""
-    rows = np.flatnonzero(log.used)
-    time, shifted_s = log.time_s[rows], (log.time_s + shift_s)[rows]
-    changed: dict[str, Any] = {}
-    for name in ("easting_m", "northing_m", "heading_deg"):
-        values = getattr(log, name)
-        if values is None:
-            continue
-        unwrapped = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
-        shifted = values.copy()
-        shifted[rows] = np.interp(shifted_s, time, unwrapped)
-        changed[name] = np.mod(shifted, 360.0) if name == "heading_deg" else shifted
-    return replace(log, **changed)
-
-
-def _measure_turning_lags(log: Log) -> tuple[Array, Array] | None:
-    """Return, per window, its middle (s) and how much later than the steering the path turns (s)."""
-    rows = np.flatnonzero(log.used & (log.shuttle > 0.0))
-    span = float(np.ptp(log.time_s[rows])) if len(rows) else 0.0
-    if span < CLOCKS_FROM_S:
-        return None
-    grid = np.arange(log.time_s[rows[0]], log.time_s[rows[-1]], _GRID_S)
-    turning, angle = (
-        _compute_turning_rate(log, rows, grid),
-        np.interp(grid, log.time_s[rows], select_chord_steering(log)[rows]),
-    )
-    pace = np.interp(grid, log.time_s[rows], _compute_pace(log, rows))
-    wheel = _smooth_values(angle * pace)
-    width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
-    middles_s, lags_s = [], []
-    for first in range(reach, len(grid) - width - reach, width):
-        lag = _find_best_lag(wheel[first : first + width], turning[first - reach : first + width + reach], reach)
-        if lag is not None:
-            middles_s.append(grid[first] + 0.5 * _WINDOW_S)
-            lags_s.append(lag * _GRID_S)
-    return np.array(middles_s), np.array(lags_s)
-
-
-def _compute_turning_rate(log: Log, rows: Rows, grid: Array) -> Array:
-    """Return the turning rate from the heading, or from the course without one, smoothed like the steering."""
-    time = log.time_s[rows]
-    if log.heading_deg is not None:
-        angle = np.interp(grid, time, np.unwrap(log.heading_deg[rows], period=360.0))
-    else:
-        east, north = (_smooth_values(np.interp(grid, time, axis[rows])) for axis in (log.easting_m, log.northing_m))
-        angle = np.degrees(np.unwrap(np.arctan2(np.gradient(east), np.gradient(north))))
-    return _smooth_values(np.gradient(angle, _GRID_S))
-
-
-def _compute_pace(log: Log, rows: Rows) -> Array:
-    if log.speed_mps is not None:
-        return log.speed_mps[rows]
-    pace: Array = np.hypot(*(np.gradient(axis[rows], log.time_s[rows]) for axis in (log.easting_m, log.northing_m)))
-    return pace
-
-
-def _smooth_values(values: Array) -> Array:
-    width = 2 * round(0.5 * _SMOOTH_S / _GRID_S) + 1
-    padded = np.pad(values, width // 2, mode="edge")
-    out: Array = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
-    return out
-
-
-def _find_best_lag(wheel: Array, turning: Array, reach: int) -> float | None:
-    """Return by how many grid steps `turning`, which is longer at both ends, follows; None if it does not."""
-    centred_wheel = wheel - wheel.mean()
-    if float(np.std(centred_wheel)) < 1.0:  # deg m/s: hardly steered
-        return None
-    scores = np.empty(2 * reach + 1)
-    for shift in range(len(scores)):
-        shifted_turning = turning[shift : shift + len(wheel)]
-        shifted_turning = shifted_turning - shifted_turning.mean()
-        scores[shift] = float(centred_wheel @ shifted_turning) / math.sqrt(
-            float(centred_wheel @ centred_wheel) * float(shifted_turning @ shifted_turning) + 1e-30
-        )
-    top = int(np.argmax(scores))
-    if scores[top] < _LEAST_CORRELATION or not 0 < top < len(scores) - 1:
-        return None
-    low, mid, high = scores[top - 1 : top + 2]
-    bow = low - 2.0 * mid + high
-    return float(top - reach + (0.5 * (low - high) / bow if bow < 0.0 else 0.0))
-
-
-def _fit_line(x: Array, y: Array) -> tuple[float, float]:
-    """Return the slope of y over x, the median of all pairs, and its standard error from the residuals."""
-    first, second = np.triu_indices(len(x), 1)
-    slope = float(np.median((y[second] - y[first]) / (x[second] - x[first])))
-    residuals = y - slope * x
-    spread = max(1.4826 * float(np.median(np.abs(residuals - np.median(residuals)))), 0.01)
-    return slope, spread / (math.sqrt(len(x)) * float(np.std(x)))
 
 
 def _gate_dead_sensor(log: Log) -> Log:

@@ -1,9 +1,12 @@
-"""The slope of the ground from roll and pitch sensors; a reason where it cannot be measured.
+"""The slope of the ground from roll and pitch sensors, or from known heights; a reason where it cannot be measured.
 
 Such a sensor shows the ground, its mounting, and the lean of the tractor where it turns or speeds up. Mounting and lean
 are the same everywhere, while the ground changes its sign when driven there and back. They are separated over all logs
 of a tractor together, with the ground as a smooth height over the field. Pitch explains speed uphill and downhill, roll
 the slope across the direction of travel.
+
+Where the heights of the ground are known, the fall under every row stands in for a sensor that the logs lack. It has no
+mounting and no lean, and what it leaves of the drift and of the speeds is said.
 """
 
 from __future__ import annotations
@@ -35,6 +38,7 @@ class GroundFall:
     `fall` (m/m) is positive where the ground falls to the right (from roll, positive with the right side lower) or
     ahead (from pitch, positive nose up). `heading` is in rad, clockwise from north; `block` numbers pieces of BLOCK_S,
     `log` the logs. `rms_fall` is the root mean square of the fall; `mounting_deg` was subtracted from the sensor.
+    `source` says which known heights it follows from, as a plural; it is empty for a sensor.
     """
 
     fall: Array
@@ -43,6 +47,7 @@ class GroundFall:
     log: Array
     rms_fall: float
     mounting_deg: float
+    source: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +65,12 @@ class _TiltRows:
 
 
 def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
-    """Return the fall of the ground from `roll_deg` or `pitch_deg`, or a clause why it cannot be measured."""
+    """Return the fall of the ground from `roll_deg` or `pitch_deg`, or a clause why it cannot be measured.
+
+    Where a log lacks the column and the ground under all of them is known, the fall is that of the ground.
+    """
+    if get_ground_source(logs, column):
+        return _project_known_fall(logs, column)
     logs_with_column = [log for log in logs if getattr(log, column) is not None]
     if len(logs_with_column) < len(logs):
         return f"it is logged in {len(logs_with_column)} of {len(logs)} logs only"
@@ -84,6 +94,33 @@ def measure_ground_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
     heading = rows.direction - (0.5 * math.pi if column == "roll_deg" else 0.0)
     degrees = math.degrees(math.atan(mounting)) * (1.0 if column == "roll_deg" else -1.0)
     return GroundFall(fall, heading, rows.block, rows.log, rms_fall, degrees)
+
+
+def get_ground_source(logs: Sequence[Log], column: str) -> str:
+    """Return where the known ground under all logs comes from, in place of a column; empty where the column is used."""
+    is_used = any(log.ground_fall is None for log in logs) or all(getattr(log, column) is not None for log in logs)
+    return "" if is_used else logs[0].ground_source
+
+
+def _project_known_fall(logs: Sequence[Log], column: str) -> GroundFall | str:
+    """Return the known fall of the ground to the right (`roll_deg`) or ahead (`pitch_deg`) in the used rows."""
+    if any(log.heading_deg is None for log in logs):
+        return "heading_deg is not in all logs"
+    parts = []
+    for number, log in enumerate(logs):
+        assert log.heading_deg is not None and log.ground_fall is not None
+        time, heading = log.time_s[log.used], np.unwrap(np.radians(log.heading_deg[log.used]))
+        to_east, to_north = np.sin(heading), np.cos(heading)
+        if column == "roll_deg":
+            to_east, to_north = to_north, -to_east
+        east, north = log.ground_fall[log.used].T
+        block = np.floor((time - time[0]) / BLOCK_S) + 1e6 * number
+        parts.append((east * to_east + north * to_north, heading, block, np.full(len(time), number)))
+    fall, heading, block, log_of = (np.concatenate(values) for values in zip(*parts, strict=True))
+    rms_fall = float(np.sqrt(np.mean(fall**2)))
+    if rms_fall < _LEAST_SLOPE:
+        return "the ground is flat there"
+    return GroundFall(fall, heading, block, log_of, rms_fall, 0.0, logs[0].ground_source)
 
 
 def split_per_log(logs: Sequence[Log], ground_fall: GroundFall, values: Array) -> tuple[Array, ...]:
@@ -225,39 +262,52 @@ class GradeSpeed:
 
 
 def estimate_grade_speed(logs: Sequence[Log]) -> GradeSpeed:
-    """Estimate how pitch explains the speeds of all logs; empty where pitch or one of the speeds is missing."""
-    if all(log.pitch_deg is None for log in logs):
+    """Estimate how pitch, or the known ground, explains the speeds of all logs; empty where they or one of the speeds
+    are missing."""
+    source = get_ground_source(logs, "pitch_deg")
+    if all(log.pitch_deg is None for log in logs) and not source:
         return GradeSpeed()
     if any(log.speed_mps is None or log.speed_command_mps is None for log in logs):
-        return _build_unused_grade("it also needs speed_mps and speed_command_mps")
+        needed = "it also needs speed_mps and speed_command_mps"
+        return _build_unused_grade("speed_mps or speed_command_mps is missing" if source else needed, source)
     ground_fall = measure_ground_fall(logs, "pitch_deg")
     if isinstance(ground_fall, str):
-        return _build_unused_grade(ground_fall)
+        return _build_unused_grade(ground_fall, source)
     # In reverse the tractor drives downhill where the ground rises ahead.
     forward_fall = ground_fall.fall * np.concatenate([np.where(log.shuttle[log.used] < 0.0, -1.0, 1.0) for log in logs])
-    gain, error = _estimate_grade_gain(logs, ground_fall, forward_fall)
+    gain, error, spread, left = _estimate_grade_gain(logs, ground_fall, forward_fall)
     if gain < -max(_LEAST_GAIN, SURE_SIGMAS * error):
-        return _build_unused_grade(
-            "the tractor is faster where it says uphill, so it seems to be positive with the nose down"
-        )
+        sensor_clause = "the tractor is faster where it says uphill, so it seems to be positive with the nose down"
+        ground_clause = f"the tractor is faster where they say uphill, {_OTHER_PLACE}"
+        return _build_unused_grade(ground_clause if source else sensor_clause, source)
     if gain < max(_LEAST_GAIN, SURE_SIGMAS * error):
-        return _build_unused_grade("the speed does not depend on it")
+        return _build_unused_grade(f"the speed does not depend on {'them' if source else 'it'}", source)
     remark = (
-        f"pitch_deg explains speed: on a slope of 10 % the tractor drives {10.0 * gain:.1f} % slower uphill and faster "
-        f"downhill than commanded. Commanded speeds were corrected for it; the mounting of the sensor "
-        f"({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
+        f"{ground_fall.source or 'pitch_deg'} {'explain' if source else 'explains'} speed: on a slope of 10 % the "
+        f"tractor drives {10.0 * gain:.1f} % slower uphill and faster downhill than commanded. Commanded speeds were "
+        "corrected for it; "
+    )
+    remark += (
+        f"over {BLOCK_S:g} s speeds then differ from them by {100.0 * left:.1f} % instead of {100.0 * spread:.1f} % "
+        "(root mean square)."
+        if source
+        else f"the mounting of the sensor ({ground_fall.mounting_deg:+.1f} degrees) was subtracted."
     )
     return GradeSpeed(split_per_log(logs, ground_fall, np.clip(1.0 + gain * forward_fall, *_SPEED_FACTORS)), (remark,))
 
 
-def _build_unused_grade(why: str) -> GradeSpeed:
-    return GradeSpeed(remarks=(f"pitch_deg is not used: {why}.",))
+def _build_unused_grade(why: str, source: str) -> GradeSpeed:
+    unused = f"{source} do not explain speed" if source else "pitch_deg is not used"
+    return GradeSpeed(remarks=(f"{unused}: {why}.",))
 
 
-def _estimate_grade_gain(logs: Sequence[Log], ground_fall: GroundFall, forward_fall: Array) -> tuple[float, float]:
+def _estimate_grade_gain(
+    logs: Sequence[Log], ground_fall: GroundFall, forward_fall: Array
+) -> tuple[float, float, float, float]:
     """Return the share of speed gained per fall and its standard error, from rows under a constant command.
 
-    Slip, in general and of the implement, is estimated separately.
+    Slip, in general and of the implement, is estimated separately. The last two values are the root mean squares, over
+    blocks, of what is left of the share of speed without the gain and with it.
     """
     ratios, falls, blocks, implement_states = [], [], [], []
     for number, log in enumerate(logs):
@@ -278,13 +328,22 @@ def _estimate_grade_gain(logs: Sequence[Log], ground_fall: GroundFall, forward_f
     if implement.size and np.ptp(implement) == 0.0:
         columns = columns[:, :2]
     if len(numbers) < _FEWEST_BLOCKS or np.ptp(fall) == 0.0:
-        return 0.0, np.inf
+        return 0.0, np.inf, 0.0, 0.0
     coefficients = np.linalg.lstsq(columns, ratio, rcond=None)[0]
     inverse = np.linalg.pinv(columns.T @ columns)
     scores = columns * (ratio - columns @ coefficients)[:, None]
     sums = np.stack([scores[block == block_number].sum(axis=0) for block_number in numbers])
     covariance = inverse @ (sums.T @ sums) @ inverse
-    return float(coefficients[0]), float(np.sqrt(covariance[0, 0]))
+    level = columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], ratio, rcond=None)[0]
+    spread, left = (_compute_block_rms(values, block) for values in (ratio - level, ratio - columns @ coefficients))
+    return float(coefficients[0]), float(np.sqrt(covariance[0, 0])), spread, left
+
+
+def _compute_block_rms(values: Array, block: Array) -> float:
+    """Return the root mean square of the means over blocks."""
+    owners = np.unique(block, return_inverse=True)[1]
+    means = np.bincount(owners, values) / np.bincount(owners)
+    return float(np.sqrt(np.mean(means**2)))
 
 
 def _find_steady_rows(time: Array, command: Array) -> Mask:
@@ -300,6 +359,7 @@ _UPHILL_SIGMAS = 3.0  # standard errors: a false alarm only means that the slope
 _STRAIGHT_PER_M = 0.03
 _COMPASS_ERROR_RAD = 0.004  # a quarter of a degree, the drift of a heading from run to run
 _LEAST_DRIFT = 0.03  # m/m per slope; tyres give way by about a tenth of the slope, soil by more
+_OTHER_PLACE = "so heights or positions are of another place or in another coordinate system"
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,22 +391,28 @@ class CrossSlope:
 
 
 def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
-    """Estimate the slope across the direction of travel of all logs; only a remark where roll cannot be used."""
-    if all(log.roll_deg is None for log in logs):
+    """Estimate the slope across the direction of travel of all logs, from roll or the known ground; only a remark where
+    neither can be used."""
+    source = get_ground_source(logs, "roll_deg")
+    if all(log.roll_deg is None for log in logs) and not source:
         return CrossSlope()
     ground_fall = measure_ground_fall(logs, "roll_deg")
     if isinstance(ground_fall, str):
-        return _build_unused_cross_slope(ground_fall)
-    drift, error = _estimate_drift(logs, ground_fall)
+        return _build_unused_cross_slope(ground_fall, source)
+    drift, error, spread, left = _estimate_drift(logs, ground_fall)
     if drift < -max(_LEAST_DRIFT, _UPHILL_SIGMAS * error):
-        return _build_unused_cross_slope(
+        sensor_clause = (
             "it grows where the tractor drifts to the left, and no tractor drifts uphill; if it is positive with the "
             "left "
             f"side lower, give {format_fix_option(LogConvention.ROLL_LEFT)}"
         )
+        ground_clause = f"the tractor drifts uphill on them, and no tractor does, {_OTHER_PLACE}"
+        return _build_unused_cross_slope(ground_clause if source else sensor_clause, source)
     remark = (
-        f"roll_deg gives the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % (root mean "
-        "square); "
+        _describe_known_slope(ground_fall, drift if drift > _UPHILL_SIGMAS * error else 0.0, spread, left)
+        if source
+        else f"roll_deg gives the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
+        "(root mean square); "
         f"its mounting ({ground_fall.mounting_deg:+.1f} degrees) and the lean in bends were subtracted."
     )
     sides = np.stack([np.cos(ground_fall.heading), -np.sin(ground_fall.heading)], axis=1)
@@ -356,18 +422,41 @@ def estimate_cross_slope(logs: Sequence[Log]) -> CrossSlope:
     )
 
 
-def _build_unused_cross_slope(why: str) -> CrossSlope:
-    return CrossSlope(remarks=(f"roll_deg is not used: {why}. The ground is taken as a plane.",))
+def _describe_known_slope(ground_fall: GroundFall, drift: float, spread: float, left: float) -> str:
+    """Return a sentence on the slope of known ground, and what it leaves of the angle (rad) between course and heading.
+
+    `drift` is in m/m per slope, 0 where it is not sure.
+    """
+    said = (
+        f"{ground_fall.source} give the slope across the direction of travel, {100.0 * ground_fall.rms_fall:.1f} % "
+        "(root mean square)"
+    )
+    if drift == 0.0:
+        return f"{said}; how far the tractor drifts on straight drives does not depend on it."
+    before_deg, after_deg = math.degrees(spread), math.degrees(left)
+    return (
+        f"{said}. On straight drives the tractor drifts {10.0 * drift:.1f} cm downhill per metre across a slope of "
+        f"10 %; this leaves {after_deg:.2f} of the {before_deg:.2f} degrees by which course and heading differ over "
+        f"{BLOCK_S:g} s (root mean square)."
+    )
 
 
-def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float, float]:
+def _build_unused_cross_slope(why: str, source: str) -> CrossSlope:
+    unused = f"{source} do not explain drift" if source else "roll_deg is not used"
+    return CrossSlope(remarks=(f"{unused}: {why}. The ground is taken as a plane.",))
+
+
+def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float, float, float, float]:
     """Return the drift to the right per metre and slope, and its standard error, from course and heading on straight
-    chords."""
+    chords.
+
+    The last two values are the root mean squares, over blocks, of course minus heading (rad) without it and with it.
+    """
     columns = [
         split_per_log(logs, ground_fall, values)
         for values in (ground_fall.fall, ground_fall.heading, ground_fall.block)
     ]
-    slopes, crabs, blocks = [], [], []
+    slopes, crabs, blocks, bends = [], [], [], []
     for number, log in enumerate(logs):
         chords = compute_path_chords(log)
         if chords is None:
@@ -378,13 +467,22 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
         slopes.append(across[chords.row][use])
         crabs.append(np.arctan2(np.sin(crab), np.cos(crab))[use])
         blocks.append(block[chords.row][use])
+        bends.append(chords.curvature[use])
     x, y, block = (np.concatenate(column) if column else np.zeros(0) for column in (slopes, crabs, blocks))
     x, y = x - (x.mean() if len(x) else 0.0), y - (np.median(y) if len(y) else 0.0)
     spread = float(x @ x)
     if len(np.unique(block)) < _FEWEST_DRIFT_BLOCKS or spread == 0.0:
-        return 0.0, np.inf
+        return 0.0, np.inf, 0.0, 0.0
     drift = float(x @ y) / spread
     scores = x * (y - y.mean() - drift * x)
     sums = np.array([scores[block == column].sum() for column in np.unique(block)])
     compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))
-    return drift, float(np.hypot(np.sqrt(sums @ sums) / spread, compass))
+    before, left = (_compute_crab_rms(values, np.concatenate(bends), block) for values in (y, y - drift * x))
+    return drift, float(np.hypot(np.sqrt(sums @ sums) / spread, compass)), before, left
+
+
+def _compute_crab_rms(crab: Array, bend: Array, block: Array) -> float:
+    """Return the root mean square over blocks of what does not follow from slight bends, where the antenna is off the
+    rear axle."""
+    columns = np.stack([np.ones(len(bend)), bend], axis=1)
+    return _compute_block_rms(crab - columns @ np.linalg.lstsq(columns, crab, rcond=None)[0], block)

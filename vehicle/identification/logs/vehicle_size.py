@@ -66,7 +66,7 @@ def _compute_bend_ratio(angle: Array, curvature: Array, tractor: Tractor, ground
 
     Where the steering hardly varies or the line fits badly, a line through zero gives a rough ratio.
     """
-    expected = _compute_file_curvature(angle, tractor, ground)
+    expected = compute_file_curvature(angle, tractor, ground)
     if len(angle) >= _FEWEST_CHORDS and float(np.std(angle)) >= _SPREAD_DEG:
         x, y = expected - expected.mean(), curvature - curvature.mean()
         slope, correlation = _fit_line_through_zero(x, y)
@@ -85,7 +85,7 @@ def _fit_line_through_zero(x: Array, y: Array) -> tuple[float, float]:
     return float(x @ y) / max(square, 1e-30), float(x @ y) / math.sqrt(square * float(y @ y) + 1e-30)
 
 
-def _compute_file_curvature(angle_deg: Array, tractor: Tractor, ground: str) -> Array:
+def compute_file_curvature(angle_deg: Array, tractor: Tractor, ground: str) -> Array:
     """Return the curvature (1/m, positive right) that the file gives for wheel angles, extrapolated beyond the lock."""
     if ground not in tractor.radius:
         return np.tan(np.radians(angle_deg)) / tractor.wheelbase_m
@@ -126,7 +126,7 @@ def refuse_other_vehicle(logs: Sequence[Log], tractor: Tractor, ground: str) -> 
     if not misfit:
         return
     suggested = scale_to_logs(logs, tractor, ground)
-    radius = 1.0 / float(_compute_file_curvature(np.array([suggested.max_steering_deg]), suggested, ground)[0])
+    radius = 1.0 / float(compute_file_curvature(np.array([suggested.max_steering_deg]), suggested, ground)[0])
     make = (
         "make a tractor file of this size with `headland tractor new`"
         if suggested.wheelbase_m >= _SMALLEST_WHEELBASE_M

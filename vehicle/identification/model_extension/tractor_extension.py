@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.identification.cause_selection.evidence import compute_small_sample_widening, estimate_robust_covariance
+from vehicle.identification.cause_selection.evidence import compute_small_sample_widening
+from vehicle.identification.cause_selection.tolerances import estimate_value_covariance
 from vehicle.identification.fit.effect_parameters import find_finest_size
 from vehicle.identification.fit.open_loop import (
     ModelTerm,
@@ -103,9 +104,7 @@ def build_fit_extension(residual_model: ResidualModel, fit: EffectFit, names: Co
     sums = sum_normal_equations_by_block(residual_model, jacobian, fit.residuals)
     pieces = NormalEquations(sums.squares, sums.sides, residual_model.block_runs, residual_model.block_halves)
     steps = compute_held_out_steps(pieces, np.concatenate([compute_steps_to_neutral(terms), np.zeros(extra_columns)]))
-    covariance = (
-        estimate_robust_covariance(residual_model, fit, widen_for_few=True) if fit.jacobian.size else np.zeros((0, 0))
-    )
+    covariance = estimate_value_covariance(residual_model, fit) if fit.jacobian.size else np.zeros((0, 0))
     placed_terms = [
         (term, covariance[place, place]) for term, place in zip(terms, _list_coordinate_slices(terms), strict=True)
     ]

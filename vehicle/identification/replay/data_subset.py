@@ -7,7 +7,7 @@ is represented as well as usual driving. The same logs always give the same subs
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -34,26 +34,36 @@ class DataSubset:
     runs: tuple[int, ...]
 
 
-def select_balanced_subset(dataset: DriveDataset, most_s: float = MOST_SUBSET_S) -> DataSubset:
-    """Return pieces of a dataset with the given total duration; the dataset itself if it is no longer."""
-    if dataset.seconds <= most_s:
-        return DataSubset(dataset, tuple(range(len(dataset.names))))
-    pieces = [piece for segment in dataset.segments for piece in cut_segment(segment)]
-    seconds = np.array([piece.time[-1] for piece in pieces])
-    chosen = [pieces[index] for index in sorted(_choose_least_covered(_classify_pieces(pieces), seconds, most_s))]
+def select_balanced_subset(
+    dataset: DriveDataset, most_s: float = MOST_SUBSET_S, left_out: Collection[int] = ()
+) -> DataSubset:
+    """Return pieces of a dataset with the given total duration, without the runs `left_out`.
+
+    The dataset itself if it is no longer and no run is left out.
+    """
+    segments = [segment for segment in dataset.segments if segment.run not in left_out]
+    if sum(segment.time[-1] for segment in segments) <= most_s:
+        if not left_out:
+            return DataSubset(dataset, tuple(range(len(dataset.names))))
+        chosen = segments
+    else:
+        pieces = [piece for segment in segments for piece in cut_segment(segment)]
+        seconds = np.array([piece.time[-1] for piece in pieces])
+        chosen = [pieces[index] for index in sorted(_choose_least_covered(_classify_pieces(pieces), seconds, most_s))]
     runs = sorted({piece.run for piece in chosen})
-    segments = tuple(replace(piece, run=runs.index(piece.run)) for piece in chosen)
-    return DataSubset(replace(dataset, names=tuple(dataset.names[run] for run in runs), segments=segments), tuple(runs))
+    renumbered = tuple(replace(piece, run=runs.index(piece.run)) for piece in chosen)
+    names = tuple(dataset.names[run] for run in runs)
+    return DataSubset(replace(dataset, names=names, segments=renumbered), tuple(runs))
 
 
-def cut_segment(segment: DriveSegment) -> Iterator[DriveSegment]:
-    """Cut a segment into pieces of PIECE_S, the last one with the remainder; returns it whole if it is too short for
+def cut_segment(segment: DriveSegment, piece_s: float = SUBSET_PIECE_S) -> Iterator[DriveSegment]:
+    """Cut a segment into pieces of a duration, the last one with the remainder; returns it whole if it is too short for
     two."""
-    count = max(int(segment.time[-1] / SUBSET_PIECE_S), 1)
+    count = max(int(segment.time[-1] / piece_s), 1)
     if count == 1:
         yield segment
         return
-    edges = [*np.searchsorted(segment.time, SUBSET_PIECE_S * np.arange(count)).tolist(), segment.rows]
+    edges = [*np.searchsorted(segment.time, piece_s * np.arange(count)).tolist(), segment.rows]
     for begin, end in pairwise(edges):
         if end - begin > 1:
             yield _extract_piece(segment, slice(begin, end))
@@ -77,6 +87,7 @@ def _extract_piece(segment: DriveSegment, rows: slice) -> DriveSegment:
         start_s=segment.start_s + first,
         time=time,
         grids=resample_on_grid(time, columns),
+        measured_rows={name: mask[rows] for name, mask in segment.measured_rows.items()},
         **{name: columns[name] for name in names},
     )
 
@@ -123,3 +134,10 @@ def _choose_least_covered(classes: PieceClasses, seconds: Array, most_s: float) 
         for covered_s, number in zip(covered, numbers, strict=True):
             covered_s[number[best]] += seconds[best]
     return chosen
+
+
+def leave_out_runs(dataset: DriveDataset, runs: Collection[int]) -> DriveDataset:
+    """Return a dataset without the segments of some runs; all runs keep their numbers. Itself without such runs."""
+    if not runs:
+        return dataset
+    return replace(dataset, segments=tuple(segment for segment in dataset.segments if segment.run not in runs))

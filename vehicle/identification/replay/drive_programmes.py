@@ -88,6 +88,11 @@ DRIVE_PROGRAMMES: tuple[DriveProgramme, ...] = (
         (0.0, tuple((6.0, a, s, 0.0) for s in (0.6, 1.2, 2.0) for a in (10.0, -10.0))),
     ),
     _build_programme(
+        "shuffled-bends",
+        "Steer to 20, 5, 25, 10, 15 and 5 degrees, 5 s to the right and 5 s to the left each, in this order.",
+        (0.0, tuple((5.0, side * a, 1.0, 0.0) for a in (20.0, 5.0, 25.0, 10.0, 15.0, 5.0) for side in (1.0, -1.0))),
+    ),
+    _build_programme(
         "four-ways",
         "Drive straight ahead to all four points of the compass, 15 s each, implement up.",
         *[(float(way), ((15.0, 0.0, 1.0, 0.0),)) for way in (0, 90, 180, 270)],

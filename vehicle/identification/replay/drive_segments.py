@@ -14,7 +14,7 @@ Windows of 20 s take turns in fitting a model and in being simulated with it.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -22,10 +22,10 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Rows, split_drive_segments
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows, split_drive_segments
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
 from vehicle.jit import compile_function
-from vehicle.model.effects import SLOPE_DRIFT, STEP_HZ
+from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
 from vehicle.records import DT_S
 
 WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
@@ -147,7 +147,8 @@ class DriveSegment:
     slope of the ground to the right (m/m), if any. A log with a slower receiver has more rows than positions; their
     times and wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear`
     is 1, or -1 in reverse, where `speed` and `target` are negative and the heading is opposite to the direction of
-    travel.
+    travel. `measured_rows` are the rows (k,) in which `wheel`, `command` and `speed` were measured, where those are
+    slower than the log.
     """
 
     run: int
@@ -166,6 +167,7 @@ class DriveSegment:
     grids: dict[str, Array]
     gear: float = 1.0
     logged_wheel: tuple[Array, Array] | None = None
+    measured_rows: Mapping[str, Mask] = field(default_factory=dict)
 
     @cached_property
     def heading_cosine_sine(self) -> tuple[Array, Array]:
@@ -218,7 +220,17 @@ class DriveDataset:
     @property
     def effect_places(self) -> dict[str, tuple[float, ...]]:
         """Known places of effects, by effect (see vehicle.identification.fit.effect_parameters)."""
-        return {SLOPE_DRIFT: self.cross_slope.mean_plane} if self.cross_slope.is_usable else {}
+        places: dict[str, tuple[float, ...]] = {}
+        if self.cross_slope.is_usable:
+            places[SLOPE_DRIFT] = self.cross_slope.mean_plane
+        if self.wheel_lag_s < WHEEL_LEAD_S:
+            places[STEERING_CLOCK] = (self.wheel_lag_s,)
+        return places
+
+    @cached_property
+    def wheel_lag_s(self) -> float:
+        """How much later than the commands the wheels move, over all segments (s); inf without both columns."""
+        return measure_wheel_lag(self.segments)
 
     @property
     def rows(self) -> int:
@@ -233,6 +245,27 @@ class DriveDataset:
     def get_segments(self, run: int) -> list[DriveSegment]:
         """Return the segments of one run."""
         return [segment for segment in self.segments if segment.run == run]
+
+
+WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
+_WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
+
+
+def measure_wheel_lag(segments: Sequence[DriveSegment]) -> float:
+    """Return the lag (s) at which wheel angles are most alike commands, inf without both or where both hardly move."""
+    misfits, known = np.zeros(len(_WHEEL_LAGS_S)), False
+    for segment in segments:
+        if segment.wheel is None or segment.command is None or "wheel" in segment.measured_rows:
+            continue
+        steps_s, wheel, command = segment.steps_s, segment.grids["wheel"], segment.grids["command"]
+        inside = (steps_s > 1.5) & (steps_s < steps_s[-1] - 1.5)
+        if not inside.any() or float(np.std(command[inside])) < math.radians(1.0):
+            continue
+        known = True
+        for place, lag in enumerate(_WHEEL_LAGS_S):
+            late = np.interp(steps_s[inside][::6] + lag, steps_s, wheel)
+            misfits[place] += float(np.abs(late - command[inside][::6]).sum())
+    return float(_WHEEL_LAGS_S[int(np.argmin(misfits))]) if known else math.inf
 
 
 def compute_step_times(steps: int) -> Array:
@@ -338,7 +371,29 @@ def _build_segment(
         grids,
         gear,
         None if log.fresh is None or wheel is None else (time, wheel),
+        _select_measured_rows(log, rows, fresh),
     )
+
+
+def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:
+    """Return the rows of a segment in which its slower columns were measured, or the next ones with a position.
+
+    A wheel angle is compared with commands, so it counts where those were measured as well.
+    """
+    names = {
+        "wheel": ("steering_deg", "steering_command_deg"),
+        "command": ("steering_command_deg",),
+        "speed": ("speed_mps",),
+    }
+    positions = np.arange(len(rows))[fresh]
+    out = {}
+    for name, columns in names.items():
+        masks = [log.measured_rows[column][rows] for column in columns if column in log.measured_rows]
+        if masks:
+            next_rows = np.searchsorted(positions, np.flatnonzero(np.logical_and.reduce(masks)))
+            out[name] = np.zeros(len(positions), dtype=np.bool_)
+            out[name][next_rows[next_rows < len(positions)]] = True
+    return out
 
 
 def _select_angle_rad(column: Array | None, rows: Rows) -> Array | None:

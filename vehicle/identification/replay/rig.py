@@ -17,6 +17,14 @@ import numpy as np
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.instrument_timing import (
+    TrueSegmentCache,
+    compute_shown_headings,
+    compute_timing,
+    extract_timing,
+    simulate_logged_speeds,
+    simulate_logged_wheel_angles,
+)
 from vehicle.identification.replay.state_cache import (
     ANGLE_COLUMN,
     FORWARD_COLUMN,
@@ -36,7 +44,7 @@ from vehicle.identification.replay.vectorised import (
 )
 from vehicle.jit import compile_function
 from vehicle.model.effect_kinds import PER_SLOPE
-from vehicle.model.effects import PATH, SLOPE_DRIFT, SPEED, STEP_HZ, compute_effect_fields
+from vehicle.model.effects import PATH, SLOPE_DRIFT, SPEED, compute_effect_fields
 from vehicle.model.effects import STEERING as STEERS
 from vehicle.model.ground import find_ground_index
 from vehicle.model.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, write_instrument_poses
@@ -132,7 +140,7 @@ class ReplayRig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
     `ranges` limit a discrepancy model to where it was observed; one that is still being fitted has none. `cache` holds
-    replayed states, `models` the model records used.
+    replayed states, `models` the model records used, `segments` those with true inputs.
     """
 
     tractor: Tractor
@@ -143,6 +151,7 @@ class ReplayRig:
     ranges: Mapping[str, float] = field(default_factory=dict)
     cache: ReplayCache = field(default_factory=ReplayCache)
     models: dict[Hashable, Any] = field(default_factory=dict)
+    segments: TrueSegmentCache = field(default_factory=TrueSegmentCache)
 
     def get_effective_model(self, settings: Settings) -> Any:
         """Return the record of build_effective_model, cached for the segments of a dataset."""
@@ -260,6 +269,7 @@ def _build_requests(
 ) -> list[_ReplayRequest]:
     """Build the replay requests with their keys; settings that many segments share are processed once."""
     ranges, acting_by_place = tuple(rig.ranges.items()), dict[tuple[int, bool, bool], _ActingSettings]()
+    timing_by_settings = {id(settings): compute_timing(settings) for _, settings in pairs}
     requests = []
     for segment, settings in pairs:
         from_sensor_angle, at_measured_speed = (
@@ -272,6 +282,7 @@ def _build_requests(
             blocks = {PATH, *(() if from_sensor_angle else (STEERS,)), *(() if at_measured_speed else (SPEED,))}
             acting_by_place[place] = _ActingSettings(rig, split_settings_by_block(settings, frozenset(blocks)))
         acting_settings = acting_by_place[place]
+        segment = rig.segments.get_true_segment(segment, timing_by_settings[id(settings)])
         requests.append(
             _ReplayRequest(
                 segment,
@@ -406,7 +417,8 @@ def _extract_measured_slope_drift(rig: ReplayRig, request: _ReplayRequest) -> tu
 def simulate_wheel_angles(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
     """Return the wheel angle (n,) that the commands of a segment produce on the grid, as in a replay but without
     driving."""
-    return _simulate_steering(rig, segment, _ActingSettings(rig, settings))[:-1]
+    true_segment = rig.segments.get_true_segment(segment, compute_timing(settings))
+    return _simulate_steering(rig, true_segment, _ActingSettings(rig, settings))[:-1]
 
 
 def _simulate_steering(rig: ReplayRig, segment: DriveSegment, acting_settings: _ActingSettings) -> Array:
@@ -454,8 +466,9 @@ def simulate_logged_values(
     rig: ReplayRig, segment: DriveSegment, states: Array, settings: Settings
 ) -> tuple[Array, Array, Array, Array]:
     """Return what instruments would log of replayed states, per row: antenna (k, 2), heading, wheel angle, speed."""
-    grid = np.arange(len(states), dtype=np.float64) * DT_S
-    wheel, speed = (np.interp(segment.time, grid, states[:, column]) for column in (STEERING_COLUMN, FORWARD_COLUMN))
+    timing = compute_timing(settings)
+    wheel = simulate_logged_wheel_angles(segment, states[:, STEERING_COLUMN], timing)
+    speed = simulate_logged_speeds(segment, states[:, FORWARD_COLUMN], timing)
     return *simulate_logged_antenna(rig, segment, states, settings), wheel, speed
 
 
@@ -464,15 +477,18 @@ def simulate_logged_antenna(
 ) -> tuple[Array, Array]:
     """Return antenna (k, 2) and heading (k,) of simulate_logged_values."""
     fields, out = compute_effect_fields(settings), np.empty((6, segment.rows))
+    timing = extract_timing(fields)
     write_instrument_poses(
         segment.time,
         segment.steps_s,
         states[:, X_COLUMN],
         states[:, Y_COLUMN],
         states[:, ANGLE_COLUMN],
-        fields["latency"] / STEP_HZ,
+        timing.position_s,
         *compute_antenna_lever(rig, fields),
         fields["heading_bias"],
         out,
     )
+    if not timing.is_heading_as_old:
+        out[SHOWN_HEADING] = compute_shown_headings(segment, states[:, ANGLE_COLUMN], timing) + fields["heading_bias"]
     return out[SHOWN_EAST : SHOWN_NORTH + 1].T, out[SHOWN_HEADING]

@@ -26,9 +26,9 @@ from vehicle.fast_math import (
 )
 from vehicle.identification.replay.state_cache import ANGLE_COLUMN, X_COLUMN, Y_COLUMN
 from vehicle.jit import compile_function, inline_function
+from vehicle.records import GRAVITY_MPS2
 from vehicle.sim.dynamics import (
     CREEP_MPS,
-    GRAVITY_MPS2,
     compute_axle_damping,
     compute_velocity_changes,
     compute_wheel_motion,

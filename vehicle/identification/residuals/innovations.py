@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.instrument_timing import compute_shown_headings, compute_timing, extract_timing
 from vehicle.identification.replay.rig import ReplayRig, replay_segments
 from vehicle.identification.replay.state_cache import (
     ANGLE_COLUMN,
@@ -30,7 +31,7 @@ from vehicle.identification.replay.state_cache import (
     split_settings_by_block,
 )
 from vehicle.jit import compile_function, inline_function
-from vehicle.model.effects import PATH, SPEED, STEERING, STEP_HZ, Fields, compute_effect_fields
+from vehicle.model.effects import PATH, SPEED, STEERING, Fields, compute_effect_fields
 from vehicle.model.instruments import apply_lever_arm, write_delayed_poses
 from vehicle.model.tractor import Settings
 
@@ -357,7 +358,9 @@ def _build_increment_requests(
     """Build the requests of all segments with the same settings."""
     fields = compute_effect_fields(settings)
     acting_key = make_settings_key(split_settings_by_block(settings, frozenset({PATH, STEERING, SPEED})))
-    key_parts = ("increments", tuple(rig.ranges.items()), fields["latency"], acting_key)
+    timing = extract_timing(fields)
+    inputs = timing.speed_s, timing.speed_scale, timing.steering_s, timing.command_s
+    key_parts = ("increments", tuple(rig.ranges.items()), timing.position_s, inputs, acting_key)
     return [_IncrementRequest(segment, settings, fields, (segment, *key_parts)) for segment in segments]
 
 
@@ -367,7 +370,7 @@ def _compute_delayed_increments(
     """Return the increments of states (n, 5) with the requested latency."""
     segment, late_s, observed = (
         request.segment,
-        request.fields["latency"] / STEP_HZ,
+        extract_timing(request.fields).position_s,
         np.empty((3, request.segment.rows)),
     )
     write_delayed_poses(
@@ -381,3 +384,24 @@ def _compute_delayed_increments(
     )
     increments_out = compute_increments(*observed)
     return increments_out.ahead, increments_out.aside, increments_out.turned
+
+
+def compute_reference_headings(rig: ReplayRig, segments: Sequence[DriveSegment], settings: Settings) -> list[Array]:
+    """Return the measured headings (k,) of segments as they would be at the times of the positions.
+
+    Headings that are younger, older or smoothed differ from those by what the simulation turns in between.
+    """
+    timing = compute_timing(settings)
+    if timing.is_heading_as_old:
+        return [segment.heading for segment in segments]
+    states = replay_segments(rig, [(segment, settings) for segment in segments], from_sensor=True, from_speed=True)
+    as_old = replace(timing, heading_s=timing.position_s, heading_filter_s=0.0)
+    references = []
+    for segment, segment_states in zip(segments, states, strict=True):
+        angles = segment_states[:, ANGLE_COLUMN]
+        if not segment.heading_measured:
+            references.append(segment.heading)
+            continue
+        lead = compute_shown_headings(segment, angles, timing) - compute_shown_headings(segment, angles, as_old)
+        references.append(segment.heading - lead)
+    return references

@@ -236,12 +236,13 @@ class ResidualChannel:
     """Weights of a directly compared channel of one segment: standard deviation per row and memory from row to row.
 
     `scatter` is the part of the standard deviation that a true model would leave: the scatter within a run in steady
-    driving, and the timing errors of commands and drive lines.
+    driving, and the timing errors of commands and drive lines. `measured` are the rows that count (None: all).
     """
 
     sigma: Array
     memory: float
     scatter: Array
+    measured: Mask | None = None
 
 
 def apply_huber(values: Array) -> Array:
@@ -294,21 +295,50 @@ def build_channels(
 ) -> tuple[tuple[ResidualChannel | None, ...], tuple[ResidualChannel | None, ...]]:
     """Estimate the weights of wheel and speed from their residuals: spread in steady driving, timing while moving,
     memory over all runs."""
-    wheel: list[tuple[Array, Array] | None] = []
-    speed: list[tuple[Array, Array] | None] = []
+    wheel: list[_ChannelErrors | None] = []
+    speed: list[_ChannelErrors | None] = []
     for segment in dataset.segments:
         states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=False)
         _, _, angle, pace = simulate_logged_values(rig, segment, states, settings)
-        has_both = segment.wheel is not None and segment.command is not None
-        step = float(np.median(np.diff(segment.time)))
-        jitter = TIMING_S + step / np.sqrt(12.0)
-        wheel.append((segment.wheel - angle, jitter * _compute_largest_rate(segment.time, angle)) if has_both else None)  # type: ignore[operator]
+        jitter = TIMING_S + _measure_command_interval(segment) / np.sqrt(12.0)
+        wheel.append(
+            _ChannelErrors(
+                segment.wheel - angle,
+                jitter * _compute_largest_rate(segment.time, angle),
+                segment.measured_rows.get("wheel"),
+            )
+            if segment.wheel is not None and segment.command is not None
+            else None
+        )
         speed.append(
-            (segment.speed - pace, TRANSIENT_S * _compute_largest_rate(segment.time, pace))
+            _ChannelErrors(
+                segment.speed - pace,
+                TRANSIENT_S * _compute_largest_rate(segment.time, pace),
+                segment.measured_rows.get("speed"),
+            )
             if segment.target is not None
             else None
         )
     return _build_channels(wheel, 5e-4, 1.0), _build_channels(speed, 0.005, DRIVE_LINE_S / TRANSIENT_S)
+
+
+@dataclass(frozen=True, eq=False)
+class _ChannelErrors:
+    """Measured minus simulated values (k,), their errors by timing, and the rows that count (None: all)."""
+
+    deviation: Array
+    timing_error: Array
+    measured: Mask | None
+
+    def select(self, values: Array) -> Array:
+        """Return the values of the rows that count."""
+        return values if self.measured is None else values[self.measured]
+
+
+def _measure_command_interval(segment: DriveSegment) -> float:
+    """Return the median time (s) between rows with a measured command."""
+    measured = segment.measured_rows.get("command", np.ones(segment.rows, dtype=np.bool_))
+    return float(np.median(np.diff(segment.time[measured] if np.count_nonzero(measured) > 1 else segment.time)))
 
 
 def _compute_largest_rate(time: Array, values: Array) -> Array:
@@ -321,17 +351,21 @@ def _compute_largest_rate(time: Array, values: Array) -> Array:
 
 
 def _build_channels(
-    pairs: list[tuple[Array, Array] | None], least_spread: float, share: float
+    segments: Sequence[_ChannelErrors | None], least_spread: float, share: float
 ) -> tuple[ResidualChannel | None, ...]:
     """Build the weights of all segments; a true model would have this `share` of the timing error as well."""
-    known_pairs = [pair for pair in pairs if pair is not None]
-    if not known_pairs:
-        return tuple(None for _ in pairs)
-    moving = float(np.median(np.concatenate([pair_rate for _, pair_rate in known_pairs])))
-    steady = np.concatenate([_subtract_median(deviation[rate <= moving]) for deviation, rate in known_pairs])
+    known = [
+        (errors.select(errors.deviation), errors.select(errors.timing_error))
+        for errors in segments
+        if errors is not None and (errors.measured is None or errors.measured.any())
+    ]
+    if not known:
+        return tuple(None for _ in segments)
+    moving = float(np.median(np.concatenate([timing_error for _, timing_error in known])))
+    steady = np.concatenate([_subtract_median(deviation[error <= moving]) for deviation, error in known])
     low, high = np.quantile(steady, (0.16, 0.84))
     spread = max(0.5 * float(high - low), least_spread)
-    scaled = [row_sigma / np.hypot(spread, pair_rate) for row_sigma, pair_rate in known_pairs]
+    scaled = [deviation / np.hypot(spread, timing_error) for deviation, timing_error in known]
     before, after = (
         np.concatenate([scaled_values[:-1] for scaled_values in scaled]),
         np.concatenate([scaled_values[1:] for scaled_values in scaled]),
@@ -343,12 +377,17 @@ def _build_channels(
         (np.concatenate([scaled_values[1:] - memory * scaled_values[:-1] for scaled_values in scaled]))
         / np.sqrt(1.0 - memory * memory)
     )
-    size = max(float(np.sqrt(np.mean(innovations * innovations))), 0.3)
-    row_sigmas = [None if pair is None else np.hypot(spread, pair[1]) for pair in pairs]
-    scatters = [None if pair is None else np.hypot(spread, share * pair[1]) for pair in pairs]
+    size = max(float(np.sqrt(np.mean(innovations * innovations))) if len(innovations) else 1.0, 0.3)
     return tuple(
-        None if row_sigma is None or row_scatter is None else ResidualChannel(size * row_sigma, memory, row_scatter)
-        for row_sigma, row_scatter in zip(row_sigmas, scatters, strict=True)
+        None
+        if errors is None or (errors.measured is not None and not errors.measured.any())
+        else ResidualChannel(
+            size * np.hypot(spread, errors.timing_error),
+            memory,
+            np.hypot(spread, share * errors.timing_error),
+            errors.measured,
+        )
+        for errors in segments
     )
 
 

@@ -18,12 +18,23 @@ import numpy.typing as npt
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import MOST_STEPS_AT_ONCE
-from vehicle.identification.replay.rig import ReplayRig, compute_antenna_lever, replay_segment, simulate_wheel_angles
+from vehicle.identification.replay.instrument_timing import (
+    compute_timing,
+    simulate_logged_speeds,
+    simulate_logged_wheel_angles,
+)
+from vehicle.identification.replay.rig import (
+    ReplayRig,
+    compute_antenna_lever,
+    replay_segment,
+    simulate_wheel_angles,
+)
 from vehicle.identification.replay.state_cache import FORWARD_COLUMN
 from vehicle.identification.residuals.innovations import (
     NoiseLevels,
     PoseIncrements,
     compute_innovations,
+    compute_reference_headings,
     simulate_all_increments,
     simulate_increments_of_each,
 )
@@ -37,7 +48,6 @@ from vehicle.identification.residuals.noise_weights import (
 )
 from vehicle.model.effects import PATH, POSITION, SPEED, STEERING, compute_effect_fields
 from vehicle.model.tractor import Settings
-from vehicle.records import DT_S
 
 RESIDUAL_BLOCK_S = 10.0  # half a window: soil noise decays within it, a slow cause does not
 ChannelResiduals = dict[str, Array]
@@ -76,13 +86,16 @@ class ResidualModel:
         fields = compute_effect_fields(self._add_fixed(settings))
         lever = compute_antenna_lever(self.rig, fields)
         residuals, first = np.empty((self.dataset.rows, 3)), 0
-        for segment, path_filter, move in zip(self.dataset.segments, self.filters, moves, strict=True):
+        references = compute_reference_headings(self.rig, self.dataset.segments, self._add_fixed(settings))
+        for segment, path_filter, move, reference in zip(
+            self.dataset.segments, self.filters, moves, references, strict=True
+        ):
             out = residuals[first : first + segment.rows]
             compute_innovations(
                 path_filter.memory_shares,
                 segment.east,
                 segment.north,
-                segment.heading,
+                reference,
                 move.ahead,
                 move.aside,
                 move.turned,
@@ -103,34 +116,37 @@ class ResidualModel:
     def compute_wheel_residuals(self, settings: Settings) -> Array:
         """Return residuals of the wheel angle given the commands."""
         settings = self._add_fixed(settings)
+        timing = compute_timing(settings)
         return self._compute_channel_residuals(
-            self.wheel, "wheel", lambda segment: simulate_wheel_angles(self.rig, segment, settings)
+            self.wheel,
+            "wheel",
+            lambda segment: simulate_logged_wheel_angles(
+                segment, simulate_wheel_angles(self.rig, segment, settings), timing
+            ),
         )
 
     def compute_speed_residuals(self, settings: Settings) -> Array:
         """Return residuals of the speed given the commands."""
         settings = self._add_fixed(settings)
+        timing = compute_timing(settings)
 
         def simulate_speed(segment: DriveSegment) -> Array:
-            return np.asarray(
-                replay_segment(self.rig, segment, settings, from_sensor=False, from_speed=False)[:, FORWARD_COLUMN]
-            )
+            states = replay_segment(self.rig, segment, settings, from_sensor=False, from_speed=False)
+            return simulate_logged_speeds(segment, states[:, FORWARD_COLUMN], timing)
 
         return self._compute_channel_residuals(self.speed, "speed", simulate_speed)
 
     def _compute_channel_residuals(
         self, weights: tuple[ResidualChannel | None, ...], column: str, simulate: Callable[[DriveSegment], Array]
     ) -> Array:
-        """Return residuals of one column of all segments, against the simulation on the grid."""
+        """Return residuals of one column of all segments, against what the simulation would log (k,)."""
         parts = []
         for segment, channel in zip(self.dataset.segments, weights, strict=True):
             measured = getattr(segment, column)
             if measured is None or channel is None:
                 parts.append(np.zeros(segment.rows))
                 continue
-            grid_values = simulate(segment)
-            rows = np.interp(segment.time, np.arange(len(grid_values), dtype=np.float64) * DT_S, grid_values)
-            parts.append(_whiten(measured, rows, channel))
+            parts.append(_whiten(measured, simulate(segment), channel))
         return np.concatenate(parts)
 
     def compute_residuals(self, settings: Settings) -> Array:
@@ -227,8 +243,16 @@ class ResidualModel:
 
 
 def _whiten(measured: Array, simulated: Array, channel: ResidualChannel) -> Array:
+    """Return whitened residuals (k,), 0 in rows that were not measured."""
     scaled_error = (measured - simulated) / channel.sigma
-    keep = channel.memory
+    if channel.measured is None:
+        return _whiten_errors(scaled_error, channel.memory)
+    out = np.zeros(len(measured))
+    out[channel.measured] = _whiten_errors(scaled_error[channel.measured], channel.memory)
+    return out
+
+
+def _whiten_errors(scaled_error: Array, keep: float) -> Array:
     out: Array = np.concatenate(
         [scaled_error[:1], (scaled_error[1:] - keep * scaled_error[:-1]) / np.sqrt(1.0 - keep * keep)]
     )

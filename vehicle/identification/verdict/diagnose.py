@@ -7,39 +7,51 @@ else could replace them (named_causes).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.cause_selection.refit import build_weighted_residual_model
-from vehicle.identification.cause_selection.selection import CauseSelection, select_causes
+from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.columns.staleness import mark_stale_columns_of_set
+from vehicle.identification.columns.wheel_scale import correct_wheel_scale
 from vehicle.identification.errors import LogError
+from vehicle.identification.faults.steering_faults import mark_steering_faults
+from vehicle.identification.faults.unlike_runs import describe_groups, find_unlike_runs
 from vehicle.identification.fit.open_loop import collect_run_settings
-from vehicle.identification.logs.column_quality import drop_columns_coarse_elsewhere
+from vehicle.identification.laws.bases import build_run_clock
+from vehicle.identification.laws.settle import settle_laws
+from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
+from vehicle.identification.logs.column_quality import drop_columns_coarse_elsewhere, drop_commands_not_logged
 from vehicle.identification.logs.command_checks import correct_commanded_speeds
-from vehicle.identification.logs.reader import list_shared_remarks
+from vehicle.identification.logs.log_sets import merge_copies
+from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
 from vehicle.identification.logs.schema import Array, Log
-from vehicle.identification.logs.sensor_checks import CLOCKS_FROM_S, correct_sensors_like_others
+from vehicle.identification.logs.sensor_checks import correct_sensors_like_others
 from vehicle.identification.model_extension.term_proposals import assign_clear_level_runs, sum_driving_time
 from vehicle.identification.model_extension.tractor_extension import (
     EquivalentEffect,
     ModelExtension,
     build_extended_tractor,
 )
-from vehicle.identification.replay.data_subset import select_balanced_subset
+from vehicle.identification.replay.data_subset import leave_out_runs, select_balanced_subset
 from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     FEWEST_PIECE_ROWS,
+    HalfSettings,
+    HorizonSquares,
     compute_horizon_errors,
     find_piece_bounds,
+    make_zero_squared_errors,
     sum_squared_errors_by_run,
 )
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
-from vehicle.identification.verdict.correlations import compute_value_correlations
+from vehicle.identification.verdict.correlations import compute_value_correlations, describe_intervals
+from vehicle.identification.verdict.cross_fit import explain_dataset, explain_selection
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     NAMED,
@@ -47,6 +59,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     Diagnosis,
     Finding,
     GroundLevel,
+    RunCheck,
 )
 from vehicle.identification.verdict.findings import (
     CompetitorsByName,
@@ -54,14 +67,26 @@ from vehicle.identification.verdict.findings import (
     build_findings,
     choose_next_drive,
 )
+from vehicle.identification.verdict.guard import GuardedCase, guard_case
 from vehicle.identification.verdict.held_out_case import (
     ERROR_PIECE_S,
     DiagnosisCase,
     build_whole_dataset_case,
+    collect_whole_settings,
     restore_real_noise,
 )
-from vehicle.identification.verdict.named_causes import ExplainedCase, explain_error, list_nameable, measure_unexplained
+from vehicle.identification.verdict.hints import list_hints
+from vehicle.identification.verdict.law_drives import choose_law_drive
+from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins
+from vehicle.identification.verdict.log_findings import (
+    build_fault_diagnosis,
+    describe_columns,
+    list_onset_faults,
+    mark_unlike_runs,
+)
+from vehicle.identification.verdict.named_causes import ExplainedCase, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot
+from vehicle.identification.verdict.unclear_findings import drop_unclear_terms, withdraw_unclear
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
@@ -105,6 +130,12 @@ def _describe_logs(logs: Sequence[Log], residual_model: ResidualModel) -> tuple[
 def _describe_subset(residual_model: ResidualModel, diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return a note that the causes of long logs were searched in a subset."""
     minutes = residual_model.dataset.seconds / 60.0
+    unlike = [run.name for run in diagnosis.runs if run.unlike]
+    if unlike:
+        return (
+            f"Causes, values and intervals come from {minutes:.0f} of {diagnosis.minutes:.0f} minutes, without "
+            f"{', '.join(unlike)}, unlike the other runs; the errors before and after are for all of the driving.",
+        )
     if minutes >= diagnosis.minutes:
         return ()
     return (
@@ -159,31 +190,89 @@ def diagnose_logs(
 
     Effects that the tractor file already has are removed and fitted again; the error before is that of the file.
     `progress` is called with steps done and an estimate of all steps. Raises LogError when no segment can be replayed
-    or none has enough positions for an error, and VehicleError for an unknown ground.
+    or none has enough positions for an error, unless faults are to be told, and VehicleError for an unknown ground.
     """
     count = _ProgressCounter(progress)
-    logs = correct_logs(logs)
-    dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
-    _refuse_sparse(dataset)
+    logs = correct_wheel_scale(correct_logs(logs), tractor, ground)
+    try:
+        dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
+        _refuse_sparse(dataset)
+    except LogError as error:
+        if not any(log.faults for log in logs):
+            raise
+        return build_fault_diagnosis(logs, tractor, ground, str(error))
     rig = build_rig(tractor, ground, dataset.origin)
-    subset = select_balanced_subset(dataset)
-    residual_model = build_weighted_residual_model(subset.dataset, rig, {})
-    selection = select_causes(residual_model, rig.tractor, lambda _: count.count_step())
-    explained_case = explain_error(selection, list_nameable(selection, rig.tractor), rig.tractor, count.count_step)
+    unlike_runs = find_unlike_runs(logs, tractor, ground)
+    unlike_numbers = {difference.run for difference in unlike_runs}
+    agreeing = leave_out_runs(dataset, unlike_numbers)
+    subset = select_balanced_subset(dataset, left_out=unlike_numbers)
+    selection, explained_case = explain_dataset(subset.dataset, rig, count.count_step)
+    clock = build_run_clock(logs, subset.runs)
+    law_selection = settle_laws(selection, clock, rig.tractor)
+    if law_selection.selection is not selection:
+        selection = law_selection.selection
+        explained_case = explain_selection(selection, rig.tractor, count.count_step)
+        explained_case = leave_out_stand_ins(explained_case, law_selection)
+    changing_ids = [law.found.effect_id for law in law_selection.laws]
+    explained_case = drop_unclear_terms(selection, explained_case, changing_ids)
+    file_model = build_rig_and_corrections(tractor, ground, dataset.origin)
+    guarded = guard_case(agreeing, subset, selection, explained_case, file_model, count.count_step)
+    explained_case = guarded.explained
     competitors = _collect_competitors(selection, explained_case)
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
-    whole_explained = replace(explained_case, case=build_whole_dataset_case(dataset, subset, explained_case.case))
+    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor)
+    findings = withdraw_unclear(findings, explained_case.case)
+    whole_explained = replace(explained_case, case=build_whole_dataset_case(agreeing, subset, explained_case.case))
+    _, saved_settings = collect_whole_settings(dataset, subset, guarded.saved.case)
     diagnosis = _build_diagnosis(
-        dataset, selection, explained_case, whole_explained, findings, competitors, tractor, ground
+        dataset, selection, guarded, whole_explained, saved_settings, findings, competitors, tractor, ground
     )
+    if diagnosis.unexplained_share > 0.0:
+        hints = list_hints(law_selection, explained_case.case, clock)
+        diagnosis = replace(diagnosis, hints=(*diagnosis.hints, *hints))
+    drive = diagnosis.next_drive if diagnosis.next_drive is not None else choose_law_drive(law_selection)
+    diagnosis = replace(diagnosis, runs=mark_unlike_runs(diagnosis.runs, unlike_runs), next_drive=drive)
     count.report_completion()
-    return replace(diagnosis, notes=list_diagnosis_notes(logs, residual_model, tractor, diagnosis))
+    notes = list_diagnosis_notes(logs, selection.residual_model, tractor, diagnosis)
+    return replace(
+        diagnosis,
+        rows_gated_by_reason=count_rows_left_out(logs, dataset.rows),
+        faults=list_onset_faults(logs),
+        interval_note=describe_intervals(selection.residual_model, selection.fit, _list_valued(findings)),
+        columns=describe_columns(logs, diagnosis.findings),
+        notes=(*describe_groups(unlike_runs, logs), *notes, *_describe_unsaved_names(guarded.unsaved_names)),
+    )
+
+
+def _list_valued(findings: Sequence[Finding]) -> list[str]:
+    """Return the effects that are told with an interval."""
+    return [finding.id for finding in findings if finding.interval]
+
+
+def _describe_unsaved_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return a note on causes that have no name because longer horizons speak against them."""
+    if not names:
+        return ()
+    subject, are = ", ".join(get_effect(name).label for name in names), "is" if len(names) == 1 else "are"
+    return (
+        f"{subject[0].upper()}{subject[1:]} {are} neither named nor saved: over 5 s held-out runs are simulated better "
+        "with the value found, over 10 or 20 s worse, and the errors after are without it.",
+    )
 
 
 def correct_logs(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs as they are replayed: without coarse columns, with sensors and commanded speeds corrected."""
-    return list(correct_commanded_speeds(correct_sensors_like_others(drop_columns_coarse_elsewhere(logs))))
+    """Return the logs as they are replayed: each drive once, without coarse columns and without rows of faults that
+    begin, with sensors and commanded speeds corrected."""
+    logs = drop_commands_not_logged(drop_columns_coarse_elsewhere(merge_copies(logs)))
+    logs = correct_sensors_like_others(mark_steering_faults(logs))
+    return mark_stale_columns_of_set(correct_commanded_speeds(logs))
+
+
+def _list_competitors_of_likely(selection: CauseSelection, explained_case: ExplainedCase) -> CompetitorsByName:
+    """Return the alternatives to effects that are only likely."""
+    likely_ids = explained_case.case.extension.term_ids - set(explained_case.names)
+    return {name: others for name, others in selection.lookalikes.items() if name in likely_ids and others}
 
 
 def _collect_competitors(selection: CauseSelection, explained_case: ExplainedCase) -> CompetitorsByName:
@@ -228,19 +317,22 @@ class _ProgressCounter:
 def _build_diagnosis(
     dataset: DriveDataset,
     selection: CauseSelection,
-    explained_case: ExplainedCase,
+    guarded: GuardedCase,
     whole_explained: ExplainedCase,
+    saved_settings: Mapping[int, HalfSettings],
     findings: list[Finding],
     competitors: CompetitorsByName,
     tractor: Tractor,
     ground: str,
 ) -> Diagnosis:
-    """Build the diagnosis: causes from the searched subset, errors from the whole dataset."""
+    """Build the diagnosis: causes from the searched subset, errors from the whole dataset, with what may be saved."""
+    explained_case, saved = guarded.explained, guarded.saved.case.extension
     residual_model, fit, case = selection.residual_model, selection.fit, explained_case.case
     extension = case.extension
     file_rig, settings = build_rig_and_corrections(tractor, ground, dataset.origin)
     before = sum_squared_errors_by_run(dataset, file_rig, dict.fromkeys(range(len(dataset.names)), settings))
-    after = sum_squared_errors_by_run(dataset, residual_model.rig, whole_explained.case.extension.held_out_settings)
+    after = sum_squared_errors_by_run(dataset, residual_model.rig, saved_settings)
+    before_explained = whole_explained.case.compute_run_errors(select_run_squares(before, whole_explained.case))
     # Most important first: by the held-out error that returns without the effect.
     named = [
         finding.id
@@ -252,7 +344,7 @@ def _build_diagnosis(
         for finding in findings
         if finding.status == EQUIVALENT
     }
-    unexplained = measure_unexplained(whole_explained, whole_explained.case.compute_run_errors(before))
+    unexplained = measure_unexplained(whole_explained, before_explained)
     share = unexplained.share
     unseen_ids = [finding.id for finding in findings if finding.status == NOT_VISIBLE and finding.value is None]
     return Diagnosis(
@@ -270,11 +362,19 @@ def _build_diagnosis(
         named=tuple(named),
         unexplained_share=share,
         depends_on=_list_covariates(selection, extension) if share > 0.0 else (),
-        next_drive=choose_next_drive(residual_model, fit, residual_model.rig.tractor, competitors, case.found_values),
+        next_drive=choose_next_drive(
+            residual_model,
+            fit,
+            residual_model.rig.tractor,
+            {**competitors, **_list_competitors_of_likely(selection, explained_case)},
+            case.found_values,
+        ),
         tractor=_choose_discrepancy_model(
             tractor,
-            build_extended_tractor(residual_model.dataset, tractor, ground, extension, named, equivalents, unseen_ids),
-            whole_explained.case.compute_run_errors(before),
+            build_extended_tractor(residual_model.dataset, tractor, ground, saved, named, equivalents, unseen_ids)
+            if not guarded.unsaved_reason
+            else tractor,
+            before_explained,
             whole_explained.case.final_errors,
         ),
         calibration={name: value for name, value in case.found_values.items() if name not in explained_case.names},
@@ -289,7 +389,35 @@ def _build_diagnosis(
         along_judged=whole_explained.case.residual_model.has_measured_speed,
         above_noise_s=unexplained.above_s,
         correlations=compute_value_correlations(fit),
+        runs=_check_runs(dataset, before, after),
+        holdout=guarded.holdout,
+        hints=(unexplained.hint,) if unexplained.hint is not None else (),
+        unsaved_reason=guarded.unsaved_reason,
     )
+
+
+def select_run_squares(squares: Sequence[HorizonSquares], case: DiagnosisCase) -> list[HorizonSquares]:
+    """Return the squared errors of runs (one each) with those of the runs of a case alone; the others are empty."""
+    runs = {segment.run for segment in case.residual_model.dataset.segments}
+    empty = make_zero_squared_errors(len(squares))
+    return [squares[run] if run in runs else empty[run] for run in range(len(squares))]
+
+
+def _check_runs(
+    dataset: DriveDataset, before: Sequence[HorizonSquares], after: Sequence[HorizonSquares]
+) -> tuple[RunCheck, ...]:
+    """Return the distance errors of every run; those across only where not every log has a measured speed."""
+    kinds = 2 if all(segment.speed_measured for segment in dataset.segments) else 1
+    errors = [
+        [
+            100.0 * math.sqrt(float(run[ERROR_PIECE_S][:kinds].sum() / run[ERROR_PIECE_S][3]))
+            if run[ERROR_PIECE_S][3] > 0.0
+            else None
+            for run in runs
+        ]
+        for runs in (before, after)
+    ]
+    return tuple(RunCheck(*row) for row in zip(dataset.names, *errors, strict=True))
 
 
 def _list_covariates(selection: CauseSelection, extension: ModelExtension) -> tuple[str, ...]:

@@ -20,6 +20,121 @@ NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent
 ErrorsByHorizon = dict[float, HorizonError]
 
 
+CONSTANT_LAW = "constant"
+LAW_KINDS = (
+    CONSTANT_LAW,
+    "over_minutes",
+    "over_day",
+    "by_place",
+    "by_run",
+    "by_implement",
+    "by_side",
+    "by_angle",
+    "by_speed",
+)
+
+
+@dataclass(frozen=True)
+class ParameterLaw:
+    """How the parameter of an effect varies: a kind of LAW_KINDS, its coefficients by name (with unit), a sentence."""
+
+    kind: str
+    values: dict[str, float]
+    words: str
+
+
+@dataclass(frozen=True)
+class ColumnTiming:
+    """How old one column of the logs is, in s, estimated before any cause; None where it is not known.
+
+    A column is read `delay_s` after it was true, refreshed every `hold_s` (median), low-passed by
+    `filter_s`, and stamped `clock_offset_s` later than the other columns. `stale_share` of its rows repeat an older
+    measurement. Its values were `scale` times as large as the true ones, and were divided by it. `column` is one of
+    position, heading, speed, steering, steering_command.
+    """
+
+    column: str
+    delay_s: float | None = None
+    hold_s: float | None = None
+    filter_s: float | None = None
+    clock_offset_s: float | None = None
+    stale_share: float | None = None
+    words: str = ""
+    scale: float | None = None
+
+
+@dataclass(frozen=True)
+class OnsetFault:
+    """A fault that begins during a run: times are `time_s` of its log, `to_s` None where it lasts until the end."""
+
+    id: str
+    run: str
+    from_s: float
+    to_s: float | None
+    words: str
+
+    @property
+    def sentence(self) -> str:
+        """The run and what began when."""
+        words = self.words.rstrip(".")
+        return f"{words[:1].upper()}{words[1:]}." if self.run in words else f"{self.run}: {words}."
+
+
+@dataclass(frozen=True)
+class RunCheck:
+    """One run: distance errors over 5 s (cm) before and after, and whether it is unlike the other runs, and how."""
+
+    name: str
+    error_before_cm: float | None
+    error_after_cm: float | None
+    unlike: bool = False
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class HoldoutRun:
+    """One run that had no part in the diagnosis: distance errors by horizon (s), before and after."""
+
+    name: str
+    before: ErrorsByHorizon
+    after: ErrorsByHorizon
+
+
+@dataclass(frozen=True)
+class HoldoutResult:
+    """Errors on runs that had no part in anything, by horizon (s): `helps` says that the extension lowers them.
+
+    `words` is one sentence: which runs were chosen, and how. `is_requested` marks runs that were held out on request;
+    else each half of the logs was driven with what was found on the other half.
+    """
+
+    runs: tuple[str, ...]
+    before: ErrorsByHorizon
+    after: ErrorsByHorizon
+    helps: bool
+    by_run: tuple[HoldoutRun, ...] = ()
+    words: str = ""
+    is_requested: bool = False
+
+    @property
+    def is_unchanged(self) -> bool:
+        """Whether both tractors drive alike, as when nothing was found."""
+        return self.before == self.after
+
+
+@dataclass(frozen=True)
+class Hint:
+    """Where to look when no known cause explains the error: what it depends on, and the instrument or the block.
+
+    `instrument` is a column of the logs as in ColumnTiming, `block` a block of the model; at most one is given.
+    """
+
+    depends_on: str | None
+    instrument: str | None
+    block: str | None
+    words: str
+
+
 @dataclass(frozen=True)
 class Finding:
     """One effect of the catalogue.
@@ -28,7 +143,8 @@ class Finding:
     and helps held-out runs, without being shown to be the cause. A `refuted` effect is refuted from `smallest_visible`
     on, a limit up to there. `gain_pct` is the reduction of the error over 5 s on runs not used for fitting (of the path
     at the measured speed), `gain_interval` its 90 % interval over runs; `smallest_visible` the smallest size these logs
-    would have shown (None when no size would). `exchange` says how much of another effect looks alike.
+    would have shown (None when no size would). `exchange` says how much of another effect looks alike. `law` is None
+    where no law was tried: the value then is a constant.
     """
 
     id: str
@@ -43,6 +159,15 @@ class Finding:
     description: str
     equivalent_to: tuple[str, ...] = ()
     exchange: str = ""
+    law: ParameterLaw | None = None
+
+    @property
+    def sentence(self) -> str:
+        """The description with the law that the value follows, where it is not constant."""
+        law = self.law
+        if law is None or law.kind == CONSTANT_LAW or not law.words or law.words.rstrip(".") in self.description:
+            return self.description
+        return f"{self.description} {law.words[:1].upper()}{law.words[1:].rstrip('.')}."
 
 
 @dataclass(frozen=True)
@@ -186,7 +311,11 @@ class Diagnosis:
     `along_judged` is False where a log lacks a measured speed: errors along the path then say nothing about the
     tractor. `above_noise_s` are the horizons with a remaining error above the noise; `unexplained_share` is for 5 s.
     `correlations` are those of the fitted values, None where fewer than two were fitted; `evidence` is what pages show.
-    `next_drive_plan` is the text of a saved plan.
+    `next_drive_plan` is the text of a saved plan. `columns` has only columns that are late, held or low-passed, `runs`
+    all runs; `hints` say where to look for what no cause explains. `rows_gated_by_reason` counts the rows left out.
+    `unsaved_reason` is a sentence when the extension harms runs not used for fitting: nothing is then to be saved.
+    `interval_note` says how the error of the model is part of the intervals. `undiagnosed_reason` is a sentence when
+    the faults leave nothing to replay, so that nothing but these is known.
     """
 
     names: tuple[str, ...]
@@ -216,6 +345,20 @@ class Diagnosis:
     correlations: ParameterCorrelations | None = None
     evidence: ReplayEvidence | None = None
     next_drive_plan: str | None = None
+    columns: tuple[ColumnTiming, ...] = ()
+    faults: tuple[OnsetFault, ...] = ()
+    runs: tuple[RunCheck, ...] = ()
+    holdout: HoldoutResult | None = None
+    hints: tuple[Hint, ...] = ()
+    rows_gated_by_reason: dict[str, int] = field(default_factory=dict)
+    unsaved_reason: str = ""
+    interval_note: str = ""
+    undiagnosed_reason: str = ""
+
+    @property
+    def is_savable(self) -> bool:
+        """Whether the extended tractor may be saved: nothing says that it harms runs it was not fitted to."""
+        return not self.unsaved_reason and (self.holdout is None or self.holdout.helps or self.holdout.is_unchanged)
 
     @property
     def is_noise_only(self) -> bool:
@@ -238,26 +381,46 @@ class Diagnosis:
 
     @property
     def headline(self) -> str:
-        """The verdict in one or two sentences."""
+        """The verdict in a few sentences: what began during a run, then the causes."""
+        return " ".join([*(fault.sentence for fault in self.faults), self.causes_sentence])
+
+    @property
+    def causes_sentence(self) -> str:
+        """The causes in one or two sentences, without what begins during a run."""
+        if self.undiagnosed_reason:
+            return self.undiagnosed_reason
         by_id = {finding.id: finding for finding in self.findings}
         if self.named:
-            return " ".join(by_id[name].description for name in self.named)
+            return " ".join(by_id[name].sentence for name in self.named)
         sets = [finding for finding in self.findings if finding.status == EQUIVALENT]
         if sets:
-            return "Several causes fit these logs equally well: " + " Or: ".join(
-                finding.description for finding in sets
-            )
+            return "Several causes fit these logs equally well: " + " Or: ".join(finding.sentence for finding in sets)
         likely = [finding for finding in self.findings if finding.status == LIKELY]
         if likely:
-            return "No cause is certain. Likely: " + " ".join(finding.description for finding in likely)
+            return "No cause is certain. Likely: " + " ".join(finding.sentence for finding in likely)
+        return self._describe_nothing_found()
+
+    def _describe_nothing_found(self) -> str:
         if self.depends_on:
             return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."
         if self.unexplained_share > 0.0:
             return "No known cause explains these logs, and the error depends on none of the quantities examined."
+        if self.hints:
+            return f"No cause found. {self.hints[0].words}"
         if self.calibration or self.tractor.discrepancy_model is not None:
             return "No cause found; a discrepancy model without a named cause lowers the error."
         if any("already" in note for note in self.notes):
             return "Nothing found beyond the effects already in the tractor file: see the notes."
+        if self.faults or self.columns:
+            return (
+                "Nothing else found: apart from that, the tractor drives as its file says, as far as these logs show."
+            )
+        unlike = [run.name for run in self.runs if run.unlike]
+        if unlike:
+            return (
+                f"Beside the runs unlike the others ({', '.join(unlike)}) nothing is found: as far as the other runs "
+                "show, the tractor drives as its file says."
+            )
         return "Nothing found: as far as these logs show, the tractor drives as its file says."
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,9 +21,12 @@ from vehicle.identification.fit.effect_parameters import (
     build_parameters,
     collect_settings,
     find_finest_size,
+    get_shown_blocks,
 )
+from vehicle.identification.fit.open_loop import ModelTerm
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.model_extension.tractor_extension import compute_shared_error
 from vehicle.identification.replay.drive_programmes import (
     DRIVE_PROGRAMMES,
     DriveProgramme,
@@ -32,7 +35,7 @@ from vehicle.identification.replay.drive_programmes import (
 )
 from vehicle.identification.residuals.noise_weights import ResidualChannel
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
-from vehicle.identification.thresholds import DECISIVE_LOSS, LEAST_GAIN, SURELY_SHOWN_FACTOR
+from vehicle.identification.thresholds import DECISIVE_LOSS, LEAST_GAIN, ONE_SPEED_SPREAD, SURELY_SHOWN_FACTOR
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     LIKELY,
@@ -44,19 +47,30 @@ from vehicle.identification.verdict.diagnosis_types import (
     convert_nonfinite_to_none,
 )
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
-from vehicle.model.effect_kinds import Interval
+from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import CATALOGUE, Effect, get_effect, get_neutral_values
 from vehicle.model.tractor import Tractor
 
 LATE_EFFECTS = ("antenna_forward", "gnss_latency", "steering_dead_time")
+ONE_SPEED_EFFECTS = ("antenna_forward", "position_delay")
+MOVING_SHARE = 0.3  # chosen, of the median speed: less is a start or a stop
 EffectValues = dict[str, float]
 
 
 def list_delay_like_effects(residual_model: ResidualModel) -> tuple[str, ...]:
-    """Return the effects that these logs cannot separate without a heading (the last one without a wheel angle)."""
+    """Return the effects that these logs cannot separate: without a heading (the last one without a wheel angle), or
+    at one speed."""
     if all(segment.heading_measured for segment in residual_model.dataset.segments):
-        return ()
+        return ONE_SPEED_EFFECTS if is_at_one_speed(residual_model) else ()
     return LATE_EFFECTS[:2] if residual_model.has_measured_wheel_angle else LATE_EFFECTS
+
+
+def is_at_one_speed(residual_model: ResidualModel) -> bool:
+    """Whether the tractor moves at nearly the same speed in all rows, apart from starts and stops."""
+    speed = np.concatenate([segment.speed_in_gear for segment in residual_model.dataset.segments])
+    moving = speed[speed > MOVING_SHARE * float(np.median(speed))]
+    low, middle, high = np.quantile(moving, (0.1, 0.5, 0.9)) if moving.size else (0.0, 0.0, 0.0)
+    return bool(high - low < ONE_SPEED_SPREAD * middle)
 
 
 def add_delay_like_competitors(
@@ -236,25 +250,41 @@ def find_smallest_visible(case: DiagnosisCase, entry: Effect) -> float | None:
         coordinates = parameters.clip(np.array(parameters.neutral) + share * np.array(parameters.typical))
         trace = projector(
             residual_model.compute_change(
-                collect_settings([*parts, (parameters, coordinates)]), bare_residuals, frozenset({entry.block})
+                collect_settings([*parts, (parameters, coordinates)]), bare_residuals, get_shown_blocks(entry.id)
             )
             - bare_residuals
         )
         strength = sum_squares(trace)
         if strength > SURELY_SHOWN_FACTOR * LEAST_GAIN * case.remaining_misfit:
-            return _compute_visible_size(tractor, parameters, coordinates, share, strength / case.remaining_misfit)
+            trial = _Trial(parameters, coordinates, share, strength / case.remaining_misfit)
+            return _compute_visible_size(case, trial, -float(trace @ bare_residuals) / strength)
     return None
 
 
-def _compute_visible_size(
-    tractor: Tractor, parameters: EffectParameters, coordinates: Array, share: float, strength: float
-) -> float | None:
-    """Return the size at which a gain that grows with the square of the size would just show."""
-    enough = share * math.sqrt(SURELY_SHOWN_FACTOR * LEAST_GAIN / strength)
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """An effect at coordinates that are a `share` of its typical size, and how strongly it shows (loss)."""
+
+    parameters: EffectParameters
+    coordinates: Array
+    share: float
+    strength: float
+
+
+def _compute_visible_size(case: DiagnosisCase, trial: _Trial, amount: float) -> float | None:
+    """Return the size at which a gain that grows with the square of the size would just show.
+
+    A size that the logs cannot exclude does not show: the size that they suggest, `amount` times that of the trial,
+    and beside it the error of such a value.
+    """
+    parameters, share = trial.parameters, trial.share
+    enough = share * math.sqrt(SURELY_SHOWN_FACTOR * LEAST_GAIN / trial.strength)
+    kind, finest = get_effect(parameters.id).kind, find_finest_size(case.tractor, parameters.id)
+    error = compute_shared_error(case.residual_model, ModelTerm(parameters, trial.coordinates))
+    chance = INTERVAL_SIGMAS * share / math.sqrt(trial.strength)
+    suggested = abs(amount) * share + math.hypot(chance, error / parameters.typical[0])
     return convert_nonfinite_to_none(
-        get_effect(parameters.id).kind.compute_smallest_detectable(
-            coordinates, enough, parameters.typical[0], find_finest_size(tractor, parameters.id)
-        )
+        kind.compute_smallest_detectable(trial.coordinates, max(enough, suggested), parameters.typical[0], finest)
     )
 
 
@@ -326,13 +356,18 @@ def _compute_programme_separation(
         trial = build_residual_model(
             simulated, replace(residual_model.rig, origin=(0.0, 0.0)), true_settings, residual_model.noise
         )
-        trial = replace(
-            trial,
-            wheel=_make_constant_channel_weights(residual_model.wheel, trial),
-            speed=_make_constant_channel_weights(residual_model.speed, trial),
-        )
+        trial = give_constant_channel_weights(residual_model, trial)
         losses.append(_compute_competitor_misfit(trial, tractor, wrong_settings, name))
     return min(losses)
+
+
+def give_constant_channel_weights(residual_model: ResidualModel, trial: ResidualModel) -> ResidualModel:
+    """Return the residual model of a simulated drive with the usual weights of the logs' wheel angles and speeds."""
+    return replace(
+        trial,
+        wheel=_make_constant_channel_weights(residual_model.wheel, trial),
+        speed=_make_constant_channel_weights(residual_model.speed, trial),
+    )
 
 
 def _make_constant_channel_weights(

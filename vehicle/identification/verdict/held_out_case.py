@@ -35,7 +35,12 @@ from vehicle.identification.residuals.noise_weights import (
     estimate_soil_and_speed_noise,
 )
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.thresholds import ABOVE_NOISE_FLOOR_FACTOR, ABOVE_NOISE_FLOOR_PER_ROW_S, FEW_PIECES_SIGMAS
+from vehicle.identification.thresholds import (
+    ABOVE_NOISE_FLOOR_FACTOR,
+    ABOVE_NOISE_FLOOR_PER_ROW_S,
+    CLEARLY_BEYOND_FACTOR,
+    FEW_PIECES_SIGMAS,
+)
 from vehicle.model.effects import SPEED, STEERING, STEERING_SPEED, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
@@ -194,15 +199,17 @@ def collect_calibrations(selection: CauseSelection) -> Settings:
 def is_calibration(residual_model: ResidualModel, term: ModelTerm) -> bool:
     """Whether an effect of the speed, a time or a play of the steering is within the tolerance of any tractor.
 
-    Drive lines differ by the tolerance. All steering is late by the interval of commands and rows, which no file
-    contains, and by what its own shape looks like; the way wheels of any make come to rest looks like a small play.
+    Drive lines differ by more than the tolerance, as a lag is what many shapes of a start look like. All steering is
+    late by the interval of commands and rows, which no file contains, and by what its own shape looks like; the way
+    wheels of any make come to rest looks like a small play.
     """
     entry = get_effect(term.parameters.id)
     of_steering = (entry.block == STEERING and entry.size.unit == "s") or STEERING_SPEED in entry.plot
+    factor = CLEARLY_BEYOND_FACTOR if entry.block == SPEED and entry.size.unit == "s" else 1.0
     beat_allowance = compute_shared_error(residual_model, term) if of_steering else 0.0
     return (of_steering or entry.block == SPEED) and term.parameters.compute_deviation(
         term.coordinates
-    ) <= get_tolerance(residual_model, term) + beat_allowance
+    ) <= factor * get_tolerance(residual_model, term) + beat_allowance
 
 
 def restore_real_noise(residual_model: ResidualModel, fit: EffectFit) -> ResidualModel:
@@ -285,11 +292,7 @@ def build_whole_dataset_case(dataset: DriveDataset, subset: DataSubset, case: Di
         (),
         *build_channels(dataset, case.residual_model.rig, case.fit.settings),
     )
-    settings, held_out = dict(_choose_unseen_settings(dataset, subset, case)), dict[int, HalfSettings]()
-    for number, run in enumerate(subset.runs):
-        settings[run] = collect_run_settings(case.extension.terms, number)
-        held_out[run] = case.extension.held_out_settings[number]
-    held_out |= {run: (run_settings, run_settings) for run, run_settings in settings.items() if run not in held_out}
+    settings, held_out = collect_whole_settings(dataset, subset, case)
     noise_floor = compute_noise_floor(residual_model, settings, tolerated=case.tolerated)
     return replace(
         case,
@@ -299,12 +302,30 @@ def build_whole_dataset_case(dataset: DriveDataset, subset: DataSubset, case: Di
     )
 
 
+def collect_whole_settings(
+    dataset: DriveDataset, subset: DataSubset, case: DiagnosisCase
+) -> tuple[dict[int, Settings], dict[int, HalfSettings]]:
+    """Return the settings of every run of the whole dataset, and those for its held-out windows."""
+    unseen = _choose_unseen_settings(dataset, subset, case)
+    settings = {run: collect_run_settings(case.extension.terms, number) for number, run in enumerate(subset.runs)}
+    held_out: dict[int, HalfSettings] = {
+        run: case.extension.held_out_settings[number] for number, run in enumerate(subset.runs)
+    }
+    return {**settings, **unseen}, {**held_out, **{run: (one, one) for run, one in unseen.items()}}
+
+
+def list_level_settings(terms: ModelTerms) -> list[Settings]:
+    """Return the settings that a run outside the fit may have: two where an effect has two levels."""
+    levels = [collect_run_settings(select_level(terms, level), 0) for level in (0, 1)]
+    return levels[:1] if levels[0] == levels[1] else levels
+
+
 def _choose_unseen_settings(dataset: DriveDataset, subset: DataSubset, case: DiagnosisCase) -> Mapping[int, Settings]:
     """Return the settings of runs outside the subset; of two levels, the one that suits a run better."""
     terms: ModelTerms = case.extension.terms
     unseen = [run for run in range(len(dataset.names)) if run not in subset.runs]
-    levels = [collect_run_settings(select_level(terms, level), 0) for level in (0, 1)]
-    if levels[0] == levels[1]:
+    levels = list_level_settings(terms)
+    if len(levels) == 1:
         return dict.fromkeys(unseen, levels[0])
     unseen_dataset = replace(
         dataset,

@@ -17,6 +17,7 @@ from vehicle.identification.cause_selection.challenge import (
 from vehicle.identification.cause_selection.evidence import is_helping_held_out, list_nameable_parts
 from vehicle.identification.cause_selection.refit import refit_with_covariates, refit_without
 from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.cause_selection.tolerances import is_within_tolerances
 from vehicle.identification.fit.effect_parameters import find_finest_size
 from vehicle.identification.fit.open_loop import ModelTerm, fit_terms
 from vehicle.identification.fit.residual_fit import EffectFit
@@ -36,12 +37,15 @@ from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import (
     ABOVE_UNNAMED_FACTOR,
     CLEARLY_BEYOND_FACTOR,
+    FAR_OUTWEIGHED_SHARE,
     HARM_PCT,
     LEAST_GAIN,
     LEAST_REPORTED_SHARE,
+    OUTWEIGHED_SHARE,
     WORTH_A_NAME_PCT,
     WORTH_OF_WHEEL_PCT,
 )
+from vehicle.identification.verdict.diagnosis_types import Hint
 from vehicle.identification.verdict.held_out_case import (
     ERROR_PIECE_S,
     DiagnosisCase,
@@ -51,6 +55,7 @@ from vehicle.identification.verdict.held_out_case import (
     is_calibration,
     is_within_noise,
 )
+from vehicle.identification.verdict.hints import describe_speed_changes
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import SPEED, STEERING, get_effect, get_neutral_values
 from vehicle.model.tractor import Tractor
@@ -167,12 +172,17 @@ ReportStep = Callable[[], None]
 
 @dataclass(frozen=True, eq=False)
 class ExplainedCase:
-    """The extension of the tractor and which of it is named; `sure_ids` is that of is_likely."""
+    """The extension of the tractor and which of it is named; `sure_ids` is that of is_likely.
+
+    `law_terms` are terms of the discrepancy model that stand for the law of a parameter, which explains what they
+    remove.
+    """
 
     case: DiagnosisCase
     names: list[str]
     open_loop_fit: OpenLoopFit | None
     sure_ids: frozenset[str] = frozenset()
+    law_terms: frozenset[str] = frozenset()
 
 
 def list_nameable(selection: CauseSelection, tractor: Tractor) -> list[str]:
@@ -211,9 +221,11 @@ def compute_unnamed_gain(fit: EffectFit) -> float:
     return float(removed @ removed)
 
 
-def explain_error(selection: CauseSelection, names: list[str], tractor: Tractor, step: ReportStep) -> ExplainedCase:
+def explain_error(
+    selection: CauseSelection, names: list[str], tractor: Tractor, step: ReportStep, with_search: bool = True
+) -> ExplainedCase:
     """Use the effects of the fit alone where they explain the error; else everything that lowers the error of held-out
-    runs."""
+    runs, unless that is not to be searched (`with_search`)."""
     likely = list_clear_parts(selection, tractor)
     sure_ids = find_sure_parts(selection, names, likely)
 
@@ -222,7 +234,7 @@ def explain_error(selection: CauseSelection, names: list[str], tractor: Tractor,
 
     names, case = _find_holding_names(lambda kept_names: build_case_with({*kept_names, *likely}), names)
     likely, case = _find_likely_together(build_case_with, case, names, sure_ids)
-    if is_within_noise(case, case.final_errors):
+    if not with_search or is_within_noise(case, case.final_errors):
         return ExplainedCase(case, names, None, sure_ids)
     likely_beside = [
         name for name in likely if get_effect(name).block in list_separate_blocks(selection.residual_model)
@@ -326,15 +338,26 @@ def _drop_doubtful(selection: CauseSelection, explained_case: ExplainedCase) -> 
     }
     if not doubtful:
         return explained_case
+    smaller = keep_terms(selection, explained_case, case.extension.term_ids - doubtful)
+    names = [name for name in explained_case.names if is_holding(smaller.case, name)]
+    return _drop_doubtful(selection, replace(smaller, names=names))
+
+
+def keep_terms(selection: CauseSelection, explained_case: ExplainedCase, kept_ids: Collection[str]) -> ExplainedCase:
+    """Return the case with some of its terms alone; those of the open-loop error are fitted again."""
+    names, open_loop_fit = [name for name in explained_case.names if name in kept_ids], explained_case.open_loop_fit
+    if open_loop_fit is None:
+        kept_effects = explained_case.case.extension.term_ids & frozenset(kept_ids)
+        extension = build_fit_extension(selection.residual_model, selection.fit, kept_effects)
+        return replace(explained_case, case=build_case(selection, extension), names=names)
     fixed_terms, kept_terms = (
-        tuple(term for term in terms if term.parameters.id not in doubtful)
+        tuple(term for term in terms if term.parameters.id in kept_ids)
         for terms in (open_loop_fit.loop.fixed_terms, open_loop_fit.model.terms)
     )
     loop = replace(open_loop_fit.loop, fixed_terms=fixed_terms)
     smaller_fit = OpenLoopFit(loop, fit_terms(loop, kept_terms))
     case = _build_extended_case(selection, smaller_fit)
-    names = [name for name in explained_case.names if is_holding(case, name)]
-    return _drop_doubtful(selection, ExplainedCase(case, names, smaller_fit, explained_case.sure_ids))
+    return replace(explained_case, case=case, names=names, open_loop_fit=smaller_fit)
 
 
 def _is_extension_supported(selection: CauseSelection, case: DiagnosisCase, name: str) -> bool:
@@ -377,10 +400,14 @@ def _get_least_error_reduction(residual_model: ResidualModel, name: str) -> floa
 
 @dataclass(frozen=True)
 class UnexplainedError:
-    """Error that no effect explains: share of the error over 5 s above the noise floor, and horizons (s) above it."""
+    """Error that no effect explains: share of the error over 5 s above the noise floor, and horizons (s) above it.
+
+    Where a `hint` tells of starts and stops, the share is that at the measured speed.
+    """
 
     share: float
     above_s: tuple[float, ...]
+    hint: Hint | None = None
 
 
 def measure_unexplained(explained_case: ExplainedCase, before: Array) -> UnexplainedError:
@@ -389,15 +416,67 @@ def measure_unexplained(explained_case: ExplainedCase, before: Array) -> Unexpla
     Terms of the discrepancy model are no effects: what they remove is described, not explained.
     """
     case = explained_case.case
-    squares = case.simulate_squares(
-        case.extension.select_held_out_settings(case.extension.term_ids - frozenset(TERMS_BY_NAME))
-    )
+    described_ids = frozenset(TERMS_BY_NAME) - explained_case.law_terms
+    settings = case.extension.select_held_out_settings(case.extension.term_ids - described_ids)
+    squares = case.simulate_squares(settings)
     horizons_above = find_horizons_above_noise(case, squares)
     if ERROR_PIECE_S not in horizons_above:
         return UnexplainedError(0.0, horizons_above)
+    hint = describe_speed_changes(case)
+    if hint is not None:
+        squares = case.simulate_squares(settings, by_speed=True)
+        if is_within_noise(case, case.compute_run_errors(squares), by_chance=True):
+            return UnexplainedError(0.0, horizons_above, hint)
     noise_floor, remaining_error = (
         float(case.compute_run_errors(case.noise_floor).sum()),
         float(case.compute_run_errors(squares).sum()),
     )
     share = (remaining_error - noise_floor) / max(float(before.sum()) - noise_floor, remaining_error - noise_floor)
-    return UnexplainedError(float(share) if share > LEAST_REPORTED_SHARE else 0.0, horizons_above)
+    return UnexplainedError(float(share) if share > LEAST_REPORTED_SHARE else 0.0, horizons_above, hint)
+
+
+def drop_outweighed_names(selection: CauseSelection, explained_case: ExplainedCase) -> ExplainedCase:
+    """Return the case without names that explain little beside what no effect explains.
+
+    A name that removes less than OUTWEIGHED_SHARE of the error that remains is only likely, and with less than
+    FAR_OUTWEIGHED_SHARE it is left out: what causes the rest may look like it. Effects that sensors separate from the
+    path (list_separate_blocks) show on their own and keep their names.
+    """
+    case, separate_blocks = explained_case.case, list_separate_blocks(selection.residual_model)
+    doubtful = [name for name in explained_case.names if get_effect(name).block not in separate_blocks]
+    if not doubtful or is_within_noise(case, case.final_errors, by_chance=True):
+        return explained_case
+    weights = {name: _weigh_against_rest(case, name) for name in doubtful}
+    kept_ids = {name for name in case.extension.term_ids if weights.get(name, 1.0) >= FAR_OUTWEIGHED_SHARE}
+    names = [name for name in explained_case.names if weights.get(name, 1.0) >= OUTWEIGHED_SHARE]
+    smaller = explained_case if kept_ids == case.extension.term_ids else keep_terms(selection, explained_case, kept_ids)
+    return replace(smaller, names=names)
+
+
+def _weigh_against_rest(case: DiagnosisCase, name: str) -> float:
+    """Return the squared error that a name removes, as a share of what remains above the noise with effects alone."""
+    effects = case.extension.term_ids - frozenset(TERMS_BY_NAME)
+    with_name, without = (
+        float(case.simulate_run_errors(case.extension.select_held_out_settings(kept), by_speed=True).sum())
+        for kept in (effects, effects - {name})
+    )
+    rest = with_name - float(case.compute_run_errors(case.noise_floor).sum())
+    return (without - with_name) / rest if rest > 0.0 else 1.0
+
+
+def drop_open_names(selection: CauseSelection, explained_case: ExplainedCase) -> ExplainedCase:
+    """Return the case without names that tolerances of the tractor file may look like, unless an alternative is known.
+
+    With one the set is told, and the drive that decides.
+    """
+    residual_model, fit = selection.residual_model, selection.fit
+    open_ids = {
+        name
+        for name in explained_case.names
+        if name in fit.settings
+        and not selection.lookalikes.get(name)
+        and is_within_tolerances(residual_model, fit, name)
+    }
+    if not open_ids:
+        return explained_case
+    return keep_terms(selection, explained_case, explained_case.case.extension.term_ids - open_ids)

@@ -32,7 +32,7 @@ from vehicle.model.effects import (
     get_effect,
 )
 from vehicle.model.tractor import Settings
-from vehicle.sim.effect_terms import GRAVITY_MPS2
+from vehicle.records import GRAVITY_MPS2
 
 RATE_SPAN_S = 1.0  # span of the rates: a receiver resolves a degree of course over about a metre
 CURVE_BINS = 12  # enough to see a curve

@@ -24,7 +24,7 @@ export async function filePicker(kind, title, { accept = "", changed = () => {},
     if (file.files.length) await addFile(kind, file.files[0], trouble, (made) => list(made.name));
     file.value = "";
   });
-  await list(chosen ?? ((kind !== "tables" && lastChosen(kind)) || first));
+  await list(chosen ?? ((!["tables", "elevations"].includes(kind) && lastChosen(kind)) || first));
   const change = el("a", { class: "small", href: `#/library/${kind}` }, "Rename, replace, copy or delete in the library");
   const node = el("div", { class: "stack" }, labelled(title, select, hint), labelled("Add a file", file), trouble, el("p", {}, change));
   return { node, select, list, value: () => select.value || null, sample: () => Boolean(all.find((one) => one.name === select.value)?.sample), options: () => all.find((one) => one.name === select.value)?.options ?? {} };

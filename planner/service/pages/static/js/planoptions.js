@@ -23,9 +23,14 @@ export const MORE = [
     ["overhang", "Reach over open edges, m", num("By default 0.5.")], ["margin", "Distance to obstacles and fences, m", num("By default 0.3.")], ["part", "Part of a divided field", num("1 is the largest.")],
     ["entrance", "Entrance: LON,LAT", { hint: "By default that of the file." }], ["refill", "Refill: headland, tender or LON,LAT", {}], ["obstacle", "More obstacles: LON,LAT,RADIUS", { many: true, hint: "Several with ; between." }],
   ]],
+  ["Ground", [
+    ["soil", "Soil", { hint: "Such as loam, clay or soft; by default level ground without a load." }], ["moisture", "Moisture of the soil, percent", num("By default as a day or two after rain.")],
+    ["swaths", "Tracks", { choices: ["", "contour"], words: { "": "as the work needs", contour: "along contours" } }],
+    ["elevation_crs", "Coordinate system of the heights", { hint: "For example EPSG:25832; only for a file that names none." }],
+  ]],
   ["Costs", [
     ["price_per_hour", "Price per tractor and hour", num("By default 40.")], ["price_per_tractor", "Price per tractor brought", num("By default 0.")], ["budget", "Budget", num()],
-    ["objective", "The best plan is the", { choices: ["", "fastest", "cheapest", "surest"], words: { "": "best compromise" } }],
+    ["objective", "The best plan is the", { choices: ["", "fastest", "cheapest", "surest", "fuel"], words: { "": "best compromise", fuel: "one of least fuel" } }],
   ]],
   ["Simulation", [
     ["samples", "Samples of what varies", num("10000 with a deadline or rain.")], ["seed", "Seed", num("By default 1.")],
@@ -67,4 +72,4 @@ export function writeOptions(form, request) {
 }
 
 /** The name of the control that a parameter of the service belongs to. */
-export const controlName = (parameter) => ({ strategies: "strategy", headland_first: "headland_order", headland_last: "headland_order", no_headland: "headland_order", farm: "farms", field: "fields", tractor: "farm_tractor" }[parameter] ?? parameter);
+export const controlName = (parameter) => ({ strategies: "strategy", headland_first: "headland_order", headland_last: "headland_order", no_headland: "headland_order", farm: "farms", field: "fields", elevation: "elevations", tractor: "farm_tractor" }[parameter] ?? parameter);

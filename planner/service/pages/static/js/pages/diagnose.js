@@ -28,17 +28,20 @@ export async function open(main, shell, [id = null]) {
   await draw();
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" });
   const ground = el("select", { name: "ground" }, option("soil"), option("asphalt"));
+  const heldOut = el("select", { name: "holdout" }, option("none"), option("auto", "a quarter of them"));
   const ask = async (request, action) => {
     action.disabled = true;
     try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { action.disabled = false; }
   };
-  const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value }, run), "main");
+  const holdout = () => (heldOut.value === "auto" ? { holdout: ["auto"] } : {});
+  const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value, ...holdout() }, run), "main");
   const demo = button("Demonstrate with simulated logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
   const sample = button("Try it with a sample log", () => ask({ logs: ["sample"] }, sample));
   put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
       el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run per file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
-      el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground))),
+      el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground)),
+        labelled("Hold out runs", heldOut, "Runs with no part in anything show what the result is worth; a tractor file that does not help there is not saved.")),
       trouble, el("div", { class: "row" }, run, sample, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
 }
 

@@ -10,6 +10,7 @@ import { moment, plural, size } from "../words.js";
 const SHELVES = {
   fields: ["Fields", "Add a field", "Plan it"], tractors: ["Tractors", "Add a tractor file", "Plan with it"], farms: ["Farms", "Add a farm file", "Edit"],
   plans: ["Plans", "", "Open"], days: ["Days", "", "Open"], diagnoses: ["Diagnoses", "", "Open"], logs: ["Logs", "Add a log", ""], tables: ["Tables", "Add a table of rain or GNSS errors", ""],
+  elevations: ["Heights", "Add heights of a field", ""],
 };
 const USES = { fields: () => "#/plan", tractors: () => "#/plan", farms: (one) => `#/farm/${encodeURIComponent(one.name)}`, plans: (one) => `#/plan/${one.id}`, days: (one) => `#/day/${one.id}`, diagnoses: (one) => `#/diagnose/${one.id}` };
 const TYPED_MS = 250;

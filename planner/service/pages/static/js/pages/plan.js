@@ -6,6 +6,7 @@ import { filePicker } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
 import { fieldMap } from "../fieldmap.js";
 import { earlier } from "../jobs.js";
+import { ACCEPTED } from "../shelf.js";
 import { MACHINES, MORE, TIME, WORK, controlName, optionGrid, readOptions, writeOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
@@ -58,6 +59,7 @@ export async function open(main, shell) {
   const listMachines = async (name) => put(ofFarm, name ? await machinesOf(name, draft) : null);
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105", chosen: draft.tractors }), farm = await filePicker("farms", "Farm", { accept: ".toml", none: "no farm file", chosen: draft.farms, changed: listMachines });
   const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", chosen: draft.rain, hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", "GNSS errors by a table", { accept: ".csv", none: "no table", chosen: draft.gnss, hint: "Made with headland gnss fit." });
+  const elevation = await filePicker("elevations", "Heights of the field", { accept: ACCEPTED.elevations, none: "level ground", chosen: draft.elevation, hint: "A GeoTIFF, an ASCII grid, or points: CSV, GeoJSON, KML, GPX, or a zip with a Shapefile." });
   const trouble = el("div", { class: "trouble" }), form = el("form", { class: "stack steps", novalidate: true });
   const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn), change = button("Change this field", () => edit(true), "small");
   let editor = null;
@@ -90,7 +92,7 @@ export async function open(main, shell) {
     el("section", { class: "panel stack" }, el("h2", {}, "Work"), optionGrid(WORK)),
     el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), optionGrid(TIME),
       el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), optionGrid(rows)]),
-        el("div", { class: "two even" }, rain.node, gnss.node))),
+        el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
     trouble, el("div", { class: "row" }, run));
   if (draft.request) writeOptions(form, draft.request);
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
@@ -101,7 +103,7 @@ export async function open(main, shell) {
     put(trouble);
     for (const marked of form.querySelectorAll("[aria-invalid]")) for (const name of ["aria-invalid", "aria-describedby"]) marked.removeAttribute(name);
     try {
-      const job = await post("plans", requestOf(form, { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value() }));
+      const job = await post("plans", requestOf(form, { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }));
       location.hash = `#/plan/${part(job.id)}`;
     } catch (error) {
       refused(form, trouble, error);
@@ -120,7 +122,7 @@ function takeDraft() {
   if (!request) return {};
   const [fields, parcel = ""] = String(request.field ?? "").split("#"), rain = /^(.*)\.csv$/i.exec(request.rain ?? "")?.[1];
   const strategies = [request.strategies ?? "all"].flat().join(",");
-  return { request: { ...request, rain: rain ? null : request.rain }, reading: { local: request.local, swap_axes: request.swap_axes, crs: request.crs }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table,
+  return { request: { ...request, rain: rain ? null : request.rain }, reading: { local: request.local, swap_axes: request.swap_axes, crs: request.crs }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table, elevation: request.elevation,
     strategies: strategies === "all" ? STRATEGIES : strategies.split(","), ignore: request.ignore, guidance_line: request.guidance_line };
 }
 
@@ -156,6 +158,7 @@ function requestOf(form, files) {
   if (files.farm) request.farm = files.farm;
   if (files.rain && !request.rain) request.rain = `${files.rain}.csv`;
   if (files.gnss) request.gnss_table = files.gnss;
+  if (files.elevation) request.elevation = files.elevation;
   for (const name of ["local", "swap_axes"]) if (form.elements[name].checked || files.said[name]) request[name] = form.elements[name].checked;
   return request;
 }

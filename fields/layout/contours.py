@@ -1,0 +1,264 @@
+"""Swaths along contours: lines at even distances from one smooth line that follows a contour of the ground.
+
+The guide is a contour whose heading is smoothed until neither it nor any line beside it bends more tightly than
+tractors turn. Places are measured along the guide (s) and to its left (d). In these coordinates swaths are straight and
+parallel, so that the same rules lay them; back on the ground neighbours are their spacing apart everywhere, as d is a
+distance. With the curvature k of the guide, positive to the left, the line at d has the curvature k / (1 - k d).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from fields.errors import FieldError, mark_parameter
+from fields.geometry.field import Field
+from fields.layout.headland_passes import compute_inner_region
+from fields.layout.parallel_lines import FloatArray, PatternRules, compute_axes, fill_region
+from fields.layout.swaths import (
+    Layout,
+    Swath,
+    build_swaths,
+    number_from_longer_side,
+    orient_bearing_by_outline,
+)
+from fields.terrain.elevation_grid import ElevationGrid, NodeFrame
+from fields.terrain.slopes import cut_into_steps, interpolate_gradients, trace_height
+
+STEP_M = 1.0  # between the points of guides and swaths
+HEIGHT_SHARES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the ground below the contours that are tried as guides
+SMOOTHING_M = (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)  # standard deviations tried, along the contour
+MIN_CONTOUR_SHARE = 0.25  # of the root of the area: shorter contours say little about the field
+STRAIGHT_M = 0.01  # swaths that leave their chord by less are straight
+DISTANCE_TOLERANCE_M = 0.1  # a line that is nearer to the guide by more comes round to it again
+CHECK_EVERY = 5  # points of a swath
+NEWTON_STEPS = 3
+MIN_SWATH_LENGTH_M = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class GuideCurve:
+    """A smooth line, straight beyond its ends: points (n, 2), STEP_M apart, and headings (n,) in radians, unwrapped."""
+
+    points: FloatArray
+    headings: FloatArray
+
+    @property
+    def length_m(self) -> float:
+        """Length between the ends."""
+        return STEP_M * (len(self.points) - 1)
+
+    @cached_property
+    def curvatures(self) -> FloatArray:
+        """Curvature of each step (n - 1,), positive to the left, 1/m."""
+        return np.asarray(np.diff(self.headings) / STEP_M)
+
+    def build_line(self, reach_m: float) -> shapely.LineString:
+        """The guide with straight ends of `reach_m`."""
+        ends = np.array([[-reach_m, 0.0], [self.length_m + reach_m, 0.0]])
+        first, last = self.place(ends)
+        return shapely.LineString(np.concatenate([[first], self.points, [last]]))
+
+    def place(self, measured: FloatArray) -> FloatArray:
+        """Points (n, 2) on the ground from places along and beside the guide (n, 2)."""
+        along = measured[:, 0]
+        stations = STEP_M * np.arange(len(self.points))
+        inside = np.clip(along, 0.0, self.length_m)
+        heading = np.interp(inside, stations, self.headings)
+        ahead = np.column_stack([np.cos(heading), np.sin(heading)])
+        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        foot = np.column_stack([np.interp(inside, stations, axis) for axis in self.points.T])
+        placed: FloatArray = foot + (along - inside)[:, None] * ahead + measured[:, 1:] * left
+        return placed
+
+    def locate(self, points: FloatArray) -> FloatArray:
+        """Places along and beside the guide (n, 2) of points on the ground (n, 2): those nearest to the guide."""
+        reach_m = float(np.hypot(*np.ptp(np.concatenate([points, self.points]), axis=0))) + STEP_M
+        along = shapely.line_locate_point(self.build_line(reach_m), shapely.points(points)) - reach_m
+        for _ in range(NEWTON_STEPS):
+            inside = np.clip(along, 0.0, self.length_m)
+            heading = np.interp(inside, STEP_M * np.arange(len(self.points)), self.headings)
+            offset = points - self.place(np.column_stack([along, np.zeros(len(along))]))
+            ahead = offset[:, 0] * np.cos(heading) + offset[:, 1] * np.sin(heading)
+            beside = offset[:, 1] * np.cos(heading) - offset[:, 0] * np.sin(heading)
+            step = np.clip((along / STEP_M).astype(np.int64), 0, len(self.curvatures) - 1)
+            curvature = np.where(along == inside, self.curvatures[step], 0.0)
+            along = along + ahead / np.maximum(1.0 - curvature * beside, 0.1)
+        return np.column_stack([along, beside])
+
+
+def lay_contour_swaths(
+    field: Field,
+    grid: ElevationGrid,
+    width_m: float,
+    headland_m: float,
+    headland_passes: int,
+    radius_m: float,
+    min_spacing_m: float = 0.0,
+) -> Layout:
+    """Lay swaths along contours inside worked headland passes.
+
+    Of the contours and smoothings tried, the one is taken whose swaths climb least per metre.
+
+    Args:
+        field: the field.
+        grid: its heights.
+        width_m: working width, the largest spacing of the lines.
+        headland_m: depth of the headland, as in `lay_swaths`.
+        headland_passes: worked passes of the headland, 1 or more.
+        radius_m: no swath bends more tightly.
+        min_spacing_m: smallest spacing of the lines, but at most the width.
+
+    Raises:
+        FieldError: no contour leads through the field, or no swath fits.
+    """
+    region = compute_inner_region(field, headland_passes * width_m)
+    rules = PatternRules(width_m, 0.0, MIN_SWATH_LENGTH_M, 0.5 * width_m, region.area, min_spacing_m)
+    best: tuple[float, GuideCurve, tuple[Swath, ...]] | None = None
+    for contour in () if region.is_empty else _iter_contours(grid, region):
+        for one in _iter_guides(contour, region, max(radius_m, 0.5 * width_m)):
+            guide = _orient_guide(one, field)
+            swaths = _lay_along_guide(guide, region, rules)
+            climb = round(measure_climb(swaths, grid), 6) if swaths else math.inf
+            if swaths and (best is None or climb < best[0]):
+                best = climb, guide, swaths
+    if best is None:
+        raise FieldError(
+            f"No contour leads through field '{field.name}' inside a headland of {headland_m:g} m: the ground is "
+            f"level, or its contours close inside the field; leave {mark_parameter('swaths')} straight.",
+            parameter="swaths",
+        )
+    _, guide, swaths = best
+    depth_m = headland_passes * width_m
+    bearing_rad = _compute_mean_heading(guide)
+    return Layout(field, bearing_rad, width_m, depth_m, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
+
+
+def measure_climb(swaths: tuple[Swath, ...], grid: ElevationGrid) -> float:
+    """Mean size of the slope along swaths (m/m), each metre counted once."""
+    steps = [cut_into_steps(swath.points_m) for swath in swaths]
+    middles = np.concatenate([middle for middle, _ in steps])
+    vectors = np.concatenate([vector for _, vector in steps])
+    climbs = np.abs((interpolate_gradients(grid, middles) * vectors).sum(axis=1))
+    return float(climbs.sum() / np.hypot(*vectors.T).sum())
+
+
+def _iter_contours(grid: ElevationGrid, region: shapely.Geometry) -> Iterator[FloatArray]:
+    """The longest open contour (n, 2) through a region at each of several heights."""
+    inside = NodeFrame(grid.west_m, grid.south_m, grid.spacing_m, *grid.heights_m.shape).find_inside(region)
+    if not inside.any():
+        return
+    heights = np.unique(np.round(np.quantile(grid.heights_m[inside], HEIGHT_SHARES), 6))
+    for height_m in heights.tolist():
+        pieces = [points for points in trace_height(grid, height_m) if math.dist(points[0], points[-1]) > STEP_M]
+        lengths = [shapely.intersection(shapely.LineString(points), region).length for points in pieces]
+        if lengths and max(lengths) >= MIN_CONTOUR_SHARE * math.sqrt(region.area):
+            yield pieces[int(np.argmax(lengths))]
+
+
+def _iter_guides(contour: FloatArray, region: shapely.Geometry, radius_m: float) -> Iterator[GuideCurve]:
+    """Guides along a contour that may have swaths at any place of a region: the least smoothed, and a straight one."""
+    for smoothing_m in SMOOTHING_M:
+        guide = smooth_contour(contour, smoothing_m)
+        if guide is not None and _has_room_to_bend(guide, region, radius_m):
+            yield guide
+            break
+    chord = contour[-1] - contour[0]
+    heading = math.atan2(chord[1], chord[0])
+    along = STEP_M * np.arange(max(2, math.ceil(math.hypot(*chord) / STEP_M)))
+    middle = contour.mean(axis=0)
+    points = middle + (along - 0.5 * along[-1])[:, None] * compute_axes(heading)[0]
+    yield GuideCurve(points, np.full(len(points), heading))
+
+
+def smooth_contour(contour: FloatArray, smoothing_m: float) -> GuideCurve | None:
+    """A guide along a contour (n, 2): its heading, smoothed along it by a Gaussian; None if it is too short for that.
+
+    Straight lines and arcs keep their shape, as the heading is continued at its ends as it runs there. The guide has
+    the middle and the mean direction of the contour.
+    """
+    line = shapely.LineString(contour)
+    count = int(line.length / STEP_M)
+    reach = math.ceil(3.0 * smoothing_m / STEP_M)
+    if count <= reach + 1:
+        return None
+    places = shapely.get_coordinates(shapely.line_interpolate_point(line, np.linspace(0.0, line.length, count + 1)))
+    steps = np.diff(places, axis=0)
+    headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
+    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * STEP_M / smoothing_m) ** 2)
+    continued = np.concatenate(
+        [2.0 * _fit_end(headings, reach) - headings[reach:0:-1], headings,
+         2.0 * _fit_end(headings[::-1], reach) - headings[-2 : -reach - 2 : -1]]
+    )  # fmt: skip
+    smooth = np.convolve(continued, kernel / kernel.sum(), mode="valid")
+    points = np.concatenate([[[0.0, 0.0]], np.cumsum(STEP_M * np.column_stack([np.cos(smooth), np.sin(smooth)]), 0)])
+    ends = 1.5 * smooth[[0, -1]] - 0.5 * smooth[[1, -2]]
+    node_headings = np.concatenate([ends[:1], 0.5 * (smooth[1:] + smooth[:-1]), ends[1:]])
+    return _move_onto(GuideCurve(points, node_headings), places)
+
+
+def _fit_end(headings: FloatArray, reach: int) -> float:
+    """The heading at the beginning of a row of them, by a straight fit over the first of them."""
+    some = headings[: max(reach, 4)]
+    return float(np.polyfit(np.arange(len(some)), some, 1)[1])
+
+
+def _move_onto(guide: GuideCurve, places: FloatArray) -> GuideCurve:
+    """The guide turned and moved so that its points lie as near to as many places (n, 2) as they can (Kabsch)."""
+    own, other = guide.points - guide.points.mean(axis=0), places - places.mean(axis=0)
+    turn = math.atan2(float((own[:, 0] * other[:, 1] - own[:, 1] * other[:, 0]).sum()), float((own * other).sum()))
+    return GuideCurve(own @ compute_axes(turn) + places.mean(axis=0), guide.headings + turn)
+
+
+def _has_room_to_bend(guide: GuideCurve, region: shapely.Geometry, radius_m: float) -> bool:
+    """Whether lines beside a guide keep a radius at every distance that a region has from it."""
+    beside = guide.locate(shapely.get_coordinates(shapely.segmentize(region, 5.0 * STEP_M)))[:, 1]
+    left_m, right_m = max(float(beside.max()), 0.0), max(-float(beside.min()), 0.0)
+    curvatures = guide.curvatures
+    return bool(curvatures.max() <= 1.0 / (radius_m + left_m) and -curvatures.min() <= 1.0 / (radius_m + right_m))
+
+
+def _compute_mean_heading(guide: GuideCurve) -> float:
+    """The mean direction of a guide in (-pi, pi]."""
+    return math.atan2(float(np.sin(guide.headings).mean()), float(np.cos(guide.headings).mean()))
+
+
+def _orient_guide(guide: GuideCurve, field: Field) -> GuideCurve:
+    """The guide in the direction in which the outline of a field points."""
+    heading = _compute_mean_heading(guide)
+    if abs(math.remainder(orient_bearing_by_outline(field, heading) - heading, math.tau)) < 0.5 * math.pi:
+        return guide
+    return GuideCurve(guide.points[::-1], guide.headings[::-1] + math.pi)
+
+
+def _lay_along_guide(guide: GuideCurve, region: shapely.Geometry, rules: PatternRules) -> tuple[Swath, ...]:
+    """The swaths of a guide over a region; none where they come round to it again, or where none fits."""
+    measured = shapely.transform(shapely.segmentize(region, STEP_M), guide.locate)
+    pattern = fill_region(shapely.make_valid(measured), 0.0, rules)
+    if pattern is None:
+        return ()
+    measured_swaths = build_swaths(pattern, np.eye(2))
+    swaths = tuple(_bend_swath(swath, guide) for swath in measured_swaths)
+    line = guide.build_line(math.dist(region.bounds[:2], region.bounds[2:]))
+    shapely.prepare(line)
+    for swath, straight in zip(swaths, measured_swaths, strict=True):
+        distances = shapely.distance(line, shapely.points(swath.points_m[::CHECK_EVERY]))
+        if float(np.abs(distances - abs(straight.start_m[1])).max()) > DISTANCE_TOLERANCE_M:
+            return ()
+    return number_from_longer_side(swaths)
+
+
+def _bend_swath(swath: Swath, guide: GuideCurve) -> Swath:
+    """A swath on the ground, from one along and beside a guide."""
+    count = max(2, math.ceil(swath.length_m / STEP_M) + 1)
+    points = guide.place(np.linspace(swath.start_m, swath.end_m, count))
+    ends = (float(points[0, 0]), float(points[0, 1])), (float(points[-1, 0]), float(points[-1, 1]))
+    chord = shapely.LineString(ends)
+    if float(shapely.distance(chord, shapely.points(points)).max()) < STRAIGHT_M:
+        return replace(swath, start_m=ends[0], end_m=ends[1])
+    return replace(swath, start_m=ends[0], end_m=ends[1], via_m=tuple(map(tuple, points[1:-1].tolist())))

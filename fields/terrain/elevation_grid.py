@@ -1,0 +1,109 @@
+"""Heights of a field on a square grid in its plane."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from dataclasses import field as member
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from fields.errors import HeadlandError
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+MIN_NODES, MAX_NODES = 4, 250_000
+"""Nodes along each side that a smooth surface through them needs, and nodes of one grid at most."""
+
+
+class ElevationError(HeadlandError):
+    """Heights that cannot be used for a field; names the parameter `elevation`."""
+
+    def __init__(self, sentence: str, *, parameter: str | None = "elevation") -> None:
+        super().__init__(sentence, parameter=parameter)
+
+
+@dataclass(frozen=True, eq=False)
+class ElevationGrid:
+    """Heights at the nodes of a grid, metres in the plane of the field: x east, y north.
+
+    Attributes:
+        west_m, south_m: place of the node `heights_m[0, 0]`.
+        spacing_m: distance of neighbouring nodes, the same both ways.
+        heights_m: shape (rows from south to north, columns from west to east), all finite.
+        is_measured: same shape; False where a height is continued from measured ones.
+        source: where the heights come from and how they were gridded, in words.
+        remarks: sentences on what a reader should know: gaps, edges, noise, units.
+
+    Raises:
+        ElevationError: the grid is too small, or a height is not finite.
+    """
+
+    west_m: float
+    south_m: float
+    spacing_m: float
+    heights_m: FloatArray
+    is_measured: BoolArray | None = None
+    source: str = ""
+    remarks: tuple[str, ...] = member(default=())
+
+    def __post_init__(self) -> None:
+        heights = np.ascontiguousarray(self.heights_m, dtype=np.float64)
+        if heights.ndim != 2 or min(heights.shape) < MIN_NODES:
+            raise ElevationError(
+                f"A grid of heights has the shape {heights.shape}; it needs {MIN_NODES} rows and columns or more."
+            )
+        if not (np.isfinite(heights).all() and np.isfinite([self.west_m, self.south_m]).all() and self.spacing_m > 0.0):
+            raise ElevationError("A grid of heights has values that are not finite; give measured heights.")
+        object.__setattr__(self, "heights_m", heights)
+
+    @property
+    def xs_m(self) -> FloatArray:
+        """Places of the columns, metres east."""
+        return np.asarray(self.west_m + self.spacing_m * np.arange(self.heights_m.shape[1]))
+
+    @property
+    def ys_m(self) -> FloatArray:
+        """Places of the rows, metres north."""
+        return np.asarray(self.south_m + self.spacing_m * np.arange(self.heights_m.shape[0]))
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """West, south, east and north of the outermost nodes."""
+        return self.west_m, self.south_m, float(self.xs_m[-1]), float(self.ys_m[-1])
+
+
+@dataclass(frozen=True)
+class NodeFrame:
+    """Places of the nodes of a grid over a field, metres: the south-west one, the spacing, rows and columns."""
+
+    west_m: float
+    south_m: float
+    spacing_m: float
+    rows: int
+    columns: int
+
+    def list_places(self) -> FloatArray:
+        """All nodes, shape (rows * columns, 2), row by row from the south-west."""
+        xs = self.west_m + self.spacing_m * np.arange(self.columns)
+        ys = self.south_m + self.spacing_m * np.arange(self.rows)
+        return np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+
+    def find_inside(self, region: shapely.Geometry) -> BoolArray:
+        """Whether each node is in a region, shape (rows, columns)."""
+        shapely.prepare(region)
+        x, y = self.list_places().T
+        return np.asarray(shapely.contains_xy(region, x, y)).reshape(self.rows, self.columns)
+
+
+def lay_nodes(region: shapely.Geometry, spacing_m: float, margin_m: float) -> NodeFrame:
+    """Nodes over a region and a margin round it, on whole multiples of the spacing; wider where there were too many."""
+    west, south, east, north = region.buffer(margin_m).bounds
+    spacing_m = max(spacing_m, math.sqrt((east - west) * (north - south) / MAX_NODES))
+    first_column, first_row = math.floor(west / spacing_m), math.floor(south / spacing_m)
+    columns, rows = math.ceil(east / spacing_m) - first_column + 1, math.ceil(north / spacing_m) - first_row + 1
+    return NodeFrame(
+        first_column * spacing_m, first_row * spacing_m, spacing_m, max(rows, MIN_NODES), max(columns, MIN_NODES)
+    )

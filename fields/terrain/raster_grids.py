@@ -1,0 +1,208 @@
+"""A grid of heights in the plane of a field from the cells of a raster in any system, size and order."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import shapely
+
+from fields.geometry.field import Field
+from fields.geometry.geodesy import project
+from fields.terrain.checks import (
+    MIN_SPIKE_M,
+    check_height_range,
+    describe_place,
+    describe_spikes,
+)
+from fields.terrain.elevation_grid import BoolArray, ElevationError, ElevationGrid, FloatArray, lay_nodes
+from fields.terrain.gap_filling import fill_gaps
+from fields.terrain.rasters import MAX_CELLS, Raster, average_blocks
+from fields.text_files import quote_path
+
+MIN_SPACING_M, MAX_SPACING_M = 2.0, 10.0
+"""Finer cells are averaged, as a tractor's axles are more than 2 m apart; a smooth curve leads through coarser ones."""
+MARGIN_M = 40.0
+"""Ground round a field over which machines may turn; heights there are continued if the raster ends. Chosen: a
+bulb of 12 m radius reaches 33 m ahead."""
+EXTRA_CELLS, FILLED_CELLS = 3, 8
+"""Cells (of the grid, if finer) read beyond those needed, for the curve through them; and how far holes are bridged."""
+SPIKE_CELLS = 5
+
+
+def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> ElevationGrid:
+    """Heights of a raster on a grid over the outline of a field.
+
+    Args:
+        crs: system of the raster; None if its coordinates are those of a field in local metres.
+
+    Raises:
+        ElevationError: the raster lies elsewhere, has holes in the field, or is too large.
+    """
+    label = quote_path(raster.path)
+    cell_m = _measure_cells(raster, field, outline, crs)
+    frame = lay_nodes(outline, min(max(MIN_SPACING_M, *cell_m), MAX_SPACING_M), MARGIN_M)
+    at_nodes = raster.find_cells(_convert_to_raster(frame.list_places(), field, crs))
+    extra = EXTRA_CELLS * math.ceil(frame.spacing_m / min(cell_m))
+    rows, columns = _choose_window(raster, at_nodes, extra, field, outline, crs)
+    step = math.ceil(math.sqrt((rows.stop - rows.start) * (columns.stop - columns.start) / MAX_CELLS))
+    cells = raster.read_cells(rows, columns, step)
+    remarks = [*raster.remarks]
+    if raster.to_place[1, 1] > 0.0:
+        remarks.append(f"Rows of {label} run from south to north; they are read so.")
+    check_height_range(cells, label)
+    remarks += _remove_spikes(cells, step * max(cell_m), raster, (rows.start, columns.start, step), field, crs)
+    factors = tuple(max(1, math.floor(frame.spacing_m / (step * size) + 1e-6)) for size in reversed(cell_m))
+    at_cells = (at_nodes - (columns.start, rows.start) + 0.5) / step - 0.5
+    heights, measured = _sample_cells(cells, at_cells, factors)
+    heights, measured = heights.reshape(frame.rows, frame.columns), measured.reshape(frame.rows, frame.columns)
+    if not measured.any():
+        raise ElevationError(
+            f"{label} has no height in field '{field.name}'; give heights of the field, or check its no-data value."
+        )
+    near = measured | frame.find_inside(outline.buffer(MARGIN_M + frame.spacing_m, join_style="mitre"))
+    size = f"{cell_m[0]:.3g} m" if math.isclose(*cell_m, rel_tol=0.02) else f"{cell_m[0]:.3g} by {cell_m[1]:.3g} m"
+    return ElevationGrid(
+        frame.west_m,
+        frame.south_m,
+        frame.spacing_m,
+        fill_gaps(heights, near),
+        measured,
+        f"{label}, cells of {size}, on a grid of {frame.spacing_m:.3g} m",
+        tuple(remarks),
+    )
+
+
+def _convert_to_raster(places_m: FloatArray, field: Field, crs: str | None) -> FloatArray:
+    """Places of the field's plane in the system of the raster."""
+    points = places_m + np.asarray(field.origin_m)
+    return points if crs is None or field.crs is None else project(points, field.crs, crs)
+
+
+def _measure_cells(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> tuple[float, float]:
+    """Metres from column to column and from row to row at the middle of the field."""
+    x, y = outline.centroid.x, outline.centroid.y
+    cross = np.array([[x - 5.0, y], [x + 5.0, y], [x, y - 5.0], [x, y + 5.0]])
+    cells = raster.find_cells(_convert_to_raster(cross, field, crs))
+    cells_per_m = np.array([cells[1] - cells[0], cells[3] - cells[2]]) / 10.0
+    column_m, row_m = 1.0 / np.hypot(*cells_per_m)
+    return float(column_m), float(row_m)
+
+
+def _choose_window(
+    raster: Raster, at_nodes: FloatArray, extra: int, field: Field, outline: shapely.Polygon, crs: str | None
+) -> tuple[slice, slice]:
+    """Rows and columns of the cells that the nodes need, and `extra` ones round them."""
+    low, high = np.floor(at_nodes.min(axis=0)) - extra, np.ceil(at_nodes.max(axis=0)) + extra + 1
+    most = np.array(raster.shape[::-1])
+    start, stop = np.clip(low, 0, most).astype(int), np.clip(high, 0, most).astype(int)
+    in_field = raster.find_cells(_convert_to_raster(shapely.get_coordinates(outline), field, crs))
+    is_apart = (in_field.max(axis=0) < -0.5) | (in_field.min(axis=0) > most - 0.5)
+    if is_apart.any() or (stop - start < 1).any():
+        raise ElevationError(_explain_other_place(raster, field, outline, crs))
+    return slice(int(start[1]), int(stop[1])), slice(int(start[0]), int(stop[0]))
+
+
+def _explain_other_place(raster: Raster, field: Field, outline: shapely.Polygon, crs: str | None) -> str:
+    """The refusal of a raster of another place, with where it is."""
+    corners = raster.list_corners()
+    units, name = ("", "metres") if crs is None else (" degrees", "longitude and latitude")
+    if crs is None or field.crs is None:
+        middle_m = corners.mean(axis=0) - np.asarray(field.origin_m)
+        far_m = float(np.hypot(*(middle_m - (outline.centroid.x, outline.centroid.y))))
+    else:
+        corners = project(corners, crs, "EPSG:4326")
+        here = field.to_wgs84([[outline.centroid.x, outline.centroid.y]])[0]
+        far_m = _compute_distance_m(corners.mean(axis=0), here)
+    (west, south), (east, north) = corners.min(axis=0), corners.max(axis=0)
+    far = f"{far_m / 1e3:.0f} km" if far_m >= 1e4 else f"{far_m:.0f} m"
+    return (
+        f"{quote_path(raster.path)} covers {west:.6g} to {east:.6g} and {south:.6g} to {north:.6g}{units} ({name}), "
+        f"{far} from field '{field.name}'; give heights of the field, or check the coordinate system of the raster."
+    )
+
+
+def _compute_distance_m(one_deg: FloatArray, other_deg: FloatArray) -> float:
+    """Great-circle distance of two places in longitude and latitude."""
+    (east, north), (other_east, other_north) = np.radians(one_deg), np.radians(other_deg)
+    haversine = (
+        math.sin(0.5 * (north - other_north)) ** 2
+        + math.cos(north) * math.cos(other_north) * math.sin(0.5 * (east - other_east)) ** 2
+    )
+    return 2.0 * 6_371_008.8 * math.asin(math.sqrt(min(1.0, haversine)))
+
+
+def _remove_spikes(
+    cells: FloatArray, cell_m: float, raster: Raster, window: tuple[int, int, int], field: Field, crs: str | None
+) -> list[str]:
+    """Set cells that stand out from the median of their neighbours to NaN, in place; remarks on them.
+
+    `window` are the first row and column of the cells in the raster, and how many of its cells each of them is wide.
+    """
+    from scipy.ndimage import uniform_filter
+
+    known = np.isfinite(cells)
+    limit_m = max(MIN_SPIKE_M, cell_m)
+    if not known.any():
+        return []
+    padded = np.pad(
+        np.where(known, cells, np.nan), SPIKE_CELLS // 2, mode="reflect" if min(cells.shape) > 2 else "edge"
+    )
+    level = np.where(known, cells, float(np.nanmedian(cells)))
+    suspects = np.argwhere(known & (np.abs(level - uniform_filter(level, SPIKE_CELLS)) > 0.5 * limit_m))
+    if not len(suspects):
+        return []
+    offsets = np.arange(SPIKE_CELLS)
+    around = padded[
+        suspects[:, 0, None, None] + offsets[:, None], suspects[:, 1, None, None] + offsets[None, :]
+    ].reshape(len(suspects), -1)
+    deviations = cells[tuple(suspects.T)] - np.nanmedian(around, axis=1)
+    is_spike = np.abs(deviations) > limit_m
+    spikes, deviations = suspects[is_spike], deviations[is_spike]
+    cells[tuple(spikes.T)] = np.nan
+
+    def name_place(number: int) -> str:
+        row, column = (spikes[number] + 0.5) * window[2] + window[:2]
+        place = np.array([[column, row, 1.0]]) @ raster.to_place.T
+        plane = place if crs is None or field.crs is None else project(place, crs, field.crs)
+        return describe_place(field, *(plane[0] - np.asarray(field.origin_m)).tolist())
+
+    return describe_spikes(deviations, name_place, int(known.sum()), quote_path(raster.path))
+
+
+def _sample_cells(cells: FloatArray, at: FloatArray, factors: tuple[int, ...]) -> tuple[FloatArray, BoolArray]:
+    """Heights (n,) at places (column, row) among the cells, NaN beyond, and whether the cell there has a height.
+
+    Cells are averaged over blocks of `factors` rows and columns; a cubic spline leads through them, which follows
+    planes and paraboloids up to the edge.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    blocks = average_blocks(cells, factors)
+    at = (at + 0.5) / np.array(factors[::-1]) - 0.5
+    if not blocks.size:
+        return np.full(len(at), np.nan), np.zeros(len(at), dtype=np.bool_)
+    known = np.isfinite(blocks)
+    most = np.array(blocks.shape[::-1]) - 1
+    nearest = np.clip(np.floor(at + 0.5), 0, most).astype(int)
+    is_within = ((at >= -0.5) & (at <= most + 0.5)).all(axis=1)
+    measured = is_within & known[nearest[:, 1], nearest[:, 0]]
+    if not known.any():
+        return np.full(len(at), np.nan), measured
+    blocks = fill_gaps(blocks, distance_transform_edt(~known) <= FILLED_CELLS)
+    heights = _evaluate_spline(blocks, np.clip(at, 0, most))
+    is_beyond = ((at < -1e-9) | (at > most + 1e-9)).any(axis=1)
+    return np.where(is_beyond, np.nan, heights), measured
+
+
+def _evaluate_spline(blocks: FloatArray, at: FloatArray) -> FloatArray:
+    """A cubic spline through the centres of cells, of lower degree where there are fewer than four."""
+    from scipy.interpolate import RectBivariateSpline
+
+    rows, columns = blocks.shape
+    if min(rows, columns) < 2:
+        return np.asarray(blocks[np.rint(at[:, 1]).astype(int), np.rint(at[:, 0]).astype(int)])
+    spline = RectBivariateSpline(
+        np.arange(rows), np.arange(columns), blocks, kx=min(3, rows - 1), ky=min(3, columns - 1)
+    )
+    return np.asarray(spline.ev(at[:, 1], at[:, 0]))

@@ -1,0 +1,274 @@
+"""Rasters of heights: GeoTIFF (by rasterio) and ASCII grids (Esri), read cell by cell in metres.
+
+A raster says where its cells lie by an affine rule from (column, row) to its coordinates, so rows from south to north
+and turned rasters are read as they are.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fields.terrain.elevation_grid import BoolArray, ElevationError, FloatArray
+from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
+from fields.text_files import quote_path, read_text
+
+GEOTIFF_SUFFIXES, ASCII_SUFFIXES = (".tif", ".tiff"), (".asc", ".agr")
+RASTER_SUFFIXES = (*GEOTIFF_SUFFIXES, *ASCII_SUFFIXES)
+MAX_CELLS, MAX_READ_CELLS, MAX_ASCII_CELLS = 2**22, 2**30, 2**24
+"""Cells held in memory for one field (4 million, 100 ha in cells of 0.5 m; finer ones are averaged as they are read),
+those read for it (1 billion, 100 ha in cells of 3 cm, in a minute or two), and those of a grid in text.
+"""
+MIN_SKEW = 1e-6
+"""Sine of the angle between rows and columns, below which cells lie on a line."""
+USUAL_NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
+MAX_HEIGHT_M = 1e30
+"""Beyond this a number is no height but a mark for no data, such as -3.4e38."""
+ASCII_KEYS = ("ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "nodata_value")
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """A raster whose cells can be read.
+
+    Attributes:
+        path: of its file.
+        crs: coordinate system that the file names, None without one.
+        to_place: shape (2, 3); coordinates = to_place @ (column, row, 1), whole numbers at the corners of cells.
+        shape: rows and columns in the order of the file.
+        unit_m: metres of one unit of its heights.
+        remarks: sentences on units and order.
+        cells: all heights in file units if they are already in memory, NaN without data.
+    """
+
+    path: str
+    crs: str | None
+    to_place: FloatArray
+    shape: tuple[int, int]
+    unit_m: float = 1.0
+    remarks: tuple[str, ...] = ()
+    cells: FloatArray | None = None
+
+    def read_cells(self, rows: slice, columns: slice, step: int = 1) -> FloatArray:
+        """Heights in metres of a window, means of `step` by `step` cells, NaN where there are none.
+
+        Raises:
+            ElevationError: the file cannot be read, or has too many cells there.
+        """
+        count = (rows.stop - rows.start) * (columns.stop - columns.start)
+        if count > MAX_READ_CELLS:
+            raise ElevationError(
+                f"{quote_path(self.path)} has {count / 1e6:.0f} million cells over the field; at most "
+                f"{MAX_READ_CELLS / 1e6:.0f} million are read, so make them larger, for instance with gdalwarp "
+                "-tr 0.5 0.5 -r average (0.5 m)."
+            )
+        strip = step * max(1, MAX_CELLS // (step * (columns.stop - columns.start)))
+        parts = []
+        for first in range(rows.start, rows.stop, strip):
+            part = slice(first, min(first + strip, rows.stop))
+            cells = self.cells[part, columns] if self.cells is not None else _read_window(self.path, part, columns)
+            parts.append(average_blocks(_drop_usual_no_data(cells) * self.unit_m, (step, step)))
+        return np.concatenate(parts)
+
+    def find_cells(self, places: FloatArray) -> FloatArray:
+        """Column and row (n, 2) of places in the coordinates of the raster; centres of cells are whole numbers."""
+        matrix = self.to_place[:, :2]
+        return np.asarray(np.linalg.solve(matrix, (places - self.to_place[:, 2]).T).T - 0.5)
+
+    def list_corners(self) -> FloatArray:
+        """The four corners, shape (4, 2), in the coordinates of the raster."""
+        rows, columns = self.shape
+        corners = np.array([[0.0, 0.0, 1.0], [columns, 0.0, 1.0], [columns, rows, 1.0], [0.0, rows, 1.0]])
+        return np.asarray(corners @ self.to_place.T)
+
+
+def average_blocks(cells: FloatArray, factors: tuple[int, ...]) -> FloatArray:
+    """Means of whole blocks of rows and columns, without cells that have no height; NaN where fewer than half have one.
+
+    Rows and columns that make no whole block are left out, as their mean would lie beside the middle of a block.
+    """
+    by_rows, by_columns = factors
+    if by_rows == by_columns == 1:
+        return cells
+    rows, columns = cells.shape[0] // by_rows, cells.shape[1] // by_columns
+    blocks = cells[: rows * by_rows, : columns * by_columns].reshape(rows, by_rows, columns, by_columns)
+    known = np.isfinite(blocks)
+    counts = known.sum(axis=(1, 3))
+    sums = np.where(known, blocks, 0.0).sum(axis=(1, 3))
+    return np.where(2 * counts >= by_rows * by_columns, sums / np.maximum(counts, 1), np.nan)
+
+
+def open_raster(path: str) -> Raster:
+    """The raster in a file, by its ending; raises ElevationError."""
+    raster = _open_geotiff(path) if Path(path).suffix.lower() in GEOTIFF_SUFFIXES else _parse_ascii_grid(path)
+    _check_place(raster)
+    return raster
+
+
+def _check_place(raster: Raster) -> None:
+    """Raise ElevationError if the cells of a raster have no size or no place."""
+    (a, b, x), (d, e, y) = raster.to_place.tolist()
+    across, along, area = math.hypot(a, d), math.hypot(b, e), abs(a * e - b * d)
+    if not math.isfinite(across + along + area + x + y) or not area > MIN_SKEW * across * along:
+        raise ElevationError(
+            f"{quote_path(raster.path)} has cells of {across:.3g} by {along:.3g} (area {area:.3g}) that begin at "
+            f"({x:.6g}, {y:.6g}); cells need a place and a size, so export it again with its georeference."
+        )
+
+
+def _open_geotiff(path: str) -> Raster:
+    with _open_dataset(path) as dataset:
+        if dataset.count >= 3 and dataset.dtypes[0] == "uint8":
+            raise ElevationError(
+                f"{quote_path(path)} is a picture of {dataset.count} colours; give a raster of heights (DTM, DEM)."
+            )
+        crs = None
+        if dataset.crs is not None:
+            code = dataset.crs.to_epsg()
+            crs = dataset.crs.to_wkt() if code is None else f"EPSG:{code}"
+        stated = (dataset.units[0] or "") if dataset.units else ""
+        remarks = []
+        if dataset.count > 1:
+            remarks.append(f"Of the {dataset.count} bands of {quote_path(path)} the first is taken as heights.")
+        unit_m, unit_remarks = _choose_unit(stated, None if dataset.crs is None else dataset.crs.to_wkt(), path)
+        place = dataset.transform
+        return Raster(
+            path,
+            crs,
+            np.array([[place.a, place.b, place.c], [place.d, place.e, place.f]]),
+            (dataset.height, dataset.width),
+            unit_m,
+            (*remarks, *unit_remarks),
+        )
+
+
+def _choose_unit(stated: str, wkt: str | None, path: str) -> tuple[float, tuple[str, ...]]:
+    """Metres of a unit of height by the band, else by the vertical axis; remarks where it is not plain metres."""
+    unit_m = find_unit_m(stated)
+    if stated and unit_m is None:
+        raise ElevationError(f"Heights of {quote_path(path)} are in {stated[:20]!r}; convert them to metres.")
+    units = AxisUnits(None, None) if wkt is None else find_axis_units(wkt)
+    unit_m = units.vertical_m if unit_m is None else unit_m
+    if unit_m is None and units.horizontal_m not in (None, 1.0):
+        remark = (
+            f"{quote_path(path)} does not say the unit of its heights; they are taken as metres, though its places are "
+            "in feet. If its heights are too, convert them to metres, for instance with gdal_calc.py --calc A*0.3048."
+        )
+        return 1.0, (remark,)
+    unit_m = unit_m or 1.0
+    return unit_m, () if unit_m == 1.0 else (f"Heights of {quote_path(path)} are in {name_unit(unit_m)}; converted.",)
+
+
+def _read_window(path: str, rows: slice, columns: slice) -> FloatArray:
+    """Heights in file units, NaN without data, with the scale and offset of the band applied."""
+    with _open_dataset(path) as dataset:
+        window = ((rows.start, rows.stop), (columns.start, columns.stop))
+        masked = dataset.read(1, window=window, masked=True)
+        cells = np.ma.filled(masked.astype(np.float64), np.nan)
+        return np.asarray(cells * dataset.scales[0] + dataset.offsets[0])
+
+
+@contextlib.contextmanager
+def _open_dataset(path: str) -> Iterator[Any]:
+    try:
+        import rasterio
+        import rasterio.errors
+    except ImportError:
+        raise ElevationError(
+            f"{quote_path(path)} needs rasterio to be read; install it with pip install 'headland[geotiff]', or give "
+            "an ASCII grid (.asc)."
+        ) from None
+    if not Path(path).is_file():
+        raise ElevationError(f"There is no file of heights {quote_path(path)}; check its name and its folder.")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with rasterio.open(path, driver="GTiff") as dataset:
+                yield dataset
+    except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
+        reason = str(error).splitlines()[0].replace(path, "it")[:120]
+        raise ElevationError(f"{quote_path(path)} cannot be read as a GeoTIFF ({reason}); export it again.") from None
+
+
+def _drop_usual_no_data(cells: FloatArray) -> FloatArray:
+    """The cells with NaN for marks of no data that the file does not declare."""
+    is_mark: BoolArray = np.isin(cells, USUAL_NO_DATA) | (np.abs(cells) > MAX_HEIGHT_M)
+    return np.where(is_mark, np.nan, cells)
+
+
+def _parse_ascii_grid(path: str) -> Raster:
+    """An Esri ASCII grid: up to seven lines of names and numbers, then rows of heights from north to south."""
+    text = read_text(path, "an ASCII grid", ElevationError)
+    header: dict[str, float] = {}
+    place = 0
+    for match in re.finditer(r"[ \t]*([A-Za-z_]+)[ \t]+(\S+)[ \t]*(?:\r?\n|\r|$)", text):
+        if match.start() != place or match[1].lower() not in ASCII_KEYS:
+            break
+        header[match[1].lower()] = _parse_header_number(match[1], match[2], path)
+        place = match.end()
+    rows, columns, cell, west, south = _check_ascii_header(header, path)
+    cells = _parse_heights(text[place:].strip(), path)
+    if len(cells) != rows * columns:
+        raise ElevationError(
+            f"{quote_path(path)} has {len(cells)} heights, but {rows} rows and {columns} columns by its first lines; "
+            "it is cut off or garbled, so export it again."
+        )
+    cells[cells == header.get("nodata_value", -9999.0)] = np.nan
+    to_place = np.array([[cell, 0.0, west], [0.0, -cell, south + rows * cell]])
+    crs = _read_projection(path)
+    unit_m, remarks = _choose_unit("", crs, path)
+    return Raster(path, crs, to_place, (rows, columns), unit_m, remarks, cells.reshape(rows, columns))
+
+
+def _parse_heights(text: str, path: str) -> FloatArray:
+    """Numbers between spaces and line ends, without a Python object for each."""
+    if not text:
+        return np.empty(0)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # older NumPy warns of what is no number
+            return np.fromstring(text, dtype=np.float64, sep=" ")
+    except (ValueError, DeprecationWarning):
+        raise ElevationError(f"{quote_path(path)} has heights that are not numbers; export the grid again.") from None
+
+
+def _parse_header_number(key: str, text: str, path: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        raise ElevationError(f"{quote_path(path)} has {key} {text[:20]!r}; write a number.") from None
+
+
+def _check_ascii_header(header: dict[str, float], path: str) -> tuple[int, int, float, float, float]:
+    """Rows, columns, size of a cell, and the outer south-west corner."""
+    rows, columns, cell = (header.get(key, 0.0) for key in ("nrows", "ncols", "cellsize"))
+    has_corner = ({"xllcorner", "xllcenter"} & header.keys()) and ({"yllcorner", "yllcenter"} & header.keys())
+    if not has_corner or not (rows >= 1.0 and columns >= 1.0 and cell > 0.0 and rows * columns <= MAX_ASCII_CELLS):
+        raise ElevationError(
+            f"{quote_path(path)} does not begin like an ASCII grid (ncols, nrows, xllcorner, yllcorner, cellsize) of "
+            f"at most {MAX_ASCII_CELLS / 1e6:.0f} million cells; export it again."
+        )
+    west = header["xllcorner"] if "xllcorner" in header else header["xllcenter"] - 0.5 * cell
+    south = header["yllcorner"] if "yllcorner" in header else header["yllcenter"] - 0.5 * cell
+    return int(rows), int(columns), cell, west, south
+
+
+def _read_projection(path: str) -> str | None:
+    """The coordinate system in the .prj (or .PRJ) file beside a grid, None without one."""
+    exact = Path(path).with_suffix(".prj")
+    try:
+        beside = [one for one in exact.parent.iterdir() if one.name.lower() == exact.name.lower() and one.is_file()]
+    except OSError:  # a folder that may not be listed
+        beside = [exact] if exact.is_file() else []
+    if not beside:
+        return None
+    chosen = exact if exact in beside else min(beside)
+    return read_text(chosen, "a .prj file", ElevationError).strip() or None

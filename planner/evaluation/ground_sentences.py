@@ -1,0 +1,70 @@
+"""Sentences on the ground of a plan: its heights, its soil and what that bears, and how fuel is reckoned."""
+
+from __future__ import annotations
+
+from planner.evaluation.context import PlanningContext
+from planner.evaluation.field_physics import FieldPhysics, split_soil_name
+from vehicle.energy.draft import find_draft_rule
+from vehicle.energy.trafficability import compute_trafficability, describe_trafficability
+from vehicle.model.soil import Soil
+from vehicle.model.work_load import WorkLoad
+
+
+def describe_ground(context: PlanningContext) -> tuple[str, ...]:
+    """Heights, soil and load in sentences; nothing where the fuel is not known and the ground is level."""
+    physics = context.physics
+    sentences = [*_describe_heights(physics), *_describe_soil(physics.soil)]
+    if physics.soil is not None:
+        sentences += _describe_trafficability(context, physics.soil)
+    if physics.fuel_load is not None:
+        sentences.append(_describe_fuel(context, physics.fuel_load))
+    return tuple(sentences)
+
+
+def list_height_remarks(physics: FieldPhysics) -> tuple[str, ...]:
+    """What was converted, filled in or left out of the heights."""
+    return () if physics.elevation is None else physics.elevation.remarks
+
+
+def _describe_heights(physics: FieldPhysics) -> list[str]:
+    elevation = physics.elevation
+    if elevation is None:
+        return []
+    return [
+        f"Tractors drive on the heights of {elevation.source.rstrip('.')}: gravity, power, grip and cross slopes count."
+    ]
+
+
+def _describe_soil(soil: Soil | None) -> list[str]:
+    if soil is None:
+        return []
+    moisture = "" if soil.moisture_pct is None else f" at {soil.moisture_pct:.3g} % moisture"
+    if soil.cone_index_kpa is None:
+        return [f"The soil is {soil.name}{moisture} ({soil.source})."]
+    interval = "" if soil.low_kpa is None or soil.high_kpa is None else f" ({soil.low_kpa:.0f} to {soil.high_kpa:.0f})"
+    return [f"The soil is {soil.name}{moisture}, cone index {soil.cone_index_kpa:.0f}{interval} kPa: {soil.source}."]
+
+
+def _describe_trafficability(context: PlanningContext, soil: Soil) -> tuple[str, ...]:
+    """From which moisture the soil is too wet on level ground; nothing for a soil of one moisture."""
+    load = context.physics.load
+    assert load is not None  # a soil makes a load
+    path = split_soil_name(context.request.soil or soil.name)[1]
+    limits = compute_trafficability(context.tractor, load, soil.name, speed_mps=context.request.speed_mps, path=path)
+    return () if limits is None else describe_trafficability(limits, soil.name, soil.moisture_pct)
+
+
+def _describe_fuel(context: PlanningContext, load: WorkLoad) -> str:
+    """How the fuel comes about."""
+    request = context.request
+    rule = find_draft_rule(request.operation, request.width_m)
+    draft_kn = load.compute_draft_n(request.speed_mps) / 1000.0
+    draft = (
+        ""
+        if rule is None
+        else f"the draft of the {rule.implement}, {draft_kn:.1f} kN give or take {rule.range_pct:.0f} %, "
+    )
+    return (
+        f"Fuel is that of an engine of {load.engine_power_w / 1000.0:.0f} kW (ASABE D497.7) for {draft}rolling, starts "
+        "and slopes."
+    )

@@ -1,0 +1,102 @@
+"""One field planned in several bearings, for what each means on its slopes: time, fuel, cross slope and erosion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor, Executor
+from dataclasses import replace
+
+from fields.terrain.elevation_grid import ElevationGrid
+from fields.terrain.slopes import measure_cross_slope, measure_fall_line_share
+from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.evaluation.context import PlanningContext
+from planner.pipeline.executors import iter_completed
+from planner.pipeline.farm_inputs import PlanInputs
+from planner.pipeline.many_fields import plan_inputs
+from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
+from planner.request.option_checks import FULL_CIRCLE_DEG
+from planner.request.plan_request import CONTOUR, STRAIGHT, PlanRequest
+from reports.plan.bearing_report import BearingComparison, BearingRow
+
+USUAL_BEARINGS_DEG = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
+MAX_BEARINGS = 36
+
+
+def list_bearing_requests(request: PlanRequest, bearings_deg: Sequence[float]) -> list[PlanRequest]:
+    """The request with each bearing, with the bearing that planning chooses, and along contours, in this order.
+
+    Raises RequestError for too many bearings, or one out of range.
+    """
+    if len(bearings_deg) > MAX_BEARINGS:
+        raise RequestError(f"{len(bearings_deg)} bearings are more than one table holds; give {MAX_BEARINGS} at most.")
+    for bearing in bearings_deg:
+        if not abs(bearing) <= FULL_CIRCLE_DEG:
+            raise RequestError(
+                f"A bearing of {bearing:g} degrees is none; give {-FULL_CIRCLE_DEG:g} to {FULL_CIRCLE_DEG:g}."
+            )
+    return [
+        *(replace(request, bearing_deg=bearing, swaths=STRAIGHT) for bearing in bearings_deg),
+        replace(request, bearing_deg=None, swaths=STRAIGHT),
+        replace(request, bearing_deg=None, swaths=CONTOUR),
+    ]
+
+
+def measure_layout_slopes(context: PlanningContext) -> tuple[float, float]:
+    """The largest slope across swaths (m/m), and the share of their metres near the fall line of steeper ground.
+
+    Raises RequestError without heights.
+    """
+    terrain = context.physics.terrain
+    if terrain is None:
+        raise RequestError(
+            f"Bearings are compared on slopes, and no heights are known; give {mark_parameter('elevation')}.",
+            parameter="elevation",
+        )
+    grid = ElevationGrid(terrain.west_m, terrain.south_m, terrain.spacing_m, terrain.heights_m)
+    lines = [swath.points_m for swath in context.layout.swaths]
+    return measure_cross_slope(lines, grid), measure_fall_line_share(lines, grid)
+
+
+def plan_bearing(inputs: PlanInputs) -> BearingRow:
+    """The best plan of one request of a comparison, or why there is none, in the current process."""
+    request = inputs.request
+    try:
+        result = plan_inputs(inputs)
+    except HeadlandError as refusal:
+        return BearingRow(request.bearing_deg, request.swaths, reason=str(refusal))
+    context, best = result.context, result.ranking.best
+    cross_slope, erosion_share = measure_layout_slopes(context)
+    reason = next((plan.reason for plan in result.ranking.plans if plan.reason), None)
+    return BearingRow(
+        request.bearing_deg,
+        request.swaths,
+        context.layout.bearing_deg,
+        100.0 * cross_slope,
+        erosion_share,
+        best,
+        None if best is not None else reason or "no plan is feasible",
+        is_chosen=request.bearing_deg is None and request.swaths == STRAIGHT,
+    )
+
+
+def compare_bearings(
+    inputs: Sequence[PlanInputs], executor: Executor, progress: Progress | None = None
+) -> BearingComparison:
+    """Plan every request of a comparison on an executor; `progress` is called with (done, total).
+
+    Raises RequestError without heights and where nothing can be planned for one reason, and WorkerError if processes
+    keep ending.
+    """
+    rows: dict[int, BearingRow] = {}
+    try:
+        for position, row in iter_completed(executor, plan_bearing, [(each,) for each in inputs]):
+            rows[position] = row
+            if progress:
+                progress(len(rows), len(inputs))
+    except BrokenExecutor:
+        raise WorkerError(LOST_WORKER_MESSAGE) from None
+    in_order = tuple(rows[position] for position in range(len(inputs)))
+    refusals = {row.reason for row in in_order}
+    if len(refusals) == 1 and (refusal := refusals.pop()) and in_order[0].bearing_deg is None:
+        raise RequestError(refusal)  # of the field or its heights, which every bearing shares
+    return BearingComparison(inputs[0].request.field, in_order)

@@ -1,0 +1,178 @@
+"""What a diagnosis says of the logs themselves: columns that are late, runs, rows left out, and runs held out."""
+
+from __future__ import annotations
+
+import math
+
+from reports.common.effect_names import capitalize_first, replace_effect_ids
+from reports.common.text_tables import FittedTable, TableColumn
+from reports.common.wording import NO_VALUE, format_number
+from vehicle.identification.verdict.diagnosis_types import (
+    ColumnTiming,
+    Diagnosis,
+    ErrorsByHorizon,
+    HoldoutResult,
+    RunCheck,
+)
+
+MOST_RUNS = 8
+SHOWN_HORIZON_S = 5.0
+MORE = "..."
+_TIMING_WORDS = (
+    ("delay_s", "{:.2g} s late"),
+    ("hold_s", "new every {:.2g} s"),
+    ("filter_s", "low-passed by {:.2g} s"),
+    ("clock_offset_s", "stamped {:+.2g} s by another clock"),
+)
+
+
+def end_sentence(text: str) -> str:
+    """Text as a sentence: a capital first and one full stop, with labels of effects in place of ids."""
+    return f"{capitalize_first(replace_effect_ids(text).rstrip('.'))}." if text else ""
+
+
+def describe_columns(diagnosis: Diagnosis) -> list[str]:
+    """One sentence per column that is late, held, low-passed or stamped by another clock, with sizes."""
+    return [end_sentence(column.words or _describe_timing(column)) for column in diagnosis.columns]
+
+
+def _describe_timing(column: ColumnTiming) -> str:
+    parts = [text.format(value) for name, text in _TIMING_WORDS if (value := getattr(column, name))]
+    stale = f"{format_percentage(column.stale_share)} of its rows repeat an older value" if column.stale_share else ""
+    return f"{column.column.replace('_', ' ')}: {', '.join([*parts, *([stale] if stale else [])])}"
+
+
+def format_percentage(share: float | None) -> str:
+    """A share in percent; a dash without one."""
+    return NO_VALUE if share is None else f"{100.0 * share:.0f} %"
+
+
+def list_column_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """A row per column of the logs: delay, hold, filter and clock in s, and the share of stale rows."""
+    return [
+        (
+            column.column.replace("_", " "),
+            *(format_number(getattr(column, name), 2) for name, _ in _TIMING_WORDS),
+            format_percentage(column.stale_share),
+        )
+        for column in diagnosis.columns
+    ]
+
+
+def describe_hints(diagnosis: Diagnosis) -> list[str]:
+    """Where to look for what no known cause explains, without what the verdict says already."""
+    verdict_clauses = [clause for clause in diagnosis.depends_on if clause in diagnosis.causes_sentence]
+    return [
+        end_sentence(hint.words)
+        for hint in diagnosis.hints
+        if not any(clause in hint.words for clause in verdict_clauses)
+    ]
+
+
+def sort_runs(diagnosis: Diagnosis) -> list[RunCheck]:
+    """The runs, those unlike the others first, then the worst after the diagnosis."""
+    return sorted(diagnosis.runs, key=lambda run: (not run.unlike, -(run.error_after_cm or 0.0)))
+
+
+def describe_unlike_runs(diagnosis: Diagnosis) -> list[str]:
+    """One sentence per run that is unlike the others."""
+    sentences = []
+    for run in sort_runs(diagnosis):
+        if run.unlike:
+            words = run.words or "unlike the other runs"
+            sentences.append(end_sentence(words) if run.name in words else f"{run.name}: {words.rstrip('.')}.")
+    return sentences
+
+
+def build_run_table(diagnosis: Diagnosis, most: int = MOST_RUNS) -> FittedTable:
+    """The error of each run before and after, worst first, at most so many."""
+    runs = sort_runs(diagnosis)
+    rows = [
+        (
+            run.name,
+            format_number(run.error_before_cm, 1),
+            format_number(run.error_after_cm, 1),
+            "unlike the others" if run.unlike else "",
+        )
+        for run in runs[:most]
+    ]
+    if len(runs) > most:
+        rows.append((MORE, "", "", f"{len(runs) - most} more"))
+    return FittedTable(_RUN_COLUMNS, tuple(rows))
+
+
+_RUN_COLUMNS = (
+    TableColumn("Run", is_text=True, break_marks=" +-_/"),
+    TableColumn("Before, cm", "Before"),
+    TableColumn("After, cm", "After"),
+    TableColumn("Remark", is_text=True, drop_order=1),
+)
+
+
+def compute_distance_cm(errors: ErrorsByHorizon, horizon_s: float, along_judged: bool) -> float:
+    """The error across and along together over a horizon; across only where that along the path is not judged."""
+    error = errors[horizon_s]
+    return math.hypot(error.cross_cm, error.along_cm) if along_judged else error.cross_cm
+
+
+def find_shown_horizon_s(holdout: HoldoutResult) -> float | None:
+    """The length of the pieces that a verdict is about, else the longest; None where no piece was long enough."""
+    if SHOWN_HORIZON_S in holdout.before:
+        return SHOWN_HORIZON_S
+    return max(holdout.before, default=None)
+
+
+def describe_holdout(diagnosis: Diagnosis) -> list[str]:
+    """Which runs were held out, and whether what was found helps there; empty without such runs."""
+    holdout = diagnosis.holdout
+    if holdout is None:
+        return []
+    horizon = find_shown_horizon_s(holdout)
+    if horizon is None:
+        return [holdout.words, "They hold no piece that is long enough for an error."]
+    old, new = (
+        f"{format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 2)} cm"
+        for errors in (holdout.before, holdout.after)
+    )
+    verdict = "it helps there" if holdout.helps else "it does not help there"
+    change = "nothing was added" if holdout.is_unchanged else f"{old} before, {new} after: {verdict}"
+    return [holdout.words, f"Error on runs held out over pieces of {horizon:g} s: {change}."]
+
+
+def list_holdout_rows(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """A row per run held out: its name, and its distance error before and after."""
+    holdout = diagnosis.holdout
+    horizon = None if holdout is None else find_shown_horizon_s(holdout)
+    if holdout is None or horizon is None:
+        return []
+    return [
+        (
+            run.name,
+            *(
+                format_number(compute_distance_cm(errors, horizon, diagnosis.along_judged), 1)
+                if horizon in errors
+                else NO_VALUE
+                for errors in (run.before, run.after)
+            ),
+        )
+        for run in holdout.by_run
+    ]
+
+
+def describe_unsaved(diagnosis: Diagnosis) -> str:
+    """Why the extended tractor is not to be saved; empty where it may be."""
+    if diagnosis.is_savable:
+        return ""
+    if diagnosis.unsaved_reason:
+        return end_sentence(diagnosis.unsaved_reason)
+    return "What was found does not lower the error on runs held out, so no tractor file is saved."
+
+
+def describe_rows_left_out(diagnosis: Diagnosis) -> str:
+    """The count of rows left out with the reason for most of them: ``12 left out (10: shuttle in neutral)``."""
+    left_out = f"{diagnosis.rows_gated} left out"
+    reasons = diagnosis.rows_gated_by_reason
+    if not reasons:
+        return left_out
+    rule = max(reasons, key=lambda one: reasons[one])
+    return f"{left_out} ({reasons[rule]}: {rule})" if len(reasons) > 1 else f"{left_out} ({rule})"

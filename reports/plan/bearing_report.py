@@ -1,0 +1,150 @@
+"""Bearings of one field side by side: time, fuel, slope and erosion of each, as a table and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from reports.common.language import translate
+from reports.common.plan_results import PlanResult
+from reports.common.rendering import make_json_safe
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.units import convert_litres, format_volume, get_volume_unit
+from reports.common.wording import NO_VALUE, format_duration, format_number
+from reports.plan.ranking_export import EXPORT_DECIMALS
+
+CONTOUR = "contour"
+
+
+@dataclass(frozen=True)
+class BearingRow:
+    """One bearing, or swaths along contours, with its best plan or the reason why there is none.
+
+    `requested_deg` is None where planning chose, `bearing_deg` is that of the layout. `cross_slope_pct` is the largest
+    slope across swaths; headland passes run in all directions. `erosion_share` is the share of swath metres near the
+    fall line of steeper ground. `is_chosen` marks the bearing that a plan has by itself.
+    """
+
+    requested_deg: float | None
+    form: str
+    bearing_deg: float | None = None
+    cross_slope_pct: float | None = None
+    erosion_share: float | None = None
+    plan: PlanResult | None = None
+    reason: str | None = None
+    is_chosen: bool = False
+
+    @property
+    def time_s(self) -> float | None:
+        """Seconds until the field is worked, missed ground included."""
+        return None if self.plan is None else self.plan.finished_s
+
+    @property
+    def fuel_l(self) -> float | None:
+        """Litres; None where they are not known."""
+        return None if self.plan is None else self.plan.fuel_l
+
+    @property
+    def rollover_deg(self) -> float | None:
+        """The least margin to rolling over, degrees; None where the tractor file does not tell."""
+        place = None if self.plan is None else self.plan.rollover
+        return None if place is None else place.amount
+
+
+@dataclass(frozen=True)
+class BearingComparison:
+    """Bearings of one field in the order asked for."""
+
+    field: str
+    rows: tuple[BearingRow, ...]
+
+    def find_least(self, measure: Callable[[BearingRow], float | None]) -> BearingRow | None:
+        """The row with the least of a figure; None where no row has it."""
+        known = [(value, number) for number, row in enumerate(self.rows) if (value := measure(row)) is not None]
+        return self.rows[min(known)[1]] if known else None
+
+
+def name_row(row: BearingRow) -> str:
+    """A bearing in words."""
+    if row.form == CONTOUR:
+        return translate("along contours")
+    bearing = row.bearing_deg if row.requested_deg is None else row.requested_deg
+    degrees = NO_VALUE if bearing is None else f"{format_number(bearing, 0)}°"
+    return translate("{bearing} (chosen)", bearing=degrees) if row.is_chosen else degrees
+
+
+def describe_bearings(comparison: BearingComparison) -> list[str]:
+    """Which bearing is quickest, and which takes least fuel."""
+    quickest = comparison.find_least(lambda row: row.time_s)
+    if quickest is None:
+        return [translate("No bearing works; the reasons are below.")]
+    time = format_duration(quickest.time_s)
+    sentences = [translate("Quickest is {bearing}: {time}.", bearing=name_row(quickest), time=time)]
+    thriftiest = comparison.find_least(lambda row: row.fuel_l)
+    if thriftiest is not None and thriftiest.fuel_l is not None:
+        fuel = format_volume(thriftiest.fuel_l, 1)
+        sentences.append(translate("Least fuel takes {bearing}: {fuel}.", bearing=name_row(thriftiest), fuel=fuel))
+    return sentences
+
+
+def build_bearing_table(comparison: BearingComparison) -> RenderableType:
+    """The answer, one line per bearing, and why some have no plan."""
+    first, *others = describe_bearings(comparison)
+    quickest = comparison.find_least(lambda row: row.time_s)
+    columns = (
+        TableColumn(translate("Bearing"), is_text=True, is_unbroken=True),
+        TableColumn(translate("Time")),
+        TableColumn(translate("Fuel {unit}", unit=get_volume_unit())),
+        TableColumn(translate("Cross slope %")),
+        TableColumn(translate("To roll-over °")),
+        TableColumn(translate("Erosion %")),
+    )
+    rows = tuple(
+        (
+            name_row(row),
+            format_duration(row.time_s),
+            format_number(convert_litres(row.fuel_l), 1),
+            format_number(row.cross_slope_pct, 1),
+            format_number(row.rollover_deg, 0),
+            format_number(None if row.erosion_share is None else 100.0 * row.erosion_share, 0),
+        )
+        for row in comparison.rows
+    )
+    styles = tuple("bold" if row is quickest else "" for row in comparison.rows)
+    erosion = translate(
+        "Erosion: share of track metres within 10 degrees of the fall line on slopes over 5 %, a convention of "
+        "Headland. Time: with missed ground finished."
+    )
+    missing = [f"{name_row(row)}: {row.reason}" for row in comparison.rows if row.reason]
+    return Group(
+        format_sentence(first, style="bold"),
+        *map(format_sentence, others),
+        Text(""),
+        FittedTable(columns, rows, styles),
+        format_sentence(erosion, style="dim"),
+        *map(format_sentence, missing),
+    )
+
+
+def format_bearing_json(comparison: BearingComparison) -> str:
+    """The comparison as JSON text with a trailing newline.
+
+    Keys: ``field`` and ``bearings``, each with ``requested_deg``, ``form``, ``bearing_deg``, ``is_chosen``, ``time_s``,
+    ``fuel_l``, ``cross_slope_pct``, ``rollover_deg``, ``erosion_share``, ``missed_m2``, ``strategy`` and ``reason``.
+    """
+    keys = ("requested_deg", "form", "bearing_deg", "is_chosen", "time_s", "fuel_l", "cross_slope_pct", "rollover_deg",
+            "erosion_share", "reason")  # fmt: skip
+    rows = [
+        {key: getattr(row, key) for key in keys}
+        | {
+            "missed_m2": None if row.plan is None else row.plan.missed_m2,
+            "strategy": None if row.plan is None else row.plan.strategy,
+        }
+        for row in comparison.rows
+    ]
+    content = make_json_safe({"field": comparison.field, "bearings": rows}, EXPORT_DECIMALS)
+    return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"

@@ -1,0 +1,108 @@
+"""Columns that are slower than the log count where they were measured, and commands that were really held stay."""
+
+from functools import lru_cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.truth.drives import drive, stairs, triangle
+from tests.truth.second import Second
+from vehicle.identification.columns.staleness import (
+    find_held_knots,
+    find_knots,
+    find_line_knots,
+    mark_stale_columns,
+    mark_stale_columns_of_set,
+    measure_hold,
+)
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.schema import Log
+from vehicle.identification.verdict.log_findings import describe_columns
+
+WAVES = drive("waves", 60.0, triangle(15.0, 9.0), stairs((20.0, 1.0), (20.0, 1.8), (20.0, 1.2)))
+STEPS = drive("steps", 60.0, stairs(*[(6.0, 12.0), (6.0, -9.0), (6.0, 4.0)] * 4), 1.4)
+
+
+@lru_cache
+def frame_of(name: str) -> pd.DataFrame:
+    return Second({}, 3).log({"waves": WAVES, "steps": STEPS}[name])
+
+
+def refresh(frame: pd.DataFrame, name: str, every_s: float, uneven: float = 0.0, lines: bool = False) -> pd.DataFrame:
+    """The log with a column that is refreshed every so often, and repeated or interpolated in between."""
+    rng, time = np.random.default_rng(4), frame.time_s.to_numpy()
+    gaps = every_s * (1.0 + uneven * rng.uniform(-1.0, 1.0, int(np.ptp(time) / every_s) + 2))
+    rows = np.unique(np.searchsorted(time, time[0] + np.concatenate([[0.0], np.cumsum(gaps)])).clip(0, len(time) - 1))
+    values = frame[name].to_numpy()
+    held = values[rows][np.searchsorted(rows, np.arange(len(time)), side="right") - 1]
+    return frame.assign(**{name: np.interp(time, time[rows], values[rows]) if lines else held})
+
+
+def read(frame: pd.DataFrame, name: str = "run") -> Log:
+    return build_log(frame, name)
+
+
+@pytest.mark.parametrize("name", ["waves", "steps"])
+def test_columns_as_fast_as_the_log_are_left_alone(name: str) -> None:
+    log = read(frame_of(name))
+    assert mark_stale_columns(log) is log
+    assert describe_columns([log], []) == ()
+
+
+@pytest.mark.parametrize("column", ["steering_deg", "speed_mps"])
+@pytest.mark.parametrize(("every_s", "uneven", "lines"), [(0.5, 0.0, False), (2.0, 0.5, False), (1.0, 0.0, True)])
+def test_slow_columns_are_told_with_sizes(column: str, every_s: float, uneven: float, lines: bool) -> None:
+    log = mark_stale_columns(read(refresh(frame_of("waves"), column, every_s, uneven, lines)))
+    hold_s, _, share = measure_hold(log.time_s, log.measured_rows[column])
+    assert hold_s == pytest.approx(every_s, rel=0.2)
+    assert share == pytest.approx(1.0 - 0.1 / every_s, abs=0.06)
+    knots, shown = log.measured_rows[column], getattr(log, column)
+    assert np.allclose(shown, np.interp(log.time_s, log.time_s[knots], shown[knots]))
+    (told,) = describe_columns([log], [])
+    assert told.hold_s == pytest.approx(every_s, rel=0.2) and "is refreshed every" in told.words
+    assert ("a tenth of the time" in told.words) is (uneven > 0.0)
+
+
+def test_a_held_column_is_nearer_to_the_truth_than_before() -> None:
+    frame = frame_of("waves")
+    held = refresh(frame, "steering_deg", 1.0)
+    log = mark_stale_columns(read(held))
+    assert log.steering_deg is not None
+    before, after = (float(np.std(values - frame.steering_deg)) for values in (held.steering_deg, log.steering_deg))
+    assert after < 0.5 * before
+
+
+def test_commands_in_steps_are_commands_and_late_ones_are_stale() -> None:
+    """Wheels that move before a held command does show that it was logged late."""
+    assert "steering_command_deg" not in mark_stale_columns(read(frame_of("steps"))).measured_rows
+    late = mark_stale_columns(read(refresh(frame_of("waves"), "steering_command_deg", 2.0)))
+    assert measure_hold(late.time_s, late.measured_rows["steering_command_deg"])[0] == pytest.approx(2.0, abs=0.2)
+
+
+def test_what_is_slow_in_one_log_is_slow_in_another_of_the_same_instruments() -> None:
+    slow = [read(refresh(frame_of(name), "steering_deg", 2.0), name) for name in ("waves", "steps")]
+    marked = mark_stale_columns_of_set(slow)
+    assert all("steering_deg" in log.measured_rows for log in marked)
+    fast = read(frame_of("steps"))
+    assert mark_stale_columns_of_set([slow[0], fast])[1] is fast
+
+
+def test_interpolated_positions_count_at_their_knots() -> None:
+    frame = frame_of("waves")
+    for name in ("easting_m", "northing_m"):
+        frame = refresh(frame, name, 0.5, lines=True)
+    log = mark_stale_columns(read(frame))
+    assert log.fresh is not None and float(np.mean(log.fresh)) == pytest.approx(0.2, abs=0.03)
+    assert mark_stale_columns(log).fresh is log.fresh
+
+
+def test_noise_bends_and_rests_are_no_slow_columns() -> None:
+    rng, time = np.random.default_rng(2), np.arange(0.0, 60.0, 0.1)
+    noise, bend = rng.normal(0.0, 1.0, len(time)), np.sin(0.7 * time)
+    coarse, line = np.round(3.0 * bend, 0), np.where(time < 30.0, 0.0, time - 30.0)
+    for values in (noise, bend, coarse, line, np.zeros(len(time)), bend + np.round(0.02 * noise, 2)):
+        assert find_knots(time, values) is None
+    assert find_held_knots(np.repeat(rng.normal(0.0, 1.0, 60), 10)) is not None
+    knots = find_line_knots(time, np.interp(time, time[::10], noise[::10]))
+    assert knots is not None and set(range(0, 600, 10)) <= {*knots.tolist()}

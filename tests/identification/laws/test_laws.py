@@ -1,0 +1,109 @@
+"""Laws of parameters: recovered where they act, not told where values are constant."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.identification.log_tables import table
+from tests.identification.residual_models import build_programme_model
+from vehicle.identification.fit.residual_fit import make_empty_fit
+from vehicle.identification.laws.bases import (
+    BY_ANGLE,
+    BY_SPEED,
+    LawBasis,
+    RunClock,
+    build_group_basis,
+    build_run_clock,
+    get_angle_deg,
+    list_bases,
+)
+from vehicle.identification.laws.columns import GAIN, LawColumns, list_targets
+from vehicle.identification.laws.scores import LawScorer
+from vehicle.identification.laws.settle import ActingLaw, add_law
+from vehicle.identification.laws.sides import find_sides
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.residuals.residual_model import ResidualModel
+
+PER_MPS = 0.05
+
+
+@pytest.fixture(scope="module")
+def plain() -> ResidualModel:
+    """A tractor as its file says, on circles at several angles."""
+    return build_programme_model("circles", {})
+
+
+def get_basis(residual_model: ResidualModel, kind: str) -> LawBasis:
+    runs = len(residual_model.dataset.names)
+    clock = RunClock(np.zeros(runs), 0.0, has_order=False)
+    return next(basis for basis in list_bases(residual_model.dataset, clock) if basis.kind == kind)
+
+
+def test_columns_of_a_law_are_what_the_law_does_to_the_residuals(plain: ResidualModel) -> None:
+    fit = make_empty_fit(plain)
+    columns, basis = LawColumns(plain, fit), get_basis(plain, BY_ANGLE)
+    target = next(one for one in list_targets(plain, fit) if one.effect_id == GAIN)
+    units = columns.compute_unit_increments(target)
+    law = ActingLaw(GAIN, basis, np.zeros(1), np.array([1e-4]), units)
+    change = add_law(plain, law).compute_residuals({}) - plain.compute_residuals({})
+    expected = 1e-4 * columns.compute_columns(target, basis)[:, 0]
+    assert np.abs(change).max() > 0.01
+    assert change == pytest.approx(expected, abs=0.02 * np.abs(change).max())
+
+
+def test_amount_of_a_law_is_recovered() -> None:
+    """Logs that bend less with the speed than the model: the step of the score is the law with its sign turned."""
+    plain = build_programme_model("two-speeds", {})
+    fit = make_empty_fit(plain)
+    columns, basis = LawColumns(plain, fit), get_basis(plain, BY_SPEED)
+    target = next(one for one in list_targets(plain, fit) if one.effect_id == GAIN)
+    units = columns.compute_unit_increments(target)
+    model = add_law(plain, ActingLaw(GAIN, basis, np.zeros(1), np.array([PER_MPS]), units))
+    wrong = make_empty_fit(model)
+    again = LawColumns(model, wrong)
+    scorer = LawScorer(
+        model,
+        wrong,
+        target,
+        again.compute_columns(target, again.constant),
+        [again.compute_columns(target, basis)],
+    )
+    score = scorer.score_law(0, basis)
+    assert score.amounts[0] == pytest.approx(-PER_MPS, rel=0.1)
+    assert score.gain > 25.0
+
+
+def test_angles_beyond_the_widest_are_held(plain: ResidualModel) -> None:
+    segment = plain.dataset.segments[0]
+    wide = replace(segment, wheel=np.full(segment.rows, np.radians(33.0)))
+    assert np.all(get_basis(plain, BY_ANGLE).compute_rows(wide) == 27.0)
+    assert get_angle_deg(wide)[0] == pytest.approx(33.0)
+
+
+def test_groups_of_runs_are_columns_of_ones(plain: ResidualModel) -> None:
+    segment = replace(plain.dataset.segments[0], run=1)
+    assert np.all(build_group_basis([0, 1], 2).compute_rows(segment) == 1.0)
+    assert np.all(build_group_basis([1, 0], 2).compute_rows(segment) == 0.0)
+
+
+def test_wheels_are_to_move_to_the_side_of_the_command(plain: ResidualModel) -> None:
+    segment = plain.dataset.segments[0]
+    wheel, command = np.zeros(segment.rows), np.zeros(segment.rows)
+    command[5:20], command[40:60] = np.radians(2.0), np.radians(-2.0)
+    sides = find_sides(replace(segment, wheel=wheel, command=command))
+    assert sides[0] == 0.0
+    assert np.all(sides[5:40] == 1.0)
+    assert np.all(sides[40:] == -1.0)
+
+
+def test_runs_that_begin_at_the_same_time_have_no_day() -> None:
+    logs = [build_log(table(), f"run {number}") for number in range(4)]
+    assert not build_run_clock(logs, range(4)).has_order
+
+
+def test_runs_one_after_another_have_a_day() -> None:
+    logs = [build_log(table().assign(time_s=table().time_s + 500.0 * n), f"run {n}") for n in range(4)]
+    clock = build_run_clock(logs, range(4))
+    assert clock.has_order
+    assert clock.starts_s.tolist() == [0.0, 500.0, 1000.0, 1500.0]

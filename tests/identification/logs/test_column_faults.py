@@ -1,0 +1,137 @@
+"""Frozen columns and lost fixes: found with their times at any onset, never in clean logs."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from tests.identification.fault_logs import RUNS, START_S, clean_frames, degrade, freeze, rows_of
+from tests.identification.log_tables import runs
+from vehicle.identification.logs.column_faults import build_raw_motion, collect_fault_rows, find_column_faults
+from vehicle.identification.logs.reader import build_log
+
+POSITION, BENT = ("easting_m", "northing_m"), ("right", "left", "steps")
+onsets = st.floats(12.0, 34.0)
+lengths = st.one_of(st.none(), st.floats(10.0, 20.0))
+
+
+def found(frame):  # type: ignore[no-untyped-def]
+    """The faults of a log: id, and times since its start."""
+    log = build_log(frame, "run")
+    return [(one.id, one.from_s - START_S, None if one.to_s is None else one.to_s - START_S) for one in log.faults]
+
+
+def assert_one(faults, fault_id, from_s, to_s):  # type: ignore[no-untyped-def]
+    assert [one[0] for one in faults] == [fault_id]
+    assert faults[0][1] == pytest.approx(from_s, abs=5.0)
+    if to_s is None or faults[0][2] is None:
+        assert faults[0][2] is None or faults[0][2] > 50.0
+    else:
+        assert faults[0][2] == pytest.approx(to_s, abs=5.0)
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.sampled_from(RUNS), onsets, lengths)
+def test_frozen_positions_are_found_at_any_onset(name: str, from_s: float, length_s: float | None) -> None:
+    to_s = None if length_s is None else from_s + length_s
+    assert_one(found(freeze(clean_frames()[name], POSITION, from_s, to_s)), "position_frozen", from_s, to_s)
+
+
+def is_far_from_repeated(frame, from_s, to_s, at_least_deg, seconds):  # type: ignore[no-untyped-def]
+    """Whether the wheel leaves the angle repeated so far, beyond half of it (sliding tyres), for so many seconds."""
+    rows, angle = rows_of(frame, from_s, to_s), frame.steering_deg.to_numpy()
+    repeated = angle[rows[0] - 1]
+    excess = np.abs(angle[rows] - repeated) - 0.5 * abs(repeated)
+    return np.count_nonzero(excess > at_least_deg) >= 10.0 * seconds
+
+
+def is_pace_changed(frame, from_s, to_s):  # type: ignore[no-untyped-def]
+    """Whether the speed changes by half a metre per second and by 40 % while its column repeats a value."""
+    slow, middle, fast = np.quantile(frame.speed_mps.to_numpy()[rows_of(frame, from_s, to_s)], (0.05, 0.5, 0.95))
+    return fast - slow > max(0.5, 0.4 * middle)
+
+
+@settings(max_examples=4, deadline=None)
+@given(
+    st.sampled_from([
+        ("heading_deg", "heading_frozen", BENT), ("speed_mps", "speed_frozen", RUNS),
+        ("steering_deg", "wheel_sensor_frozen", ("steps", "lines")),
+    ]), st.integers(0, 7), onsets, lengths,
+)  # fmt: skip
+def test_one_frozen_column_is_found_at_any_onset(what, place, from_s, length_s) -> None:  # type: ignore[no-untyped-def]
+    column, fault_id, names = what
+    to_s = None if length_s is None else from_s + length_s
+    clean = clean_frames()[names[place % len(names)]]
+    if column == "steering_deg":  # a wheel that hardly moves along a row is as if frozen: see the next test
+        assume(is_far_from_repeated(clean, from_s, to_s, 8.0, 1.5))
+    if column == "speed_mps":  # at a steady pace only lost noise shows it, beside ten windows of 3 s without a halt
+        halts = clean.speed_mps[30:].min() < 0.3
+        assume(is_pace_changed(clean, from_s, to_s) or (length_s is not None and length_s < 17.0 and not halts))
+    assert_one(found(freeze(clean, (column,), from_s, to_s)), fault_id, from_s, to_s)
+
+
+@pytest.mark.parametrize("from_s, to_s, told", [(34.0, 44.0, False), (18.0, 28.0, True)])
+def test_a_wheel_angle_frozen_along_a_row_is_not_told_but_one_frozen_in_a_turn_is(
+    from_s: float, to_s: float, told: bool
+) -> None:
+    clean = clean_frames()["lines"]
+    assert bool(is_far_from_repeated(clean, from_s, to_s, 4.0, 0.1)) is told
+    faults = found(freeze(clean, ("steering_deg",), from_s, to_s))
+    assert [fault[0] for fault in faults] == (["wheel_sensor_frozen"] if told else [])
+
+
+@settings(max_examples=4, deadline=None)
+@given(st.sampled_from(RUNS), onsets, lengths, st.floats(0.6, 2.5), st.integers(0, 999))
+def test_a_lost_fix_is_found_at_any_onset(
+    name: str, from_s: float, length_s: float | None, size_m: float, seed: int
+) -> None:
+    to_s = None if length_s is None else from_s + length_s
+    assert_one(found(degrade(clean_frames()[name], from_s, to_s, size_m, seed)), "position_lost", from_s, to_s)
+
+
+def test_a_fault_from_the_first_row_and_one_that_comes_and_goes() -> None:
+    frame = clean_frames()["lines"]
+    (first,) = found(freeze(frame, POSITION, 0.0, 20.0))
+    assert first[:2] == ("position_frozen", 0.0) and first[2] == pytest.approx(20.0, abs=1.0)
+    twice = found(freeze(freeze(frame, POSITION, 10.0, 18.0), POSITION, 30.0, 40.0))
+    assert [(one[0], round(one[1])) for one in twice] == [("position_frozen", 10), ("position_frozen", 30)]
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_clean_runs_have_no_fault(name: str) -> None:
+    assert found(clean_frames()[name]) == []
+
+
+def test_no_run_of_the_first_reference_has_a_fault_even_without_noise_or_at_rest() -> None:
+    for name, frame in runs().items():
+        assert build_log(frame, name, check=False).faults == (), name
+    still = clean_frames()["there"].copy()
+    rows = rows_of(still, 20.0, 30.0)
+    later = np.arange(len(still)) > rows[-1]
+    for column in POSITION:
+        jump = still[column][rows[-1]] - still[column][rows[0]]
+        still.loc[rows, column] = still[column][rows[0]]
+        still.loc[later, column] -= jump
+    still.loc[rows, ["speed_mps", "speed_command_mps"]] = 0.0
+    still.loc[rows, "heading_deg"] = still.heading_deg[rows[0]]
+    assert found(still) == [], "a halt is no fault"
+
+
+def test_rows_of_a_fault_are_left_out_by_a_rule_of_its_own() -> None:
+    frame = freeze(clean_frames()["lines"], POSITION, 20.0, 30.0)
+    columns = {name: frame[name].to_numpy(float) for name in frame.columns}
+    faults = find_column_faults(columns, "run")
+    ((rule, rows),) = collect_fault_rows(faults).items()
+    assert rule.startswith("position frozen: ") and 98 <= len(rows) <= 102
+    log = build_log(frame, "run")
+    assert [one.rows for one in log.gated] == [len(rows)] and not log.used[rows].any() and log.segment_count == 2
+
+
+def test_evidence_of_a_drive_by_hand() -> None:
+    time = np.arange(0.0, 20.0, 0.1)
+    columns = {"time_s": time, "easting_m": 2.0 * time, "northing_m": 0.0 * time, "speed_mps": 2.0 + 0.0 * time}
+    motion = build_raw_motion(columns, np.arange(len(time)))
+    assert motion.pace == pytest.approx(np.full(len(time), 2.0)) and motion.moving.all()
+    assert np.nanmean(motion.course) == pytest.approx(np.pi / 2) and motion.total_s == pytest.approx(19.9)
+    assert motion.is_contradicted("position", (0, 50)) and not motion.is_contradicted("position", (0, 5))
+    assert not motion.is_contradicted("heading", (0, 150))

@@ -1,0 +1,142 @@
+"""The guard: what counts as harm and as help, what is taken out first, and halves that show the same as all runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.identification.residual_models import build_programme_model, get_parameters
+from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.identification.verdict import guard
+from vehicle.identification.verdict.cross_fit import choose_balanced_half, select_runs, split_in_halves
+from vehicle.identification.verdict.guard import drop_harm, is_harmful, is_helpful, measure_harm
+
+PLAIN = HorizonError(2.0, 4.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    "after, harmful, helpful",
+    [
+        (PLAIN, False, False),
+        (HorizonError(1.0, 4.0, 1.0), False, True),
+        (HorizonError(1.0, 4.0, 1.2), True, False),
+        (HorizonError(2.08, 4.0, 1.0), False, False),
+        (HorizonError(2.2, 4.0, 1.0), True, False),
+        (HorizonError(2.0, 4.0, math.nan), False, False),
+    ],
+)
+def test_any_kind_of_error_that_rises_is_harm(after: HorizonError, harmful: bool, helpful: bool) -> None:
+    """A heading that was not measured is nan and judges nothing."""
+    before = {1.0: PLAIN, 5.0: PLAIN}
+    assert is_harmful(before, {1.0: PLAIN, 5.0: after}) is harmful
+    assert is_helpful(before, {1.0: PLAIN, 5.0: after}) is helpful
+
+
+def test_the_way_is_not_judged_without_a_measured_speed_and_long_horizons_only_where_asked() -> None:
+    before, after = {5.0: PLAIN, 20.0: PLAIN}, {5.0: HorizonError(2.0, 8.0, 1.0), 20.0: HorizonError(6.0, 4.0, 1.0)}
+    assert measure_harm(before, after) == 3.0
+    assert measure_harm(before, after, longest_s=5.0) == 2.0
+    assert measure_harm(before, after, with_along=False, longest_s=5.0) == 1.0
+
+
+def test_what_noise_alone_leaves_is_no_harm() -> None:
+    before, after, noise = ({5.0: HorizonError(cross, 4.0, 1.0)} for cross in (2.0, 2.5, 2.4))
+    assert measure_harm(before, after) == 1.25
+    assert measure_harm(before, after, noise_floor=noise) == pytest.approx(2.5 / 2.4)
+
+
+def test_differences_in_the_last_digit_are_no_harm() -> None:
+    tiny, more = HorizonError(0.1, 0.1, 0.01), HorizonError(0.14, 0.14, 0.03)
+    assert not is_harmful({1.0: tiny}, {1.0: more})
+
+
+@dataclass(frozen=True)
+class _Explained:
+    """Stand-in of an explained case: terms and which of them are names."""
+
+    ids: frozenset[str]
+    names: tuple[str, ...]
+
+    @property
+    def case(self) -> Any:
+        return SimpleNamespace(extension=SimpleNamespace(term_ids=self.ids))
+
+
+@pytest.mark.parametrize(
+    "harmful, kept",
+    [
+        ((), {"steering_gain", "antenna_right", "wheel_slip", "grip_by_angle"}),
+        (("grip_by_angle",), {"steering_gain", "antenna_right", "wheel_slip"}),
+        (("wheel_slip",), {"steering_gain", "antenna_right"}),
+        (("antenna_right",), {"steering_gain"}),
+        (("antenna_right", "steering_gain"), set()),
+    ],
+)
+def test_terms_without_a_name_go_first_and_names_last(
+    harmful: Collection[str], kept: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The slip is only likely; of the names only the one that does harm goes."""
+    explained: Any = _Explained(
+        frozenset({"steering_gain", "antenna_right", "wheel_slip", "grip_by_angle"}), ("steering_gain", "antenna_right")
+    )
+    monkeypatch.setattr(guard, "keep_terms", lambda selection, case, ids: replace(case, ids=frozenset(ids)))
+    judge: Any = SimpleNamespace(
+        selection=None, measure_harm=lambda case, longest_s: 1.0 + 0.5 * len(case.ids & set(harmful))
+    )
+    assert drop_harm(judge, explained, 5.0).case.extension.term_ids == kept
+
+
+def test_both_halves_hold_one_of_two_runs_that_show_an_effect() -> None:
+    model = build_programme_model("four-ways", {})
+    information = np.array([0.0, 1.0, 1.0, 0.0])
+
+    class _Fit:
+        parts = ((get_parameters("steering_gain"), np.ones(1)),)
+        jacobian = (np.sqrt(information)[model.residual_runs])[:, None]
+        residuals = np.zeros(len(model.residual_runs))
+
+    fit: Any = _Fit()
+    half = choose_balanced_half(model, fit)
+    assert len(half) == 2 and len(half & {1, 2}) == 1
+
+
+def test_runs_of_a_half_are_numbered_anew_and_each_half_judges_the_other() -> None:
+    model = build_programme_model("four-ways", {})
+    fit = EffectFit((), np.zeros(len(model.residual_runs)), np.zeros((len(model.residual_runs), 0)))
+    halves = list(split_in_halves(model, fit))
+    assert len(halves) == 2
+    for seen, unseen in halves:
+        assert [segment.run for segment in seen.segments] == list(range(len(seen.names)))
+        assert {model.dataset.names[segment.run] for segment in unseen.segments} == set(model.dataset.names) - set(
+            seen.names
+        )
+
+
+def test_a_single_run_is_halved_by_its_pieces() -> None:
+    model = build_programme_model("four-ways", {})
+    alone = replace(model, dataset=select_runs(model.dataset, [0]))
+    assert not list(split_in_halves(alone, EffectFit((), np.zeros(0), np.zeros((0, 0)))))  # 15 s are one piece
+    long_model = build_programme_model("bends-at-speeds", {})
+    dataset = replace(
+        long_model.dataset, segments=tuple(_repeat(segment, 4) for segment in long_model.dataset.segments)
+    )
+    halves = list(split_in_halves(replace(long_model, dataset=dataset), EffectFit((), np.zeros(0), np.zeros((0, 0)))))
+    (first, second), _ = halves
+    assert min(first.seconds, second.seconds) > 39.0
+    assert not {segment.start_s for segment in first.segments} & {segment.start_s for segment in second.segments}
+
+
+def _repeat(segment: Any, times: int) -> Any:
+    """A segment that goes on for several times its duration."""
+    step = float(segment.time[1])
+    time = np.concatenate([segment.time + number * (segment.time[-1] + step) for number in range(times)])
+    names = ("east", "north", "heading", "speed", "working", "wheel", "command", "target")
+    columns = {name: np.tile(getattr(segment, name), times) for name in names if getattr(segment, name) is not None}
+    return replace(segment, time=time, **columns)

@@ -1,0 +1,60 @@
+"""The last check of all names: what may be neutral is not told, whatever stage added it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from vehicle.identification.verdict import unclear_findings
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
+from vehicle.identification.verdict.unclear_findings import withdraw_unclear
+from vehicle.model.tractor import load_tractor
+
+DAY = ParameterLaw("over_day", {"mean": 1.0, "amplitude": 0.2}, "it swings")
+
+
+def build_finding(
+    value: float, low: float, high: float, status: str = NAMED, law: ParameterLaw | None = None
+) -> Finding:
+    return Finding(
+        "steering_gain", status, {"ratio": value}, {"ratio": (low, high)}, 1.0, (0.5, 1.5), 0.1, "", "path", "words",
+        law=law,
+    )  # fmt: skip
+
+
+def build_case() -> Any:
+    return SimpleNamespace(
+        tractor=load_tractor("eg105"),
+        extension=SimpleNamespace(term_ids=frozenset()),
+        residual_model=SimpleNamespace(row_interval_s=0.1),
+        final_errors=np.zeros(1),
+    )
+
+
+@pytest.mark.parametrize(
+    ("finding", "is_told"),
+    [
+        (build_finding(1.2, 1.1, 1.3), True),
+        (build_finding(1.2, 0.9, 1.5), False),
+        (build_finding(1.2, 0.9, 1.5, LIKELY), False),
+        (build_finding(1.2, 0.9, 1.5, EQUIVALENT), True),  # its interval reaches to neutral on purpose
+        (build_finding(1.001, 1.0005, 1.0015), False),  # within the tolerance of the file
+        (build_finding(0.8, 0.75, 0.85, LIKELY), True),
+    ],
+)
+def test_findings_that_may_be_neutral_are_not_told(finding: Finding, is_told: bool) -> None:
+    (out,) = withdraw_unclear([finding], build_case())
+    assert (out is finding) == is_told
+    if not is_told:
+        assert (out.status, out.value, out.interval, out.description) == (NOT_VISIBLE, None, None, "")
+
+
+@pytest.mark.parametrize("is_noise", [True, False])
+def test_a_law_with_a_neutral_mean_needs_an_error_to_explain(is_noise: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unclear_findings, "is_within_noise", lambda *_: is_noise)
+    finding = build_finding(1.0, 0.99, 1.01, law=DAY)
+    (out,) = withdraw_unclear([finding], build_case())
+    assert (out.status == NOT_VISIBLE) == is_noise

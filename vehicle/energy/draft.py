@@ -1,0 +1,115 @@
+"""Draft of implements (ASABE D497, clause 4 and Table 1).
+
+Draft is F (A + B S + C S^2) W T in newtons: texture factor F, speed S in km/h, width W in metres, tools or rows, depth
+T in cm (1 where the coefficients hold for the whole depth). The table is vehicle/data/work/implements.csv; its sources
+quote the standard, and a row that no source quotes is left out. Depths and distances between tools and rows are usual
+ones, not the standard's. Implements driven by the shaft, such as mowers, harvesters and sprayers, have no row: they
+need little draft.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from fields.errors import suggest_name
+from vehicle.errors import VehicleError
+from vehicle.model.data_table import load_table
+from vehicle.model.soil import Texture
+
+N_PER_KN, KMH_PER_MPS = 1000.0, 3.6
+NARROW_DRILL_M, WIDE_DRILL_M = 2.4, 3.7
+"""Widths at which the rows of grain drills change (D497, Table 1)."""
+
+Coefficient = Annotated[float, Field(ge=0, le=1e5, allow_inf_nan=False, description="newtons per unit and cm")]
+Factor = Annotated[float, Field(gt=0, le=5, allow_inf_nan=False, description="factor of the texture, usually up to 1")]
+Length = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
+
+
+class DraftRule(BaseModel):
+    """Coefficients of one kind of implement, and how it is usually set.
+
+    Attributes:
+        name: what a farm or an option calls it.
+        implement: what it is called in a sentence.
+        unit: what A, B and C count: metres of width, tools or rows.
+        a, b, c: newtons per unit and cm of depth, per km/h and per (km/h)^2.
+        fine, medium, coarse: F by texture of the soil.
+        depth_cm: usual depth; 1 where the coefficients hold for the whole depth.
+        spacing_m: width of a unit, 1 for metres.
+        range_pct: how far drafts lie from the mean, either way.
+        source: where the coefficients come from.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    name: str = Field(min_length=1)
+    implement: str = Field(min_length=1)
+    unit: Literal["m", "tools", "rows"]
+    a: Coefficient
+    b: Coefficient
+    c: Coefficient
+    fine: Factor
+    medium: Factor
+    coarse: Factor
+    depth_cm: Length = 1.0
+    spacing_m: Length = 1.0
+    range_pct: float = Field(ge=0, le=100)
+    source: str = ""
+
+    def compute_draft_terms(self, width_m: float, texture: Texture = "medium") -> tuple[float, float, float]:
+        """Draft at work as d0 + d1 v + d2 v^2 in newtons, v in m/s."""
+        factor: float = getattr(self, texture)
+        scale = factor * self.depth_cm * width_m / self.spacing_m
+        return scale * self.a, scale * self.b * KMH_PER_MPS, scale * self.c * KMH_PER_MPS**2
+
+    def compute_draft_n(self, width_m: float, speed_mps: float, texture: Texture = "medium") -> float:
+        """Draft at work."""
+        constant, linear, square = self.compute_draft_terms(width_m, texture)
+        return constant + linear * speed_mps + square * speed_mps**2
+
+    def compute_power_kw(self, width_m: float, speed_mps: float, texture: Texture = "medium") -> float:
+        """Power at the drawbar."""
+        return self.compute_draft_n(width_m, speed_mps, texture) * speed_mps / N_PER_KN
+
+    def set_depth(self, depth_cm: float) -> DraftRule:
+        """The implement set to another depth. Raises VehicleError where draft does not follow depth."""
+        if self.depth_cm == 1.0:
+            raise VehicleError(f"The draft of the {self.implement} holds for its whole depth; leave out the depth.")
+        if not 0.0 < depth_cm <= 100.0:
+            raise VehicleError(f"The working depth is {depth_cm:g} cm; give one from above 0 to 100.")
+        return self.model_copy(update={"depth_cm": depth_cm})
+
+
+def find_draft_rule(operation: str, width_m: float) -> DraftRule | None:
+    """The rule of an operation (till, sow); None for others."""
+    rules = load_draft_rules()
+    if operation == "till":
+        return rules["cultivator"]
+    if operation == "sow":
+        name = "narrow-drill" if width_m < NARROW_DRILL_M else "drill" if width_m <= WIDE_DRILL_M else "wide-drill"
+        return rules[name]
+    return None
+
+
+def get_draft_rule(name: str, path: str | Path | None = None) -> DraftRule:
+    """The rule of an implement by name, from Headland's table or a file of the same form. Raises VehicleError."""
+    rules = load_draft_rules(path)
+    if name not in rules:
+        close = suggest_name(name, rules)
+        raise VehicleError(
+            f"The implement {name!r} is not in the table{close}; use one of: {', '.join(sorted(rules))}."
+        )
+    return rules[name]
+
+
+def load_draft_rules(path: str | Path | None = None) -> dict[str, DraftRule]:
+    """All rules by name, of Headland's table or of a file of the same form; VehicleError says what is wrong with it."""
+    rules: dict[str, DraftRule] = {}
+    for rule in load_table(path, "implements.csv", DraftRule, "an implement"):
+        if rule.name in rules:
+            raise VehicleError(f"The implement {rule.name!r} stands twice in the table; give each another name.")
+        rules[rule.name] = rule
+    return rules

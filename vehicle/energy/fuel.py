@@ -1,0 +1,185 @@
+"""What engines and electric drives take for the power they give.
+
+Diesel: ASABE D497.7 (2011), clause 3.3.3, after Grisso, Kocher and Vaughan 2004:
+
+    Q = (0.22 X + 0.096) (1 - (0.00877 N - 0.0045 X N)) P     litres per hour
+
+P is the rated power (kW) at the shaft, X the share of it in use (whatever turns the wheels counts as if taken from the
+shaft), N by how many per cent the engine turns slower than at full throttle, up to about 30. The edition of 2003 and
+those before it gave up to a third more. It says too much at light loads: a New Holland T7 logged 0.97 of it at
+work, half of it while driving and turning. Points of a test, such as those of OECD Code 2, give the two numbers for an
+engine. Two things the standard leaves out are said here: an engine that the wheels turn, downhill, needs less along the
+same line until it needs nothing, and one that idles needs IDLE_SHARE.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.energy.driveline import ENGINE_TO_SHAFT
+from vehicle.errors import VehicleError
+from vehicle.model.tractor import Tractor
+
+USE_L_PER_KWH, NO_LOAD_L_PER_KWH = 0.22, 0.096
+THROTTLE_RATE, THROTTLE_LOAD_RATE = 0.00877, 0.0045
+MAX_REDUCTION_PCT = 30.0
+IDLE_SHARE = 0.07
+"""Of the fuel at full load: 1.9 of 28 l/h of a New Holland T7.165 S at 750 rpm (lindiap/tractor-field-operations)."""
+CO2_KG_PER_L = 2.65
+"""Of burnt diesel: IPCC 2006, 74.1 kg per GJ, 43.0 MJ/kg, 0.832 kg/l; without that of making the fuel."""
+W_PER_KW, S_PER_H, J_PER_KWH = 1000.0, 3600.0, 3.6e6
+LITRES, KWH = "l", "kWh"
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DieselEngine:
+    """A diesel engine.
+
+    Attributes:
+        power_w: rated, at the flywheel.
+        shaft_share: of it at the power take-off.
+        reduction_pct: N of the equation while it works and drives.
+        idle_share: fuel while it idles over fuel at full load.
+        factor: of all fuel, from a measurement of this machine.
+        use_l_per_kwh, no_load_l_per_kwh: the two numbers of the equation.
+
+    Raises:
+        VehicleError: a value that no engine has.
+    """
+
+    power_w: float
+    shaft_share: float = ENGINE_TO_SHAFT
+    reduction_pct: float = 0.0
+    idle_share: float = IDLE_SHARE
+    factor: float = 1.0
+    use_l_per_kwh: float = USE_L_PER_KWH
+    no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH
+
+    def __post_init__(self) -> None:
+        _check_range("The power of the engine", self.power_w / W_PER_KW, 0.1, 2000.0, "kW")
+        _check_range("The reduction of the engine's speed", self.reduction_pct, 0.0, MAX_REDUCTION_PCT, "%")
+        _check_range("The share of power at the shaft", self.shaft_share, 0.1, 1.0, "")
+        _check_range("The share of fuel while idling", self.idle_share, 0.0, 1.0, "")
+        _check_range("The factor of the fuel", self.factor, 0.1, 10.0, "")
+        _check_range("The fuel per work", self.use_l_per_kwh, 0.05, 1.0, "l/kWh")
+        _check_range("The fuel without load", self.no_load_l_per_kwh, 0.0, 0.5, "l/h per kW")
+
+    @property
+    def unit(self) -> str:
+        """What `compute_rate` counts per second."""
+        return LITRES
+
+    @property
+    def idle_rate(self) -> float:
+        """Litres per second while the tractor stands."""
+        return float(self.idle_share * self._compute_lph(1.0, 0.0)) / S_PER_H
+
+    def compute_rate(self, power_w: Floats) -> Floats:
+        """Litres per second at powers of the flywheel; negative where the wheels turn the engine."""
+        return np.asarray(self._compute_lph(power_w / self.power_w, self.reduction_pct) / S_PER_H)
+
+    def _compute_lph(self, share: Any, reduction_pct: float) -> Any:
+        rated_kw = self.power_w * self.shaft_share / W_PER_KW
+        line = self.use_l_per_kwh, self.no_load_l_per_kwh
+        return self.factor * compute_diesel_lph(share, rated_kw, reduction_pct, *line)
+
+
+@dataclass(frozen=True)
+class ElectricDrive:
+    """A battery and motors. The efficiencies and the reserve are assumed; give those of the maker where known.
+
+    Attributes:
+        battery_kwh: what the battery holds.
+        charger_kw: what it takes from the charger.
+        efficiency: share of the battery's energy that leaves the motor.
+        recovery: share of the energy of braking that returns to the battery.
+        standby_w: what controls and cooling take all the time.
+        reserve: share of the battery that stays in it.
+
+    Raises:
+        VehicleError: a value that no drive has.
+    """
+
+    battery_kwh: float
+    charger_kw: float = 50.0
+    efficiency: float = 0.85
+    recovery: float = 0.0
+    standby_w: float = 500.0
+    reserve: float = 0.15
+
+    def __post_init__(self) -> None:
+        _check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
+        _check_range("The charger", self.charger_kw, 0.1, 10_000.0, "kW")
+        _check_range("The efficiency of the drive", self.efficiency, 0.05, 1.0, "")
+        _check_range("The share of braking that is recovered", self.recovery, 0.0, 1.0, "")
+        _check_range("The power on standby", self.standby_w, 0.0, 1e5, "W")
+        _check_range("The reserve of the battery", self.reserve, 0.0, 0.9, "")
+
+    @property
+    def unit(self) -> str:
+        """What `compute_rate` counts per second."""
+        return KWH
+
+    @property
+    def usable_kwh(self) -> float:
+        """What a full battery gives before it must be charged or changed."""
+        return self.battery_kwh * (1.0 - self.reserve)
+
+    @property
+    def idle_rate(self) -> float:
+        """Kilowatt-hours per second while the tractor stands."""
+        return self.standby_w / J_PER_KWH
+
+    def compute_rate(self, power_w: Floats) -> Floats:
+        """Kilowatt-hours per second at powers of the motor; negative where braking charges the battery."""
+        drawn = np.where(power_w > 0.0, power_w / self.efficiency, power_w * self.recovery * self.efficiency)
+        return np.asarray((drawn + self.standby_w) / J_PER_KWH)
+
+    def compute_charge_s(self, energy_kwh: float) -> float:
+        """How long the charger takes for an amount of energy."""
+        return energy_kwh / self.charger_kw * S_PER_H
+
+
+PowerSource = DieselEngine | ElectricDrive
+
+
+def compute_diesel_lph(
+    share: Any,
+    rated_shaft_kw: float,
+    reduction_pct: float = 0.0,
+    use_l_per_kwh: float = USE_L_PER_KWH,
+    no_load_l_per_kwh: float = NO_LOAD_L_PER_KWH,
+) -> Any:
+    """Litres per hour of a diesel engine at a share X of its rated power at the shaft (D497.7, 3.3.3); never below 0.
+
+    `share` may be an array.
+    """
+    full_throttle = use_l_per_kwh * share + no_load_l_per_kwh
+    throttle = 1.0 - (THROTTLE_RATE - THROTTLE_LOAD_RATE * share) * reduction_pct
+    return np.maximum(full_throttle * throttle, 0.0) * rated_shaft_kw
+
+
+def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:
+    """The engine of a tractor with this power, by the fuel points of its file or by the equation of the standard.
+
+    Raises:
+        VehicleError: the power is not known, or the points are those of no engine.
+    """
+    points = () if tractor.engine is None else tractor.engine.fuel_points
+    if not points:
+        return DieselEngine(power_w)
+    shaft_kw, litres_per_h = np.array(points).T
+    use, no_load_lph = np.polyfit(shaft_kw, litres_per_h, 1).tolist()
+    rated_kw = power_w * ENGINE_TO_SHAFT / W_PER_KW
+    return DieselEngine(power_w, use_l_per_kwh=use, no_load_l_per_kwh=no_load_lph / rated_kw)
+
+
+def _check_range(what: str, value: float, low: float, high: float, unit: str) -> None:
+    if not low <= value <= high:
+        words = f" {unit}" if unit else ""
+        raise VehicleError(f"{what} is {value:g}{words}; give {low:g} to {high:g}{words}.")

@@ -1,0 +1,247 @@
+"""Energy of a simulated run: work at the driven axles by cause, and the fuel or electricity for it, leg by leg.
+
+Between two rows of the 10 Hz record the wheels push with what the tractor's motion needs:
+
+    push = change of kinetic energy + weight x rise + resistance to rolling + draft
+
+all over the metres between the rows. Slip adds what the driven wheels lose (vehicle.energy.traction); where the sum is
+negative the tractor is braked. So the work of the axle is that of the six causes together, braking counted as what it
+takes away, and over a lap that ends as it began the rise adds nothing. What tyres lose sideways in bends is left out:
+the record does not show it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.energy.fuel import CO2_KG_PER_L, J_PER_KWH, LITRES, DieselEngine, PowerSource, build_diesel_engine
+from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
+from vehicle.missions.plan import Leg
+from vehicle.missions.run import SimulationRun
+from vehicle.model.ground import GROUNDS, find_ground_index
+from vehicle.model.terrain import Terrain
+from vehicle.model.tractor import Tractor
+from vehicle.model.work_load import WorkLoad
+from vehicle.records import FINISHED, GRAVITY_MPS2, REC_PLACE, REC_SPEED, STANDING, WAITING, WORKING
+
+CAUSES = ("grade", "rolling", "draft", "acceleration", "slip", "braking")
+GRADE, ROLLING, DRAFT, ACCELERATION, SLIP, BRAKING = range(len(CAUSES))
+IDLE_MPS = 0.03  # a tractor that waits or stands and is slower idles
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TractorEnergy:
+    """What one tractor took.
+
+    Attributes:
+        work_j: work at the axles by leg and cause (legs, 6), columns as CAUSES; braking is what brakes and engine took
+            out, so that a row adds up to what the engine put in.
+        consumption: by leg (legs,), in the unit of RunEnergy, with idling.
+        idle: the part of it while the tractor waited or stood (legs,).
+        shaft_j: work of the shaft that drives the implement (legs,).
+    """
+
+    work_j: Floats
+    consumption: Floats
+    idle: Floats
+    shaft_j: Floats
+
+    @property
+    def axle_work_j(self) -> Floats:
+        """Work that the engine put into the axles, by leg (legs,)."""
+        return np.asarray(self.work_j.sum(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class RunEnergy:
+    """What a run took, by tractor; `unit` is "l" of diesel or "kWh" from the battery."""
+
+    tractors: tuple[TractorEnergy, ...]
+    unit: str
+
+    @cached_property
+    def consumptions(self) -> Floats:
+        """Of each tractor (tractors,), in `unit`."""
+        return np.array([tractor.consumption.sum() for tractor in self.tractors])
+
+    @property
+    def total(self) -> float:
+        """Of all tractors, in `unit`."""
+        return float(self.consumptions.sum())
+
+    @property
+    def fuel_l(self) -> float | None:
+        """Litres of all tractors; None for electric ones."""
+        return self.total if self.unit == LITRES else None
+
+    @property
+    def energy_kwh(self) -> float | None:
+        """Kilowatt-hours of all tractors from their batteries; None for diesel."""
+        return None if self.unit == LITRES else self.total
+
+    @property
+    def co2_kg(self) -> float | None:
+        """Carbon dioxide of the diesel burnt; None for electric tractors, whose power may come from anywhere."""
+        return self.total * CO2_KG_PER_L if self.unit == LITRES else None
+
+    @property
+    def work_kwh(self) -> dict[str, float]:
+        """Work at the axles of all tractors by cause."""
+        work = np.sum([tractor.work_j.sum(axis=0) for tractor in self.tractors], axis=0) / J_PER_KWH
+        return dict(zip(CAUSES, work.tolist(), strict=True))
+
+
+def compute_run_energy(
+    run: SimulationRun,
+    tractor: Tractor,
+    load: WorkLoad,
+    terrain: Terrain | None = None,
+    *,
+    source: PowerSource | None = None,
+    shaft_power_w: float = 0.0,
+) -> RunEnergy:
+    """What the tractors of a run took, leg by leg.
+
+    Args:
+        run: a finished or broken run; after its end a tractor takes nothing.
+        tractor: of every mission.
+        load: as the run was driven with, or as it would have been pulled.
+        terrain: heights; None for level ground.
+        source: engine or battery; the tractor's diesel engine with the power of the load where None.
+        shaft_power_w: what the implement takes from the shaft while it works.
+
+    Raises:
+        VehicleError: the power of the engine is not known.
+    """
+    source = source or build_diesel_engine(tractor, load.engine_power_w)
+    tractors = (
+        _compute_tractor_energy(run, number, tractor, load, terrain, source, shaft_power_w)
+        for number in range(run.plan.tractors)
+    )
+    return RunEnergy(tuple(tractors), source.unit)
+
+
+def _compute_tractor_energy(
+    run: SimulationRun,
+    number: int,
+    tractor: Tractor,
+    load: WorkLoad,
+    terrain: Terrain | None,
+    source: PowerSource,
+    shaft_power_w: float,
+) -> TractorEnergy:
+    legs = run.plan.missions[number].legs
+    row_legs, statuses = run.get_leg_numbers(number)[:-1], run.get_statuses(number)[:-1]
+    row_legs = np.clip(row_legs, 0, len(legs) - 1)
+    seconds = np.diff(run.time_s) * (statuses != FINISHED)
+    is_working = statuses == WORKING
+    places = np.ascontiguousarray(run.record[:, number, REC_PLACE])
+    work = compute_motion_work(
+        np.hypot(*np.diff(places, axis=0).T),
+        np.zeros(len(places) - 1) if terrain is None else np.diff(terrain.compute_heights(places)),
+        run.record[:, number, REC_SPEED],
+        tractor.mass_kg,
+        load,
+        _list_rolling_shares(legs, load)[row_legs],
+        is_working,
+    )
+    work *= (seconds > 0.0)[:, None]
+    shaft = np.where(is_working, shaft_power_w * seconds, 0.0)
+    speeds = np.abs(run.record[:-1, number, REC_SPEED])
+    is_idle = np.isin(statuses, (WAITING, STANDING)) & (speeds < IDLE_MPS)
+    taken = compute_consumption(work, shaft, seconds, load, source)
+    taken = np.where(is_idle, source.idle_rate * seconds, taken)
+
+    def sum_by_leg(values: Floats) -> Floats:
+        return np.bincount(row_legs, weights=values, minlength=len(legs)).astype(np.float64)
+
+    return TractorEnergy(
+        work_j=np.column_stack([sum_by_leg(work[:, cause]) for cause in range(len(CAUSES))]),
+        consumption=sum_by_leg(taken),
+        idle=sum_by_leg(np.where(is_idle, taken, 0.0)),
+        shaft_j=sum_by_leg(shaft),
+    )
+
+
+def compute_motion_work(
+    metres: Floats,
+    rises_m: Floats,
+    speeds_mps: Floats,
+    mass_kg: float,
+    load: WorkLoad,
+    rolling_shares: Floats,
+    is_working: npt.NDArray[np.bool_],
+) -> Floats:
+    """Work (J) at the driven axles by cause (n, 6) over n pieces of a way.
+
+    Args:
+        metres: length of each piece (n,).
+        rises_m: how much higher it ends (n,).
+        speeds_mps: at the ends of the pieces (n + 1,), negative for backwards.
+        mass_kg: of the tractor, without what the load adds.
+        load: draft, grip and mass of the implement.
+        rolling_shares: resistance to rolling over weight (n,), as on level ground: so the simulation takes it.
+        is_working: whether the implement works (n,).
+    """
+    mean_speeds = 0.5 * np.abs(speeds_mps[1:] + speeds_mps[:-1])
+    mass = mass_kg + load.implement_mass_kg
+    weight = mass * GRAVITY_MPS2
+    constant, linear, square = load.draft_n
+    draft = constant + (linear + square * mean_speeds) * mean_speeds
+    work = np.zeros((len(metres), len(CAUSES)))
+    work[:, GRADE] = weight * rises_m
+    work[:, ROLLING] = weight * rolling_shares * metres
+    work[:, DRAFT] = np.where(is_working, draft * metres, 0.0)
+    work[:, ACCELERATION] = 0.5 * mass * np.diff(speeds_mps**2)
+    push = work.sum(axis=1)
+    work[:, SLIP] = _compute_slip_loss(push, metres, weight * load.driven_share, rolling_shares, load)
+    work[:, BRAKING] = np.maximum(-push, 0.0)
+    return work
+
+
+def _compute_slip_loss(
+    push_j: Floats, metres: Floats, driven_n: float, rolling_shares: Floats, load: WorkLoad
+) -> Floats:
+    """Work (J) that driven wheels lose by slip: they turn farther than the tractor goes, and dig.
+
+    The push of the wheels pays for their own resistance without slip, which net traction leaves out.
+    """
+    losses = np.zeros(len(push_j))
+    is_pushing = (push_j > 0.0) & (metres > 0.0)
+    if load.mobility_number is None or not is_pushing.any():
+        return losses
+    shares = push_j[is_pushing] / metres[is_pushing] / driven_n
+    slips = solve_slips(shares - rolling_shares[is_pushing], load.mobility_number, load.max_slip)
+    slips = np.maximum(slips, 0.0)
+    dig = SLIP_RESISTANCE * slips / math.sqrt(load.mobility_number) * driven_n
+    gross_j = push_j[is_pushing] + dig * metres[is_pushing]
+    losses[is_pushing] = gross_j / (1.0 - slips) - push_j[is_pushing]
+    return losses
+
+
+def compute_consumption(work: Floats, shaft_j: Floats, seconds: Floats, load: WorkLoad, source: PowerSource) -> Floats:
+    """Litres or kilowatt-hours (n,) for work by cause (n, 6) and work of the shaft (n,) in some seconds (n,).
+
+    Wheels turn an engine or motor with what they brake.
+    """
+    axle = work.sum(axis=1)
+    driven = np.where(axle > 0.0, axle / load.driveline_efficiency, 0.0)
+    braked = work[:, BRAKING] * load.driveline_efficiency
+    shaft_share = source.shaft_share if isinstance(source, DieselEngine) else 1.0
+    engine_j = driven - braked + shaft_j / shaft_share
+    is_on = seconds > 0.0
+    power_w = np.divide(engine_j, seconds, out=np.zeros_like(engine_j), where=is_on)
+    return np.where(is_on, source.compute_rate(power_w) * seconds, 0.0)
+
+
+def _list_rolling_shares(legs: tuple[Leg, ...], load: WorkLoad) -> Floats:
+    """Resistance to rolling over weight by leg: the load's, or that of the leg's ground."""
+    if load.rolling_share is not None:
+        return np.full(len(legs), load.rolling_share)
+    return np.array([GROUNDS[find_ground_index(leg.ground)].rolling_resistance for leg in legs])

@@ -1,0 +1,223 @@
+"""From which moisture a soil is too wet: to be worked without harm, to pull on, and to drive on at all.
+
+    Worked without harm   up to 7.5 + 1.91 organic matter + 0.34 clay, in % (Terzaghi, Hoogmoed and Miedema 1988); two
+                          fields measured in Berlin differ from that by 3 % of moisture
+    Pulled on             while the net traction of the driven wheels at their best slip is above draft and slope;
+                          beyond 20 % of slip more power goes into the ground than into the pull
+    Driven on             while the cone index is above the vehicle cone index of fifty passes, of the US army
+                          (Priddy and Willoughby 2006), which holds for vehicles with all axles driven
+
+The first is about compaction: wetter soil smears and is compacted by usual tyres. Cone indices have intervals, and so
+have the last two.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from vehicle.energy.load import compute_axle_loads_n, compute_driven_share, compute_mobility, compute_weight_n
+from vehicle.energy.traction import compute_best_pull_slip, compute_motion_resistance, compute_net_traction
+from vehicle.model.soil import Soil, SoilRow, get_soil_rows, interpolate_soil
+from vehicle.model.tractor import Tractor
+from vehicle.model.work_load import WorkLoad
+
+USUAL_ORGANIC_PCT = 2.0
+MUCH_SLIP = 0.2
+TILLAGE_LIMIT_ERROR_PCT = 3.0
+USUAL_CLEARANCE_M = 0.45  # below a tractor; ten centimetres more or less change the vehicle cone index by 1 %
+LBF_PER_N, INCHES_PER_M, KPA_PER_PSI = 0.224809, 39.3701, 6.894757
+MOISTURE_STEPS = 40  # halvings, of the range of a soil's lines
+WEIGHT_FACTORS = (
+    (2_000.0, 0.553, 0.0),
+    (13_500.0, 0.033, 1.05),
+    (20_000.0, 0.142, -0.42),
+    (float("inf"), 0.278, -3.115),
+)
+"""Below an axle's weight (lbf): slope per 1000 lbf and constant of the weight factor."""
+
+
+@dataclass(frozen=True)
+class MoistureLimit:
+    """The moisture (% of dry weight) from which something does not go, and from when to when it may be.
+
+    None: it goes at every moisture that is known of the soil; `low_pct` and `high_pct` the same for the firmest and the
+    softest soil of the interval.
+    """
+
+    from_pct: float | None
+    low_pct: float | None
+    high_pct: float | None
+
+
+@dataclass(frozen=True)
+class Trafficability:
+    """Limits of a soil for a tractor and its load.
+
+    Attributes:
+        work: from when working the soil compacts it; None where its clay is not known.
+        slip: from when the wheels slip by more than MUCH_SLIP under the load.
+        pull: from when they cannot pull it.
+        sink: from when the tractor sinks in; None where not all axles are driven, or tyres are not known.
+    """
+
+    work: MoistureLimit | None
+    slip: MoistureLimit
+    pull: MoistureLimit
+    sink: MoistureLimit | None
+
+
+def compute_trafficability(
+    tractor: Tractor,
+    load: WorkLoad,
+    soil_name: str,
+    *,
+    grade: float = 0.0,
+    speed_mps: float = 1.5,
+    path: str | Path | None = None,
+) -> Trafficability | None:
+    """The limits of moisture of a soil by name; None for one that is the same at any moisture.
+
+    `grade` is the steepest rise per metre where the implement works at `speed_mps`. Raises VehicleError for a soil that
+    is not known.
+    """
+    rows = get_soil_rows(soil_name, path)
+    if len(rows) < 2:
+        return None
+    weight_n = compute_weight_n(tractor, load.implement_mass_kg)
+    needed_n = load.compute_draft_n(speed_mps) + grade * weight_n
+
+    def can_pull(soil: Soil) -> bool:
+        return bool(compute_pull_n(tractor, load, soil) >= needed_n)
+
+    def can_pull_with_little_slip(soil: Soil) -> bool:
+        return bool(compute_pull_n(tractor, load, soil, MUCH_SLIP) >= needed_n)
+
+    index_kpa = compute_vehicle_cone_index(tractor, load.implement_mass_kg)
+
+    def can_stay(soil: Soil) -> bool:
+        return index_kpa is None or (soil.cone_index_kpa or 0.0) >= index_kpa
+
+    search = _SoilSearch(rows)
+    work_pct = None if rows[0].clay_pct is None else compute_tillage_limit_pct(rows[0].clay_pct)
+    error_pct = TILLAGE_LIMIT_ERROR_PCT
+    return Trafficability(
+        work=None if work_pct is None else MoistureLimit(work_pct, work_pct - error_pct, work_pct + error_pct),
+        slip=search.find_limit(can_pull_with_little_slip),
+        pull=search.find_limit(can_pull),
+        sink=None if index_kpa is None else search.find_limit(can_stay),
+    )
+
+
+def compute_tillage_limit_pct(clay_pct: float, organic_pct: float = USUAL_ORGANIC_PCT) -> float:
+    """The most moisture (% of dry weight) at which soil is worked without harm."""
+    return 7.5 + 1.91 * organic_pct + 0.34 * clay_pct
+
+
+def compute_pull_n(tractor: Tractor, load: WorkLoad, soil: Soil, max_slip: float | None = None) -> float:
+    """What the tractor can pull with besides moving itself on level ground, at the slip that pulls most.
+
+    Slip is at most `max_slip`, by default that of the load.
+    """
+    mobility = compute_mobility(tractor, soil, load.implement_mass_kg)
+    if mobility is None:
+        return float("inf")
+    share = compute_driven_share(tractor, load.implement_mass_kg)
+    slip = compute_best_pull_slip(mobility, load.max_slip if max_slip is None else max_slip)
+    net = compute_net_traction(slip, mobility)
+    towed = compute_motion_resistance(0.0, mobility)
+    return (share * net - (1.0 - share) * towed) * compute_weight_n(tractor, load.implement_mass_kg)
+
+
+def compute_vehicle_cone_index(tractor: Tractor, implement_mass_kg: float = 0.0) -> float | None:
+    """The cone index (kPa) that the softer of the axles needs for fifty passes; None unless all axles are driven."""
+    tyres = tractor.tyres
+    if tyres is None or tyres.driven_wheels == "2wd":
+        return None
+    front_n, rear_n = compute_axle_loads_n(tractor, implement_mass_kg)
+    sizes = (
+        (front_n, tyres.front_width_m, tyres.front_diameter_m),
+        (rear_n, tyres.rear_width_m, tyres.rear_diameter_m),
+    )
+    return max(compute_cone_index_of_passes(load_n, width_m, diameter_m) for load_n, width_m, diameter_m in sizes)
+
+
+def compute_cone_index_of_passes(
+    axle_n: float, width_m: float, diameter_m: float, clearance_m: float = USUAL_CLEARANCE_M, *, has_gears: bool = True
+) -> float:
+    """Vehicle cone index (kPa) of fifty passes of axles with two tyres each, all driven."""
+    index = compute_mobility_index(axle_n, width_m, diameter_m, clearance_m, has_gears=has_gears)
+    return KPA_PER_PSI * (28.23 + 0.43 * index - 92.67 / (index + 3.67))
+
+
+def compute_mobility_index(
+    axle_n: float, width_m: float, diameter_m: float, clearance_m: float, *, has_gears: bool = True
+) -> float:
+    """The army's index of an axle with two tyres; strong engines, no chains, `has_gears` shifted by hand."""
+    weight_lbf, width_in = axle_n * LBF_PER_N, width_m * INCHES_PER_M
+    contact_pressure = weight_lbf / (width_in * diameter_m * INCHES_PER_M)  # two tyres: n / 2 is 1
+    slope, constant = next((slope, constant) for below, slope, constant in WEIGHT_FACTORS if weight_lbf < below)
+    weight_factor = slope * weight_lbf / 1000.0 + constant
+    tyre_factor = (10.0 + width_in) / 100.0
+    wheel_load, clearance = weight_lbf / 2000.0, clearance_m * INCHES_PER_M / 10.0
+    return (contact_pressure * weight_factor / tyre_factor + wheel_load - clearance) * (1.05 if has_gears else 1.0)
+
+
+def describe_trafficability(limits: Trafficability, soil_name: str, moisture_pct: float | None) -> tuple[str, ...]:
+    """A sentence per limit that is known: from which moisture it holds, and whether it holds now."""
+    rules = (
+        (limits.work, "is compacted when it is worked"),
+        (limits.slip, f"lets the wheels slip by more than {100.0 * MUCH_SLIP:.0f} % at work"),
+        (limits.pull, "does not give the pull for this work"),
+        (limits.sink, "does not carry the tractor"),
+    )
+    return tuple(
+        _describe_limit(limit, f"{soil_name.capitalize()} {what}", moisture_pct)
+        for limit, what in rules
+        if limit is not None and (limit.from_pct is not None or limit.low_pct is not None)
+    )
+
+
+def _describe_limit(limit: MoistureLimit, what: str, moisture_pct: float | None) -> str:
+    start, low, high = limit.from_pct, limit.low_pct, limit.high_pct
+    if start is None:
+        return f"{what} from {low:.0f} % of moisture at the earliest."
+    latest = "or not at all" if high is None else f"{high:.0f} % at the latest"
+    sentence = f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {latest})"
+    return (
+        f"{sentence}; it has {moisture_pct:.0f} %."
+        if moisture_pct is not None and moisture_pct >= start
+        else f"{sentence}."
+    )
+
+
+@dataclass(frozen=True)
+class _SoilSearch:
+    """Looks for the moisture of a soil at which something ends."""
+
+    rows: tuple[SoilRow, ...]
+
+    def find_limit(self, is_possible: Callable[[Soil], bool]) -> MoistureLimit:
+        """The limit at the cone index and at both ends of its interval; softer soil must never be better."""
+
+        def is_possible_at_low(soil: Soil) -> bool:
+            return is_possible(replace(soil, cone_index_kpa=soil.low_kpa))
+
+        def is_possible_at_high(soil: Soil) -> bool:
+            return is_possible(replace(soil, cone_index_kpa=soil.high_kpa))
+
+        return MoistureLimit(
+            self._find_end(is_possible), self._find_end(is_possible_at_low), self._find_end(is_possible_at_high)
+        )
+
+    def _find_end(self, is_possible: Callable[[Soil], bool]) -> float | None:
+        low, high = self.rows[0].moisture_pct or 0.0, self.rows[-1].moisture_pct or 0.0
+        if is_possible(interpolate_soil(self.rows, high)):
+            return None
+        if not is_possible(interpolate_soil(self.rows, low)):
+            return low
+        for _ in range(MOISTURE_STEPS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if is_possible(interpolate_soil(self.rows, middle)) else (low, middle)
+        return high

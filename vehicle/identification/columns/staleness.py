@@ -1,0 +1,203 @@
+"""Rows in which a column was measured, where an instrument is slower than the log.
+
+Between measurements a logger repeats the last value, or a converter draws a straight line to the next one. Both carry
+nothing new: a measured column is interpolated between its knots and counts there alone. A repeated command may be what
+the controller really held; it counts as stale only where the wheels move before it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+
+_FEWEST_KNOTS = 10
+_HELD_SHARE = 0.5  # chosen, of the clear changes: noise in coarse steps repeats the value before a fifth of them
+_CLEAR_CHANGE_FACTOR = 3.0  # chosen, times the least change: smaller changes may be those of the last digit
+_LEAST_CHANGE_QUANTILE, _DIGITS = 0.05, 9
+_STANDING_FACTOR = 2.0  # chosen, times the usual hold: a value that stays longer is that of wheels at rest
+_STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
+_MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
+_SAME_KNOTS_SHARE = 0.8  # chosen, of the changes of the command that are also changes of the wheel angle
+_BETTER_SHARE = 0.8  # chosen, of the unexplained variance of the wheel angle
+_LAGS_S = np.arange(0.0, 1.6, 0.1)
+_FILTERS_S = (0.0, 0.15, 0.3, 0.6, 1.0)
+MEASURED_COLUMNS = ("steering_deg", "speed_mps")
+PLACE_COLUMNS = ("easting_m", "northing_m", "heading_deg")
+
+
+def mark_stale_columns(log: Log) -> Log:
+    """Return the log with slower columns interpolated between their measured rows, which `measured_rows` marks."""
+    rows = np.flatnonzero(log.used)
+    if len(rows) < 2 * _FEWEST_KNOTS:
+        return log
+    time, measured, changed = log.time_s[rows], dict(log.measured_rows), dict[str, Any]()
+    for name in MEASURED_COLUMNS:
+        values = getattr(log, name)
+        knots = None if values is None else find_knots(time, values[rows])
+        if knots is not None:
+            measured[name], changed[name] = _mark_rows(log, rows[knots]), _draw_lines(values, time, rows, knots)
+    command = log.steering_command_deg
+    knots = None if command is None else find_knots(time, command[rows])
+    if command is not None and knots is not None and _is_command_stale(log, rows, knots, measured, changed):
+        measured["steering_command_deg"] = _mark_rows(log, rows[knots])
+        changed["steering_command_deg"] = _draw_lines(command, time, rows, knots)
+    if not changed:
+        return _mark_interpolated_places(log, rows)
+    return _mark_interpolated_places(replace(log, measured_rows=measured, **changed), rows)
+
+
+def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs of mark_stale_columns; what is stale in some logs is so in those whose few changes cannot tell.
+
+    One instrument logged them all.
+    """
+    marked_logs = [mark_stale_columns(log) for log in logs]
+    for name in (*MEASURED_COLUMNS, "steering_command_deg"):
+        holds = [
+            measure_hold(log.time_s[log.used], log.measured_rows[name][log.used])[0]
+            for log in marked_logs
+            if name in log.measured_rows and np.count_nonzero(log.measured_rows[name] & log.used) > 1
+        ]
+        if holds:
+            hold_s = float(np.median(holds))
+            marked_logs = [_mark_like_others(log, name, hold_s) for log in marked_logs]
+    return marked_logs
+
+
+def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
+    """Mark the changes of a column that is stale in other logs, where they are as rare here."""
+    values, rows = getattr(log, name), np.flatnonzero(log.used)
+    if values is None or name in log.measured_rows or len(rows) < 2:
+        return log
+    time = log.time_s[rows]
+    knots = np.append(0, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1)
+    if len(knots) < 2 or float(np.median(np.diff(time[knots]))) < 0.5 * hold_s:
+        return log
+    count = max(round(hold_s / log.step_s), 1)
+    knots = _add_last_known_rows(knots, len(rows), count)
+    changed: dict[str, Any] = {name: _draw_lines(values, time, rows, knots)}
+    return replace(log, measured_rows={**log.measured_rows, name: _mark_rows(log, rows[knots])}, **changed)
+
+
+def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
+    """Mark the rows in which interpolated positions or headings were measured."""
+    time, fresh = log.time_s[rows], log.fresh
+    for name in PLACE_COLUMNS:
+        values = getattr(log, name)
+        if values is None:
+            continue
+        shown = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
+        knots = find_line_knots(time, shown)
+        if knots is not None:
+            mask = _mark_rows(log, rows[knots])
+            fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
+    return log if fresh is log.fresh else replace(log, fresh=fresh)
+
+
+def _mark_rows(log: Log, rows: Rows) -> Mask:
+    mask = np.zeros(len(log.used), dtype=np.bool_)
+    mask[rows] = True
+    return mask
+
+
+def _draw_lines(values: Array, time: Array, rows: Rows, knots: Rows) -> Array:
+    """Return a column that runs straight from measured row to measured row."""
+    out = values.copy()
+    out[rows] = np.interp(time, time[knots], values[rows][knots])
+    return out
+
+
+def find_knots(time: Array, values: Array) -> Rows | None:
+    """Return the indices at which values (k,) were measured; None where they are neither held nor interpolated."""
+    held = find_held_knots(values)
+    return find_line_knots(time, values) if held is None else held
+
+
+def find_held_knots(values: Array) -> Rows | None:
+    """Return the indices at which held values (k,) change; None where they are not held between changes."""
+    steps = np.diff(values)
+    new_rows = np.append(0, np.flatnonzero(steps != 0.0) + 1)
+    if len(new_rows) <= _FEWEST_KNOTS:
+        return None
+    sizes, counts = np.abs(steps[new_rows[1:] - 1]), np.diff(new_rows)
+    unique = np.unique(np.round(sizes, _DIGITS))
+    least = float(np.quantile(np.concatenate([unique, np.diff(unique)]), _LEAST_CHANGE_QUANTILE))
+    is_clear = sizes > _CLEAR_CHANGE_FACTOR * least
+    if np.count_nonzero(is_clear) < _FEWEST_KNOTS:
+        return None
+    usual = float(np.median(counts[is_clear]))
+    is_held = is_clear & (counts >= 2)
+    if usual < 2.0 or np.count_nonzero(is_held) < _HELD_SHARE * np.count_nonzero(is_clear):
+        return None
+    return _add_last_known_rows(new_rows, len(values), round(usual))
+
+
+def _add_last_known_rows(new_rows: Rows, count: int, usual: int) -> Rows:
+    """Add the last row at which a value at rest is known, the usual hold before it changes, and the last of all."""
+    ends = np.append(new_rows[1:], count)
+    is_standing = ends - new_rows > _STANDING_FACTOR * usual
+    return np.unique(np.concatenate([new_rows, ends[is_standing] - usual, [count - 1]]))
+
+
+def find_line_knots(time: Array, values: Array) -> Rows | None:
+    """Return the indices at which values (k,) on straight lines change their slope; None where they are no lines."""
+    slopes = np.diff(values) / np.diff(time)
+    moving = np.abs(slopes) > 0.0
+    if np.count_nonzero(moving) < _FEWEST_KNOTS:
+        return None
+    tolerance = _SLOPE_TOLERANCE * float(np.median(np.abs(slopes[moving])))
+    is_knot = np.abs(np.diff(slopes)) > tolerance
+    both_move = moving[1:] & moving[:-1]
+    knots = np.concatenate([[0], np.flatnonzero(is_knot) + 1, [len(values) - 1]])
+    gaps = np.diff(knots)
+    if len(knots) < _FEWEST_KNOTS or not both_move.any() or float(np.median(gaps)) < 2.0:
+        return None
+    is_straight = float(np.mean(~is_knot[both_move])) >= _STRAIGHT_SHARE
+    return knots if is_straight and np.quantile(gaps, 0.9) <= _MOST_UNEVEN * np.median(gaps) else None
+
+
+def _is_command_stale(log: Log, rows: Rows, knots: Rows, measured: dict[str, Mask], changed: dict[str, Any]) -> bool:
+    """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does."""
+    wheel = changed.get("steering_deg", log.steering_deg)
+    if wheel is None or log.steering_command_deg is None:
+        return False
+    if "steering_deg" in measured:
+        return float(np.mean(measured["steering_deg"][rows[knots]])) >= _SAME_KNOTS_SHARE
+    time, command = log.time_s[rows], log.steering_command_deg[rows]
+    drawn = np.interp(time, time[knots], command[knots])
+    return _measure_misfit(time, drawn, wheel[rows]) < _BETTER_SHARE * _measure_misfit(time, command, wheel[rows])
+
+
+def _measure_misfit(time: Array, command: Array, wheel: Array) -> float:
+    """Return the least variance of a wheel angle (k,) that a delayed and low-passed command leaves."""
+    grid = np.arange(time[0], time[-1], _LAGS_S[1])
+    angle, left = np.interp(grid, time, wheel), np.inf
+    held = command[np.minimum(np.searchsorted(time, grid, side="right") - 1, len(time) - 1)]
+    for filter_s in _FILTERS_S:
+        share = 1.0 - np.exp(-_LAGS_S[1] / filter_s) if filter_s > 0.0 else 1.0
+        smoothed = _smooth_values(held, share)
+        for lag in range(len(_LAGS_S)):
+            late, seen = smoothed[: len(grid) - lag], angle[lag:]
+            slope, level = np.polyfit(late, seen, 1) if float(np.ptp(late)) > 0.0 else (0.0, float(seen.mean()))
+            left = min(left, float(np.var(seen - slope * late - level)))
+    return left
+
+
+def _smooth_values(values: Array, share: float) -> Array:
+    """Return the first-order low pass of values (k,) that goes `share` of the way to its input in each step."""
+    out, level = np.empty(len(values)), values[0]
+    for index, value in enumerate(values):
+        level += (value - level) * share
+        out[index] = level
+    return out
+
+
+def measure_hold(time: Array, measured: Mask) -> tuple[float, float, float]:
+    """Return median and 90 % quantile of the time between measured rows (s), and the share of other rows."""
+    gaps = np.diff(time[measured])
+    return float(np.median(gaps)), float(np.quantile(gaps, 0.9)), 1.0 - float(np.mean(measured))

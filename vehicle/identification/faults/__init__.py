@@ -1,0 +1,1 @@
+"""What breaks during a run, and runs that are unlike the others."""

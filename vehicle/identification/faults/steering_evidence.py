@@ -1,0 +1,230 @@
+"""What rows of logs say of the steering: the angles that commands allow, and the angle that the path needs.
+
+Commands allow every angle between that of an immediate steering and that of one slower than any fault of the catalogue
+makes it; the path needs an angle by its curvature, on the scale of the angles of the whole set of logs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.jit import compile_function
+
+STEP_S = 0.1  # chosen: of the grid on which evidence is compared
+# Slower than any steering of the catalogue: 0.25 s late, 9 deg/s, and clocks of two columns; and its time constant.
+_SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S = 0.6, 5.0, 0.6
+# As the simulation steers by default; later by what valves usually are.
+_USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S = 0.1, 16.0, 0.15
+_EITHER_WAY_S = 0.6  # chosen: clocks of two columns, with what stands still in them
+_LEAST_PACE_MPS = 0.4  # slower, the noise of positions and headings bends the path
+TURN_S = 1.0  # over which curvature is taken
+_COURSE_TURN_S = 2.0  # chosen: the course of the antenna is noisier
+_HOLD_QUANTILE = 0.95
+_SHORTEST_S = 10.0  # chosen, of a segment: shorter ones do not show whether a command is followed
+_MOST_HOLD_S = 20.0  # chosen: columns that change more rarely show no fault
+_FEWEST_BENDS, _LEAST_SPREAD_DEG, _LEAST_CORRELATION = 100, 1.5, 0.7
+_PASSES, _INLIER_SIGMAS = 6, 3.0
+_LOCK_QUANTILE = 0.998
+
+
+@dataclass(frozen=True, eq=False)
+class SteeringEvidence:
+    """One segment of a log on an even grid (k,), angles in degrees to the right, NaN where a value is not known.
+
+    `low` and `high` bound the angle that commands (or, without them, the sensor) allow, `usual` is that of a usual
+    steering; `pace` in m/s, `curvature` in 1/m to the right; `hold_s` is how rarely a steering column changes, 0 where
+    it does so in its rows. Curvature is `by_heading`, or by the course of the antenna, which swings ahead of the axle;
+    `course_curvature` is that of the course in both cases, and `heading_error` (deg) is heading minus course, about its
+    median; NaN without a heading.
+    """
+
+    time_s: Array
+    pace: Array
+    curvature: Array
+    command: Array | None
+    wheel: Array | None
+    low: Array
+    high: Array
+    usual: Array
+    hold_s: float
+    by_heading: bool
+    course_curvature: Array
+    heading_error: Array
+
+
+@dataclass(frozen=True)
+class PathScale:
+    """Curvature (1/m) per degree of the wheels and at 0, and the scatter of the angle needed (deg), of many logs."""
+
+    per_degree: float
+    at_zero: float
+    sigma_deg: float
+
+    def compute_needed_angle(self, curvature: Array) -> Array:
+        """Return the wheel angle (deg) that a curvature needs."""
+        return (curvature - self.at_zero) / self.per_degree
+
+
+def find_largest_angles(logs: Sequence[Log]) -> tuple[float, float]:
+    """Return how far the wheels turn to the left and to the right (deg, both positive); infinite without a sensor."""
+    angles = [log.steering_deg[log.used] for log in logs if log.steering_deg is not None]
+    if not angles:
+        return math.inf, math.inf
+    values = np.concatenate(angles)
+    return float(-np.quantile(values, 1.0 - _LOCK_QUANTILE)), float(np.quantile(values, _LOCK_QUANTILE))
+
+
+def build_evidence_segments(log: Log, locks: tuple[float, float]) -> list[SteeringEvidence]:
+    """Return the segments of a log in one gear, on even grids; commands beyond the locks (deg) ask for the locks."""
+    rows = np.flatnonzero(log.used)
+    cuts = np.flatnonzero((np.diff(log.segment[rows]) != 0) | (np.diff(log.shuttle[rows]) != 0.0)) + 1
+    parts = [
+        part
+        for part in np.split(rows, cuts)
+        if len(part) > 20 and log.time_s[part[-1]] - log.time_s[part[0]] >= _SHORTEST_S
+    ]
+    return [_build_segment(log, part, locks) for part in parts]
+
+
+def _build_segment(log: Log, rows: Rows, locks: tuple[float, float]) -> SteeringEvidence:
+    row_time = log.time_s[rows]
+    time = np.arange(row_time[0], row_time[-1] + 1e-9, STEP_S)
+    wheel = None if log.steering_deg is None else np.interp(time, row_time, log.steering_deg[rows])
+    command = None
+    if log.steering_command_deg is not None:
+        nearest = np.searchsorted(0.5 * (row_time[1:] + row_time[:-1]), time)
+        command = np.clip(log.steering_command_deg[rows][nearest], -locks[0], locks[1])
+    source = wheel if command is None else command
+    assert source is not None
+    hold_s = max(
+        _measure_hold_s(log.time_s[log.used], values[log.used])
+        for values in (log.steering_deg, log.steering_command_deg)
+        if values is not None
+    )
+    slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S)
+    reach = round((_EITHER_WAY_S + hold_s) / STEP_S)
+    pace, curvature = _measure_path(log, rows, time)
+    course_curvature, heading_error = _compare_heading_and_course(log, rows, time)
+    return SteeringEvidence(
+        time, pace, curvature, command, wheel,
+        _slide_minimum(np.minimum(source, slow), reach), -_slide_minimum(-np.maximum(source, slow), reach),
+        follow_command(source, _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S), hold_s, log.heading_deg is not None,
+        course_curvature, heading_error,
+    )  # fmt: skip
+
+
+def _measure_hold_s(time: Array, values: Array) -> float:
+    """Return the time (s) that a column usually takes to change, if it changes more slowly than its rows."""
+    changes = np.flatnonzero(np.diff(values) != 0.0)
+    if len(changes) < 20:
+        return 0.0
+    holds = np.diff(time[changes])
+    usual = float(np.median(holds))
+    # Steps of a command are no hold: a slow column changes at an even rate.
+    even = usual > 2.5 * float(np.median(np.diff(time)))
+    return min(float(np.quantile(holds, _HOLD_QUANTILE)), _MOST_HOLD_S) if even else 0.0
+
+
+def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
+    """Return pace (m/s) and curvature (1/m, in the sense of a forward gear) on a grid, over TURN_S."""
+    row_time, half = log.time_s[rows], 0.5 * TURN_S
+    before, after = np.maximum(time - half, time[0]), np.minimum(time + half, time[-1])
+    step = [
+        np.interp(after, row_time, axis[rows]) - np.interp(before, row_time, axis[rows])
+        for axis in (log.easting_m, log.northing_m)
+    ]
+    pace = np.hypot(*step) / (after - before)
+    gear = float(np.sign(log.shuttle[rows[0]]))
+    if log.heading_deg is not None:
+        heading = np.unwrap(np.radians(log.heading_deg[rows]))
+        turn = np.interp(after, row_time, heading) - np.interp(before, row_time, heading)
+        turn *= gear
+    else:
+        course = np.unwrap(np.arctan2(*step))
+        turn = np.interp(after, time, course) - np.interp(before, time, course)
+    curvature = np.full(len(time), np.nan)
+    clear = (pace > _LEAST_PACE_MPS) & (after - before > 0.9 * TURN_S)
+    curvature[clear] = turn[clear] / (pace * (after - before))[clear]
+    return pace, curvature
+
+
+def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
+    """Return the curvature (1/m) of the course, and heading minus course (deg) about its median; NaN at low pace."""
+    row_time, half = log.time_s[rows], 0.5 * _COURSE_TURN_S
+    middle = np.array([np.interp(time, row_time, axis[rows]) for axis in (log.easting_m, log.northing_m)])
+    ahead, behind = (
+        np.array([np.interp(time + shift, row_time, axis[rows]) for axis in (log.easting_m, log.northing_m)])
+        for shift in (half, -half)
+    )
+    first, second = middle - behind, ahead - middle
+    length = 0.5 * (np.hypot(*first) + np.hypot(*second))
+    clear = (length > _LEAST_PACE_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
+    turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
+    curvature, error = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    gear = float(np.sign(log.shuttle[rows[0]]))
+    curvature[clear] = gear * turn[clear] / length[clear]
+    if log.heading_deg is not None and clear.any():
+        heading = np.interp(time, row_time, np.unwrap(np.radians(log.heading_deg[rows])))
+        course = np.arctan2(gear * (ahead - behind)[0], gear * (ahead - behind)[1])
+        apart = np.exp(1j * (heading - course)[clear])
+        middle_apart = np.median(apart.real) + 1j * np.median(apart.imag)
+        error[clear] = np.degrees(np.angle(apart / middle_apart)) if middle_apart != 0.0 else np.nan
+    return curvature, error
+
+
+@compile_function
+def _follow_steps(source, late, most_step, share, out) -> None:  # type: ignore[no-untyped-def]
+    """Write what follows `source` (k,) `late` steps later, by a share of the gap and at most so far, per step."""
+    out[0] = source[0]
+    for k in range(1, len(source)):
+        step = share * (source[max(k - late, 0)] - out[k - 1])
+        out[k] = out[k - 1] + min(max(step, -most_step), most_step)
+
+
+def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: float) -> Array:
+    out = np.empty(len(source))
+    share = 1.0 - math.exp(-STEP_S / lag_s)
+    _follow_steps(np.ascontiguousarray(source), round(late_s / STEP_S), rate_deg_per_s * STEP_S, share, out)
+    return out
+
+
+def _slide_minimum(values: Array, reach: int) -> Array:
+    """Return the least value (k,) within `reach` steps to both sides."""
+    padded = np.pad(values, reach, mode="edge")
+    least: Array = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)
+    return least
+
+
+def fit_path_scale(segments: Sequence[SteeringEvidence]) -> PathScale | None:
+    """Fit curvature over the wheel angle (without a sensor, over that of a usual steering); None without a clear line.
+
+    Rows far from the line, as of a fault, do not count.
+    """
+    known = [segment for segment in segments if len(segment.time_s)]
+    if not known:
+        return None
+    angle = np.concatenate([segment.usual if segment.wheel is None else segment.wheel for segment in known])
+    curvature = np.concatenate([segment.curvature for segment in known])
+    finite = np.isfinite(curvature) & np.isfinite(angle)
+    angle, curvature = angle[finite], curvature[finite]
+    if len(angle) < _FEWEST_BENDS or float(np.std(angle)) < _LEAST_SPREAD_DEG:
+        return None
+    inliers = np.ones(len(angle), dtype=np.bool_)
+    slope = at_zero = sigma = 0.0
+    for _ in range(_PASSES):
+        slope, at_zero = (float(value) for value in np.polyfit(angle[inliers], curvature[inliers], 1))
+        if slope <= 0.0:
+            return None
+        apart = np.abs((curvature - at_zero) / slope - angle)
+        sigma = 1.4826 * float(np.median(apart))
+        inliers = apart <= max(_INLIER_SIGMAS * sigma, 1.0)
+        if np.count_nonzero(inliers) < _FEWEST_BENDS or float(np.std(angle[inliers])) == 0.0:
+            return None
+    if float(np.corrcoef(angle[inliers], curvature[inliers])[0, 1]) < _LEAST_CORRELATION:
+        return None
+    return PathScale(slope, at_zero, sigma)

@@ -1,0 +1,90 @@
+"""Steering that moves otherwise to the left than to the right: a rate or a dead band for each side.
+
+The wheel angle is simulated with several values. Rows in which the wheels are to move to one side choose the value of
+that side, given the other parameters of the steering.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.residuals.residual_model import ResidualModel
+from vehicle.identification.thresholds import LAW_SPREAD_FACTOR, LEAST_HELPED_SHARE, LEAST_STRENGTH, MATERIAL_SHARE
+from vehicle.model.effects import get_effect, get_neutral_values
+
+SIDED_EFFECTS = ("steering_rate", "steering_deadband")
+VALUE_SHARES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.15, 1.35, 1.6, 1.9, 2.3)  # of the value of both sides: chosen
+NOISE_GAP_DEG = 0.15  # chosen: a smaller gap between command and wheel may be noise
+RIGHT, LEFT = 1, -1
+
+
+@dataclass(frozen=True, eq=False)
+class SideLaw:
+    """The values of an effect of the steering to the right and to the left, in its unit."""
+
+    effect_id: str
+    right: float
+    left: float
+    gain: float
+
+
+def find_side_laws(residual_model: ResidualModel, fit: EffectFit, names: Iterable[str]) -> list[SideLaw]:
+    """Return the effects among the names whose sides differ beyond chance and tolerance, in most of the runs."""
+    if not residual_model.has_measured_wheel_angle or any(s.command is None for s in residual_model.dataset.segments):
+        return []
+    sided = [name for name in SIDED_EFFECTS if name in names and name in fit.settings]
+    laws = (_compare_sides(residual_model, fit, name) for name in sided)
+    return [law for law in laws if law is not None]
+
+
+def find_sides(segment: DriveSegment) -> Array:
+    """Return the side (1 right, -1 left, 0 not yet known) to which the wheels are to move in every row (k,)."""
+    assert segment.command is not None and segment.wheel is not None
+    gap = np.degrees(segment.command - segment.wheel)
+    known = np.abs(gap) > NOISE_GAP_DEG
+    last = np.maximum.accumulate(np.where(known, np.arange(len(gap)), -1))
+    return np.where(last >= 0, np.sign(gap[np.maximum(last, 0)]), 0.0)
+
+
+def _compare_sides(residual_model: ResidualModel, fit: EffectFit, name: str) -> SideLaw | None:
+    size = get_effect(name).size
+    value = fit.settings[name][size.name]
+    neutral = get_neutral_values(name, residual_model.rig.tractor.steering)[size.name]
+    values = np.unique(np.clip([*(share * value for share in VALUE_SHARES), neutral], size.low, size.high))
+    sides = np.concatenate([find_sides(segment) for segment in residual_model.dataset.segments])
+    runs = np.concatenate([np.full(segment.rows, segment.run) for segment in residual_model.dataset.segments])
+    count = len(residual_model.dataset.names)
+    losses = np.zeros((len(values), 2, count))
+    for number, trial in enumerate(values):
+        squares = residual_model.compute_wheel_residuals({**fit.settings, name: {size.name: float(trial)}}) ** 2
+        for place, side in enumerate((RIGHT, LEFT)):
+            losses[number, place] = np.bincount(runs, squares * (sides == side), count)
+    totals = losses.sum(axis=2)
+    right, left = (int(place) for place in np.argmin(totals, axis=0))
+    both = int(np.argmin(totals.sum(axis=1)))
+    by_run = losses[both].sum(axis=0) - losses[right, 0] - losses[left, 1]
+    gain = float(by_run.sum())
+    least = max(LEAST_STRENGTH, MATERIAL_SHARE * residual_model.dataset.rows)
+    concerned = np.abs(by_run) > 1.0
+    if (
+        gain < least
+        or abs(values[right] - values[left]) < LAW_SPREAD_FACTOR * size.finest
+        or np.count_nonzero(by_run[concerned] > 0.0) < LEAST_HELPED_SHARE * np.count_nonzero(concerned)
+    ):
+        return None
+    return SideLaw(name, _refine(values, totals[:, 0], right), _refine(values, totals[:, 1], left), gain)
+
+
+def _refine(values: Array, losses: Array, best: int) -> float:
+    """Return the lowest point of the parabola through a minimum and its neighbours; the minimum itself at an end."""
+    if not 0 < best < len(values) - 1:
+        return float(values[best])
+    near = slice(best - 1, best + 2)
+    curve = np.polyfit(values[near], losses[near], 2)
+    return float(np.clip(-0.5 * curve[1] / curve[0], values[best - 1], values[best + 1]))

@@ -1,0 +1,292 @@
+"""Positions stamped by another clock that runs faster or slower than that of the other instruments.
+
+Only kinematics can tell: positions move as fast as the measured speed says and where the heading points, whatever the
+steering does. A lead or lag against the steering is no evidence, as a controller in the loop makes the steering follow
+the path. So the mismatch of positions with speed, and with heading, is tabulated over lags in windows of time, and a
+lag that grows evenly must explain it better than a constant one: in both halves of the log, in windows that had no part
+in the estimate, and better than with the windows in any other order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from vehicle.identification.logs.schema import Array, Log, Rows
+
+_WINDOW_S, _SEARCH_S, _GRID_S, _FINE_S = 10.0, 2.5, 0.1, 0.02
+_HALF_CHORD_S = 0.5  # one centimetre of antenna noise is 1.4 cm/s over one second
+_LEAST_WINDOWS, _LEAST_DRIFT_S = 8, 0.3
+# Shorter logs cannot show two clocks.
+CLOCKS_FROM_S = 100.0
+# Chosen: the rate of each half as a share of the whole; with a fifth of a window of error either way.
+_HALF_RATE_SHARES = (0.5, 1.5)
+_HELD_OUT_SHARE = 0.9  # chosen, of the mismatch with a constant lag that windows without a part in the fit must keep
+_NULL_ORDERS = 100  # chosen, other orders of the windows, all of which must gain less than the true one
+_MOVING_MPS = 0.3  # slower positions have no direction
+
+
+@dataclass(frozen=True, eq=False)
+class LagTable:
+    """Mismatch of two instruments per window and lag: `middle_s` (w,) and `losses` (w, lags), by steps of `_FINE_S`."""
+
+    middle_s: Array
+    losses: Array
+
+    def select_windows(self, windows: Rows) -> LagTable:
+        """The table of some windows."""
+        return LagTable(self.middle_s[windows], self.losses[windows])
+
+
+@dataclass(frozen=True)
+class ClockDrift:
+    """A lag (s) that grows evenly: at the start of the log, and per second."""
+
+    start_s: float
+    rate: float
+
+
+def correct_position_clock(log: Log) -> Log:
+    """Correct positions, or positions and heading, whose clock drifts against that of the other instruments."""
+    against_speed, against_heading = measure_speed_lags(log), measure_heading_lags(log)
+    speed_drift, heading_drift = find_drift(against_speed), find_drift(against_heading)
+    drift = speed_drift or heading_drift
+    if drift is None:
+        return log
+    is_heading_along = heading_drift is None and log.heading_deg is not None
+    if is_heading_along and not _is_constant_preferred(against_heading, drift):
+        return log  # speed and heading contradict each other about the positions
+    rows = np.flatnonzero(log.used)
+    since_start_s = log.time_s - log.time_s[rows[0]]
+    what, other = (
+        "positions and headings get" if is_heading_along else "positions get",
+        "the measured speed" if speed_drift is not None else "the heading",
+    )
+    message = (
+        f"the {what} {abs(60.0 * drift.rate):.2f} s a minute {'later' if drift.rate > 0.0 else 'earlier'} against "
+        f"{other}, {abs(drift.rate) * float(since_start_s[rows[-1]]):.1f} s over the log: two clocks; they are shifted "
+        "back"
+    )
+    shifted_log = _shift_positions(log, drift.rate * since_start_s, is_heading_along)
+    return replace(shifted_log, corrections=(*log.corrections, message))
+
+
+def _shift_positions(log: Log, shift_s: Array, with_heading: bool) -> Log:
+    """Return positions, and the heading if asked, as they are `shift_s` (per row) later in the log."""
+    rows = np.flatnonzero(log.used)
+    time, shifted_s = log.time_s[rows], (log.time_s + shift_s)[rows]
+    changed: dict[str, Any] = {}
+    for name in ("easting_m", "northing_m", *(("heading_deg",) if with_heading else ())):
+        values = getattr(log, name)
+        if values is None:
+            continue
+        unwrapped = np.unwrap(values[rows], period=360.0) if name == "heading_deg" else values[rows]
+        shifted = values.copy()
+        shifted[rows] = np.interp(shifted_s, time, unwrapped)
+        changed[name] = np.mod(shifted, 360.0) if name == "heading_deg" else shifted
+    return replace(log, **changed)
+
+
+def measure_speed_lags(log: Log) -> LagTable | None:
+    """Tabulate how badly positions, so much later, move at the measured speed; None for logs that cannot show it."""
+    grid = None if log.speed_mps is None else _resample_motion(log)
+    if grid is None:
+        return None
+    pace = np.hypot(grid.east_mps, grid.north_mps)
+
+    def compute_loss(window: Rows, lag: int) -> float:
+        shown, true = pace[window + lag], grid.speed[window]
+        return _sum_unexplained_squares(shown, np.stack([true], axis=1))
+
+    return _tabulate_losses(grid, compute_loss)
+
+
+def measure_heading_lags(log: Log) -> LagTable | None:
+    """Tabulate how badly positions, so much later, move where the heading points; None for logs that cannot show it.
+
+    An antenna ahead of the axle moves sideways with the turning rate, and one that is biased with the pace; both are
+    left to every window.
+    """
+    grid = None if log.heading_deg is None else _resample_motion(log)
+    if grid is None:
+        return None
+    cosine, sine = np.cos(grid.heading), np.sin(grid.heading)
+    lever = _estimate_lever(grid)
+
+    def compute_loss(window: Rows, lag: int) -> float:
+        east, north = grid.east_mps[window + lag], grid.north_mps[window + lag]
+        aside = east * cosine[window] - north * sine[window] - lever * grid.turning[window]
+        along = east * sine[window] + north * cosine[window]
+        return _sum_unexplained_squares(aside, np.stack([along], axis=1))
+
+    return _tabulate_losses(grid, compute_loss)
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """Motion on an even grid of `_GRID_S`: velocity of the positions, speed, heading (rad, clockwise), turning rate.
+
+    `moving` marks where the tractor drives forward in used rows.
+    """
+
+    time_s: Array
+    east_mps: Array
+    north_mps: Array
+    speed: Array
+    heading: Array
+    turning: Array
+    moving: Array
+
+
+def _resample_motion(log: Log) -> _Motion | None:
+    rows = np.flatnonzero(log.used)
+    if len(rows) < 2 or float(np.ptp(log.time_s[rows])) < CLOCKS_FROM_S:
+        return None
+    time = log.time_s[rows]
+    grid = np.arange(time[0] + _HALF_CHORD_S, time[-1] - _HALF_CHORD_S, _GRID_S)
+
+    def compute_slope(values: Array) -> Array:
+        ends = [np.interp(grid + shift, time, values) for shift in (-_HALF_CHORD_S, _HALF_CHORD_S)]
+        slope: Array = (ends[1] - ends[0]) / (2.0 * _HALF_CHORD_S)
+        return slope
+
+    def compute_mean(values: Array) -> Array:
+        return compute_slope(np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))]))
+
+    heading = np.zeros(len(rows)) if log.heading_deg is None else np.unwrap(np.radians(log.heading_deg[rows]))
+    speed = np.zeros(len(rows)) if log.speed_mps is None else log.speed_mps[rows]
+    moving = np.interp(grid, time, (log.shuttle[rows] > 0.0).astype(np.float64)) == 1.0
+    return _Motion(
+        grid, compute_slope(log.easting_m[rows]), compute_slope(log.northing_m[rows]), compute_mean(speed),
+        compute_mean(heading), compute_slope(heading), moving.astype(np.float64),
+    )  # fmt: skip
+
+
+def _estimate_lever(grid: _Motion) -> float:
+    """Estimate how far ahead of the point without side slip the antenna is (m), from all of the log at no lag."""
+    aside = grid.east_mps * np.cos(grid.heading) - grid.north_mps * np.sin(grid.heading)
+    square = float(grid.turning @ grid.turning)
+    return float(aside @ grid.turning) / square if square > 0.0 else 0.0
+
+
+def _sum_unexplained_squares(values: Array, regressors: Array) -> float:
+    """Return the sum of squares that a combination of the regressors (k, m) leaves of values (k,)."""
+    square = regressors.T @ regressors + 1e-12 * np.eye(regressors.shape[1])
+    share = np.linalg.solve(square, regressors.T @ values)
+    residuals = values - regressors @ share
+    return float(residuals @ residuals)
+
+
+def _tabulate_losses(grid: _Motion, compute_loss: Callable[[Rows, int], float]) -> LagTable | None:
+    """Tabulate a loss over windows in motion and lags; None with too few windows."""
+    width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
+    lags = np.arange(-reach, reach + 1)
+    pace = np.hypot(grid.east_mps, grid.north_mps)
+    middles_s, losses = [], []
+    for first in range(reach, len(grid.time_s) - width - reach + 1, width):
+        window = np.arange(first, first + width)
+        around = slice(first - reach, first + width + reach)
+        if grid.moving[around].min() == 0.0 or float(np.median(pace[around])) < _MOVING_MPS:
+            continue
+        middles_s.append(float(grid.time_s[window].mean() - grid.time_s[0]))
+        losses.append([compute_loss(window, int(lag)) / width for lag in lags])
+    if len(middles_s) < _LEAST_WINDOWS:
+        return None
+    fine = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _FINE_S, _FINE_S)
+    table = CubicSpline(lags * _GRID_S, np.array(losses), axis=1)(fine)
+    return LagTable(np.array(middles_s), table)
+
+
+def find_drift(table: LagTable | None) -> ClockDrift | None:
+    """Find a lag that grows evenly over the log; None unless it passes every test of the module's head."""
+    if table is None:
+        return None
+    drift, loss = _fit_line(table)
+    span_s = float(np.ptp(table.middle_s))
+    constant_loss = _fit_constant(table)[1]
+    if abs(drift.rate) * span_s < _LEAST_DRIFT_S or loss > _HELD_OUT_SHARE * constant_loss:
+        return None
+    count = len(table.middle_s)
+    halves = [np.arange(count // 2), np.arange(count // 2, count)]
+    for half in halves:
+        share = _fit_line(table.select_windows(half))[0].rate / drift.rate
+        if not _HALF_RATE_SHARES[0] <= share <= _HALF_RATE_SHARES[1]:
+            return None
+    if not _is_better_held_out(table) or not _exceeds_other_orders(table, constant_loss - loss):
+        return None
+    return drift
+
+
+def _is_better_held_out(table: LagTable) -> bool:
+    """Whether the line of every other window leaves less mismatch in the others than their constant lag."""
+    numbers = np.arange(len(table.middle_s))
+    by_line = by_constant = 0.0
+    for parity in (0, 1):
+        fitted, kept = table.select_windows(numbers[numbers % 2 == parity]), numbers[numbers % 2 != parity]
+        other = table.select_windows(kept)
+        by_line += _compute_line_loss(other, _fit_line(fitted)[0])
+        by_constant += _compute_line_loss(other, ClockDrift(_fit_constant(fitted)[0], 0.0))
+    return by_line < _HELD_OUT_SHARE * by_constant
+
+
+def _exceeds_other_orders(table: LagTable, gain: float) -> bool:
+    """Whether a line gains more than with the windows in any of the orders tried."""
+    rng = np.random.default_rng(0)
+    for _ in range(_NULL_ORDERS):
+        shuffled = LagTable(table.middle_s, table.losses[rng.permutation(len(table.middle_s))])
+        if gain <= _fit_constant(shuffled)[1] - _fit_line(shuffled)[1]:
+            return False
+    return True
+
+
+def _is_constant_preferred(table: LagTable | None, drift: ClockDrift) -> bool:
+    """Whether a constant lag leaves less mismatch than one that grows at the rate of a drift."""
+    if table is None:
+        return True
+    lag, loss = _fit_constant(table)
+    middle = float(table.middle_s.mean())
+    return loss < _compute_line_loss(table, ClockDrift(lag - drift.rate * middle, drift.rate))
+
+
+def _fit_constant(table: LagTable) -> tuple[float, float]:
+    """Return the constant lag (s) of least mismatch, and the mismatch."""
+    total = table.losses.sum(axis=0)
+    best = int(np.argmin(total))
+    return best * _FINE_S - _SEARCH_S, float(total[best])
+
+
+def _fit_line(table: LagTable) -> tuple[ClockDrift, float]:
+    """Return the evenly growing lag of least mismatch, and the mismatch: a coarse search, then a fine one around it."""
+    first_s, span_s = float(table.middle_s[0]), max(float(np.ptp(table.middle_s)), _GRID_S)
+    coarse = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _GRID_S, _GRID_S)
+    start, end, _ = _search_lines(table, coarse, coarse)
+    near = np.arange(-_GRID_S, _GRID_S + 0.5 * _FINE_S, _FINE_S)
+    start, end, loss = _search_lines(table, start + near, end + near)
+    rate = (end - start) / span_s
+    return ClockDrift(start - rate * first_s, rate), loss
+
+
+def _search_lines(table: LagTable, starts: Array, ends: Array) -> tuple[float, float, float]:
+    """Return the lags at the first and last window of least mismatch, and the mismatch."""
+    share = (table.middle_s - table.middle_s[0]) / max(float(np.ptp(table.middle_s)), _GRID_S)
+    total = np.zeros((len(starts), len(ends)))
+    for place, losses in zip(share, table.losses, strict=True):
+        lag = (1.0 - place) * starts[:, None] + place * ends[None, :]
+        total += losses[_find_columns(lag, len(losses))]
+    best = np.unravel_index(int(np.argmin(total)), total.shape)
+    return float(starts[best[0]]), float(ends[best[1]]), float(total[best])
+
+
+def _compute_line_loss(table: LagTable, drift: ClockDrift) -> float:
+    columns = _find_columns(drift.start_s + drift.rate * table.middle_s, table.losses.shape[1])
+    return float(table.losses[np.arange(len(columns)), columns].sum())
+
+
+def _find_columns(lag: Array, count: int) -> Rows:
+    """Return the columns of a table that lags (s) are nearest to."""
+    columns: Rows = np.clip(np.round((lag + _SEARCH_S) / _FINE_S), 0, count - 1).astype(np.int64)
+    return columns

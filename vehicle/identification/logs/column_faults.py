@@ -1,0 +1,345 @@
+"""Columns that freeze and positions that lose their fix during a run, from the raw values before any row is gated.
+
+A frozen column repeats one value much longer than it ever holds one, while another column shows that it should have
+changed, or while its noise stopped. A receiver that lost its fix scatters or jumps from row to row as no tractor moves.
+
+Whether the tractor moves, turns and changes its pace is told by the other raw columns: course and pace over chords of a
+second or more, as long as the noise of the receiver asks for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.logs.gating import find_decreasing_entries
+from vehicle.identification.logs.schema import Array, LogFault, Mask, Rows
+from vehicle.identification.logs.table import Columns
+
+POSITION_LOST, POSITION_FROZEN, HEADING_FROZEN = "position_lost", "position_frozen", "heading_frozen"
+SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
+
+MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
+_CHORD_S, _NOISE_LENGTHS = 1.0, 20.0  # chosen: three degrees of course by noise
+_LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
+_LEAST_TURN_RAD = math.radians(12.0)  # chosen, of the course: four times its noise
+# Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
+_PACE_CHANGE_MPS, _PACE_CHANGE_SHARE = 0.35, 0.3
+# Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
+_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
+_GAP_STEPS = 2.5  # chosen: longer steps are gaps
+_FEWEST_OUTSIDE = 50  # rows
+_LEAST_FOLLOWING = 0.7  # chosen, correlation of the wheel angle with the bends outside a span
+# Chosen, s and times the usual hold of a column: nothing that drives repeats a noisy value for so long.
+_FROZEN_S, _FROZEN_HOLDS, _HOLD_QUANTILE = 3.0, 4.0, 0.95
+_MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
+_FEWEST_ROWS = 50  # chosen: shorter logs do not show what is usual
+# Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
+# without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual.
+_CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _FEWEST_WINDOWS = 0.5, 0.15, 0.15, 6
+_FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnFault:
+    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it."""
+
+    fault: LogFault
+    rows: Rows
+
+
+def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
+    """Return the faults of positions, heading, speed and wheel angle of the log `name`, in units of the contract."""
+    time, east, north = columns["time_s"], columns["easting_m"], columns["northing_m"]
+    rows = np.flatnonzero(np.isfinite(time) & np.isfinite(east) & np.isfinite(north))
+    rows = rows[~find_decreasing_entries(time[rows])]
+    if len(rows) < _FEWEST_ROWS or not 0.0 < float(np.median(np.diff(time[rows]))) <= 2.0:
+        return []
+    motion = build_raw_motion(columns, rows)
+    lost = _find_lost_positions(motion)
+    frozen = [] if lost else _find_frozen_spans(motion, "position")
+    motion = motion.without_positions([*lost, *frozen])
+    faults = [
+        *[_build_fault(name, motion, rows, span, POSITION_LOST) for span in lost],
+        *[_build_fault(name, motion, rows, span, POSITION_FROZEN) for span in frozen],
+    ]
+    for column, fault_id in (("heading", HEADING_FROZEN), ("speed", SPEED_FROZEN), ("wheel", WHEEL_SENSOR_FROZEN)):
+        faults += [_build_fault(name, motion, rows, span, fault_id) for span in _find_frozen_spans(motion, column)]
+    return faults
+
+
+_WORDS = {
+    POSITION_LOST: "the positions scatter or jump as no tractor moves: the receiver lost its fix",
+    POSITION_FROZEN: "the positions repeat one value while the tractor drives",
+    HEADING_FROZEN: "heading_deg repeats one value while the tractor turns",
+    SPEED_FROZEN: "speed_mps repeats one value while the tractor drives on",
+    WHEEL_SENSOR_FROZEN: "steering_deg repeats one value while the tractor steers on",
+}
+
+
+def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str) -> ColumnFault:
+    first, last = span
+    end_s = None if last >= len(rows) - 1 - motion.count_rows(_END_S) else float(motion.time_s[last])
+    fault = LogFault(fault_id, name, float(motion.time_s[first]), end_s, _WORDS[fault_id])
+    return ColumnFault(fault, rows[first : (len(rows) if end_s is None else last + 1)])
+
+
+def collect_fault_rows(faults: Sequence[ColumnFault]) -> dict[str, Rows]:
+    """Return the rows of the faults by the rule that excludes them."""
+    rows: dict[str, Rows] = {}
+    for column_fault in faults:
+        rule = f"{column_fault.fault.id.replace('_', ' ')}: {column_fault.fault.words}"
+        rows[rule] = np.concatenate([rows.get(rule, np.empty(0, dtype=np.int64)), column_fault.rows])
+    return rows
+
+
+Span = tuple[int, int]  # first and last index of the rows in use
+_END_S = 1.0  # chosen: a fault that ends so near to the end of the log lasts until then
+
+
+# --- one value again and again -----------------------------------------------------------------------------------
+
+
+def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
+    """Return spans in which a column repeats its value although it should have changed."""
+    values = motion.get_column(column)
+    if values is None:
+        return []
+    starts = np.append(0, np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0)) + 1)
+    ends = np.append(starts[1:], values.shape[1]) - 1
+    seconds, moving = motion.measure_spans(starts, ends)
+    if np.count_nonzero(moving) < _FEWEST_SPANS:
+        return []  # a column of few values, such as the directions of rows, shows no standstill
+    usual_s = float(np.quantile(seconds[moving], _HOLD_QUANTILE))  # one long hold does not count
+    is_long = moving & (seconds >= max(_FROZEN_S, _FROZEN_HOLDS * usual_s))
+    is_long &= seconds < _MOST_OF_LOG_SHARE * motion.total_s
+    long_spans = list(zip(starts[is_long].tolist(), ends[is_long].tolist(), strict=True))
+    if not long_spans:
+        return []
+    noisy = column != "position" and _is_noisy_elsewhere(motion, values, long_spans)
+    return [span for span in long_spans if noisy or motion.is_contradicted(column, span)]
+
+
+def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span]) -> bool:
+    """Whether the value changes to and fro in every other 3 s of driving, so that a standstill is no steady drive."""
+    outside: Mask = motion.moving.copy()
+    for first, last in spans:
+        outside[first : last + 1] = False
+    steps = np.diff(values[0])
+    changed, turned = np.zeros(len(outside)), np.zeros(len(outside))
+    changed[1:] = steps != 0.0
+    turned[1:-1] = steps[1:] * steps[:-1] < 0.0
+    width = motion.count_rows(_FROZEN_S)
+    windows = [
+        slice(start, start + width)
+        for start in range(0, len(outside) - width + 1, width)
+        if outside[start : start + width].all()
+    ]
+    if len(windows) < _FEWEST_WINDOWS or width < _FEWEST_WINDOW_ROWS:
+        return False
+    shares = (
+        float(np.quantile([np.mean(what[window]) for window in windows], _CALM_QUANTILE)) for what in (changed, turned)
+    )
+    return all(share >= least for share, least in zip(shares, (_CHANGED_SHARE, _TURNED_SHARE), strict=True))
+
+
+# --- a fix that is lost ------------------------------------------------------------------------------------------
+
+# Chosen, m and m/s2: no clod moves an antenna so far from the middle of its neighbours, and no tractor accelerates so.
+_LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
+# Chosen, times the median of a receiver's noise, however poor it is. The median comes from the lowest seventh, as of a
+# Rayleigh distribution, because a fix may be lost for most of a log.
+_USUAL_FACTOR, _USUAL_QUANTILE, _MEDIAN_OF_QUANTILE = 8.0, 0.15, 2.07
+# Chosen: jumps are one fault up to here from each other (s); a fault has this many in at least this time (s).
+_SAME_FAULT_S, _FEWEST_JUMPS, _LEAST_LOST_S = 16.0, 4, 2.0
+
+
+def _find_lost_positions(motion: RawMotion) -> list[Span]:
+    """Return spans in which positions are far from the middle of their neighbours again and again."""
+    fresh = motion.find_fresh_positions()
+    if len(fresh) < _FEWEST_ROWS:
+        return []
+    time, place = motion.time_s[fresh], motion.positions[:, fresh]
+    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+    middle = place[:, :-2] + weight * (place[:, 2:] - place[:, :-2])
+    apart = np.hypot(*(place[:, 1:-1] - middle))
+    step_s = 0.5 * (time[2:] - time[:-2])
+    usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _USUAL_QUANTILE))
+    limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _USUAL_FACTOR * usual)
+    # Across a gap any bend is far from the middle of its neighbours.
+    bad = fresh[1:-1][(apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))]
+    if not len(bad):
+        return []
+    groups = np.split(bad, np.flatnonzero(np.diff(motion.time_s[bad]) > _SAME_FAULT_S) + 1)
+    return [
+        _extend_to_end(motion, (int(group[0]), int(group[-1])))
+        for group in groups
+        if len(group) >= _FEWEST_JUMPS and motion.time_s[group[-1]] - motion.time_s[group[0]] >= _LEAST_LOST_S
+    ]
+
+
+def _extend_to_end(motion: RawMotion, span: Span) -> Span:
+    """Return the span up to the end of the log where that is nearer than jumps of one fault are to each other."""
+    is_near_end = motion.time_s[-1] - motion.time_s[span[1]] < _SAME_FAULT_S
+    return (span[0], len(motion.time_s) - 1) if is_near_end and span[1] > span[0] else span
+
+
+# --- what the other columns show -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class RawMotion:
+    """Columns of the rows in use (k,), angles in degrees, and what they show: chords of the path and motion.
+
+    `turning` is the curvature (rad/m) by the heading, or by the course without one; NaN where it is not known.
+    """
+
+    time_s: Array
+    positions: Array
+    heading: Array | None
+    speed: Array | None
+    wheel: Array | None
+    stated_speed: Array | None
+    pace: Array
+    course: Array
+    moving: Mask
+
+    @property
+    def total_s(self) -> float:
+        """Time from the first row to the last."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    def get_column(self, name: str) -> Array | None:
+        """Return the values (c, k) of position, heading, speed or wheel; None for a column that is not logged."""
+        if name == "position":
+            return self.positions
+        values: Array | None = getattr(self, name)
+        return None if values is None else values[None]
+
+    def count_rows(self, seconds: float) -> int:
+        """Return the rows of a time at the usual rate, at least one."""
+        return max(round(seconds / float(np.median(np.diff(self.time_s)))), 1)
+
+    def measure_spans(self, starts: Rows, ends: Rows) -> tuple[Array, Mask]:
+        """Return the time (s) in the rows of spans, without gaps, and whether the tractor moves in most of each."""
+        steps = np.diff(self.time_s)
+        driven_s = np.concatenate([[0.0], np.cumsum(np.minimum(steps, _GAP_STEPS * np.median(steps)))])
+        seconds = driven_s[ends] - driven_s[starts]
+        moved = np.concatenate([[0.0], np.cumsum(self.moving)])
+        return seconds, (moved[ends + 1] - moved[starts]) / (ends + 1 - starts) > 0.5
+
+    def without_positions(self, spans: Sequence[tuple[int, int]]) -> RawMotion:
+        """Return the motion without what the positions of these spans seem to show."""
+        pace, course = self.pace.copy(), self.course.copy()
+        margin = self.count_rows(_CHORD_S)
+        for first, last in spans:
+            pace[max(first - margin, 0) : last + margin + 1] = np.nan
+            course[max(first - margin, 0) : last + margin + 1] = np.nan
+        return replace(self, pace=pace, course=course)
+
+    def find_fresh_positions(self) -> Rows:
+        """Return the rows in which the position is a new one."""
+        return np.append(0, np.flatnonzero((np.diff(self.positions, axis=1) != 0.0).any(axis=0)) + 1)
+
+    def is_contradicted(self, column: str, span: tuple[int, int]) -> bool:
+        """Whether other columns show that a column that repeats its value in a span should have changed."""
+        rows = slice(span[0], span[1] + 1)
+        if column == "position":
+            return self._measure_driven_m(rows) > _LEAST_DRIVEN_M
+        if column == "heading":
+            # A gear change turns the course by half a circle and the heading by nothing.
+            course = self.course[rows][np.isfinite(self.course[rows])]
+            return len(course) > 1 and float(np.ptp(0.5 * np.unwrap(2.0 * course))) > _LEAST_TURN_RAD
+        if column == "speed":
+            return self._has_other_pace(rows)
+        return self._needs_other_angle(rows)
+
+    def _measure_driven_m(self, rows: slice) -> float:
+        if self.stated_speed is None:
+            return 0.0
+        speed = self.stated_speed[rows]
+        return float(np.sum(np.where(speed[:-1] > MOVING_MPS, speed[:-1], 0.0) * np.diff(self.time_s[rows])))
+
+    def _has_other_pace(self, rows: slice) -> bool:
+        pace = self.pace[rows][np.isfinite(self.pace[rows])]
+        if self.speed is None or len(pace) < self.count_rows(_OTHER_ANGLE_S):
+            return False
+        slow, middle, fast = np.quantile(pace, (0.05, 0.5, 0.95))
+        if self.speed[rows.start] == 0.0:
+            elsewhere = np.delete(self.speed, np.arange(rows.start, rows.stop))
+            return bool(middle > _PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
+        return bool(fast - slow > max(_PACE_CHANGE_MPS, _PACE_CHANGE_SHARE * middle))
+
+    def _needs_other_angle(self, rows: slice) -> bool:
+        """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""
+        if self.wheel is None:
+            return False
+        curvature = self._compute_curvature()
+        outside = np.isfinite(curvature)
+        outside[rows] = False
+        if np.count_nonzero(outside) < _FEWEST_OUTSIDE or np.std(self.wheel[outside]) == 0.0:
+            return False
+        if np.corrcoef(self.wheel[outside], curvature[outside])[0, 1] ** 2 < _LEAST_FOLLOWING**2:
+            return False
+        slope, at_zero = np.polyfit(self.wheel[outside], curvature[outside], 1)
+        repeated = float(self.wheel[rows.start])
+        needed = (curvature[rows] - at_zero) / slope
+        scatter = float(np.std((curvature[outside] - at_zero) / slope - self.wheel[outside]))
+        excess = np.abs(needed - repeated) - _SLIDING_SHARE * abs(repeated) - 2.0 * scatter
+        return int(np.count_nonzero(excess > _OTHER_ANGLE_DEG)) >= self.count_rows(_OTHER_ANGLE_S)
+
+    def _compute_curvature(self) -> Array:
+        """Return the curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
+        angle = self.course if self.heading is None else np.unwrap(np.radians(self.heading))
+        half = max(self.count_rows(0.5 * _CHORD_S), 1)
+        out = np.full(len(angle), np.nan)
+        turn = angle[2 * half :] - angle[: -2 * half]
+        turn = (turn + math.pi) % (2.0 * math.pi) - math.pi
+        seconds = self.time_s[2 * half :] - self.time_s[: -2 * half]
+        pace = self.pace[half:-half]
+        ok = np.isfinite(pace) & (pace > MOVING_MPS) & np.isfinite(turn)
+        out[half:-half][ok] = turn[ok] / (pace[ok] * seconds[ok])
+        return out
+
+
+def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
+    """Build the motion of the rows in use; missing cells of optional columns are filled with the value before."""
+    time = columns["time_s"][rows]
+    positions = np.stack([columns["easting_m"][rows], columns["northing_m"][rows]])
+    heading, speed, wheel, target = (
+        _fill_column(columns, name, rows) for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps")
+    )
+    pace, course = _compute_chord_motion(time, positions)
+    stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
+    moving = np.nan_to_num(pace) > MOVING_MPS
+    if stated is not None:
+        moving |= stated > MOVING_MPS
+    return RawMotion(time, positions, heading, speed, wheel, stated, pace, course, moving)
+
+
+def _fill_column(columns: Columns, name: str, rows: Rows) -> Array | None:
+    if name not in columns:
+        return None
+    values = columns[name][rows]
+    finite = np.flatnonzero(np.isfinite(values))
+    place = np.maximum(np.searchsorted(finite, np.arange(len(values)), side="right") - 1, 0)
+    return values[finite[place]] if len(finite) else None
+
+
+def _compute_chord_motion(time: Array, positions: Array) -> tuple[Array, Array]:
+    """Return pace (m/s) and course (rad, clockwise from north) per row, NaN where the path is too short for one."""
+    noise = 1.4826 * float(np.median(np.abs(np.diff(positions, 2, axis=1)))) / math.sqrt(6.0)
+    span_s = _CHORD_S
+    for _ in range(4):
+        before, after = np.maximum(time - 0.5 * span_s, time[0]), np.minimum(time + 0.5 * span_s, time[-1])
+        step = np.stack([np.interp(after, time, axis) - np.interp(before, time, axis) for axis in positions])
+        length = np.hypot(*step)
+        if float(np.median(length)) >= _NOISE_LENGTHS * noise:
+            break
+        span_s *= 2.0
+    course = np.arctan2(step[0], step[1])
+    course[length < max(_NOISE_LENGTHS * noise, 0.5 * MOVING_MPS * span_s)] = np.nan
+    return length / (after - before), course

@@ -1,0 +1,197 @@
+"""The guard of a verdict: nothing is named or saved that raises the error on runs held out.
+
+Judged are all horizons and kinds of error, twice: on every run with values from the other runs, and on each half of the
+runs with what was selected and fitted on the other half alone (see cross_fit). Where something does harm, terms without
+a name go first, then what is only likely, then the names, each time the one without which the harm is least.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+
+from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.replay.data_subset import DataSubset
+from vehicle.identification.replay.drive_segments import DriveDataset
+from vehicle.identification.replay.horizon_errors import (
+    HorizonSquares,
+    compute_horizon_errors,
+    sum_squared_errors_by_run,
+)
+from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.thresholds import HARM_FACTOR, LEAST_HARM_CM, LEAST_HARM_DEG
+from vehicle.identification.verdict.cross_fit import Half, add_squares, cross_fit, sum_squares_without
+from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
+from vehicle.identification.verdict.held_out_case import ERROR_PIECE_S, collect_whole_settings
+from vehicle.identification.verdict.named_causes import ExplainedCase, ReportStep, keep_terms
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.tractor import Settings
+
+KINDS = {"cross_cm": LEAST_HARM_CM, "along_cm": LEAST_HARM_CM, "heading_deg": LEAST_HARM_DEG}
+NOTHING_LEFT = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
+HELPED = "Each half of the logs was driven with what was found on the other half alone, and errors fall."
+HELPED_BY_RUNS = (
+    "Each half of the logs was driven with what was found on the other half alone, and no error changes much; the "
+    "table of errors shows every run driven with values from the other runs."
+)
+Table = list[HorizonSquares]
+
+
+def measure_harm(
+    before: ErrorsByHorizon,
+    after: ErrorsByHorizon,
+    with_along: bool = True,
+    longest_s: float = math.inf,
+    noise_floor: ErrorsByHorizon | None = None,
+) -> float:
+    """Return the largest rise of an error, as a factor, over all horizons and kinds; 1 where none rises noticeably.
+
+    Without a measured speed the error along the path says nothing about the tractor (`with_along`). Horizons beyond
+    `longest_s` are left out. Rises are counted from what noise alone leaves (`noise_floor`): below it is chance.
+    """
+    worst = 1.0
+    for horizon, kind in ((horizon, kind) for horizon in before if horizon <= longest_s for kind in KINDS):
+        old, new = getattr(before[horizon], kind), getattr(after[horizon], kind)
+        if noise_floor is not None and horizon in noise_floor:
+            old = max(old, getattr(noise_floor[horizon], kind))
+        if (with_along or kind != "along_cm") and new - old > KINDS[kind]:
+            worst = max(worst, new / max(old, KINDS[kind]))
+    return worst
+
+
+def is_harmful(before: ErrorsByHorizon, after: ErrorsByHorizon, with_along: bool = True) -> bool:
+    """Whether an error on runs held out rises by more than HARM_FACTOR allows."""
+    return measure_harm(before, after, with_along) > HARM_FACTOR
+
+
+def is_helpful(before: ErrorsByHorizon, after: ErrorsByHorizon, with_along: bool = True) -> bool:
+    """Whether no error rises and at least one falls noticeably, both by HARM_FACTOR."""
+    return not is_harmful(before, after, with_along) and is_harmful(after, before, with_along)
+
+
+@dataclass(frozen=True, eq=False)
+class GuardedCase:
+    """What may be named, what of it may be saved, and the errors on runs with no part in anything.
+
+    `explained` harms no run held out over the horizons of a verdict, `saved` over no horizon at all: small errors of
+    shape, as of how tyres begin to slide, add up over longer ones. `unsaved_names` are what would have a name without
+    that; they are likely. `is_reduced` is whether anything was taken out.
+    """
+
+    explained: ExplainedCase
+    saved: ExplainedCase
+    is_reduced: bool = False
+    holdout: HoldoutResult | None = None
+    unsaved_names: tuple[str, ...] = ()
+
+    @property
+    def unsaved_reason(self) -> str:
+        """Why nothing is left to save; empty where something is left, or nothing was found."""
+        return NOTHING_LEFT if self.is_reduced and not self.saved.case.extension.term_ids else ""
+
+
+@dataclass(frozen=True, eq=False)
+class _Judge:
+    """What judges: all of the data, the settings and the rig of the tractor file, and both halves of the data."""
+
+    dataset: DriveDataset
+    subset: DataSubset
+    selection: CauseSelection
+    file_rig: ReplayRig
+    file_settings: Settings
+    halves: list[Half]
+
+    @property
+    def with_along(self) -> bool:
+        return self.selection.residual_model.has_measured_speed
+
+    def list_tables(self, explained: ExplainedCase) -> Iterator[tuple[Table, Table]]:
+        """Squared errors per run, before and after: with values from other runs, then found on the other half."""
+        runs = len(self.dataset.names)
+        before = sum_squared_errors_by_run(self.dataset, self.file_rig, dict.fromkeys(range(runs), self.file_settings))
+        _, held_out = collect_whole_settings(self.dataset, self.subset, explained.case)
+        yield before, sum_squared_errors_by_run(self.dataset, self.selection.residual_model.rig, held_out)
+        if self.halves:
+            yield self.list_half_tables(explained.case.extension.term_ids)
+
+    def list_half_tables(self, names: Collection[str]) -> tuple[Table, Table]:
+        """Squared errors of the unseen runs of both halves, before and after."""
+        runs = len(self.halves[0].unseen.names)
+        after = add_squares([half.sum_unseen_squares(names) for half in self.halves], runs)
+        return sum_squares_without(self.halves, self.file_settings, self.file_rig), after
+
+    def measure_harm(self, explained: ExplainedCase, longest_s: float) -> float:
+        """Return the largest rise of an error in any table."""
+        noise_floor = compute_horizon_errors(explained.case.noise_floor)
+        return max(
+            measure_harm(
+                compute_horizon_errors(before), compute_horizon_errors(after), self.with_along, longest_s, noise_floor
+            )
+            for before, after in self.list_tables(explained)
+        )
+
+
+def guard_case(
+    dataset: DriveDataset,
+    subset: DataSubset,
+    selection: CauseSelection,
+    explained: ExplainedCase,
+    file_model: tuple[ReplayRig, Settings],
+    step: ReportStep,
+) -> GuardedCase:
+    """Return what of a case harms no run held out; `file_model` is the rig and the settings of the tractor file."""
+    if not explained.case.extension.term_ids:
+        return GuardedCase(explained, explained)
+    judge = _Judge(dataset, subset, selection, *file_model, cross_fit(selection, explained, step))
+    kept = drop_harm(judge, explained, ERROR_PIECE_S)
+    saved = drop_harm(judge, kept, math.inf)
+    dropped = explained.case.extension.term_ids - kept.case.extension.term_ids
+    doubtful = tuple(name for name in kept.names if name not in saved.case.extension.term_ids)
+    names = [name for name in kept.names if name not in doubtful]
+    kept = replace(kept, names=names, case=replace(kept.case, refused_effects=kept.case.refused_effects | dropped))
+    is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
+    return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), doubtful)
+
+
+def drop_harm(judge: _Judge, explained: ExplainedCase, longest_s: float) -> ExplainedCase:
+    """Return the first of ever smaller cases that does no harm over horizons up to one; the last one has no terms."""
+    for keep in (lambda _: True, lambda name: name not in TERMS_BY_NAME, lambda name: name in explained.names):
+        kept_ids = {name for name in explained.case.extension.term_ids if keep(name)}
+        case = explained if kept_ids == explained.case.extension.term_ids else _keep(judge, explained, kept_ids)
+        if judge.measure_harm(case, longest_s) <= HARM_FACTOR:
+            return case
+    while case.case.extension.term_ids:
+        smaller = [_keep(judge, case, case.case.extension.term_ids - {name}) for name in case.case.extension.term_ids]
+        case = min(smaller, key=lambda one: judge.measure_harm(one, longest_s))
+        if judge.measure_harm(case, longest_s) <= HARM_FACTOR:
+            break
+    return case
+
+
+def _keep(judge: _Judge, explained: ExplainedCase, names: Collection[str]) -> ExplainedCase:
+    return keep_terms(judge.selection, explained, names)
+
+
+def _build_holdout(judge: _Judge, explained: ExplainedCase) -> HoldoutResult | None:
+    """Return the errors of each half driven with what was found on the other one; None where there are no halves."""
+    if not judge.halves or not explained.case.extension.term_ids:
+        return None
+    (run_tables, half_tables) = (
+        (before, after, compute_horizon_errors(before), compute_horizon_errors(after))
+        for before, after in judge.list_tables(explained)
+    )
+    before, after, *errors = half_tables
+    names, by_halves = judge.halves[0].unseen.names, is_helpful(errors[0], errors[1], judge.with_along)
+    outcome = HELPED if by_halves else HELPED_BY_RUNS
+    return HoldoutResult(
+        names,
+        errors[0],
+        errors[1],
+        by_halves or is_helpful(run_tables[2], run_tables[3], judge.with_along),
+        tuple(
+            HoldoutRun(name, compute_horizon_errors([old]), compute_horizon_errors([new]))
+            for name, old, new in zip(names, before, after, strict=True)
+        ),
+        outcome,
+    )

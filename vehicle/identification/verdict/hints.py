@@ -1,0 +1,265 @@
+"""Hints where an error has no name: what it depends on, and which instrument or block of the chain shows it.
+
+A hint is no cause. Laws that explain a part come first, then what bends the path or changes the speed in proportion to
+something, then with what the size of the error goes together: signs of errors cancel where a cause changes its
+direction, so the squares of blocks of ten seconds are compared with what was driven in them, by ranks (one odd block is
+one rank).
+
+A tractor file has one acceleration. A tractor that gathers speed faster is metres ahead after a start, which no cause
+of the path explains; at the measured speed nothing of it is left.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import rankdata
+
+from vehicle.identification.cause_selection.covariates import (
+    CovariateScore,
+    ErrorCovariate,
+    score_covariates,
+)
+from vehicle.identification.fit.open_loop import collect_run_settings
+from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.laws.bases import RunClock, get_angle_deg
+from vehicle.identification.laws.selection import FoundLaw
+from vehicle.identification.laws.settle import LawSelection
+from vehicle.identification.laws.words import KIND_WORDS
+from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.instrument_timing import compute_timing, simulate_logged_speeds
+from vehicle.identification.replay.rig import replay_segment
+from vehicle.identification.replay.state_cache import FORWARD_COLUMN
+from vehicle.identification.residuals.residual_model import ResidualModel
+from vehicle.identification.thresholds import AT_CHANGES_SHARE, CHANCE_SIGMAS, CLUE_SIGMAS, HINT_MISFIT, LEAST_STRENGTH
+from vehicle.identification.verdict.diagnosis_types import Hint
+from vehicle.identification.verdict.held_out_case import DiagnosisCase
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effects import PATH, SPEED, get_effect
+
+FEWEST_BLOCKS = 12  # chosen: ranks of fewer blocks show nothing
+START_S = 3.0  # chosen: a drive line of any make has reached its speed after so long
+MOVING_MPS = 0.15
+AT_STARTS = "starts and stops"
+STEADY_MPS2 = 0.1  # chosen: slower changes are drift of a controller
+SETTLING_S = 2.0  # chosen: a drive line of any make has reached its speed so long after the simulated one
+MOST_HINTS = 4  # chosen: a longer list is of no use to a reader
+INSTRUMENT_WORDS = {
+    "position": "the positions",
+    "heading": "the headings",
+    "steering": "the wheel angle",
+    "speed": "the speed",
+}
+Quantity = Callable[[DriveSegment], Array]
+"""What an error may go together with, per row (k,)."""
+
+
+def list_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> tuple[Hint, ...]:
+    """Return hints on an error that the names do not explain; several of one dependence count once.
+
+    Without terms and covariates, an error barely above noise calls for none.
+    """
+    terms = case.extension.term_ids & frozenset(TERMS_BY_NAME)
+    if not terms and not law_selection.selection.unnamed and case.remaining_misfit < HINT_MISFIT:
+        return ()
+    hints: list[Hint] = []
+    for hint in _generate_hints(law_selection, case, clock):
+        if all(hint.words != other.words for other in hints):
+            hints.append(hint)
+    return tuple(hints[:MOST_HINTS])
+
+
+def _generate_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> Iterator[Hint]:
+    selection = law_selection.selection
+    settled = {(law.found.effect_id, law.found.kind) for law in law_selection.laws}
+    best: dict[str, FoundLaw] = {}
+    for found in sorted(law_selection.outcome.scores, key=lambda one: -one.score.gain):
+        if (found.effect_id, found.kind) not in settled:
+            best.setdefault(found.effect_id, found)
+    for found in list(best.values())[:2] if not law_selection.laws else ():
+        yield _describe_law(found)
+    for covariate in selection.unnamed[:2]:
+        yield _describe_covariate(covariate)
+    for term in (TERMS_BY_NAME[name] for name in TERMS_BY_NAME if name in case.extension.term_ids):
+        words = f"The error looks like {term.effect} that depends on {term.regressor}."
+        yield Hint(term.regressor, None, PATH, words)
+    if not selection.unnamed:
+        strongest = find_strongest_covariate(selection.residual_model, case.fit_without_terms)
+        if strongest is not None:
+            yield _describe_covariate(strongest)
+    yield from (_describe_clue(clue) for clue in find_clues(selection.residual_model, case.fit_without_terms, clock))
+
+
+def _describe_law(found: FoundLaw) -> Hint:
+    effect = get_effect(found.effect_id)
+    depends_on = KIND_WORDS[found.kind]
+    words = f"A part of the error would go if the {effect.label} changed with {depends_on}."
+    return Hint(depends_on, None, effect.block, words)
+
+
+def _describe_covariate(covariate: ErrorCovariate) -> Hint:
+    words = f"The error looks like {covariate.description}."
+    return Hint(covariate.regressor, None, covariate.block, words)
+
+
+def _describe_clue(clue: Clue) -> Hint:
+    words = f"Errors of {INSTRUMENT_WORDS[clue.instrument]} go together with {clue.depends_on}."
+    return Hint(clue.depends_on, clue.instrument, None, words)
+
+
+# --- clues: what the size of the error goes together with ------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Clue:
+    """With what the error of an instrument goes together: words, instrument, strength in standard deviations."""
+
+    depends_on: str
+    instrument: str
+    sigmas: float
+
+
+def _measure_start(segment: DriveSegment) -> Array:
+    """Return 1 in rows within a few seconds of standing still, else 0."""
+    standing = np.abs(segment.speed) < MOVING_MPS
+    times = segment.time[standing]
+    if len(times) == 0:
+        return np.zeros(segment.rows)
+    place = np.searchsorted(times, segment.time)
+    before = np.abs(segment.time - times[np.maximum(place - 1, 0)])
+    after = np.abs(segment.time - times[np.minimum(place, len(times) - 1)])
+    return np.asarray((np.minimum(before, after) < START_S).astype(np.float64))
+
+
+def _measure_acceleration(segment: DriveSegment) -> Array:
+    return np.abs(np.gradient(segment.speed, segment.time))
+
+
+def _measure_steering_rate(segment: DriveSegment) -> Array:
+    return np.abs(np.gradient(get_angle_deg(segment), segment.time))
+
+
+def list_quantities(clock: RunClock) -> dict[str, Quantity]:
+    """Return what errors may go together with, per row (k,)."""
+    quantities: dict[str, Quantity] = {
+        "speed": lambda s: s.speed_in_gear,
+        "the size of the wheel angle": lambda s: np.abs(get_angle_deg(s)),
+        "the side": lambda s: np.sign(np.round(get_angle_deg(s))),
+        "the rate of steering": _measure_steering_rate,
+        AT_STARTS: _measure_start,
+        "changes of speed": _measure_acceleration,
+        "the implement": lambda s: s.working,
+        "driving in reverse": lambda s: np.full(s.rows, float(s.gear < 0.0)),
+        "time since the start": lambda s: s.start_s + s.time,
+        "the place, east to west": lambda s: s.east,
+        "the place, north to south": lambda s: s.north,
+        "the direction of travel": lambda s: np.sin(s.heading),
+    }
+    if clock.has_order:
+        quantities["the time of day"] = clock.compute_time
+    return quantities
+
+
+def find_clues(residual_model: ResidualModel, fit: EffectFit, clock: RunClock) -> list[Clue]:
+    """Return the clues beyond chance, the strongest first, one per instrument."""
+    rows = residual_model.dataset.rows
+    blocks = residual_model.residual_blocks[3 * rows : 4 * rows]
+    count = len(residual_model.block_runs)
+    if count < FEWEST_BLOCKS:
+        return []
+    sizes = np.maximum(np.bincount(blocks, minlength=count), 1)
+    quantities = {
+        name: np.bincount(
+            blocks, np.concatenate([measure(segment) for segment in residual_model.dataset.segments]), count
+        )
+        / sizes
+        for name, measure in list_quantities(clock).items()
+    }
+    best = []
+    for instrument, squares in _split_squares(residual_model, fit).items():
+        energy = np.bincount(blocks, squares, count) / sizes
+        ranked = [
+            Clue(name, instrument, _compute_rank_sigmas(values, energy))
+            for name, values in quantities.items()
+            if np.ptp(values) > 0.0 and np.ptp(energy) > 0.0
+        ]
+        strong = [clue for clue in ranked if clue.sigmas > CLUE_SIGMAS]
+        best += sorted(strong, key=lambda clue: -clue.sigmas)[:1]
+    return sorted(best, key=lambda clue: -clue.sigmas)
+
+
+def _split_squares(residual_model: ResidualModel, fit: EffectFit) -> dict[str, Array]:
+    """Return squared residuals per row (rows,) by instrument; those of missing columns are 0."""
+    rows, squares = residual_model.dataset.rows, fit.residuals**2
+    path = squares[: 3 * rows].reshape(-1, 3)
+    return {
+        "position": path[:, 0] + path[:, 1],
+        "heading": path[:, 2],
+        "steering": squares[3 * rows : 4 * rows],
+        "speed": squares[4 * rows :],
+    }
+
+
+def _compute_rank_sigmas(values: Array, energy: Array) -> float:
+    """Return how many standard deviations the rank correlation of two columns (b,) is from none."""
+    share = float(np.corrcoef(rankdata(values), rankdata(energy))[0, 1])
+    return math.atanh(min(abs(share), 0.999)) * math.sqrt(len(values) - 3)
+
+
+def find_strongest_covariate(residual_model: ResidualModel, fit: EffectFit) -> ErrorCovariate | None:
+    """Return the covariate that explains most beyond chance, if any does; several amounts are granted more chance."""
+
+    def compute_net_gain(score: CovariateScore) -> float:
+        return score.gain - score.freedoms - CHANCE_SIGMAS * math.sqrt(2.0 * score.freedoms)
+
+    best = max(score_covariates(residual_model, fit), key=compute_net_gain, default=None)
+    return best.covariate if best is not None and compute_net_gain(best) > LEAST_STRENGTH else None
+
+
+# --- starts and stops that differ from those of the tractor file -----------------------------------------------------
+
+
+def describe_speed_changes(case: DiagnosisCase) -> Hint | None:
+    """Return a hint where the speed differs from the simulated one nearly only while it changes.
+
+    None elsewhere, and where a log lacks measured or commanded speeds.
+    """
+    at_changes, total, lead = 0.0, 0.0, 0.0
+    for segment in case.residual_model.dataset.segments:
+        if segment.target is None or not segment.speed_measured:
+            return None
+        simulated = _simulate_speed(case, segment)
+        rate, squares = np.gradient(simulated, segment.time), (segment.speed - simulated) ** 2
+        changing = find_speed_changes(segment.time, rate)
+        at_changes, total = at_changes + float(squares[changing].sum()), total + float(squares.sum())
+        lead += float((segment.speed - simulated) @ rate)
+    if total == 0.0 or at_changes < AT_CHANGES_SHARE * total:
+        return None
+    words = (
+        f"At {AT_STARTS} the speed changes {'faster' if lead > 0.0 else 'more slowly'} than the tractor file says; "
+        "between them it follows the commands."
+    )
+    return Hint(AT_STARTS, None, SPEED, words)
+
+
+def _simulate_speed(case: DiagnosisCase, segment: DriveSegment) -> Array:
+    """Return the speed (k, m/s) that the commands give with everything that was found."""
+    settings = {**case.tolerated, **collect_run_settings(case.extension.terms, segment.run)}
+    states = replay_segment(case.residual_model.rig, segment, settings, from_sensor=True, from_speed=False)
+    return simulate_logged_speeds(segment, states[:, FORWARD_COLUMN], compute_timing(settings))
+
+
+def find_speed_changes(time: Array, rate: Array) -> Mask:
+    """Return the rows (k,) during changes of a speed with this rate (k, m/s2), and shortly before and after."""
+    changes = time[np.abs(rate) > STEADY_MPS2]
+    if not len(changes):
+        return np.zeros(len(time), dtype=np.bool_)
+    after = np.searchsorted(changes, time)
+    nearest = np.minimum(
+        np.abs(time - changes[np.maximum(after - 1, 0)]), np.abs(time - changes[np.minimum(after, len(changes) - 1)])
+    )
+    return np.asarray(nearest <= SETTLING_S)

@@ -1,0 +1,106 @@
+"""What an extension is worth on logs held out: errors by the tractor as it was, and as extended.
+
+Pieces are compared in pairs, before and after: an error counts as risen only where the rise is more than the scatter
+between pieces, as a few held-out runs hold only a few of the longer ones.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import astuple
+
+import numpy as np
+
+from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
+from vehicle.identification.replay.horizon_errors import (
+    HORIZONS_S,
+    HorizonError,
+    compute_piece_errors,
+    find_piece_bounds,
+    simulate_instruments,
+)
+from vehicle.identification.replay.rig import build_rig_and_corrections
+from vehicle.identification.thresholds import CLEAR_RISE_SIGMAS, HARM_FACTOR, LEAST_HARM_CM, LEAST_HARM_DEG
+from vehicle.identification.verdict.diagnose import correct_logs
+from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
+from vehicle.model.tractor import Tractor
+
+UNITS = np.array([100.0, 100.0, math.degrees(1.0)])  # from m, m and rad to cm, cm and deg
+LEAST = np.array([LEAST_HARM_CM, LEAST_HARM_CM, LEAST_HARM_DEG])
+PiecesByHorizon = Mapping[float, Array]
+"""By horizon (s) a row per piece (p, 5): its run, squared errors (cm2, cm2, deg2) summed over its rows, and rows."""
+
+
+def measure_holdout(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> HoldoutResult:
+    """Replay logs that had no part in anything by the tractor as it was and by the extended one.
+
+    Raises LogError where no segment can be replayed.
+    """
+    dataset = build_dataset(correct_logs(logs), (tractor.antenna_forward_m, tractor.antenna_right_m))
+    old, new = (_measure_pieces(dataset, machine, ground) for machine in (tractor, extended))
+    has_speed = all(segment.speed_measured for segment in dataset.segments)
+    by_run = tuple(
+        HoldoutRun(name, *(compute_errors(pieces, run) for pieces in (old, new)))
+        for run, name in enumerate(dataset.names)
+    )
+    return HoldoutResult(
+        dataset.names, compute_errors(old), compute_errors(new), is_extension_helpful(old, new, has_speed), by_run
+    )
+
+
+def _measure_pieces(dataset: DriveDataset, machine: Tractor, ground: str) -> PiecesByHorizon:
+    """Replay all segments by a tractor."""
+    rig, settings = build_rig_and_corrections(machine, ground, dataset.origin)
+    rows: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS_S}
+    for segment in dataset.segments:
+        antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
+        for horizon in HORIZONS_S:
+            bounds = find_piece_bounds(segment.time, horizon)
+            squares = (compute_piece_errors(segment, antenna, heading, bounds) * UNITS) ** 2
+            rows[horizon] += [
+                np.array([segment.run, *squares[first:end].sum(axis=0), end - first])
+                for first, end in zip(*bounds, strict=True)
+            ]
+    return {horizon: np.array(pieces) for horizon, pieces in rows.items() if pieces}
+
+
+def compute_errors(pieces: PiecesByHorizon, run: int | None = None) -> ErrorsByHorizon:
+    """Return the root mean square errors of all pieces, or of those of one run, by horizon."""
+    errors = {}
+    for horizon, every in pieces.items():
+        rows = every if run is None else every[every[:, 0] == run]
+        if len(rows):
+            errors[horizon] = HorizonError(*map(float, np.sqrt(rows[:, 1:4].sum(axis=0) / rows[:, 4].sum())))
+    return errors
+
+
+def is_extension_helpful(old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool) -> bool:
+    """Whether errors fall together, at least one noticeably, and none rises by more than the scatter of its pieces.
+
+    All horizons and kinds of error weigh the same; those along the path only count `with_along`.
+    """
+    before, after = compute_errors(old), compute_errors(new)
+    changes = []
+    for horizon in before:
+        first, last = (np.maximum(astuple(errors[horizon]), 1e-9) for errors in (before, after))
+        is_judged = np.isfinite(first) & np.array([True, with_along, True])
+        is_noticeable = np.abs(last - first) > LEAST
+        change = np.log(last / first)[is_judged]
+        is_risen = (change > math.log(HARM_FACTOR)) & is_noticeable[is_judged]
+        if np.any(is_risen & (compute_rise_sigmas(old[horizon], new[horizon])[is_judged] > CLEAR_RISE_SIGMAS)):
+            return False
+        changes.append(np.where(is_noticeable[is_judged], change, 0.0))
+    together = np.concatenate(changes) if changes else np.zeros(1)
+    return bool(together.mean() < 0.0 and together.min() < -math.log(HARM_FACTOR))
+
+
+def compute_rise_sigmas(old: Array, new: Array) -> Array:
+    """Return the rise of the squared errors (3,) from paired pieces (p, 5), in its standard errors; inf for one."""
+    rises = new[:, 1:4] - old[:, 1:4]
+    if len(rises) < 2:
+        return np.full(3, np.inf)
+    spread = rises.std(axis=0, ddof=1) * math.sqrt(len(rises))
+    sigmas: Array = rises.sum(axis=0) / np.maximum(spread, 1e-12)
+    return sigmas

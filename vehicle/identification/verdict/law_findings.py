@@ -1,0 +1,197 @@
+"""Findings of parameters that change: the law of each, alternatives that the logs cannot tell from it, and values that
+are no constants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from vehicle.identification.laws.bases import (
+    BY_ANGLE,
+    BY_IMPLEMENT,
+    BY_PLACE,
+    BY_SIDE,
+    BY_SPEED,
+    OVER_MINUTES,
+    RunClock,
+)
+from vehicle.identification.laws.columns import GAIN
+from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, UNDERSTEER, FoundLaw
+from vehicle.identification.laws.settle import LawSelection, SettledLaw
+from vehicle.identification.laws.sides import SideLaw, find_side_laws
+from vehicle.identification.laws.words import compute_law_values, describe_alternatives, describe_law
+from vehicle.identification.thresholds import WITHDRAWING_LAW_SHARE
+from vehicle.identification.verdict.diagnosis_types import (
+    CONSTANT_LAW,
+    EQUIVALENT,
+    LIKELY,
+    NAMED,
+    NOT_VISIBLE,
+    Finding,
+    ParameterLaw,
+)
+from vehicle.identification.verdict.findings import extend_to_neutral
+from vehicle.identification.verdict.named_causes import ExplainedCase
+from vehicle.model.effects import get_effect, get_neutral_values
+from vehicle.model.tractor import Tractor
+
+STAND_IN_KINDS = {DRIFT: OVER_MINUTES, PATCH: BY_PLACE}
+# Terms of the discrepancy model that are laws of the steering gain.
+GAIN_TERMS = {BY_ANGLE: "grip_by_angle", BY_SPEED: "grip_by_speed", BY_IMPLEMENT: "grip_by_implement"}
+
+
+def list_law_terms(law_selection: LawSelection) -> frozenset[str]:
+    """Return the terms of the discrepancy model that stand for a settled law."""
+    kinds = [law.found.kind for law in law_selection.laws if law.found.effect_id == GAIN]
+    return frozenset(GAIN_TERMS[kind] for kind in kinds if kind in GAIN_TERMS)
+
+
+def leave_out_stand_ins(explained_case: ExplainedCase, law_selection: LawSelection) -> ExplainedCase:
+    """Return the case with the terms of settled laws, and without names for what only stands in for such a law.
+
+    A simulation without the law lowers its error by understeer in the place of a gain that falls with speed.
+    """
+    stand_ins = _list_path_stand_ins(law_selection) - law_selection.selection.effect_ids
+    names = [name for name in explained_case.names if name not in stand_ins]
+    return replace(explained_case, law_terms=list_law_terms(law_selection), names=names)
+
+
+def _list_path_stand_ins(law_selection: LawSelection) -> set[str]:
+    laws = {(law.found.effect_id, law.found.kind) for law in law_selection.laws}
+    return {UNDERSTEER} if (GAIN, BY_SPEED) in laws else set()
+
+
+def add_laws(
+    findings: Sequence[Finding], law_selection: LawSelection, clock: RunClock, names: Sequence[str], tractor: Tractor
+) -> list[Finding]:
+    """Return the findings with laws: of every settled one, and a constant for values that were tested and named."""
+    out = list(findings)
+    for law in law_selection.laws:
+        out = _add_settled_law(out, law, clock, tuple(names), tractor)
+    stand_ins = _list_path_stand_ins(law_selection) - law_selection.selection.effect_ids
+    out = [
+        _remove_value(finding) if finding.id in stand_ins and finding.status in (NAMED, LIKELY) else finding
+        for finding in out
+    ]
+    selection = law_selection.selection
+    sides = {
+        law.effect_id: law for law in find_side_laws(selection.residual_model, selection.fit, selection.effect_ids)
+    }
+    out = [_tell_sides(finding, sides[finding.id]) if finding.id in sides else finding for finding in out]
+    settled_ids = {law.found.effect_id for law in law_selection.laws}
+    by_effect: dict[str, FoundLaw] = {}
+    for found in sorted(law_selection.outcome.scores, key=lambda one: one.score.gain):
+        by_effect[found.effect_id] = found
+    return [
+        finding
+        if finding.id in settled_ids or finding.law is not None
+        else _withdraw_constant(finding, by_effect.get(finding.id), tractor)
+        for finding in out
+    ]
+
+
+def _add_settled_law(
+    findings: list[Finding], law: SettledLaw, clock: RunClock, names: tuple[str, ...], tractor: Tractor
+) -> list[Finding]:
+    effect_id, values = law.found.effect_id, compute_law_values(law, clock)
+    kinds = [STAND_IN_KINDS[name] for name in law.competitors]
+    kinds += [found.kind for found in law.found.alternatives if found.effect_id == effect_id]
+    other_kinds = tuple(kind for kind in dict.fromkeys(kinds) if kind != law.found.kind)
+    words = describe_law(law, values, names)
+    exchange = describe_alternatives(law.found, other_kinds)
+    others = tuple(name for name, kind in STAND_IN_KINDS.items() if effect_id == GAIN and kind in kinds)
+    others += tuple(found.effect_id for found in law.found.alternatives if found.effect_id != effect_id)
+    others += tuple(format_law_id(effect_id, kind) for kind in other_kinds if not _is_stand_in(kind, effect_id))
+    others = tuple(dict.fromkeys(others))
+    parameter_law = ParameterLaw(law.found.kind, values, f"{words} {exchange}".strip())
+    status = EQUIVALENT if other_kinds or others else NAMED
+    out = []
+    for finding in findings:
+        if finding.id == effect_id:
+            out.append(_tell_law(finding, law, status, others, parameter_law, tractor))
+        elif finding.id in others and finding.status not in (NAMED, LIKELY):
+            same = (effect_id, *[other for other in others if other != finding.id])
+            sentence = f"The {get_effect(finding.id).label} explains them as well."
+            alternative = replace(finding, status=EQUIVALENT, equivalent_to=same, exchange=exchange)
+            out.append(replace(alternative, description=sentence))
+        elif effect_id == GAIN and finding.id in STAND_INS and finding.status in (NAMED, LIKELY):
+            # The law explains more than this stand-in, which is left with a part of the same change.
+            out.append(_remove_value(finding))
+        else:
+            out.append(finding)
+    return out
+
+
+def _is_stand_in(kind: str, effect_id: str) -> bool:
+    return effect_id == GAIN and kind in STAND_IN_KINDS.values()
+
+
+def format_law_id(effect_id: str, kind: str) -> str:
+    """Return the id of a law among alternatives: its effect and its kind, as ``steering_offset:by_speed``."""
+    return f"{effect_id}:{kind}"
+
+
+def _tell_law(
+    finding: Finding,
+    law: SettledLaw,
+    status: str,
+    others: tuple[str, ...],
+    parameter_law: ParameterLaw,
+    tractor: Tractor,
+) -> Finding:
+    """Return the finding of a changing parameter: its mean with an interval, and its law."""
+    effect = get_effect(finding.id)
+    size = effect.size.name
+    interval = (law.mean - law.mean_error, law.mean + law.mean_error)
+    if finding.interval is not None and finding.value is not None:
+        shift = law.mean - finding.value[size]
+        low, high = finding.interval[size]
+        interval = min(interval[0], low + min(shift, 0.0)), max(interval[1], high + max(shift, 0.0))
+    if status == EQUIVALENT:
+        interval = extend_to_neutral(tractor, effect, interval)
+    return replace(
+        finding,
+        status=status,
+        value={size: law.mean},
+        interval={size: interval},
+        description=parameter_law.words,
+        equivalent_to=others,
+        exchange=finding.exchange,
+        law=parameter_law,
+    )
+
+
+def _tell_sides(finding: Finding, law: SideLaw) -> Finding:
+    """Return the finding of an effect of the steering with a value for each side.
+
+    One value for both sides may have had no name because it raises errors; with its law the effect is likely.
+    """
+    effect = get_effect(law.effect_id)
+    unit = f" {effect.size.unit}"
+    words = f"The {effect.label} is {law.right:.1f}{unit} to the right and {law.left:.1f}{unit} to the left."
+    parameter_law = ParameterLaw(BY_SIDE, {"right": law.right, "left": law.left}, words)
+    described = replace(finding, description=words, law=parameter_law)
+    if finding.status in (NAMED, LIKELY, EQUIVALENT):
+        return described
+    ends = min(law.right, law.left), max(law.right, law.left)
+    size = effect.size.name
+    return replace(described, status=LIKELY, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
+
+
+def _remove_value(finding: Finding) -> Finding:
+    return replace(
+        finding, status=NOT_VISIBLE, value=None, interval=None, gain_pct=None, gain_interval=None, description=""
+    )
+
+
+def _withdraw_constant(finding: Finding, found: FoundLaw | None, tractor: Tractor) -> Finding:
+    """Return a name as likely where a law that the data support, and that explains too little, changes it by as much
+    as the value itself; say of other names that they were tested and are constant."""
+    if finding.status != NAMED or finding.value is None:
+        return finding
+    size = get_effect(finding.id).size.name
+    deviation = abs(finding.value[size] - get_neutral_values(finding.id, tractor.steering)[size])
+    if found is None or found.high - found.low < WITHDRAWING_LAW_SHARE * deviation:
+        constant = ParameterLaw(CONSTANT_LAW, {"value": finding.value[size]}, "")
+        return replace(finding, law=constant)
+    return replace(finding, status=LIKELY)

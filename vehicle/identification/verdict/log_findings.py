@@ -1,0 +1,208 @@
+"""What is notable about logs, in words with sizes: clocks of columns, faults that begin, and runs unlike the others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from vehicle.identification.columns.staleness import measure_hold
+from vehicle.identification.faults.unlike_runs import RunDifference
+from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
+from vehicle.identification.logs.schema import Log, LogFault, Mask
+from vehicle.identification.verdict.diagnosis_types import (
+    LIKELY,
+    NAMED,
+    ColumnTiming,
+    Diagnosis,
+    Finding,
+    OnsetFault,
+    RunCheck,
+)
+from vehicle.model.effects import get_effect
+from vehicle.model.tractor import Tractor
+
+COLUMN_WORDS = {
+    "position": "the position",
+    "heading": "the heading",
+    "speed": "the measured speed",
+    "steering": "the wheel angle",
+    "steering_command": "the steering command",
+}
+_LOG_COLUMNS = {"speed": "speed_mps", "steering": "steering_deg", "steering_command": "steering_command_deg"}
+# Ages by effect: the columns concerned, and the field that holds the value.
+_TIMING_EFFECTS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "gnss_latency": (("position", "heading"), "delay_s"),
+    "position_delay": (("position",), "delay_s"),
+    "heading_delay": (("heading",), "delay_s"),
+    "heading_filter": (("heading",), "filter_s"),
+    **{f"clock_offset_{column}": ((column,), "clock_offset_s") for column in COLUMN_WORDS},
+}
+# Columns by the first words of a correction.
+_CORRECTED_COLUMNS = {
+    "the positions get": "position",
+    "the positions and headings get": "position",
+    "heading_deg changes only": "heading",
+    "speed_mps reads": "speed",
+    "steering_deg reads": "steering",
+}
+_SCALE_FACTORS = {"speed": "speed_factor", "steering": "steering_factor"}
+EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for nine years
+_OFTEN = 0.5  # of the logs that have a column: fewer are told as one log
+
+
+def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[ColumnTiming, ...]:
+    """Return the columns with a clock of their own: how often they are refreshed, and how old they are found to be."""
+    ages = _collect_ages(findings)
+    timings = []
+    for column in COLUMN_WORDS:
+        hold, sentences = _measure_column_hold(logs, column), list[str]()
+        if hold is not None:
+            sentences.append(_describe_hold(column, hold))
+        values = {field: value for field, (value, _) in ages.get(column, {}).items()}
+        sentences += [sentence for _, sentence in ages.get(column, {}).values()]
+        sentences += _list_corrections(logs, column)
+        if sentences:
+            hold_s, share = (None, None) if hold is None else (hold[0], hold[2])
+            timings.append(
+                ColumnTiming(
+                    column,
+                    values.get("delay_s"),
+                    hold_s,
+                    values.get("filter_s"),
+                    values.get("clock_offset_s"),
+                    share,
+                    " ".join(sentences),
+                    _find_scale(logs, column),
+                )
+            )
+    return tuple(timings)
+
+
+def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
+    """Return what was corrected in a column, as it was in the first of the logs concerned."""
+    for start in (start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column):
+        for log in logs:
+            for sentence in (sentence for sentence in log.corrections if sentence.startswith(start)):
+                return [f"{log.name}: {sentence}."]
+    return []
+
+
+def _find_scale(logs: Sequence[Log], column: str) -> float | None:
+    """Return what a column of the first log with a wrong scale was divided by; None where all scales are right."""
+    if column not in _SCALE_FACTORS:
+        return None
+    factors = (float(getattr(log, _SCALE_FACTORS[column])) for log in logs)
+    return next((factor for factor in factors if factor != 1.0), None)
+
+
+def _collect_ages(findings: Sequence[Finding]) -> dict[str, dict[str, tuple[float, str]]]:
+    """Return per column and field the value of what was named, or is likely, and its sentence."""
+    ages: dict[str, dict[str, tuple[float, str]]] = {}
+    for finding in findings:
+        if finding.id in _TIMING_EFFECTS and finding.value is not None and finding.status in (NAMED, LIKELY):
+            columns, field = _TIMING_EFFECTS[finding.id]
+            value = finding.value[get_effect(finding.id).size.name]
+            for column in columns:
+                ages.setdefault(column, {})[field] = (value, finding.description)
+    return ages
+
+
+def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float, float] | None:
+    """Return medians over the logs of hold, 90 % quantile of the hold (s) and share of stale rows."""
+    holds, having = [], 0
+    for log in logs:
+        having += column in ("position", "heading") or getattr(log, _LOG_COLUMNS[column]) is not None
+        measured = _get_measured_rows(log, column)
+        if measured is not None and np.count_nonzero(measured & log.used) > 2:
+            holds.append(measure_hold(log.time_s[log.used], measured[log.used]))
+    if not holds or len(holds) < _OFTEN * having:
+        return None
+    hold_s, rare_s, share = np.median(np.array(holds), axis=0)
+    return float(hold_s), float(rare_s), float(share)
+
+
+def _get_measured_rows(log: Log, column: str) -> Mask | None:
+    if column == "position":
+        return log.fresh
+    return log.measured_rows.get(_LOG_COLUMNS[column]) if column in _LOG_COLUMNS else None
+
+
+def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
+    hold_s, rare_s, share = hold
+    words = COLUMN_WORDS[column]
+    rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if rare_s > 1.2 * hold_s else ""
+    return (
+        f"{words[0].upper()}{words[1:]} is refreshed every {hold_s:.1f} s{rare}: {100.0 * share:.0f} % of its rows "
+        "repeat or interpolate an older value and are not used."
+    )
+
+
+def list_onset_faults(logs: Sequence[Log]) -> tuple[OnsetFault, ...]:
+    """Return the faults of all logs, in the order of the logs and of time."""
+    return tuple(
+        OnsetFault(fault.id, fault.run, fault.from_s, fault.to_s, _describe_fault(fault, float(log.time_s[0])))
+        for log in logs
+        for fault in sorted(log.faults, key=lambda one: one.from_s)
+    )
+
+
+def _describe_fault(fault: LogFault, start_s: float) -> str:
+    end = "until the log ends" if fault.to_s is None else f"until {format_time(fault.to_s, start_s)}"
+    begin = f"from {format_time(fault.from_s, start_s)}"
+    if fault.between_s is not None:
+        earliest, latest = (format_time(time_s, start_s) for time_s in fault.between_s)
+        begin = f"from some time between {earliest} and {latest}"
+    return f"{begin} {fault.words}, {end}; these rows are left out"
+
+
+def format_time(time_s: float, start_s: float) -> str:
+    """Format a time of a log: the time of the day (UTC) where it counts from 1970, else seconds after the start."""
+    if time_s < EPOCH_FROM_S:
+        return f"{time_s - start_s:.0f} s after the start"
+    return f"{datetime.fromtimestamp(time_s, UTC):%H:%M:%S} UTC"
+
+
+def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, reason: str) -> Diagnosis:
+    """Build the diagnosis of logs that leave nothing to replay beside their faults, for the sentence `reason`."""
+    undiagnosed = f"Nothing else can be diagnosed: {reason[0].lower()}{reason[1:]}"
+    rows = sum(len(log.used) for log in logs)
+    return Diagnosis(
+        names=tuple(log.name for log in logs),
+        rows_used=0,
+        rows_gated=rows,
+        minutes=0.0,
+        ground=ground,
+        before={},
+        after={},
+        noise_floor={},
+        guilty_block=None,
+        block_error={},
+        findings=(),
+        named=(),
+        unexplained_share=0.0,
+        depends_on=(),
+        next_drive=None,
+        tractor=tractor,
+        calibration={},
+        curve=None,
+        notes=tuple(list_shared_remarks(logs)),
+        faults=list_onset_faults(logs),
+        runs=tuple(RunCheck(log.name, None, None) for log in logs),
+        rows_gated_by_reason=count_rows_left_out(logs, 0),
+        undiagnosed_reason=undiagnosed,
+        unsaved_reason=undiagnosed,
+    )
+
+
+def mark_unlike_runs(runs: Sequence[RunCheck], differences: Sequence[RunDifference]) -> tuple[RunCheck, ...]:
+    """Return the checks of all runs with what is unlike in some of them; causes are found without these."""
+    by_run = {difference.run: difference for difference in differences}
+    return tuple(
+        replace(run, unlike=True, words=f"it {by_run[number].words}; causes are found without it")
+        if number in by_run
+        else run
+        for number, run in enumerate(runs)
+    )

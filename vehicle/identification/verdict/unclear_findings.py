@@ -1,0 +1,76 @@
+"""The last check of a verdict: no effect is told whose interval holds neutral, or whose size is within the tolerance of
+the tractor file, whatever stage added it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.fit.effect_parameters import find_finest_size
+from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, LIKELY, NAMED, NOT_VISIBLE, Finding
+from vehicle.identification.verdict.held_out_case import DiagnosisCase, is_within_noise
+from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effect_kinds import PER_SLOPE
+from vehicle.model.effects import get_effect, get_neutral_values
+
+
+def drop_unclear_terms(
+    selection: CauseSelection, explained_case: ExplainedCase, changing_ids: Collection[str]
+) -> ExplainedCase:
+    """Return the case without effects that may be neutral; `changing_ids` follow a law, whose mean may be neutral."""
+    case = explained_case.case
+    unclear_ids = {
+        name
+        for name in case.extension.term_ids
+        if name not in TERMS_BY_NAME and name not in changing_ids and _is_unclear_term(case, name)
+    }
+    if not unclear_ids:
+        return explained_case
+    return keep_terms(selection, explained_case, case.extension.term_ids - unclear_ids)
+
+
+def _is_unclear_term(case: DiagnosisCase, name: str) -> bool:
+    """Whether a term may be neutral. Of two levels, one may be: that of the ground which the file describes."""
+    if sum(term.parameters.id == name for term in case.extension.terms) > 1:
+        return False
+    intervals, term = case.extension.intervals[name], case.main_terms[name]
+    if PER_SLOPE in intervals:
+        return intervals[PER_SLOPE][0] <= 0.0 <= intervals[PER_SLOPE][1]
+    finest = find_finest_size(case.tractor, name, case.residual_model.row_interval_s)
+    return (
+        _holds_neutral(case, name, intervals[get_effect(name).size.name])
+        or term.parameters.compute_deviation(term.coordinates) <= finest
+    )
+
+
+def _holds_neutral(case: DiagnosisCase, name: str, interval: tuple[float, float]) -> bool:
+    return interval[0] <= get_neutral_values(name, case.tractor.steering)[get_effect(name).size.name] <= interval[1]
+
+
+def withdraw_unclear(findings: Sequence[Finding], case: DiagnosisCase) -> list[Finding]:
+    """Return the findings without a name, or a likely effect, that may be neutral."""
+    return [_withdraw(finding) if _is_unclear(finding, case) else finding for finding in findings]
+
+
+def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
+    """Whether a named or likely effect may be neutral.
+
+    The mean of a law may be. Without a value of its own it is only told where an error remains that it may explain.
+    """
+    if finding.status not in (NAMED, LIKELY) or finding.value is None or finding.interval is None:
+        return False
+    if finding.law is not None and finding.law.kind != CONSTANT_LAW:
+        return finding.id not in case.extension.term_ids and is_within_noise(case, case.final_errors)
+    if finding.id in case.extension.term_ids:
+        return _is_unclear_term(case, finding.id)
+    size = get_effect(finding.id).size.name
+    finest = find_finest_size(case.tractor, finding.id, case.residual_model.row_interval_s)
+    deviation = abs(finding.value[size] - get_neutral_values(finding.id, case.tractor.steering)[size])
+    return deviation <= finest or _holds_neutral(case, finding.id, finding.interval[size])
+
+
+def _withdraw(finding: Finding) -> Finding:
+    empty = replace(finding, status=NOT_VISIBLE, value=None, interval=None, gain_pct=None, gain_interval=None)
+    return replace(empty, description="", law=None)

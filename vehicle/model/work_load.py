@@ -1,0 +1,71 @@
+"""What a tractor has to pull and carry at work, and what its engine and tyres can give."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from vehicle.errors import VehicleError
+
+DRAFT_TERMS = 3
+
+
+@dataclass(frozen=True)
+class WorkLoad:
+    """Everything about forces that neither the tractor's steering nor the implement's size says; all neutral at first.
+
+    Attributes:
+        draft_n: d0, d1, d2 (N, N s/m, N s2/m2): the implement pulls back with d0 + d1 v + d2 v^2 while it works.
+        implement_mass_kg: carried or drawn besides the tractor's own mass.
+        rolling_share: resistance to rolling over weight without slip, of all wheels; None for that of each ground.
+        engine_power_w: at the flywheel.
+        driveline_efficiency: share of the engine's power that reaches the driven axles.
+        driven_share: share of the whole weight that stands on driven wheels.
+        mobility_number: Bn of the driven wheels (vehicle.energy.traction); None for wheels that neither slip nor spin.
+        max_slip: wheels are not driven with more slip.
+        centre_height_m: height of the common centre of mass above the ground; None where it is not known.
+
+    Raises:
+        VehicleError: a value that nothing can have.
+    """
+
+    draft_n: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    implement_mass_kg: float = 0.0
+    rolling_share: float | None = None
+    engine_power_w: float = math.inf
+    driveline_efficiency: float = 1.0
+    driven_share: float = 1.0
+    mobility_number: float | None = None
+    max_slip: float = 0.3
+    centre_height_m: float | None = None
+
+    def __post_init__(self) -> None:
+        if len(self.draft_n) != DRAFT_TERMS or not all(math.isfinite(term) and term >= 0.0 for term in self.draft_n):
+            raise VehicleError(f"The draft {self.draft_n} is none; give three forces of 0 or more (N, N s/m, N s2/m2).")
+        _check_range("The mass of the implement", self.implement_mass_kg, 0.0, 100_000.0, "kg")
+        _check_range("The power of the engine", self.engine_power_w, 1.0, math.inf, "W")
+        _check_range("The efficiency of the driveline", self.driveline_efficiency, 0.05, 1.0, "")
+        _check_range("The share of the weight on driven wheels", self.driven_share, 0.05, 1.0, "")
+        _check_range("The largest slip", self.max_slip, 0.01, 0.9, "")
+        if self.rolling_share is not None:
+            _check_range("The resistance to rolling", self.rolling_share, 0.0, 1.0, "of the weight")
+        if self.mobility_number is not None:
+            _check_range("The mobility number", self.mobility_number, 0.5, 1e6, "")
+        if self.centre_height_m is not None:
+            _check_range("The height of the centre of mass", self.centre_height_m, 0.01, 10.0, "m")
+
+    @property
+    def axle_power_w(self) -> float:
+        """Power that reaches the driven axles."""
+        return self.engine_power_w * self.driveline_efficiency
+
+    def compute_draft_n(self, speed_mps: float) -> float:
+        """Pull of the working implement at a speed over ground."""
+        constant, linear, square = self.draft_n
+        return constant + (linear + square * speed_mps) * speed_mps
+
+
+def _check_range(what: str, value: float, low: float, high: float, unit: str) -> None:
+    if not low <= value <= high:
+        words = f" {unit}" if unit else ""
+        raise VehicleError(f"{what} is {value}{words}; give {low:g} to {high:g}{words}.")
