@@ -22,30 +22,36 @@ from vehicle.missions.plan import Plan
 BlockCost = Callable[[int, int], float]
 """Seconds of the block of lines first..last - 1."""
 
+WEIGHT_RESOLUTION = 1e-6  # of the heaviest line
 MIN_GAIN_S = 0.01
 MAX_BALANCE_ROUNDS = 50
 
 
 def cut_balanced_blocks(weights: Sequence[float], count: int) -> list[int]:
-    """Borders 0 = b0 < b1 < ... = n of `count` runs, the heaviest as light as possible; n must be at least `count`."""
-    low, high = max(weights), sum(weights)
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if len(_pack_runs(weights, middle)) <= count else (middle, high)
-    sizes = _split_largest_runs(_pack_runs(weights, high), count)
+    """Borders 0 = b0 < b1 < ... = n of `count` runs, the heaviest as light as possible; n must be at least `count`.
+
+    Weights count to a millionth of the heaviest, so that rounding errors decide nothing where two cuts are as good.
+    """
+    heaviest = max(weights)
+    shares = [round(weight / heaviest / WEIGHT_RESOLUTION) for weight in weights]
+    low, high = max(shares), sum(shares)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if len(_pack_runs(shares, middle)) <= count else (middle + 1, high)
+    sizes = _split_largest_runs(_pack_runs(shares, high), count)
     borders = [0]
     for size in sizes:
         borders.append(borders[-1] + size)
     return borders
 
 
-def _pack_runs(weights: Sequence[float], max_weight: float) -> list[int]:
+def _pack_runs(weights: Sequence[int], max_weight: int) -> list[int]:
     """Sizes of the fewest runs none of which weighs more than `max_weight`."""
-    sizes, total = [0], 0.0
+    sizes, total = [0], 0
     for weight in weights:
-        if sizes[-1] and total + weight > max_weight * (1 + 1e-12):
+        if sizes[-1] and total + weight > max_weight:
             sizes.append(0)
-            total = 0.0
+            total = 0
         sizes[-1] += 1
         total += weight
     return sizes

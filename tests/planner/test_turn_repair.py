@@ -14,19 +14,19 @@ from planner.evaluation.repair.path_deviation import TurnDeviation, find_first_t
 from strategies.registry import STRATEGIES
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
+from vehicle.sim.world import World
 
 
 def test_a_turn_is_tried_once_whichever_plans_have_it(
     small_site: PlanningContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site, tried = replace(small_site), []
-    simulate = turn_trial.simulate
 
-    def counted(*arguments: Any, **options: Any) -> Any:
+    def build_counted_world(*arguments: Any, **options: Any) -> World:
         tried.append(arguments[0])
-        return simulate(*arguments, **options)
+        return World(*arguments, **options)
 
-    monkeypatch.setattr(turn_trial, "simulate", counted)
+    monkeypatch.setattr(turn_trial, "World", build_counted_world)
     plan = STRATEGIES["split-field"].build(site.build_job(1))
     legs = plan.missions[0].legs
     tracks = [n for n in range(1, len(legs)) if legs[n].implement and not legs[n - 1].implement]

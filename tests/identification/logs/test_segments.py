@@ -54,6 +54,6 @@ def test_a_gear_changed_in_rows_left_out_ends_a_segment_and_one_not_told_does_no
 def test_a_log_has_every_column_of_the_contract_or_none() -> None:
     one = log(circle(0.0))
     absent = {name for name in COLUMNS if getattr(one, name) is None}
-    assert absent == {"speed_command_mps", "steering_command_deg", "roll_deg", "pitch_deg"}
+    assert absent == {"speed_command_mps", "steering_command_deg", "roll_deg", "pitch_deg", "elevation_m"}
     assert (one.shuttle == 1.0).all() and (one.implement == 0.0).all()
     assert one.step_s == pytest.approx(0.1) and one.segment_count == 1 and one.rows_gated == 0
