@@ -42,7 +42,7 @@ def write_hill(field: Field, path: Path) -> None:
     from fields.terrain.elevation_grid import ElevationGrid, lay_nodes
     from fields.terrain.raster_writer import render_raster
 
-    frame = lay_nodes(field.boundary, 5.0, 40.0)
+    frame = lay_nodes(field.boundary, 5.0, 400.0)
     x, y = frame.list_places().T
     heights = (20.0 + 0.03 * x + 2.0 * np.exp(-(x**2 + y**2) / 5e3)).reshape(frame.rows, frame.columns)
     east, north = field.origin_m
@@ -63,7 +63,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write_field(read_field("netherlands"), place / "myfarm.geojson")
     write_hill(read_field("netherlands"), place / "dtm.tif")
     (place / "runs").mkdir()
-    for number, log in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:8]):
+    hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
+    origin = read_field("netherlands").origin_m
+    for number, log in enumerate(make_logs(hidden, seed=3, origin=origin)[:8]):
         log.to_csv(place / "runs" / f"{number}.csv", index=False)
         log.to_csv(place / "run.csv", index=False)
     return place

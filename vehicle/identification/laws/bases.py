@@ -22,6 +22,8 @@ WIDEST_ANGLE_DEG = 27.0  # a law by angle is held beyond: chosen, further out lo
 DAY_PERIOD_SHARES = (4.0, 3.0, 2.4, 2.0, 1.7, 1.45, 1.25, 1.1, 1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 FEWEST_DAY_RUNS, FEWEST_GROUP_RUNS = 4, 2
 LEAST_DAY_OF_RUN = 2.0  # of the longest run: chosen, in less time a day is the minutes of a run
+SPEED_QUANTILES, LEAST_SPEED_RATIO = (0.1, 0.9), 1.25
+"""Chosen: at one speed, with starts and stops, a law by speed is a law by the noise of the speed."""
 LEAST_VARIED_SHARE = 0.02  # of the rows on either side of a switch: chosen, with fewer it shows nothing
 ComputeRows = Callable[[DriveSegment], Array]
 
@@ -110,10 +112,12 @@ def list_bases(dataset: DriveDataset, clock: RunClock) -> list[LawBasis]:
     bases = [
         LawBasis(OVER_MINUTES, _get_minutes),
         LawBasis(BY_ANGLE, _get_size_of_angle),
-        LawBasis(BY_SPEED, _get_speed),
         LawBasis(BY_PLACE, _get_place),
         LawBasis(BY_SIDE, _get_is_left),
     ]
+    slow, fast = np.quantile(np.concatenate([one.speed_in_gear for one in dataset.segments]), SPEED_QUANTILES)
+    if fast > LEAST_SPEED_RATIO * slow:
+        bases.append(LawBasis(BY_SPEED, _get_speed))
     working = float(np.mean(np.concatenate([segment.working for segment in dataset.segments])))
     if LEAST_VARIED_SHARE < working < 1.0 - LEAST_VARIED_SHARE:
         bases.append(LawBasis(BY_IMPLEMENT, _get_working))

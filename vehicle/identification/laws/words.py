@@ -105,9 +105,10 @@ def describe_law(law: SettledLaw, values: LawNumbers, names: tuple[str, ...]) ->
         case "by_angle":
             return f"{subject} is {show(values['at_0'])} at 0 degrees and {show(values['at_27'])} at 27 degrees."
         case "by_speed":
-            return (
-                f"{subject} is {show(values['at_0'])} at a crawl and changes by {values['per_mps']:+.3f}{unit} per m/s."
-            )
+            per_mps = values["per_mps"] or math.inf
+            ends = sorted(((end - values["at_0"]) / per_mps, end) for end in (law.low, law.high))
+            slow, fast = (f"{show(end)} at {speed_mps:.1f} m/s" for speed_mps, end in ends)
+            return f"{subject} is {slow} and {fast}."
         case "by_implement":
             return (
                 f"{subject} is {show(values['lifted'])} with the implement lifted "
