@@ -14,7 +14,7 @@ CLEAR_KINDS = ("effect", "pair", "closed_loop", "column", "mixed", "odd_run")
 NARROW_KINDS = ("one_sided", "one_speed")  # where an equivalent set is as good as a name
 ONSET_WITHIN_S, TIME_WITHIN, TIME_WITHIN_S, SCALE_WITHIN = 5.0, 0.4, 0.1, 0.03
 WORSE_FACTOR, WORSE_CM = 1.02, 0.1  # chosen: below both the error of unseen runs is called the same
-SAME_FAULTS = (frozenset({"position_lost", "position_frozen"}),)
+SAME_FAULTS = (frozenset({"position_lost", "position_frozen"}), frozenset({"position_lost", "position_jump"}))
 WANTED = {
     "clear effects named": (0.98, True), "sets with a wrong name": (0.005, False),
     "outside: a wrong name": (0.02, False), "outside: a useful hint": (0.5, True),

@@ -1,7 +1,13 @@
 """Ages of columns are those of the effects found."""
 
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.identification.fault_logs import clean_frames
 from tests.truth.drives import straight
 from tests.truth.second import Second
+from vehicle.identification.columns.staleness import mark_stale_columns_of_set
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.verdict.diagnosis_types import NAMED, REFUTED, Finding
 from vehicle.identification.verdict.log_findings import describe_columns
@@ -31,3 +37,45 @@ def test_what_was_corrected_is_told_with_its_log() -> None:
     log = build_log(frame.assign(speed_mps=1.4 * frame.speed_mps), "line")
     (told,) = describe_columns([log], [])
     assert told.column == "speed" and told.words.startswith("line: speed_mps reads 40 % more")
+
+
+def hold(frame: pd.DataFrame, names: tuple[str, ...], rows: int, interpolated: bool = False) -> pd.DataFrame:
+    """The log with columns refreshed every so many rows, repeated or drawn straight in between."""
+    place, time = np.arange(len(frame)), frame.time_s.to_numpy()
+    out = frame.copy()
+    for name in names:
+        values = np.unwrap(frame[name].to_numpy(), period=360.0) if name == "heading_deg" else frame[name].to_numpy()
+        held = np.interp(time, time[::rows], values[::rows]) if interpolated else values[place // rows * rows]
+        out[name] = held % 360.0 if name == "heading_deg" else held
+    return out
+
+
+@pytest.mark.parametrize("interpolated", [False, True])
+@pytest.mark.parametrize(
+    ("holds", "told_s"),
+    [
+        ({"heading": 5}, {"heading": 0.5}),
+        ({"position": 4}, {"position": 0.4}),
+        ({"heading": 10, "position": 4}, {"position": 0.4, "heading": 1.0}),
+    ],
+)
+def test_each_held_column_of_the_receiver_is_told(
+    holds: dict[str, int], told_s: dict[str, float], interpolated: bool
+) -> None:
+    columns = {"heading": ("heading_deg",), "position": ("easting_m", "northing_m")}
+    logs = []
+    for name in ("right", "left", "steps"):
+        frame = clean_frames()[name]
+        for what, rows in holds.items():
+            frame = hold(frame, columns[what], rows, interpolated)
+        logs.append(build_log(frame, name))
+    told = {one.column: one for one in describe_columns(mark_stale_columns_of_set(logs), [])}
+    assert {name: one.hold_s for name, one in told.items()} == pytest.approx(told_s, rel=0.05)
+    for name, one in told.items():
+        assert one.words.count("every") == 1 and f"is refreshed every {told_s[name]:.1f} s" in one.words
+        assert one.stale_share == pytest.approx(1.0 - 1.0 / holds[name], abs=0.05)
+
+
+def test_a_heading_of_every_row_is_no_held_one() -> None:
+    logs = [build_log(frame, name) for name, frame in clean_frames().items()]
+    assert describe_columns(mark_stale_columns_of_set(logs), []) == ()

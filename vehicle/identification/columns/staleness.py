@@ -86,7 +86,7 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
 
 def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
     """Mark the rows in which interpolated positions or headings were measured."""
-    time, fresh = log.time_s[rows], log.fresh
+    time, fresh, place_rows = log.time_s[rows], log.fresh, dict(log.place_rows)
     for name in PLACE_COLUMNS:
         values = getattr(log, name)
         if values is None:
@@ -95,8 +95,10 @@ def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
         knots = find_line_knots(time, shown)
         if knots is not None:
             mask = _mark_rows(log, rows[knots])
+            place_rows.setdefault("heading" if name == "heading_deg" else "position", mask)
             fresh = mask if fresh is None or np.count_nonzero(mask) < np.count_nonzero(fresh) else fresh
-    return log if fresh is log.fresh else replace(log, fresh=fresh)
+    is_same = fresh is log.fresh and len(place_rows) == len(log.place_rows)
+    return log if is_same else replace(log, fresh=fresh, place_rows=place_rows)
 
 
 def _mark_rows(log: Log, rows: Rows) -> Mask:

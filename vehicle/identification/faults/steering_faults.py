@@ -19,6 +19,7 @@ from vehicle.identification.faults.steering_evidence import (
     find_largest_angles,
     fit_path_scale,
 )
+from vehicle.identification.faults.vanishing_gain import PathSpan, find_spans_by_law, measure_path_shares
 from vehicle.identification.logs.column_faults import POSITION_LOST, WHEEL_SENSOR_FROZEN
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
 from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
@@ -59,7 +60,8 @@ WORDS = {
 class _Span:
     """A fault in one segment: its id and the indices of its first and last row of the grid.
 
-    `earliest` and `shown` are the rows between which it began, where commands at rest do not show when.
+    `earliest` and `shown` are the rows between which it began, where commands at rest do not show when; `by_path` is
+    whether the path shows it and not the wheel angle.
     """
 
     id: str
@@ -67,6 +69,7 @@ class _Span:
     last: int
     earliest: int | None = None
     shown: int | None = None
+    by_path: bool = False
 
 
 def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
@@ -75,6 +78,8 @@ def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
     segments = [build_evidence_segments(log, locks) for log in logs]
     scale = fit_path_scale([segment for parts in segments for segment in parts])
     spans = [[_find_faults(segment, scale, lock) for segment in parts] for parts in segments]
+    if scale is not None:
+        spans = _drop_spans_by_law(logs, segments, spans, scale)
     seconds = sum(float(np.ptp(segment.time_s)) for parts in segments for segment in parts)
     faulty_s = STEP_S * sum(
         span.last - span.first for parts in spans for segment_spans in parts for span in segment_spans
@@ -83,6 +88,36 @@ def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
         return list(logs)
     marked = [_mark_log(*row) for row in zip(logs, segments, spans, strict=True)]
     return _leave_out_faulty_runs(marked)
+
+
+def _drop_spans_by_law(
+    logs: Sequence[Log],
+    segments: Sequence[Sequence[SteeringEvidence]],
+    spans: Sequence[Sequence[Sequence[_Span]]],
+    scale: PathScale,
+) -> list[list[list[_Span]]]:
+    """Return the spans by run and segment without those of a path whose gain follows a law."""
+    by_path = [
+        PathSpan(run, number, span.first, span.last)
+        for run, parts in enumerate(spans)
+        for number, found in enumerate(parts)
+        for span in found
+        if span.by_path and span.id in STEERING_WORDS
+    ]
+    by_law = set[PathSpan]()
+    if by_path:
+        blocks = [
+            [measure_path_shares(log, segment, scale) for segment in parts]
+            for log, parts in zip(logs, segments, strict=True)
+        ]
+        by_law = find_spans_by_law(by_path, blocks)
+    return [
+        [
+            [span for span in found if not span.by_path or PathSpan(run, number, span.first, span.last) not in by_law]
+            for number, found in enumerate(parts)
+        ]
+        for run, parts in enumerate(spans)
+    ]
 
 
 def _leave_out_faulty_runs(logs: Sequence[Log]) -> list[Log]:
@@ -216,7 +251,7 @@ def _find_path_faults(segment: SteeringEvidence, scale: PathScale | None, lock: 
         following = np.abs(needed - expected) < _FOLLOWING_DEG + scale.sigma_deg
     bad = beyond & ~sliding
     spans = [
-        checked
+        replace(checked, by_path=True)
         for span in _find_spans(bad, following, expected)
         if (checked := _check_by_course(segment, scale, span, bad, needed - expected)) is not None
     ]

@@ -159,6 +159,15 @@ _SAME_FAULT_S, _FEWEST_JUMPS, _LEAST_LOST_S = 16.0, 4, 2.0
 
 def _find_lost_positions(motion: RawMotion) -> list[Span]:
     """Return spans in which positions are far from the middle of their neighbours again and again."""
+    return [
+        _extend_to_end(motion, (int(group[0]), int(group[-1])))
+        for group in find_scattered_groups(motion)
+        if len(group) >= _FEWEST_JUMPS and motion.time_s[group[-1]] - motion.time_s[group[0]] >= _LEAST_LOST_S
+    ]
+
+
+def find_scattered_groups(motion: RawMotion) -> list[Rows]:
+    """Return the rows whose position is far from the middle of its neighbours, those near each other in one group."""
     fresh = motion.find_fresh_positions()
     if len(fresh) < _FEWEST_ROWS:
         return []
@@ -173,12 +182,7 @@ def _find_lost_positions(motion: RawMotion) -> list[Span]:
     bad = fresh[1:-1][(apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))]
     if not len(bad):
         return []
-    groups = np.split(bad, np.flatnonzero(np.diff(motion.time_s[bad]) > _SAME_FAULT_S) + 1)
-    return [
-        _extend_to_end(motion, (int(group[0]), int(group[-1])))
-        for group in groups
-        if len(group) >= _FEWEST_JUMPS and motion.time_s[group[-1]] - motion.time_s[group[0]] >= _LEAST_LOST_S
-    ]
+    return np.split(bad, np.flatnonzero(np.diff(motion.time_s[bad]) > _SAME_FAULT_S) + 1)
 
 
 def _extend_to_end(motion: RawMotion, span: Span) -> Span:

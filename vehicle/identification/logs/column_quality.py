@@ -9,8 +9,9 @@ column is ignored where the tractor shows that it should have changed; if it is 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -154,11 +155,15 @@ _STANDING_FACTOR = 2.0
 
 
 class FreshColumns(NamedTuple):
-    """Columns without held values, the measured rows (None: all), and sentences on what was corrected."""
+    """Columns without held values, the measured rows (None: all), and sentences on what was corrected.
+
+    `place_rows` are the rows in which `position` and `heading` were measured, each where it is slower than the log.
+    """
 
     columns: Columns
     fresh: Mask | None = None
     corrections: tuple[str, ...] = ()
+    place_rows: Mapping[str, Mask] = MappingProxyType({})
 
 
 def interpolate_held_values(columns: Columns, name: str, logged: Columns | None = None) -> FreshColumns:
@@ -172,13 +177,13 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     rows = rows[~find_decreasing_entries(time[rows])]
     if len(rows) < _FEWEST_CHANGES:
         return FreshColumns(columns)
-    fresh_sets, converted, doubts = list[Rows](), dict(columns), list[str]()
+    fresh_sets, converted, doubts = dict[str, Rows](), dict(columns), list[str]()
     position_rows = _find_fresh_rows(np.stack([(logged or columns)[axis][rows] for axis in _POSITION_COLUMNS]))
     if position_rows is not None:
         every_s = _measure_interval_s(time[rows], position_rows)
         if every_s > LONGEST_STEP_S:
             raise LogError(f"{name}: its positions change only every {every_s:.2g} s; log them at 1 Hz or faster.")
-        fresh_sets.append(rows[position_rows])
+        fresh_sets["position"] = rows[position_rows]
         doubts.append(_describe_held_values("the positions change", "the receiver", every_s, time[rows]))
     heading_rows, fresh_headings = _find_fresh_headings(columns, rows)
     if fresh_headings is not None:
@@ -187,7 +192,7 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             del converted["heading_deg"]
             doubts.append(f"heading_deg changes only every {every_s:.2g} s; the column is ignored")
         else:
-            fresh_sets.append(heading_rows[fresh_headings])
+            fresh_sets["heading"] = heading_rows[fresh_headings]
             doubts.append(_describe_held_values("heading_deg changes", "the compass", every_s, time[heading_rows]))
             unwrapped_deg = np.unwrap(columns["heading_deg"][heading_rows], period=360.0)
             converted["heading_deg"] = np.mod(
@@ -200,9 +205,9 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
             axis: _interpolate_between(columns[axis], time, rows, position_rows, columns[axis][rows])
             for axis in _POSITION_COLUMNS
         }
-    fresh = np.zeros(len(time), dtype=np.bool_)
-    fresh[min(fresh_sets, key=len)] = True
-    return FreshColumns(converted, fresh, tuple(doubts))
+    place_rows = {what: np.isin(np.arange(len(time)), fresh_rows) for what, fresh_rows in fresh_sets.items()}
+    fresh = place_rows[min(fresh_sets, key=lambda what: len(fresh_sets[what]))]
+    return FreshColumns(converted, fresh, tuple(doubts), place_rows)
 
 
 _POSITION_COLUMNS = ("easting_m", "northing_m")

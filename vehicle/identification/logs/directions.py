@@ -318,5 +318,7 @@ def _check_steering_sense(log: Log) -> Suspicion | None:
         return None
     opposite = 100.0 * float(np.mean(angle * curvature < 0.0))
     return Suspicion(
-        LogConvention.STEERING_LEFT, f"in {opposite:.0f} % of the clear bends the path turns away from the steering"
+        LogConvention.STEERING_LEFT,
+        f"in {opposite:.0f} % of the clear bends the path turns away from the steering",
+        advice="rear wheels that steer are turned to the other side too",
     )

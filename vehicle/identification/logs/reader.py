@@ -29,6 +29,7 @@ from vehicle.identification.logs.conventions import (
 )
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
 from vehicle.identification.logs.log_sets import is_parked, leave_out_parked_logs, merge_copies
+from vehicle.identification.logs.position_jumps import correct_position_jumps
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
@@ -218,9 +219,10 @@ def build_log(
     if LogConvention.POSITION_DEGREES in fix_set and reference is None:
         reference = find_first_place(convert_columns(raw_columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
     converted = convert_columns(raw_columns, fix_set, reference)
-    column_faults = [*find_column_faults(converted, name), *find_sparse_steering_faults(converted, name)]
+    converted, jumps = correct_position_jumps(converted, name)
+    column_faults = [*jumps, *find_column_faults(converted, name), *find_sparse_steering_faults(converted, name)]
     converted, gaps = _drop_command_with_gaps(converted)
-    columns, fresh, doubts = interpolate_held_values(converted, name, raw_columns)
+    columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
     rules = gate_rows(columns, collect_fault_rows(column_faults))
     columns = _clip_negative_speeds(columns)
     _refuse_unusable_rows(columns, rules, name)
@@ -228,6 +230,7 @@ def build_log(
     log = replace(
         _assemble_log(columns, rules, name, ignored),
         fresh=fresh,
+        place_rows=place_rows,
         corrections=(*gaps, *doubts),
         faults=faults,
         origin_deg=reference if LogConvention.POSITION_DEGREES in fix_set else None,

@@ -129,7 +129,8 @@ class Log:
     `corrections` are sentences on instrument errors that were corrected. The measured speed was divided by
     `speed_factor`, the wheel angle by `steering_factor`; `stray_steering_deg` is the standard deviation of a wheel
     angle that was dropped because it is unrelated to the path. Positions and heading were measured in the `fresh` rows
-    (None: in all) and are interpolated between them; `measured_rows` has the same for other columns that are slower
+    (None: in all) and are interpolated between them; `place_rows` has the rows of `position` and `heading`, each where
+    it is slower than the log; `measured_rows` has the same for other columns that are slower
     than the log. `coarse_columns` are columns that were dropped for their resolution, with the size of their steps.
     `set_remarks` are sentences on the set of logs, carried by one of them; `faults` began during the run, or during one
     that has no row left, and their rows are not used. `elevation_m` are logged heights of the antenna, NaN
@@ -161,6 +162,7 @@ class Log:
     steering_factor: float = 1.0
     stray_steering_deg: float = 0.0
     fresh: Mask | None = None
+    place_rows: Mapping[str, Mask] = field(default_factory=dict)
     measured_rows: Mapping[str, Mask] = field(default_factory=dict)
     coarse_columns: Mapping[str, float] = field(default_factory=dict)
     set_remarks: tuple[str, ...] = ()

@@ -7,7 +7,6 @@ else could replace them (named_causes).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
@@ -18,6 +17,7 @@ from vehicle.identification.columns.staleness import mark_stale_columns_of_set
 from vehicle.identification.columns.wheel_scale import correct_wheel_scale
 from vehicle.identification.errors import LogError
 from vehicle.identification.faults.steering_faults import mark_steering_faults
+from vehicle.identification.faults.turning_kind import find_other_turning
 from vehicle.identification.faults.unlike_runs import describe_groups, find_unlike_runs
 from vehicle.identification.fit.open_loop import collect_run_settings
 from vehicle.identification.laws.bases import build_run_clock
@@ -59,7 +59,6 @@ from vehicle.identification.verdict.diagnosis_types import (
     Diagnosis,
     Finding,
     GroundLevel,
-    RunCheck,
 )
 from vehicle.identification.verdict.findings import (
     CompetitorsByName,
@@ -80,13 +79,16 @@ from vehicle.identification.verdict.law_drives import choose_law_drive
 from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins
 from vehicle.identification.verdict.log_findings import (
     build_fault_diagnosis,
+    check_runs,
     describe_columns,
+    describe_unsaved_names,
     list_onset_faults,
+    mark_other_turning,
     mark_unlike_runs,
 )
 from vehicle.identification.verdict.named_causes import ExplainedCase, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot
-from vehicle.identification.verdict.unclear_findings import drop_unclear_terms, withdraw_unclear
+from vehicle.identification.verdict.unclear_findings import drop_unclear_terms, withdraw_faked, withdraw_unclear
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
@@ -219,10 +221,14 @@ def diagnose_logs(
     guarded = guard_case(agreeing, subset, selection, explained_case, file_model, count.count_step)
     explained_case = guarded.explained
     competitors = _collect_competitors(selection, explained_case)
+    turning = find_other_turning(logs, tractor)
+    faked_ids = turning.faked_ids if turning is not None else frozenset[str]()
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor)
-    findings = withdraw_unclear(findings, explained_case.case)
+    findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
+    names = [name for name in explained_case.names if name not in faked_ids]
+    guarded = replace(guarded, explained=replace(explained_case, names=names))
     whole_explained = replace(explained_case, case=build_whole_dataset_case(agreeing, subset, explained_case.case))
     _, saved_settings = collect_whole_settings(dataset, subset, guarded.saved.case)
     diagnosis = _build_diagnosis(
@@ -233,6 +239,7 @@ def diagnose_logs(
         diagnosis = replace(diagnosis, hints=(*diagnosis.hints, *hints))
     drive = diagnosis.next_drive if diagnosis.next_drive is not None else choose_law_drive(law_selection)
     diagnosis = replace(diagnosis, runs=mark_unlike_runs(diagnosis.runs, unlike_runs), next_drive=drive)
+    diagnosis = diagnosis if turning is None else mark_other_turning(diagnosis, turning)
     count.report_completion()
     notes = list_diagnosis_notes(logs, selection.residual_model, tractor, diagnosis)
     return replace(
@@ -241,24 +248,17 @@ def diagnose_logs(
         faults=list_onset_faults(logs),
         interval_note=describe_intervals(selection.residual_model, selection.fit, _list_valued(findings)),
         columns=describe_columns(logs, diagnosis.findings),
-        notes=(*describe_groups(unlike_runs, logs), *notes, *_describe_unsaved_names(guarded.unsaved_names)),
+        notes=(
+            *describe_groups(unlike_runs, logs),
+            *notes,
+            *describe_unsaved_names(set(guarded.unsaved_names) - faked_ids),
+        ),
     )
 
 
 def _list_valued(findings: Sequence[Finding]) -> list[str]:
     """Return the effects that are told with an interval."""
     return [finding.id for finding in findings if finding.interval]
-
-
-def _describe_unsaved_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return a note on causes that have no name because longer horizons speak against them."""
-    if not names:
-        return ()
-    subject, are = ", ".join(get_effect(name).label for name in names), "is" if len(names) == 1 else "are"
-    return (
-        f"{subject[0].upper()}{subject[1:]} {are} neither named nor saved: over 5 s held-out runs are simulated better "
-        "with the value found, over 10 or 20 s worse, and the errors after are without it.",
-    )
 
 
 def correct_logs(logs: Sequence[Log]) -> list[Log]:
@@ -389,7 +389,7 @@ def _build_diagnosis(
         along_judged=whole_explained.case.residual_model.has_measured_speed,
         above_noise_s=unexplained.above_s,
         correlations=compute_value_correlations(fit),
-        runs=_check_runs(dataset, before, after),
+        runs=check_runs(dataset, before, after),
         holdout=guarded.holdout,
         hints=(unexplained.hint,) if unexplained.hint is not None else (),
         unsaved_reason=guarded.unsaved_reason,
@@ -401,23 +401,6 @@ def select_run_squares(squares: Sequence[HorizonSquares], case: DiagnosisCase) -
     runs = {segment.run for segment in case.residual_model.dataset.segments}
     empty = make_zero_squared_errors(len(squares))
     return [squares[run] if run in runs else empty[run] for run in range(len(squares))]
-
-
-def _check_runs(
-    dataset: DriveDataset, before: Sequence[HorizonSquares], after: Sequence[HorizonSquares]
-) -> tuple[RunCheck, ...]:
-    """Return the distance errors of every run; those across only where not every log has a measured speed."""
-    kinds = 2 if all(segment.speed_measured for segment in dataset.segments) else 1
-    errors = [
-        [
-            100.0 * math.sqrt(float(run[ERROR_PIECE_S][:kinds].sum() / run[ERROR_PIECE_S][3]))
-            if run[ERROR_PIECE_S][3] > 0.0
-            else None
-            for run in runs
-        ]
-        for runs in (before, after)
-    ]
-    return tuple(RunCheck(*row) for row in zip(dataset.names, *errors, strict=True))
 
 
 def _list_covariates(selection: CauseSelection, extension: ModelExtension) -> tuple[str, ...]:

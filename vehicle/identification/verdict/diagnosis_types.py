@@ -315,7 +315,8 @@ class Diagnosis:
     all runs; `hints` say where to look for what no cause explains. `rows_gated_by_reason` counts the rows left out.
     `unsaved_reason` is a sentence when the extension harms runs not used for fitting: nothing is then to be saved.
     `interval_note` says how the error of the model is part of the intervals. `undiagnosed_reason` is a sentence when
-    the faults leave nothing to replay, so that nothing but these is known.
+    the faults leave nothing to replay, so that nothing but these is known. `vehicle_kind` is a sentence when the logs
+    look like a vehicle that turns in another way than the model.
     """
 
     names: tuple[str, ...]
@@ -354,6 +355,7 @@ class Diagnosis:
     unsaved_reason: str = ""
     interval_note: str = ""
     undiagnosed_reason: str = ""
+    vehicle_kind: str = ""
 
     @property
     def is_savable(self) -> bool:
@@ -386,9 +388,13 @@ class Diagnosis:
 
     @property
     def causes_sentence(self) -> str:
-        """The causes in one or two sentences, without what begins during a run."""
+        """The causes in a few sentences, without what begins during a run: first a vehicle of another kind."""
         if self.undiagnosed_reason:
             return self.undiagnosed_reason
+        causes = self._describe_causes()
+        return f"{self.vehicle_kind} {causes}" if self.vehicle_kind else causes
+
+    def _describe_causes(self) -> str:
         by_id = {finding.id: finding for finding in self.findings}
         if self.named:
             return " ".join(by_id[name].sentence for name in self.named)
@@ -401,6 +407,8 @@ class Diagnosis:
         return self._describe_nothing_found()
 
     def _describe_nothing_found(self) -> str:
+        if self.vehicle_kind:
+            return "Beside that no cause is found."
         if self.depends_on:
             return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."
         if self.unexplained_share > 0.0:

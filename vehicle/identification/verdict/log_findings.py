@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 
 from vehicle.identification.columns.staleness import measure_hold
+from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.faults.unlike_runs import RunDifference
+from vehicle.identification.logs.position_jumps import POSITION_JUMP
 from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
 from vehicle.identification.logs.schema import Log, LogFault, Mask
+from vehicle.identification.replay.drive_segments import DriveDataset
+from vehicle.identification.replay.horizon_errors import HorizonSquares
 from vehicle.identification.verdict.diagnosis_types import (
     LIKELY,
     NAMED,
     ColumnTiming,
     Diagnosis,
     Finding,
+    Hint,
     OnsetFault,
     RunCheck,
 )
-from vehicle.model.effects import get_effect
+from vehicle.identification.verdict.held_out_case import ERROR_PIECE_S
+from vehicle.model.effects import PATH, POSITION, get_effect
 from vehicle.model.tractor import Tractor
 
 COLUMN_WORDS = {
@@ -31,7 +38,13 @@ COLUMN_WORDS = {
     "steering": "the wheel angle",
     "steering_command": "the steering command",
 }
-_LOG_COLUMNS = {"speed": "speed_mps", "steering": "steering_deg", "steering_command": "steering_command_deg"}
+_LOG_COLUMNS = {
+    "heading": "heading_deg",
+    "speed": "speed_mps",
+    "steering": "steering_deg",
+    "steering_command": "steering_command_deg",
+}
+_PLACES = ("position", "heading")
 # Ages by effect: the columns concerned, and the field that holds the value.
 _TIMING_EFFECTS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "gnss_latency": (("position", "heading"), "delay_s"),
@@ -63,7 +76,8 @@ def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[
             sentences.append(_describe_hold(column, hold))
         values = {field: value for field, (value, _) in ages.get(column, {}).items()}
         sentences += [sentence for _, sentence in ages.get(column, {}).values()]
-        sentences += _list_corrections(logs, column)
+        if hold is None or column != "heading":  # a hold of the heading is its correction
+            sentences += _list_corrections(logs, column)
         if sentences:
             hold_s, share = (None, None) if hold is None else (hold[0], hold[2])
             timings.append(
@@ -114,7 +128,7 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
     """Return medians over the logs of hold, 90 % quantile of the hold (s) and share of stale rows."""
     holds, having = [], 0
     for log in logs:
-        having += column in ("position", "heading") or getattr(log, _LOG_COLUMNS[column]) is not None
+        having += column == "position" or getattr(log, _LOG_COLUMNS[column]) is not None
         measured = _get_measured_rows(log, column)
         if measured is not None and np.count_nonzero(measured & log.used) > 2:
             holds.append(measure_hold(log.time_s[log.used], measured[log.used]))
@@ -125,9 +139,7 @@ def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float
 
 
 def _get_measured_rows(log: Log, column: str) -> Mask | None:
-    if column == "position":
-        return log.fresh
-    return log.measured_rows.get(_LOG_COLUMNS[column]) if column in _LOG_COLUMNS else None
+    return log.place_rows.get(column) if column in _PLACES else log.measured_rows.get(_LOG_COLUMNS[column])
 
 
 def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
@@ -150,6 +162,9 @@ def list_onset_faults(logs: Sequence[Log]) -> tuple[OnsetFault, ...]:
 
 
 def _describe_fault(fault: LogFault, start_s: float) -> str:
+    if fault.id == POSITION_JUMP:
+        at = format_time(fault.from_s, start_s)
+        return f"{fault.words} (at {at}); what follows is compared on its own"
     end = "until the log ends" if fault.to_s is None else f"until {format_time(fault.to_s, start_s)}"
     begin = f"from {format_time(fault.from_s, start_s)}"
     if fault.between_s is not None:
@@ -206,3 +221,41 @@ def mark_unlike_runs(runs: Sequence[RunCheck], differences: Sequence[RunDifferen
         else run
         for number, run in enumerate(runs)
     )
+
+
+def mark_other_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
+    """Return the diagnosis with how the vehicle turns, and without a drive that would tell what stands in for that."""
+    drive, block = diagnosis.next_drive, PATH if turning.kind == ARTICULATED else POSITION
+    if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
+        drive = None
+    depends_on = "the rate of steering" if turning.kind == ARTICULATED else "the way the vehicle steers"
+    hint = Hint(depends_on, None, block, turning.words)
+    return replace(diagnosis, vehicle_kind=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
+
+
+def describe_unsaved_names(names: Collection[str]) -> tuple[str, ...]:
+    """Return a note on causes that have no name because longer horizons speak against them."""
+    if not names:
+        return ()
+    subject, are = ", ".join(get_effect(name).label for name in sorted(names)), "is" if len(names) == 1 else "are"
+    return (
+        f"{subject[0].upper()}{subject[1:]} {are} neither named nor saved: over 5 s held-out runs are simulated better "
+        "with the value found, over 10 or 20 s worse, and the errors after are without it.",
+    )
+
+
+def check_runs(
+    dataset: DriveDataset, before: Sequence[HorizonSquares], after: Sequence[HorizonSquares]
+) -> tuple[RunCheck, ...]:
+    """Return the distance errors of every run; those across only where not every log has a measured speed."""
+    kinds = 2 if all(segment.speed_measured for segment in dataset.segments) else 1
+    errors = [
+        [
+            100.0 * math.sqrt(float(run[ERROR_PIECE_S][:kinds].sum() / run[ERROR_PIECE_S][3]))
+            if run[ERROR_PIECE_S][3] > 0.0
+            else None
+            for run in runs
+        ]
+        for runs in (before, after)
+    ]
+    return tuple(RunCheck(*row) for row in zip(dataset.names, *errors, strict=True))

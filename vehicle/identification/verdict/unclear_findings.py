@@ -4,11 +4,12 @@ the tractor file, whatever stage added it."""
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.effect_parameters import find_finest_size
-from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, LIKELY, NAMED, NOT_VISIBLE, Finding
+from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.held_out_case import DiagnosisCase, is_within_noise
 from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
@@ -54,6 +55,17 @@ def withdraw_unclear(findings: Sequence[Finding], case: DiagnosisCase) -> list[F
     return [_withdraw(finding) if _is_unclear(finding, case) else finding for finding in findings]
 
 
+def withdraw_faked(findings: Sequence[Finding], faked_ids: AbstractSet[str]) -> list[Finding]:
+    """Return the findings without what stands in for another cause; an effect that is equally likely goes with it."""
+    return [
+        _withdraw(finding)
+        if finding.status in (NAMED, LIKELY, EQUIVALENT)
+        and not faked_ids.isdisjoint({finding.id, *finding.equivalent_to})
+        else finding
+        for finding in findings
+    ]
+
+
 def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
     """Whether a named or likely effect may be neutral.
 
@@ -73,4 +85,4 @@ def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
 
 def _withdraw(finding: Finding) -> Finding:
     empty = replace(finding, status=NOT_VISIBLE, value=None, interval=None, gain_pct=None, gain_interval=None)
-    return replace(empty, description="", law=None)
+    return replace(empty, description="", law=None, equivalent_to=(), exchange="")
