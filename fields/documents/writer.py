@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -18,20 +19,42 @@ from fields.geometry.obstacles import AREA, LINE, POINT, Obstacle
 from fields.geometry.open_edges import OVERHANG
 from fields.raw_document import LOCAL_METRES, WGS84
 
+HEIGHT_COMPANIONS = (".prj", ".tfw", ".shx", ".dbf", ".cpg")
+"""Endings of files that belong to heights of the same name."""
+
 
 def write_field(field: Field, path: str | Path) -> None:
-    """Write a field so that ``read_field`` restores it.
+    """Write a field so that ``read_field`` restores it; the file of its heights is copied beside it.
 
     A georeferenced field is written in longitude and latitude (RFC 7946), any other in local metres. The member
     ``headland`` stores the frame, the UTM system and the origin.
 
     Raises:
-        FieldError: the file cannot be written.
+        FieldError: the file cannot be written, or other heights of the same name are in its folder.
     """
     try:
+        _copy_heights(field, Path(path).parent)
         Path(path).write_text(build_field_geojson(field), encoding="utf-8")
     except OSError as error:
         raise FieldError(f"'{path}' cannot be written ({error.strerror}); choose another file.") from error
+
+
+def _copy_heights(field: Field, folder: Path) -> None:
+    """Copy the heights that a field names, with the files beside them that say their place, into a folder."""
+    if field.elevation is None:
+        return
+    source = Path(field.elevation)
+    companions = [source.with_suffix(suffix) for suffix in HEIGHT_COMPANIONS]
+    for file in (source, *companions, source.with_name(f"{source.name}.aux.xml")):
+        target = folder / file.name
+        if not file.is_file() or (target.exists() and target.samefile(file)):
+            continue
+        if target.exists() and target.read_bytes() != file.read_bytes():
+            raise FieldError(
+                f"'{target}' exists and holds other heights than those of field '{field.name}'; choose another folder, "
+                "or remove it."
+            )
+        shutil.copyfile(file, target)
 
 
 def build_field_geojson(field: Field) -> str:

@@ -21,6 +21,7 @@ from fields.raw_document import UNKNOWN_CRS, FieldDocument, FieldFormat
 from fields.text_files import MAX_BYTES, read_bytes, read_start
 
 FORMAT_NAME = "a GeoPackage or FlatGeobuf"
+GEOPACKAGE_SUFFIX = ".gpkg"
 SQLITE_MAGIC, FLATGEOBUF_MAGIC = b"SQLite format 3\0", b"fgb\x03fgb"
 """First bytes of the two formats."""
 JOURNAL_BYTES = slice(18, 20)  # of the header: 2, 2 for a write-ahead log, which in-memory databases cannot have
@@ -72,7 +73,23 @@ def _has_pending_journal(path: str) -> bool:
 
 
 def _open_database(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)
+    # a database at rest is opened without files beside it, which a folder for reading only could not hold
+    rest = "" if _has_pending_journal(str(path)) else "&immutable=1"
+    return sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro{rest}", uri=True)
+
+
+def list_package_contents(path: str, label: str) -> dict[str, str]:
+    """The tables of a GeoPackage that hold data, by name, with their kind: "features", "tiles", "2d-gridded-coverage".
+
+    Raises:
+        FieldError: there is no such file, it is no GeoPackage, or it holds more than plain tables.
+    """
+    if read_start(path, len(SQLITE_MAGIC), "a GeoPackage", FieldError) != SQLITE_MAGIC:
+        raise FieldError(f"{label} is not a GeoPackage (its first bytes are wrong); save it again as one.")
+    with _convert_sqlite_errors(label), closing(_open_database(Path(path))) as database:
+        _refuse_active_content(database, label)
+        rows = database.execute("SELECT table_name, data_type FROM gpkg_contents").fetchall()
+    return {str(name): str(kind) for name, kind in rows}
 
 
 @contextmanager
@@ -119,4 +136,4 @@ def _explain_active_content(label: str, reason: str) -> str:
     return f"{label} contains {reason}, which runs SQL when it is read; export its fields as a plain table."
 
 
-FIELD_FORMAT = FieldFormat("GeoPackage", (".gpkg", ".fgb"), _read_geopackage, parse=parse_geopackage)
+FIELD_FORMAT = FieldFormat("GeoPackage", (GEOPACKAGE_SUFFIX, ".fgb"), _read_geopackage, parse=parse_geopackage)

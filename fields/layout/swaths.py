@@ -9,6 +9,7 @@ import math
 from dataclasses import dataclass, replace
 from dataclasses import field as member
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -40,6 +41,8 @@ MAX_HEADLAND_M = 1e5
 GRID_M = 1e-6
 MIN_THICKNESS_M = 1e-5
 """Thinner parts of the inner region are rounding errors."""
+SAME_LINE_M, SAME_CURVE_M = 1e-3, 0.05
+"""Distances of parallel swaths differ by less; those of curved ones also by how far their steps of a metre sag."""
 PROMISING_COST_RATIO = 1.25
 """To the cheapest direction: within this, a direction may still win once its outer lines are shifted."""
 
@@ -134,6 +137,31 @@ class Layout:
     def total_length_m(self) -> float:
         """Total length of all swaths, metres."""
         return math.fsum(swath.length_m for swath in self.swaths)
+
+
+def measure_min_spacing_m(layout: Layout) -> float:
+    """The least distance of neighbouring swaths (m); below the width where swaths are evenly spaced."""
+    spacing_m = layout.width_m
+    for before, swath in pairwise(layout.swaths):
+        if swath.line != before.line + 1:
+            continue
+        distances_m = _measure_distances_m(before, swath)
+        spread_m = SAME_CURVE_M if before.via_m or swath.via_m else SAME_LINE_M
+        if len(distances_m) and np.ptp(distances_m) < spread_m and distances_m[0] > 0.5 * layout.width_m:
+            spacing_m = min(spacing_m, float(distances_m[0] if len(distances_m) == 2 else np.median(distances_m)))
+    return spacing_m
+
+
+def _measure_distances_m(before: Swath, swath: Swath) -> FloatArray:
+    """Distances (n,) of a swath from the line of another; of a curved one those beside it, not beyond its ends."""
+    if before.via_m or swath.via_m:
+        line, points = shapely.LineString(before.points_m), shapely.points(swath.points_m)
+        along = shapely.line_locate_point(line, points)
+        is_beside = (along > 0.0) & (along < line.length)
+        return np.asarray(shapely.distance(line, points)[is_beside])
+    ends = np.array([swath.start_m, swath.end_m]) - before.start_m
+    along = (np.array(before.end_m) - before.start_m) / before.length_m
+    return np.asarray(np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0]))
 
 
 def lay_swaths(

@@ -18,6 +18,8 @@ LOWEST_M, HIGHEST_M = -500.0, 6000.0
 """No farmland lies lower than the shore of the Dead Sea or higher than the Himalaya is grazed."""
 MAX_SLOPE, MAX_STEEP_SHARE = 0.6, 0.01
 """Steepest slope of worked ground (mowers on slopes reach it), and share of a field that may be steeper: banks."""
+MAX_USUAL_SLOPE = 0.25
+"""Median slope of a field above which a reader is asked whether that is so. Chosen: few fields are that steep."""
 MIN_SPIKE_M, MAX_SPIKE_SHARE = 5.0, 0.01
 
 
@@ -106,9 +108,9 @@ def check_slopes(slopes: FloatArray, places: FloatArray, label: str, field: Fiel
     Raises:
         ElevationError: more of the field than banks is so steep.
     """
-    is_steep = slopes > MAX_SLOPE
+    is_steep, median = slopes > MAX_SLOPE, float(np.median(slopes))
     if not is_steep.any():
-        return []
+        return _describe_steep_field(median, label, field)
     worst, share = int(np.argmax(slopes)), float(is_steep.mean())
     where = describe_place(field, float(places[worst, 0]), float(places[worst, 1]))
     steepest = f"a slope of {100.0 * slopes[worst]:.0f} % at {where}"
@@ -119,7 +121,17 @@ def check_slopes(slopes: FloatArray, places: FloatArray, label: str, field: Fiel
             "steep) and of the bare ground, without trees and buildings."
         )
     return [f"{label} gives {steepest}, as of a bank; {_format_pct(share)} % of the field is steeper than "
-            f"{100.0 * MAX_SLOPE:.0f} %."]  # fmt: skip
+            f"{100.0 * MAX_SLOPE:.0f} %.", *_describe_steep_field(median, label, field)]  # fmt: skip
+
+
+def _describe_steep_field(median: float, label: str, field: Field) -> list[str]:
+    """A remark on a field that is steep as a whole, as level ones look with heights in feet."""
+    if median <= MAX_USUAL_SLOPE:
+        return []
+    return [
+        f"Half of field '{field.name}' is steeper than {100.0 * median:.0f} % by {label}; if it is not, its heights "
+        "are in feet (3.3 times as steep), so convert them to metres."
+    ]
 
 
 def _format_pct(share: float) -> str:

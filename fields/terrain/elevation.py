@@ -16,7 +16,7 @@ from fields.terrain.elevation_grid import ElevationError, ElevationGrid, NodeFra
 from fields.terrain.point_files import HeightPoints, read_height_points
 from fields.terrain.point_grids import build_point_grid
 from fields.terrain.raster_grids import MARGIN_M, build_raster_grid
-from fields.terrain.rasters import RASTER_SUFFIXES, open_raster
+from fields.terrain.rasters import is_raster_file, open_raster
 from fields.terrain.slopes import compute_gradients
 from fields.text_files import quote_path, shorten_value
 
@@ -28,8 +28,8 @@ def read_elevation(path: str | Path, field: Field, crs: str | None = None) -> El
     """Heights of a file on a grid in the plane of a field, reaching a little beyond its outline.
 
     Args:
-        path: a raster (GeoTIFF, ASCII grid), or points (CSV, GeoJSON, KML, GPX, Shapefile, the Elevation.txt of
-            AgOpenGPS or its folder).
+        path: a raster (GeoTIFF, GeoPackage, ASCII grid), or points (CSV, GeoJSON, KML, GPX, Shapefile, GeoPackage, the
+            Elevation.txt of AgOpenGPS or its folder).
         crs: coordinate system of a file that does not name its own, such as "EPSG:25832".
 
     Remarks of the grid say what was converted, filled in or left out.
@@ -40,7 +40,7 @@ def read_elevation(path: str | Path, field: Field, crs: str | None = None) -> El
     """
     with attach_parameter("elevation"):
         outline = shapely.Polygon((field.original_boundary or field.boundary).exterior)
-        if Path(path).suffix.lower() in RASTER_SUFFIXES:
+        if is_raster_file(str(path)):
             raster = open_raster(str(path))
             grid = build_raster_grid(raster, field, outline, choose_crs(str(path), raster.crs, field, crs))
         else:

@@ -1,4 +1,4 @@
-"""Points with heights from files: CSV, GeoJSON, KML, GPX, Shapefiles, and the Elevation.txt of AgOpenGPS.
+"""Points with heights from files: CSV, GeoJSON, KML, GPX, Shapefiles, GeoPackages, the Elevation.txt of AgOpenGPS.
 
 Heights are third coordinates, or a column or property with a usual name, which may end in a unit: elevation_ft.
 """
@@ -17,7 +17,16 @@ import numpy as np
 import shapely
 
 from fields.formats.features import get_member_object
-from fields.formats.gdal import GPX_DRIVER, KML_DRIVERS, SHAPEFILE_DRIVER, WGS84, LayerTable, read_tables
+from fields.formats.gdal import (
+    GEOPACKAGE_DRIVER,
+    GPX_DRIVER,
+    KML_DRIVERS,
+    SHAPEFILE_DRIVER,
+    WGS84,
+    LayerTable,
+    read_tables,
+)
+from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
 from fields.formats.kml import ROOT_TAGS, read_kml_texts
 from fields.formats.markup import check_xml_root
 from fields.formats.shapefile import find_component_files, find_shapefiles, pack_component_files
@@ -32,7 +41,7 @@ AGOPENGPS_FILE = "elevation.txt"
 AGOPENGPS_HEADER = ("latitude", "longitude", "elevation", "quality")
 RTK_FIXED = 4.0
 """Quality of a position with centimetres (NMEA 0183, GGA)."""
-POINT_SUFFIXES = (".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".shp", ".zip")
+POINT_SUFFIXES = (".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".shp", ".zip", GEOPACKAGE_SUFFIX)
 HEIGHT_NAMES = ("elevation", "elev", "altitude", "alt", "height", "ele", "z", "hoehe", "höhe", "elevtn", "elevatn")
 LONGITUDE_NAMES, LATITUDE_NAMES = ("longitude", "lon", "lng", "long"), ("latitude", "lat")
 EAST_NAMES, NORTH_NAMES = ("easting", "east", "x"), ("northing", "north", "y")
@@ -69,7 +78,7 @@ def read_height_points(path: str) -> HeightPoints:
     suffix = place.suffix.lower()
     if suffix in (".geojson", ".json"):
         points = _read_geojson(str(place))
-    elif suffix in (".kml", ".kmz", ".gpx", ".shp", ".zip") or place.is_dir():
+    elif suffix in (".kml", ".kmz", ".gpx", ".shp", ".zip", GEOPACKAGE_SUFFIX) or place.is_dir():
         points = _read_gdal_file(str(place), suffix)
     elif suffix in (".csv", ".txt"):
         points = _read_text_table(str(place))
@@ -201,14 +210,14 @@ def _read_geojson(path: str) -> HeightPoints:
         own, unit_m = properties.get(column) if column else None, 1.0
         if math.isfinite(_convert_json_number(own)) and column:
             unit_m, remarks = _find_height_unit(column, path)
-        geometry = feature.get("geometry") if "geometry" in feature else feature
-        for position in _iter_positions(geometry.get("coordinates") if isinstance(geometry, dict) else None):
+        for position in _iter_positions(feature.get("geometry") if "geometry" in feature else feature):
             is_own = len(position) < 3
             height = own if is_own else position[2]
             if height is not None:
                 x, y, z = (_convert_json_number(value) for value in (position[0], position[1], height))
                 rows.append((x, y, z * (unit_m if is_own else 1.0)))
     table = np.array(rows, dtype=np.float64).reshape(-1, 3)
+    _check_any_height(table[:, 2], path)
     named = get_member_object(get_member_object(root, "crs"), "properties").get("name")
     is_local = get_member_object(root, "headland").get("frame") == LOCAL_METRES
     crs = None if is_local else named if isinstance(named, str) else WGS84
@@ -224,20 +233,22 @@ def _convert_json_number(value: Any) -> float:
 
 
 def _iter_positions(raw: Any) -> Iterator[list[Any]]:
-    """Every position of nested lists of coordinates that has two values or more."""
+    """Every position of a geometry, or of those in a collection, that has two values or more."""
     pending = [raw]
     while pending:
         one = pending.pop()
-        if not isinstance(one, list) or not one:
+        if isinstance(one, dict):
+            pending.extend([one.get("geometries"), one.get("coordinates")])
+        elif not isinstance(one, list) or not one:
             continue
-        if isinstance(one[0], list):
+        elif isinstance(one[0], list | dict):
             pending.extend(reversed(one))
         elif len(one) >= 2:
             yield one
 
 
 def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
-    """KML, GPX or a Shapefile."""
+    """KML, GPX, GeoPackage or a Shapefile."""
     label = quote_path(path)
     if suffix == ".gpx":
         content = read_bytes(path, "a GPX file", ElevationError)
@@ -250,12 +261,28 @@ def _read_gdal_file(path: str, suffix: str) -> HeightPoints:
             check_xml_root(content, label, "KML", ROOT_TAGS)
             tables += read_tables(content, label, "KML", KML_DRIVERS)
         return _collect_table_points(tables, path, WGS84)
+    if suffix == GEOPACKAGE_SUFFIX:
+        return _read_geopackage(path, label)
     members, names = find_shapefiles(Path(path))
-    if len(names) != 1:
-        found = ", ".join(PurePosixPath(name).name for name in names[:4]) or "none"
+    if not names:
+        raise ElevationError(f"{label} holds no Shapefile and no Elevation.txt; give one with heights.")
+    if len(names) > 1:
+        found = ", ".join(PurePosixPath(name).name for name in names[:4])
         raise ElevationError(f"{label} has {len(names)} Shapefiles ({found}); name the one with heights.")
     parts = find_component_files(members, names[0], label)
     tables = read_tables(pack_component_files(parts), label, "a Shapefile", (SHAPEFILE_DRIVER,))
+    return _collect_table_points(tables, path, tables[0].crs if tables else None)
+
+
+def _read_geopackage(path: str, label: str) -> HeightPoints:
+    """The points of all layers of a GeoPackage, which have to share a coordinate system."""
+    if not list_package_contents(path, label):
+        raise ElevationError(f"{label} is empty; give a GeoPackage with a raster or points of heights.")
+    tables = read_tables(Path(path), label, "a GeoPackage", (GEOPACKAGE_DRIVER,))
+    tables = [table for table in tables if any(shape is not None for shape in table.shapes)]
+    systems = sorted({str(table.crs) for table in tables})
+    if len(systems) > 1:
+        raise ElevationError(f"Layers of {label} are in {len(systems)} coordinate systems; keep the one with heights.")
     return _collect_table_points(tables, path, tables[0].crs if tables else None)
 
 
@@ -280,12 +307,17 @@ def _collect_table_points(
         places.append(points[:, :2])
         heights.append(own)
     all_heights = np.concatenate(heights)
-    if len(all_heights) and not (np.isfinite(all_heights) & (all_heights != 0.0)).any():
+    _check_any_height(all_heights, path)
+    return _build_points(path, crs, np.concatenate(places), all_heights, tuple(remarks))
+
+
+def _check_any_height(heights_m: FloatArray, path: str) -> None:
+    """Raise ElevationError for third coordinates that were written as 0 because there were none."""
+    if len(heights_m) and not (np.isfinite(heights_m) & (heights_m != 0.0)).any():
         raise ElevationError(
-            f"All {len(all_heights)} points of {quote_path(path)} are without a height or at 0; export them with "
+            f"All {len(heights_m)} points of {quote_path(path)} are without a height or at 0; export them with "
             "heights, or give another file."
         )
-    return _build_points(path, crs, np.concatenate(places), all_heights, tuple(remarks))
 
 
 def _convert_number(value: Any) -> float:

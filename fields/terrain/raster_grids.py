@@ -25,6 +25,11 @@ MIN_SPACING_M, MAX_SPACING_M = 2.0, 10.0
 MARGIN_M = 40.0
 """Ground round a field over which machines may turn; heights there are continued if the raster ends. Chosen: a
 bulb of 12 m radius reaches 33 m ahead."""
+MAX_CELL_M = 100.0
+"""Larger cells say nothing of the slopes of a field; free models of the whole world have cells of 30 and 90 m."""
+WHOLE_TOLERANCE, MAX_SLOPE_ERROR = 1e-6, 0.005
+"""How near to a whole number a height counts as one, and the error of slopes (m/m) from which that is said."""
+SPIKE_CHUNK = 2**16
 EXTRA_CELLS, FILLED_CELLS = 3, 8
 """Cells (of the grid, if finer) read beyond those needed, for the curve through them; and how far holes are bridged."""
 SPIKE_CELLS = 5
@@ -37,20 +42,22 @@ def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, cr
         crs: system of the raster; None if its coordinates are those of a field in local metres.
 
     Raises:
-        ElevationError: the raster lies elsewhere, has holes in the field, or is too large.
+        ElevationError: the raster lies elsewhere, has holes in the field, is too large, or too coarse.
     """
     label = quote_path(raster.path)
     cell_m = _measure_cells(raster, field, outline, crs)
+    coarse = _describe_coarse_cells(max(cell_m), label)
     frame = lay_nodes(outline, min(max(MIN_SPACING_M, *cell_m), MAX_SPACING_M), MARGIN_M)
     at_nodes = raster.find_cells(_convert_to_raster(frame.list_places(), field, crs))
     extra = EXTRA_CELLS * math.ceil(frame.spacing_m / min(cell_m))
     rows, columns = _choose_window(raster, at_nodes, extra, field, outline, crs)
     step = math.ceil(math.sqrt((rows.stop - rows.start) * (columns.stop - columns.start) / MAX_CELLS))
     cells = raster.read_cells(rows, columns, step)
-    remarks = [*raster.remarks]
+    remarks = [*raster.remarks, *coarse]
     if raster.to_place[1, 1] > 0.0:
         remarks.append(f"Rows of {label} run from south to north; they are read so.")
     check_height_range(cells, label)
+    remarks += _describe_whole_heights(cells, raster.unit_m, max(step * max(cell_m), frame.spacing_m), label)
     remarks += _remove_spikes(cells, step * max(cell_m), raster, (rows.start, columns.start, step), field, crs)
     factors = tuple(max(1, math.floor(frame.spacing_m / (step * size) + 1e-6)) for size in reversed(cell_m))
     at_cells = (at_nodes - (columns.start, rows.start) + 0.5) / step - 0.5
@@ -71,6 +78,34 @@ def build_raster_grid(raster: Raster, field: Field, outline: shapely.Polygon, cr
         f"{label}, cells of {size}, on a grid of {frame.spacing_m:.3g} m",
         tuple(remarks),
     )
+
+
+def _describe_coarse_cells(cell_m: float, label: str) -> list[str]:
+    """A remark on cells larger than those of the grid; raises ElevationError for cells that say no slopes."""
+    if cell_m > MAX_CELL_M:
+        raise ElevationError(
+            f"{label} has cells of {cell_m:.3g} m; the slopes of a field need cells of {MAX_CELL_M:.0f} m or less, so "
+            "give a finer raster."
+        )
+    if cell_m <= MAX_SPACING_M:
+        return []
+    return [f"{label} has cells of {cell_m:.3g} m; slopes shorter than that are not in it."]
+
+
+def _describe_whole_heights(cells: FloatArray, unit_m: float, spacing_m: float, label: str) -> list[str]:
+    """A remark on heights in whole units whose steps would be taken for slopes.
+
+    A step of q rounds heights with a standard deviation of q / sqrt(12), and their difference over two spacings gives
+    a slope with sqrt(2) of that.
+    """
+    units = cells[np.isfinite(cells)] / unit_m
+    if not len(units) or np.ptp(units) < 0.5 or float(np.abs(units - np.rint(units)).max()) > WHOLE_TOLERANCE:
+        return []
+    error = unit_m / math.sqrt(12.0) * math.sqrt(2.0) / (2.0 * spacing_m)
+    if error < MAX_SLOPE_ERROR:
+        return []
+    return [f"Heights of {label} are rounded to {unit_m:.3g} m, so slopes are good to {100.0 * error:.2g} % only; give "
+            "heights with decimals if there are any."]  # fmt: skip
 
 
 def _convert_to_raster(places_m: FloatArray, field: Field, crs: str | None) -> FloatArray:
@@ -152,11 +187,12 @@ def _remove_spikes(
     suspects = np.argwhere(known & (np.abs(level - uniform_filter(level, SPIKE_CELLS)) > 0.5 * limit_m))
     if not len(suspects):
         return []
-    offsets = np.arange(SPIKE_CELLS)
-    around = padded[
-        suspects[:, 0, None, None] + offsets[:, None], suspects[:, 1, None, None] + offsets[None, :]
-    ].reshape(len(suspects), -1)
-    deviations = cells[tuple(suspects.T)] - np.nanmedian(around, axis=1)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, (SPIKE_CELLS, SPIKE_CELLS))
+    deviations = cells[tuple(suspects.T)]
+    for first in range(0, len(suspects), SPIKE_CHUNK):  # as each takes 25 numbers
+        chunk = slice(first, first + SPIKE_CHUNK)
+        around = windows[tuple(suspects[chunk].T)].reshape(-1, SPIKE_CELLS**2)
+        deviations[chunk] -= np.nanmedian(around, axis=1)
     is_spike = np.abs(deviations) > limit_m
     spikes, deviations = suspects[is_spike], deviations[is_spike]
     cells[tuple(spikes.T)] = np.nan

@@ -1,4 +1,4 @@
-"""Rasters of heights: GeoTIFF (by rasterio) and ASCII grids (Esri), read cell by cell in metres.
+"""Rasters of heights: GeoTIFF and GeoPackage (by rasterio) and ASCII grids (Esri), read cell by cell in metres.
 
 A raster says where its cells lie by an affine rule from (column, row) to its coordinates, so rows from south to north
 and turned rasters are read as they are.
@@ -17,12 +17,19 @@ from typing import Any
 
 import numpy as np
 
+from fields.formats.geopackage import GEOPACKAGE_SUFFIX, list_package_contents
 from fields.terrain.elevation_grid import BoolArray, ElevationError, FloatArray
 from fields.terrain.height_units import AxisUnits, find_axis_units, find_unit_m, name_unit
 from fields.text_files import quote_path, read_text
 
 GEOTIFF_SUFFIXES, ASCII_SUFFIXES = (".tif", ".tiff"), (".asc", ".agr")
 RASTER_SUFFIXES = (*GEOTIFF_SUFFIXES, *ASCII_SUFFIXES)
+"""Endings of rasters; a GeoPackage holds rasters or features."""
+PACKAGE_RASTERS = ("2d-gridded-coverage", "tiles")
+"""Kinds of rasters in a GeoPackage (OGC 17-066r1, and pictures, which are refused as such)."""
+RASTER_FORMATS = {GEOPACKAGE_SUFFIX: ("GPKG", "GeoPackage")}
+GEOTIFF_FORMAT = ("GTiff", "GeoTIFF")
+"""Driver of GDAL and name of the format of rasters that rasterio reads."""
 MAX_CELLS, MAX_READ_CELLS, MAX_ASCII_CELLS = 2**22, 2**30, 2**24
 """Cells held in memory for one field (4 million, 100 ha in cells of 0.5 m; finer ones are averaged as they are read),
 those read for it (1 billion, 100 ha in cells of 3 cm, in a minute or two), and those of a grid in text.
@@ -32,7 +39,9 @@ MIN_SKEW = 1e-6
 USUAL_NO_DATA = (-9999.0, -32768.0, -32767.0, -99999.0)
 MAX_HEIGHT_M = 1e30
 """Beyond this a number is no height but a mark for no data, such as -3.4e38."""
-ASCII_KEYS = ("ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "nodata_value")
+ASCII_KEYS = (
+    "ncols", "nrows", "xllcorner", "xllcenter", "yllcorner", "yllcenter", "cellsize", "dx", "dy", "nodata_value",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,9 +115,21 @@ def average_blocks(cells: FloatArray, factors: tuple[int, ...]) -> FloatArray:
     return np.where(2 * counts >= by_rows * by_columns, sums / np.maximum(counts, 1), np.nan)
 
 
+def is_raster_file(path: str) -> bool:
+    """Whether a file holds a raster of heights, by its ending, or by the contents of a GeoPackage.
+
+    Raises:
+        HeadlandError: a GeoPackage cannot be read.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix != GEOPACKAGE_SUFFIX:
+        return suffix in RASTER_SUFFIXES
+    return any(kind in PACKAGE_RASTERS for kind in list_package_contents(path, quote_path(path)).values())
+
+
 def open_raster(path: str) -> Raster:
     """The raster in a file, by its ending; raises ElevationError."""
-    raster = _open_geotiff(path) if Path(path).suffix.lower() in GEOTIFF_SUFFIXES else _parse_ascii_grid(path)
+    raster = _parse_ascii_grid(path) if Path(path).suffix.lower() in ASCII_SUFFIXES else _open_gdal_raster(path)
     _check_place(raster)
     return raster
 
@@ -124,12 +145,10 @@ def _check_place(raster: Raster) -> None:
         )
 
 
-def _open_geotiff(path: str) -> Raster:
+def _open_gdal_raster(path: str) -> Raster:
+    """A GeoTIFF or the raster of a GeoPackage."""
     with _open_dataset(path) as dataset:
-        if dataset.count >= 3 and dataset.dtypes[0] == "uint8":
-            raise ElevationError(
-                f"{quote_path(path)} is a picture of {dataset.count} colours; give a raster of heights (DTM, DEM)."
-            )
+        _check_dataset(dataset, path)
         crs = None
         if dataset.crs is not None:
             code = dataset.crs.to_epsg()
@@ -147,6 +166,25 @@ def _open_geotiff(path: str) -> Raster:
             (dataset.height, dataset.width),
             unit_m,
             (*remarks, *unit_remarks),
+        )
+
+
+def _check_dataset(dataset: Any, path: str) -> None:
+    """Raise ElevationError for a raster that holds no heights, several of them, or nothing that says where they are."""
+    label = quote_path(path)
+    if len(dataset.subdatasets) > 1:
+        names = ", ".join(one.rsplit(":", 1)[-1] for one in dataset.subdatasets[:4])
+        raise ElevationError(f"{label} has {len(dataset.subdatasets)} rasters ({names}); keep the one with heights.")
+    if not dataset.count:
+        raise ElevationError(f"{label} holds no raster of heights; export it again.")
+    if dataset.count >= 3 and dataset.dtypes[0] == "uint8":
+        raise ElevationError(f"{label} is a picture of {dataset.count} colours; give a raster of heights (DTM, DEM).")
+    if dataset.dtypes[0].startswith("complex"):
+        raise ElevationError(f"{label} holds complex numbers; give a raster of heights (DTM, DEM).")
+    if dataset.transform.is_identity:
+        raise ElevationError(
+            f"{label} does not say where its cells are (no georeference); export it with one, for instance with "
+            "gdal_translate -a_srs EPSG:25832 -a_ullr WEST NORTH EAST SOUTH."
         )
 
 
@@ -188,14 +226,25 @@ def _open_dataset(path: str) -> Iterator[Any]:
         ) from None
     if not Path(path).is_file():
         raise ElevationError(f"There is no file of heights {quote_path(path)}; check its name and its folder.")
+    driver, name = RASTER_FORMATS.get(Path(path).suffix.lower(), GEOTIFF_FORMAT)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-            with rasterio.open(path, driver="GTiff") as dataset:
+            with rasterio.open(path, driver=driver) as dataset:
                 yield dataset
     except (rasterio.errors.RasterioError, rasterio.errors.CRSError) as error:
-        reason = str(error).splitlines()[0].replace(path, "it")[:120]
-        raise ElevationError(f"{quote_path(path)} cannot be read as a GeoTIFF ({reason}); export it again.") from None
+        raise ElevationError(
+            f"{quote_path(path)} cannot be read as a {name} ({_explain_gdal_error(error, path)}); export it again."
+        ) from None
+
+
+def _explain_gdal_error(error: Exception, path: str) -> str:
+    """What is wrong with a file: rasterio says the cause of a failed reading in another exception."""
+    if "not recognized as being in a supported file format" in str(error):
+        return "it is in another format"
+    cause = error.__cause__ or error
+    lines = str(cause).splitlines() or [type(cause).__name__]
+    return f"damaged or cut off: {lines[0].replace(path, 'it')[:120]}"
 
 
 def _drop_usual_no_data(cells: FloatArray) -> FloatArray:
@@ -214,7 +263,7 @@ def _parse_ascii_grid(path: str) -> Raster:
             break
         header[match[1].lower()] = _parse_header_number(match[1], match[2], path)
         place = match.end()
-    rows, columns, cell, west, south = _check_ascii_header(header, path)
+    rows, columns, (width, depth), west, south = _check_ascii_header(header, path)
     cells = _parse_heights(text[place:].strip(), path)
     if len(cells) != rows * columns:
         raise ElevationError(
@@ -222,16 +271,22 @@ def _parse_ascii_grid(path: str) -> Raster:
             "it is cut off or garbled, so export it again."
         )
     cells[cells == header.get("nodata_value", -9999.0)] = np.nan
-    to_place = np.array([[cell, 0.0, west], [0.0, -cell, south + rows * cell]])
+    to_place = np.array([[width, 0.0, west], [0.0, -depth, south + rows * depth]])
     crs = _read_projection(path)
     unit_m, remarks = _choose_unit("", crs, path)
     return Raster(path, crs, to_place, (rows, columns), unit_m, remarks, cells.reshape(rows, columns))
 
 
 def _parse_heights(text: str, path: str) -> FloatArray:
-    """Numbers between spaces and line ends, without a Python object for each."""
+    """Numbers between spaces and line ends, without a Python object for each.
+
+    Commas beside points stand between numbers, and without points they are decimal marks; whether that is right, the
+    count of numbers says.
+    """
     if not text:
         return np.empty(0)
+    if "," in text:
+        text = text.replace(",", " " if "." in text else ".")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # older NumPy warns of what is no number
@@ -247,18 +302,20 @@ def _parse_header_number(key: str, text: str, path: str) -> float:
         raise ElevationError(f"{quote_path(path)} has {key} {text[:20]!r}; write a number.") from None
 
 
-def _check_ascii_header(header: dict[str, float], path: str) -> tuple[int, int, float, float, float]:
-    """Rows, columns, size of a cell, and the outer south-west corner."""
+def _check_ascii_header(header: dict[str, float], path: str) -> tuple[int, int, tuple[float, float], float, float]:
+    """Rows, columns, width and depth of a cell, and the outer south-west corner."""
     rows, columns, cell = (header.get(key, 0.0) for key in ("nrows", "ncols", "cellsize"))
+    width, depth = header.get("dx", cell), header.get("dy", cell)  # of GDAL, for cells that are not square
     has_corner = ({"xllcorner", "xllcenter"} & header.keys()) and ({"yllcorner", "yllcenter"} & header.keys())
-    if not has_corner or not (rows >= 1.0 and columns >= 1.0 and cell > 0.0 and rows * columns <= MAX_ASCII_CELLS):
+    is_sized = rows >= 1.0 and columns >= 1.0 and width > 0.0 and depth > 0.0
+    if not has_corner or not (is_sized and rows * columns <= MAX_ASCII_CELLS):
         raise ElevationError(
             f"{quote_path(path)} does not begin like an ASCII grid (ncols, nrows, xllcorner, yllcorner, cellsize) of "
             f"at most {MAX_ASCII_CELLS / 1e6:.0f} million cells; export it again."
         )
-    west = header["xllcorner"] if "xllcorner" in header else header["xllcenter"] - 0.5 * cell
-    south = header["yllcorner"] if "yllcorner" in header else header["yllcenter"] - 0.5 * cell
-    return int(rows), int(columns), cell, west, south
+    west = header["xllcorner"] if "xllcorner" in header else header["xllcenter"] - 0.5 * width
+    south = header["yllcorner"] if "yllcorner" in header else header["yllcenter"] - 0.5 * depth
+    return int(rows), int(columns), (width, depth), west, south
 
 
 def _read_projection(path: str) -> str | None:

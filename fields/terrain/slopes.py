@@ -62,15 +62,16 @@ def interpolate_gradients(grid: ElevationGrid, points: FloatArray) -> FloatArray
     return np.asarray((1.0 - up) * low + up * high)
 
 
-def compute_directional_slopes(gradients: FloatArray, bearing_deg: FloatArray | float) -> tuple[FloatArray, FloatArray]:
-    """Slopes along and across a direction, for gradients of shape (..., 2).
+def compute_directional_slopes(
+    gradients: FloatArray, headings_rad: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """Slopes along and across headings (...), for gradients of shape (..., 2); headings counter-clockwise from east.
 
     Along is positive uphill; across is positive where the ground falls to the right.
     """
-    bearing = np.radians(bearing_deg)
-    ahead_east, ahead_north = np.sin(bearing), np.cos(bearing)
-    along = gradients[..., 0] * ahead_east + gradients[..., 1] * ahead_north
-    across = -(gradients[..., 0] * ahead_north - gradients[..., 1] * ahead_east)
+    cosine, sine = np.cos(headings_rad), np.sin(headings_rad)
+    along = gradients[..., 0] * cosine + gradients[..., 1] * sine
+    across = gradients[..., 1] * cosine - gradients[..., 0] * sine
     return np.asarray(along), np.asarray(across)
 
 
@@ -162,8 +163,8 @@ def measure_fall_line_share(lines: Iterable[FloatArray], grid: ElevationGrid) ->
 def measure_cross_slope(lines: Iterable[FloatArray], grid: ElevationGrid) -> float:
     """The largest slope (m/m) across lines (n, 2), to either side."""
     vectors, gradients = _measure_steps(lines, grid)
-    across = gradients[:, 1] * vectors[:, 0] - gradients[:, 0] * vectors[:, 1]
-    return float((np.abs(across) / np.hypot(*vectors.T)).max())
+    _, across = compute_directional_slopes(gradients, np.arctan2(vectors[:, 1], vectors[:, 0]))
+    return float(np.abs(across).max())
 
 
 def _measure_steps(lines: Iterable[FloatArray], grid: ElevationGrid) -> tuple[FloatArray, FloatArray]:

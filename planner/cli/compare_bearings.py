@@ -13,6 +13,7 @@ from planner.cli.common.options import (
     FieldArgument,
     ProcessesOption,
     build_plan_inputs,
+    get_option_name,
     inject_request_options,
 )
 from planner.request.options import convert_options_to_parameters, list_options
@@ -69,7 +70,7 @@ def compare_bearings(
         executor_choice.open_executor(len(inputs)) as executor,
         create_progress_callback("Comparing bearings") as progress,
     ):
-        comparison = compare(inputs, executor, progress)
+        comparison = compare(inputs, executor, progress, lambda refusal: refusal.render_sentence(get_option_name))
     if json:
         typer.echo(format_bearing_json(comparison), nl=False)
     else:

@@ -158,6 +158,7 @@ def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict
     files: dict[str | Path, str] = {file: "the day file"}
     for entry in day_file.fields:
         files |= dict.fromkeys(list_field_files(entry.file), "a field of the day")
+        files |= {} if entry.elevation is None else {entry.elevation: "the heights of a field of the day"}
     files |= {entry.file: "a tractor file of the farm" for entry in farm_file.tractors if entry.file is not None}
     if day_file.farm not in (None, EXAMPLE):
         files[str(day_file.farm)] = "the farm file"

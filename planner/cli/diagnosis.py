@@ -241,6 +241,9 @@ def replay(
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,
+    elevation: ElevationOption = None,
+    elevation_crs: ElevationCrsOption = None,
+    crs: LogCrsOption = None,
     png: Annotated[Optional[Path], typer.Option(help="Write the picture.")] = None,
     html: Annotated[Optional[Path], typer.Option(help="Write the picture and the errors as one page.")] = None,
     json: AsJson = False,
@@ -256,8 +259,10 @@ def replay(
     from planner.pipeline.diagnosis import replay as simulate
     from reports.diagnosis.replay import build_replay_table, draw_replay, format_replay_json, render_replay_page
 
-    check_output_paths((png, ".png"), (html, ".html"), input_files=list_input_files(logs=[log], tractor=tractor))
-    result = simulate(log, tractor=tractor, ground=ground, fixes=fix or ())
+    heights = _choose_heights(elevation, elevation_crs, crs, demo=False)
+    input_files = list_input_files(logs=[log], tractor=tractor, elevation=elevation)
+    check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
+    result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), heights=heights)
     results: list[tuple[Path, OutputContent]] = []
     if png:
         from reports.plan.map_figure import render_png

@@ -156,7 +156,13 @@ def build_field_time_tasks(day: DayFile, farm: FarmFile, fields: Sequence[Field]
         plan_implement = plan_inputs.implement or Implement()
         rows.append(
             [
-                FieldTimeTask(field, replace(unpriced, field=field.name), machine, plan_implement, plan_inputs.supply)
+                FieldTimeTask(
+                    field,
+                    replace(unpriced, field=field.name, elevation_crs=day_field.elevation_crs),
+                    machine,
+                    plan_implement,
+                    plan_inputs.supply,
+                )
                 if is_suitable(day_field, implement)
                 else None
                 for day_field, field in zip(day.fields, fields, strict=True)

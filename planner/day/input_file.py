@@ -125,7 +125,7 @@ ObstaclePlace = Annotated[str, AfterValidator(_validate_obstacle)]
 
 
 class DayField(FileSection):
-    """A field: file or sample, entrance, obstacles, working hours, value, requirements and place.
+    """A field: file or sample, entrance, obstacles, heights, working hours, value, requirements and place.
 
     `value_per_ha` is the value of the work: if it is not done, the value is lost and the cost saved. `loss_per_ha` is
     the loss if the work is done on another day, at the same cost. Without either, the loss is `late_per_ha` and
@@ -144,6 +144,12 @@ class DayField(FileSection):
     )
     obstacles: tuple[ObstaclePlace, ...] = define_value((), "such as '9.53,56.21,2': lon,lat,radius in m", "none more")
     ignored: tuple[str, ...] = define_value((), "names or numbers of obstacles of the file, in quotes", "none")
+    elevation: str | None = define_value(
+        None, "a file of heights, in quotes", "that which the field file names", strict=True, min_length=1
+    )
+    elevation_crs: str | None = define_value(
+        None, "such as 'EPSG:25832', in quotes", "that of the heights", strict=True, min_length=1
+    )
     windows: tuple[Window, ...] = define_value((), "such as '08:00-12:00', in quotes", "the whole day")
     value_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "value of the work per hectare")
     loss_per_ha: float | None = define_number(None, 0.0, MAX_PRICE, "loss per hectare done on another day")
@@ -307,7 +313,11 @@ def _resolve_paths(day: DayFile, folder: Path) -> DayFile:
         sample = file in list_sample_names()
         return file if sample else str(folder / file)
 
-    fields = tuple(each.model_copy(update={"file": resolve_path(each.file)}) for each in day.fields)
+    def resolve_files(field: DayField) -> DayField:
+        elevation = None if field.elevation is None else str(folder / field.elevation)
+        return field.model_copy(update={"file": resolve_path(field.file), "elevation": elevation})
+
+    fields = tuple(map(resolve_files, day.fields))
     updates: dict[str, Any] = {"fields": fields}
     if day.farm not in (None, EXAMPLE):
         updates["farm"] = str(folder / str(day.farm))

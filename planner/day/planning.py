@@ -18,6 +18,7 @@ from fields.errors import attach_parameter
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
+from fields.text_files import quote_path
 from planner.day.field_times import (
     FieldTime,
     FieldTimeCache,
@@ -43,6 +44,7 @@ from planner.day.input_file import YARD, DayField, DayFile, get_fleet_machines, 
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
+from planner.errors import RequestError
 from planner.evaluation.pull_check import compute_pull_figures
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import locate_road_end
@@ -157,7 +159,7 @@ def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
 
 
 def _read_day_field(day_field: DayField) -> Field:
-    """The field with the entrance and obstacles of the day file."""
+    """The field with the entrance, obstacles and heights of the day file."""
     field = read_field(
         day_field.file,
         local=day_field.local,
@@ -167,6 +169,14 @@ def _read_day_field(day_field: DayField) -> Field:
     )
     if day_field.entrance is not None:
         field = set_entrance(field, parse_number_pair(day_field.entrance, "entrance"))
+    if day_field.elevation is not None:
+        if not Path(day_field.elevation).exists():
+            raise RequestError(
+                f"Field '{field.name}' of the day names the heights {quote_path(day_field.elevation)}, and there is no "
+                "such file; check its name and its folder.",
+                parameter="elevation",
+            )
+        field = replace(field, elevation=day_field.elevation)
     return add_obstacles(leave_out_obstacles(field, day_field.ignored), day_field.obstacles)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import replace
 
@@ -57,13 +57,13 @@ def measure_layout_slopes(context: PlanningContext) -> tuple[float, float]:
     return measure_cross_slope(lines, grid), measure_fall_line_share(lines, grid)
 
 
-def plan_bearing(inputs: PlanInputs) -> BearingRow:
-    """The best plan of one request of a comparison, or why there is none, in the current process."""
+def plan_bearing(inputs: PlanInputs) -> BearingRow | HeadlandError:
+    """The best plan of one request of a comparison, or its refusal, in the current process."""
     request = inputs.request
     try:
         result = plan_inputs(inputs)
     except HeadlandError as refusal:
-        return BearingRow(request.bearing_deg, request.swaths, reason=str(refusal))
+        return refusal
     context, best = result.context, result.ranking.best
     cross_slope, erosion_share = measure_layout_slopes(context)
     reason = next((plan.reason for plan in result.ranking.plans if plan.reason), None)
@@ -80,23 +80,31 @@ def plan_bearing(inputs: PlanInputs) -> BearingRow:
 
 
 def compare_bearings(
-    inputs: Sequence[PlanInputs], executor: Executor, progress: Progress | None = None
+    inputs: Sequence[PlanInputs],
+    executor: Executor,
+    progress: Progress | None = None,
+    describe_refusal: Callable[[HeadlandError], str] = str,
 ) -> BearingComparison:
     """Plan every request of a comparison on an executor; `progress` is called with (done, total).
 
-    Raises RequestError without heights and where nothing can be planned for one reason, and WorkerError if processes
-    keep ending.
+    `describe_refusal` words why a request cannot be planned. Raises RequestError without heights, the refusal that all
+    requests share, as it is of the field or its heights, and WorkerError if processes keep ending.
     """
-    rows: dict[int, BearingRow] = {}
+    answers: dict[int, BearingRow | HeadlandError] = {}
     try:
-        for position, row in iter_completed(executor, plan_bearing, [(each,) for each in inputs]):
-            rows[position] = row
+        for position, answer in iter_completed(executor, plan_bearing, [(each,) for each in inputs]):
+            answers[position] = answer
             if progress:
-                progress(len(rows), len(inputs))
+                progress(len(answers), len(inputs))
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
-    in_order = tuple(rows[position] for position in range(len(inputs)))
-    refusals = {row.reason for row in in_order}
-    if len(refusals) == 1 and (refusal := refusals.pop()) and in_order[0].bearing_deg is None:
-        raise RequestError(refusal)  # of the field or its heights, which every bearing shares
-    return BearingComparison(inputs[0].request.field, in_order)
+    refusals = [answer for answer in answers.values() if isinstance(answer, HeadlandError)]
+    if len(refusals) == len(inputs) and len({str(refusal) for refusal in refusals}) == 1:
+        raise refusals[0]
+    rows = tuple(
+        BearingRow(each.request.bearing_deg, each.request.swaths, reason=describe_refusal(answer))
+        if isinstance(answer := answers[position], HeadlandError)
+        else answer
+        for position, each in enumerate(inputs)
+    )
+    return BearingComparison(inputs[0].request.field, rows)

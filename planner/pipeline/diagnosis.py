@@ -259,6 +259,7 @@ def replay(
     tractor: Tractor | str | Path = "eg105",
     ground: str = "soil",
     fixes: Sequence[str] = (),
+    heights: HeightFile | str | Path | None = None,
 ) -> Replay:
     """Replay a log (an object, or a file read with `fixes`) with the effects of a tractor (object, name or file).
 
@@ -269,14 +270,17 @@ def replay(
         run.to_pandas()                    # a row per length of the pieces: cross_cm, along_cm, heading_deg
         run.plot()                         # the measured and the simulated path
 
-    Returns a Replay: `replayed` (the run with its errors and simulated paths) and `remarks` on the log.
+    Returns a Replay: `replayed` (the run with its errors and simulated paths) and `remarks` on the log. `heights` are
+    as in `diagnose`: what the tractor file says per slope is then that of the ground under every row.
 
-    Raises LogError and VehicleError.
+    Raises LogError, VehicleError and, for heights, ElevationError.
     """
     with attach_parameter("tractor"):
         machine = resolve_tractor(tractor)
     with attach_parameter("log"):
         run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
+        height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
+        (run,) = add_known_ground([run], height_file)
         course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
     with attach_parameter("ground"):
         rig, settings = build_rig_and_corrections(machine, ground, course.origin)
@@ -284,7 +288,8 @@ def replay(
     segments = tuple(_replay_segment(rig, segment, settings) for segment in course.segments)
     left_out = course.rows_read - course.rows
     replayed = ReplayResult(run.name, machine.name, tuple(settings), errors, segments, left_out)
-    return Replay(replayed, tuple(list_remarks(run)))
+    of_ground = course.remarks if run.ground_fall is not None else ()
+    return Replay(replayed, (*list_remarks(run), *run.set_remarks, *of_ground))
 
 
 def _replay_segment(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> ReplayedSegment:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -65,7 +65,7 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
         bin_errors(rows.time_s, rows.squares, np.arange(0.0, driven_s + step_s, step_s), fewest_rows=1),
         bin_errors(rows.speed_mps, rows.squares, choose_edges(rows.speed_mps)),
         bin_errors(rows.angle_deg, rows.squares, choose_edges(rows.angle_deg)),
-        _map_errors(rows),
+        _add_slopes(_map_errors(rows), logs, dataset.origin),
         tuple(_pair_paths(segment, dataset.names[segment.run], rigs) for segment in _choose_paths(dataset.segments)),
     )
 
@@ -134,6 +134,32 @@ def _map_errors(rows: _ErrorRows) -> PlaceErrors:
     )
     corners = low + side * squares
     return PlaceErrors(corners[:, 0], corners[:, 1], side, before, after)
+
+
+def _add_slopes(places: PlaceErrors, logs: Sequence[Log], origin: tuple[float, float]) -> PlaceErrors:
+    """The map with the slope of the ground, where every log knows its fall and every square has rows of it."""
+    falls = [log.ground_fall[log.used] for log in logs if log.ground_fall is not None]
+    if len(falls) < len(logs) or not len(places.west_m):
+        return places
+    driven = np.concatenate([np.column_stack([log.easting_m[log.used], log.northing_m[log.used]]) for log in logs])
+    corners = np.column_stack([places.west_m, places.south_m])
+    low = corners.min(axis=0)
+    numbers = {
+        tuple(cell): number for number, cell in enumerate(_find_cells(corners + 0.5 * places.side_m, low, places))
+    }
+    owners = np.array([numbers.get(tuple(cell), -1) for cell in _find_cells(driven - origin, low, places)])
+    known = owners >= 0
+    counts = np.bincount(owners[known], minlength=len(corners))
+    if not counts.all():
+        return places
+    slopes = np.bincount(owners[known], np.hypot(*np.concatenate(falls)[known].T), len(corners)) / counts
+    return replace(places, slopes=slopes)
+
+
+def _find_cells(points: Array, low: Array, places: PlaceErrors) -> list[list[int]]:
+    """Column and row of the squares of a map that points (n, 2) are in."""
+    cells: list[list[int]] = np.floor((points - low) / places.side_m).astype(np.int64).tolist()
+    return cells
 
 
 def _choose_paths(segments: Sequence[DriveSegment]) -> list[DriveSegment]:

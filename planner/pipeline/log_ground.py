@@ -20,7 +20,7 @@ from fields.terrain.elevation import read_elevation
 from fields.terrain.elevation_grid import ElevationError, ElevationGrid
 from fields.terrain.point_files import read_height_points
 from fields.terrain.point_grids import choose_length_m, find_spikes, fit_surface
-from fields.terrain.rasters import RASTER_SUFFIXES, open_raster
+from fields.terrain.rasters import is_raster_file, open_raster
 from fields.terrain.slopes import interpolate_gradients
 from fields.terrain.track_levels import level_tracks
 from fields.text_files import quote_path
@@ -191,7 +191,7 @@ def _name_local_metres(origins: set[tuple[float, float] | None], crs: str | None
 def _read_stated_crs(path: str) -> str | None:
     """The coordinate system that a file of heights names."""
     with attach_parameter("elevation"):
-        if Path(path).suffix.lower() in RASTER_SUFFIXES:
+        if is_raster_file(path):
             return open_raster(path).crs
         return read_height_points(path).crs
 

@@ -26,7 +26,8 @@ from vehicle.identification.verdict.diagnosis_types import (
 CURVE_WIDTH, CURVE_HEIGHT, CURVE_LEFT, CURVE_BOTTOM, CURVE_TOP = 720.0, 300.0, 64.0, 44.0, 12.0
 CHART_WIDTH, CHART_HEIGHT, CHART_LEFT, CHART_RIGHT, CHART_TOP, CHART_BOTTOM = 360.0, 200.0, 40.0, 8.0, 12.0, 40.0
 BAR_GAP_SHARE = 0.1  # of a bin, at both sides of its two bars
-SHADE_QUANTILE = 0.95  # of the errors before: a single bad square would leave all others pale
+SHADE_QUANTILE = 0.95  # of the errors before, and of slopes: a single bad square would leave all others pale
+MIN_SPLIT_SQUARES = 4  # fewer say nothing of steep ground and of the rest
 STRONG_CORRELATION = 0.9  # above it one value can nearly take the place of another
 PATH_MARGIN_SHARE = 0.06
 Scale = Callable[[float], float]
@@ -74,8 +75,9 @@ def build_residuals_dict(evidence: ReplayEvidence) -> dict[str, Any]:
         "by_place_m": [
             {"west": float(west), "south": float(south), "side": places.side_m, "before_cm": float(before),
              "after_cm": float(after)}
-            for west, south, before, after in zip(
-                places.west_m, places.south_m, places.before_cm, places.after_cm, strict=True
+            | ({} if places.slopes is None else {"slope_pct": 100.0 * float(places.slopes[number])})
+            for number, (west, south, before, after) in enumerate(
+                zip(places.west_m, places.south_m, places.before_cm, places.after_cm, strict=True)
             )
         ],
     }  # fmt: skip
@@ -196,7 +198,43 @@ def _draw_places(places: PlaceErrors) -> dict[str, Any]:
         "side": f"{places.side_m:g}",
         "squares": squares,
         "largest": format_number(largest, 1),
+        "slopes": _draw_slopes(places, left, top),
+        "slope_share": describe_error_on_slopes(places),
     }
+
+
+def _draw_slopes(places: PlaceErrors, left_m: float, top_m: float) -> dict[str, Any] | None:
+    """The same squares shaded by the slope of their ground; None where heights are unknown."""
+    if places.slopes is None:
+        return None
+    largest = max(float(np.quantile(places.slopes, SHADE_QUANTILE)), 1e-6)
+    squares = [
+        {
+            "x": f"{west - left_m:g}",
+            "y": f"{top_m - south:g}",
+            "shade": f"{min(slope / largest, 1.0):.2f}",
+            "words": f"slope {format_number(100.0 * float(slope), 1)} %",
+        }
+        for west, south, slope in zip(places.west_m, places.south_m, places.slopes, strict=True)
+    ]
+    return {"squares": squares, "largest": format_number(100.0 * largest, 1)}
+
+
+def describe_error_on_slopes(places: PlaceErrors) -> str:
+    """The error on the steeper half of the squares and on the others, before and after; "" without heights."""
+    if places.slopes is None or len(places.slopes) < MIN_SPLIT_SQUARES or np.ptp(places.slopes) == 0.0:
+        return ""
+    limit = float(np.median(places.slopes))
+    steep = places.slopes > limit
+    errors = [
+        format_number(float(np.sqrt((values[part] ** 2).mean())), 1)
+        for part in (steep, ~steep)
+        for values in (places.before_cm, places.after_cm)
+    ]
+    return (
+        f"On squares steeper than {format_number(100.0 * limit, 1)} % the error is {errors[0]} cm before and "
+        f"{errors[1]} cm after, on the others {errors[2]} cm and {errors[3]} cm."
+    )
 
 
 def _draw_paths(evidence: ReplayEvidence) -> dict[str, Any] | None:

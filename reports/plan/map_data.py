@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import shapely
 
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanDrive, PlanRanking, Points, Relief
@@ -350,6 +351,7 @@ def build_time_bars(drive: PlanDrive, states: Sequence[str] = tuple(STATUS_BY_ST
 
 MOST_MAP_KNOTS = 6000  # of all tractors of one plan together
 _COORDINATE_DECIMALS = 2
+CONTOUR_TOLERANCE_M = 0.2  # of contours on small maps
 
 
 def format_maps_json(
@@ -363,7 +365,8 @@ def format_maps_json(
     ``fences_m``, ``entrance_m``, ``missed_m``), the ``crs`` and ``origin_m`` of these metres, ``swaths`` and
     ``headland_passes`` (each a name and its ``points_m``), and ``lanes``: per tractor ``time_s`` and ``points_m`` of
     its knots, the ``status`` between two of them (1 working, 2 turning, 3 waiting, 4 reversing, 5 refilling), and
-    ``steps`` in words.
+    ``steps`` in words. Where heights are known, ``relief`` holds lines of equal height (``contours_m``) and the height
+    between two of them (``interval_m``).
 
     Raises:
         ReportError: a drive cannot be drawn.
@@ -375,7 +378,17 @@ def format_maps_json(
         check_drive(plan_drive)
     start = ranking.field_start or ranking.start
     plans = [_build_map_plan(strategy, count, plan_drive, start) for (strategy, count), plan_drive in shown.items()]
-    return json.dumps({"field": ranking.field_name, "begin": start, "plans": plans}, allow_nan=False) + "\n"
+    relief = next((plan_drive.relief for plan_drive in shown.values() if plan_drive.relief is not None), None)
+    ground = {} if relief is None else {"relief": _build_contours(relief)}
+    return json.dumps({"field": ranking.field_name, "begin": start, "plans": plans, **ground}, allow_nan=False) + "\n"
+
+
+def _build_contours(relief: Relief) -> dict[str, Any]:
+    lines = [shapely.LineString(points).simplify(CONTOUR_TOLERANCE_M) for _, points in relief.contours]
+    return {
+        "interval_m": relief.interval_m,
+        "contours_m": [_round_coordinates(shapely.get_coordinates(line)) for line in lines],
+    }
 
 
 def _build_map_plan(strategy: str, tractors: int, drive: PlanDrive, start: str | None) -> dict[str, Any]:

@@ -214,20 +214,15 @@ _FAULT_LOOK: dict[str, Any] = {
     "linestyle": "none",
     "zorder": 9,
 }
-_LETTERS_PER_INCH, _TITLE_INCHES, _EDGE_INCHES = (
-    11.0,
-    0.24,
-    0.2,
-)  # of a title of 11 points; height of its lines; margin around everything
+_LETTERS_PER_INCH, _TITLE_INCHES = 11.0, 0.24  # of a title of 11 points; height of its lines
+_EDGE_INCHES = 0.2  # margin around everything
 _WIDEST_INCHES, _TALLEST_INCHES, _NARROWEST_INCHES = 10.0, 9.0, 4.5  # of a map, inches
 _SIDE_SHARE, _FOOT_SHARE = 0.03, 0.1  # of the larger side of the field: margin beside it, and below it with the scale
 _MARK_INCHES, _MARKS_INCHES = 1.6, 0.23  # width of an entry of the legend, height of a row
 _LIST_INCHES, _LIST_POINTS, _LIST_SPACING = 3.1, 5.6, 1.2  # a column of the lists of legs
-_ROW_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0
-_MOST_LIST_ROWS, _WIDEST_WITH_LISTS_INCHES = (
-    70,
-    11.0,
-)  # rows of lists below the map; width of a map with lists beside it
+_ROW_INCHES, _LETTER_INCHES = _LIST_POINTS * _LIST_SPACING / 72.0, 0.602 * _LIST_POINTS / 72.0
+_MOST_LIST_ROWS = 70  # below the map
+_WIDEST_WITH_LISTS_INCHES = 11.0
 
 
 def draw_plan_map(drive: PlanDrive, field_name: str = "") -> Figure:
@@ -333,16 +328,21 @@ def _plan_layout(drive: PlanDrive, field_name: str, inches: tuple[float, float])
     across, up = inches
     width_without_lists = max(across + 2 * _EDGE_INCHES, _NARROWEST_INCHES)
     lists_beside = _format_leg_columns(drive, int(up / _ROW_INCHES) - 1)
-    width_with_lists = across + 3 * _EDGE_INCHES + _LIST_INCHES * len(lists_beside)
+    width_with_lists = across + 3 * _EDGE_INCHES + _measure_list_inches(lists_beside) * len(lists_beside)
     lists_below = _format_leg_columns(drive, _MOST_LIST_ROWS)
     is_beside = bool(lists_beside) and width_with_lists <= _WIDEST_WITH_LISTS_INCHES
     width = width_with_lists if is_beside else width_without_lists
-    lists = (
-        lists_beside if is_beside else lists_below if len(lists_below) * _LIST_INCHES + _EDGE_INCHES <= width else []
-    )
+    has_room_below = len(lists_below) * _measure_list_inches(lists_below) + _EDGE_INCHES <= width
+    lists = lists_beside if is_beside else lists_below if has_room_below else []
     columns = max(2, int(width / _MARK_INCHES))
     legend = _MARKS_INCHES * math.ceil(len(build_legend_entries(drive)) / columns) + _EDGE_INCHES
     return _FigureLayout(across, up, width, _wrap_title(drive, field_name, width), legend, columns, lists, is_beside)
+
+
+def _measure_list_inches(columns: list[str]) -> float:
+    """Width of a column of the leg lists: at least that of usual ones, else of the longest row with a gap."""
+    longest = max((len(row) for text in columns for row in text.split("\n")), default=0)
+    return max(_LIST_INCHES, _LETTER_INCHES * (longest + 2))
 
 
 def _create_canvas(layout: _FigureLayout) -> tuple[Figure, Axes]:
@@ -382,7 +382,7 @@ def _write_title_and_lists(figure: Figure, drive: PlanDrive, layout: _FigureLayo
     top = layout.height - layout.title_height if layout.has_lists_beside else layout.lists_height
     for column, text in enumerate(layout.list_columns):
         figure.text(
-            (left_edge + column * _LIST_INCHES) / layout.width,
+            (left_edge + column * _measure_list_inches(layout.list_columns)) / layout.width,
             top / layout.height,
             escape_figure_formula(text),
             ha="left",

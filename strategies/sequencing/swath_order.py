@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
 
+import shapely
+
 from fields.layout.swaths import Layout, Swath
 from strategies.program.field_job import FieldJob, SwathPass
 from strategies.sequencing.order_proof import PROOF_EFFORT
@@ -21,6 +23,7 @@ from strategies.sequencing.turn_table import TurnTable
 
 START_CORNERS = [(last, way) for last in (False, True) for way in (1, -1)]
 CLOSE_RATIO = 1.03  # orders whose estimates are this close are compared by the paths driven
+MIN_OVERLAP_M = 1e-6  # of curved swaths
 SwathCell = list[Swath]
 PassOrder = list[SwathPass]
 
@@ -60,6 +63,11 @@ def group_same_bearing_cells(swaths: list[Swath], bearing_rad: float) -> list[Sw
 
 
 def _is_overlapping(a: Swath, b: Swath, bearing_rad: float) -> bool:
+    """Whether two swaths lie beside each other: straight ones by their bearing, curved ones by the other's line."""
+    if a.via_m or b.via_m:
+        line = shapely.LineString(b.points_m)
+        first, last = shapely.line_locate_point(line, shapely.points([a.start_m, a.end_m])).tolist()
+        return bool(abs(last - first) > MIN_OVERLAP_M)
     cosine, sine = math.cos(bearing_rad), math.sin(bearing_rad)
 
     def project_m(point: tuple[float, float]) -> float:

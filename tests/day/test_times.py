@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 
-from fields import read_field
+from fields import read_field, write_field
 from fields.geometry.field import Field
 from planner.day.field_times import FieldTime, FieldTimeTask, compute_field_time
 from planner.day.formulation import PLANNING_SAMPLES, build_day_hours, build_problem, estimate_mean_time_and_cost
 from planner.day.input_file import DayFile, parse_day
 from planner.day.optimization.solver import solve_day
+from planner.day.planning import prepare_day
+from planner.errors import RequestError
 from planner.farm.inventory import FarmFile
 from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings, build_certain_settings
@@ -114,3 +117,28 @@ class TestCertainty:
     def test_the_file_and_the_option(self) -> None:
         day, _ = parse_day(TEXT, "day.toml", certainty_pct=90.0)
         assert isinstance(day, DayFile) and day.certainty_pct == 90.0
+
+
+def test_a_field_of_the_day_names_its_heights(tmp_path: Path) -> None:
+    write_field(Field("plot", shapely.box(0, 0, 60, 40)), tmp_path / "plot.geojson")
+    text = """
+        start = "08:00"
+        [[fields]]
+        file = "plot.geojson"
+        lon = 9.9
+        lat = 56.9
+        elevation = "dtm.asc"
+        elevation_crs = "EPSG:25832"
+        [[fleets]]
+        name = "one"
+    """
+    day, farm = parse_day(text, "day", tmp_path)
+    with pytest.raises(RequestError, match=r"'plot' of the day names the heights .*dtm\.asc', and there is no such"):
+        prepare_day(day, farm)
+    (tmp_path / "dtm.asc").write_text("ncols", encoding="ascii")
+    prepared = prepare_day(day, farm)
+    assert prepared.fields[0].elevation == str(tmp_path / "dtm.asc")
+    ((task,),) = prepared.tasks
+    assert task is not None and task.request.elevation_crs == "EPSG:25832"
+    refused = compute_field_time(task)
+    assert "does not begin like an ASCII grid" in refused.reason and not refused.is_lasting

@@ -333,3 +333,21 @@ class TestSamples:
         assert field.area_ha == pytest.approx(hectares, rel=1e-3)
         assert len(field.boundary.interiors) == holes
         assert field.source
+
+
+def test_heights_go_with_a_written_field(tmp_path: Path) -> None:
+    here, there = tmp_path / "here", tmp_path / "there"
+    here.mkdir()
+    there.mkdir()
+    for name in ("dtm.asc", "dtm.prj"):
+        (here / name).write_text(name, encoding="utf-8")
+    field = Field("hill", shapely.box(0, 0, 200, 100), elevation=str(here / "dtm.asc"))
+    write_field(field, there / "hill.geojson")
+    copied = read_field(there / "hill.geojson").elevation
+    assert copied is not None and Path(copied) == there / "dtm.asc"
+    assert Path(copied).read_text(encoding="utf-8") == "dtm.asc" and (there / "dtm.prj").exists()
+    write_field(field, there / "hill.geojson")  # the same heights again
+    write_field(field, here / "hill.geojson")  # beside themselves
+    (there / "dtm.asc").write_text("others", encoding="utf-8")
+    with pytest.raises(FieldError, match="exists and holds other heights than those of field 'hill'"):
+        write_field(field, there / "hill.geojson")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -52,3 +54,14 @@ def test_one_tractor_twice_gives_the_same_before_and_after() -> None:
     assert places.south_m.min() <= north.min() + 12.0 and len(
         np.unique(np.stack([places.west_m, places.south_m]), axis=1).T
     ) == len(places.west_m)
+
+
+def test_squares_know_the_slope_of_the_ground() -> None:
+    """Ground that steepens to the east as 0.01 + 0.001 x: each square has the slope of its rows."""
+    tractor, log = load_tractor("eg105"), read_log("sample")
+    west = float(log.easting_m[log.used].min())
+    fall = np.column_stack([-0.01 - 0.001 * (log.easting_m - west), 0.0 * log.easting_m])
+    found = build_evidence([replace(log, ground_fall=fall)], tractor, tractor, "soil").by_place
+    assert found.slopes is not None and len(found.slopes) == len(found.west_m)
+    low = 0.01 + 0.001 * (found.west_m - found.west_m.min())
+    assert (found.slopes >= low - 0.002).all() and (found.slopes <= low + 0.001 * found.side_m + 0.002).all()

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from fields.geometry.geodesy import project
-from planner import HeadlandError, diagnose
+from planner import HeadlandError, diagnose, replay
 from planner.errors import RequestError
 from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_known_ground
 from tests.diagnosis.hiding import brief_programme
@@ -227,3 +227,12 @@ def test_drift_is_named_per_slope_of_the_heights(frames: list[pd.DataFrame], tmp
     assert found.named == (SLOPE_DRIFT,) and found.unexplained_share < 0.05
     assert drift.value is not None and drift.value[PER_SLOPE] == pytest.approx(HILLS.drift, rel=0.1)
     assert "as the heights have the slope" in found.headline
+
+
+def test_a_replay_takes_heights_as_a_diagnosis_does(frames: list[pd.DataFrame], tmp_path: Path) -> None:
+    raster = write_raster(tmp_path / "dem.asc", compute_height)
+    log = read(frames)[0]
+    bare, known = replay(log), replay(log, heights=raster)
+    assert known.replayed.errors[5.0].along_cm < 0.5 * bare.replayed.errors[5.0].along_cm, "speeds uphill are explained"
+    assert not any("dem.asc" in remark for remark in bare.remarks)
+    assert any(remark.startswith("The heights of dem.asc give the slope") for remark in known.remarks)

@@ -75,6 +75,20 @@ class TestEvidence:
         assert [one["along_after_cm"] for one in found["by_angle_deg"]] == evidence().by_angle.along_after_cm.tolist()
         assert found["by_place_m"][0] == {"west": 0.0, "south": 0.0, "side": 5.0, "before_cm": 8.0, "after_cm": 1.0}
 
+    def test_slopes_are_drawn_and_the_error_is_split_by_them(self) -> None:
+        edges = np.arange(0.0, 20.0, 5.0)
+        places = PlaceErrors(edges, 0.0 * edges, 5.0, np.array([1.0, 1.0, 3.0, 4.0]), np.ones(4))
+        level = replace(evidence(), by_place=places)
+        assert "Slope of the ground" not in render_diagnosis_page(diagnosis(evidence=level))
+        known = replace(level, by_place=replace(places, slopes=np.array([0.01, 0.02, 0.06, 0.10])))
+        page = render_diagnosis_page(diagnosis(evidence=known))
+        assert "Slope of the ground" in page and "a slope of 9.4 % or more" in page
+        assert page.count("slope 10.0 %") == 1 and 'fill-opacity="0.64"' in page
+        split = "steeper than 4.0 % the error is 3.5 cm before and 1.0 cm after, on the others 1.0 cm and 1.0 cm."
+        assert split in page
+        found = json.loads(format_diagnosis_json(diagnosis(evidence=known)))["residuals"]["by_place_m"]
+        assert [one["slope_pct"] for one in found] == pytest.approx([1.0, 2.0, 6.0, 10.0])
+
     def test_correlations_are_paired_and_named(self) -> None:
         names = (("understeer", "deg_per_mps2"), ("cross_slope_drift", "ratio"), ("cross_slope_drift", "bearing_deg"))
         matrix = np.array([[1.0, -0.95, 0.2], [-0.95, 1.0, 0.1], [0.2, 0.1, 1.0]])

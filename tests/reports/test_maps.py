@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.plan_results import PlanDrive, PlanRanking, Relief
 from reports.common.rendering import ReportError
 from reports.plan.map_data import PATH_TOLERANCE_M, format_maps_json
 
@@ -41,3 +41,11 @@ def test_nothing_feasible_has_no_maps(ranking: PlanRanking) -> None:
 def test_a_drive_that_cannot_be_drawn_is_refused(ranking: PlanRanking, drive: PlanDrive) -> None:
     with pytest.raises(ReportError, match="step_s"):
         format_maps_json(ranking, replace(drive, step_s=0.0))
+
+
+def test_contours_are_those_of_the_relief(listed_drive: PlanDrive, ranking: PlanRanking) -> None:
+    assert "relief" not in json.loads(format_maps_json(ranking, listed_drive))
+    bent = np.array([[0.0, 0.0], [5.0, 0.1], [10.0, 0.0], [10.0, 8.0]])  # 0.1 m beside its chord: straight on a map
+    relief = Relief(np.full((2, 2), 0.7), (0.0, 0.0, 10.0, 10.0), ((12.5, bent),), 0.5)
+    found = json.loads(format_maps_json(ranking, replace(listed_drive, relief=relief)))["relief"]
+    assert found == {"interval_m": 0.5, "contours_m": [[[0.0, 0.0], [10.0, 0.0], [10.0, 8.0]]]}

@@ -190,6 +190,8 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     assert client.get("/api/v1/elevations/hill/summary").json() | {"remarks": []} == {
         "of": "raster", "rows": 60, "columns": 60, "crs": None, "remarks": [],
     }  # fmt: skip
+    other = upload(client, "elevations", token, "hill.asc", grid.replace(b"100.00", b"101.00"))
+    assert other.status_code == 409 and "There is an elevation 'hill' with other content" in other.json()["error"]
     broken = upload(client, "elevations", token, "broken.asc", b"ncols many")
     assert (broken.status_code, broken.json()["parameter"]) == (422, "file")
     assert upload(client, "fields", token, "yard.geojson", SMALL, local="1").status_code == 201
@@ -198,6 +200,14 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     assert asked.status_code == 202, asked.json()
     job = client.app.state.store.list_jobs()[0]  # type: ignore[attr-defined]
     assert job.work["elevation"] == "elevation/hill.asc" and "elevation/hill.asc" in job.inputs
+    day = (
+        'start = "08:00"\n[[fields]]\nfile = "yard.geojson"\nlocal = true\nelevation = "%s"\n[[fleets]]\nname = "one"\n'
+    )
+    asked = client.post("/api/v1/days", json={"day": day % "hill.asc"}, headers=token)
+    assert asked.status_code == 202, asked.json()
+    assert "day/hill.asc" in client.app.state.store.list_jobs()[0].inputs  # type: ignore[attr-defined]
+    unknown = client.post("/api/v1/days", json={"day": day % "other.asc"}, headers=token)
+    assert (unknown.status_code, unknown.json()["parameter"]) == (422, "day")
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
-import numpy as np
-
-from fields.layout.swaths import Layout
+from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.pruning import (
     Incumbent,
@@ -79,7 +76,6 @@ LOST_WIDTHS, LOST_M = 1.0, 2.5  # working widths and metres: a tractor starting 
 MIN_GAIN_M = 0.02
 SPEED_TOLERANCE_MPS, MIN_SLOW_M = 0.1, 10.0  # of the least working speed, and of what is worked below it
 REVERSE_TOLERANCE_M = 0.5  # legs are rounded
-SAME_LINE_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -390,21 +386,7 @@ def compute_parallel_clearance_m(context: PlanningContext) -> float:
 
 def _compute_machine_gap_m(context: PlanningContext) -> float:
     """The gap between machines on neighbouring swaths (m); negative if they overlap."""
-    return _compute_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)
-
-
-def _compute_min_spacing_m(layout: Layout) -> float:
-    """The least distance of neighbouring swaths (m); below the width where swaths are evenly spaced."""
-    spacing = layout.width_m
-    for before, swath in pairwise(layout.swaths):
-        if before.via_m or swath.via_m:
-            continue  # curved swaths are the spacing of their lines apart
-        ends = np.array([swath.start_m, swath.end_m]) - before.start_m
-        along = (np.array(before.end_m) - before.start_m) / before.length_m
-        distance_m = np.abs(along[0] * ends[:, 1] - along[1] * ends[:, 0])
-        if swath.line == before.line + 1 and np.ptp(distance_m) < SAME_LINE_M and distance_m[0] > 0.5 * layout.width_m:
-            spacing = min(spacing, float(distance_m[0]))
-    return spacing
+    return measure_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)
 
 
 def _simulate_without_conflicts(

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from fields.geometry.field import Field
 from fields.terrain.checks import describe_place
+from fields.terrain.slopes import compute_directional_slopes
 from planner.evaluation.context import PlanningContext
 from reports.common.plan_results import STUCK, PlanFault, SlopePlace
 from vehicle.missions.run import RollOverMargin, SimulationRun, Stall
@@ -29,13 +30,10 @@ def compute_driven_slopes(run: SimulationRun, tractor: int, terrain: Terrain) ->
     """Slopes (m/m, each (t,)) under a tractor: along its travel, positive uphill, and across, positive where the ground
     falls to the right of its nose; 0 after its end."""
     poses = run.get_poses(tractor)
-    gradients = terrain.compute_gradients(poses[:, :2])
-    cosine, sine = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    ahead, across = compute_directional_slopes(terrain.compute_gradients(poses[:, :2]), poses[:, 2])
     is_driving = run.get_statuses(tractor) != FINISHED
     direction = np.where(run.record[:, tractor, REC_SPEED] < 0.0, -1.0, 1.0)
-    ahead = (gradients[:, 0] * cosine + gradients[:, 1] * sine) * direction
-    across = gradients[:, 1] * cosine - gradients[:, 0] * sine
-    return np.where(is_driving, ahead, 0.0), np.where(is_driving, across, 0.0)
+    return np.where(is_driving, ahead * direction, 0.0), np.where(is_driving, across, 0.0)
 
 
 def list_slope_figures(context: PlanningContext, run: SimulationRun) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from planner.service.gateway.responses import FileInfo, FileList, document_error
 from planner.service.jobs.file_reading import FileReader, build_client_queue_key
 from planner.service.jobs.input_files import InputCollector, InputFiles
 from planner.service.settings import MEGABYTE_BYTES
-from planner.service.store.file_table import MEDIA_BY_SUFFIX, SUFFIXES_BY_KIND, check_suffix
+from planner.service.store.file_table import MEDIA_BY_SUFFIX, SUFFIXES_BY_KIND, check_suffix, choose_article
 from planner.service.store.service_store import Store
 from planner.service.store.store_part import is_found
 
@@ -182,7 +182,8 @@ def _check_taken_name(store: Store, caller: Caller, upload: Upload) -> None:
         return
     if not is_same and not upload.replaces:
         raise ConflictError(
-            f"There is a {row.kind} {row.name!r} with other content; replace it or choose another name.",
+            f"There is {choose_article(row.kind)} {row.kind} {row.name!r} with other content; replace it or choose "
+            "another name.",
             parameter="name",
         )
     find_changeable_file(store, caller, row.kind, row.name)

@@ -205,10 +205,12 @@ def _list_farm_tractors(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _list_day_files(values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Fields, the farm and the table of rain that a day names."""
+    """Fields, their heights, the farm and the table of rain that a day names."""
     for name in _list_texts(values.get("fields"), "file"):
         if name.partition("#")[0] not in list_sample_names():
             yield "field", name.partition("#")[0]
+    for name in _list_texts(values.get("fields"), "elevation"):
+        yield "elevation", name
     farm = values.get("farm")
     if isinstance(farm, str) and farm != EXAMPLE_FARM:
         yield "farm", farm

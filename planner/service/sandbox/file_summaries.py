@@ -170,9 +170,9 @@ def summarize_elevation(file_path: str) -> dict[str, Any]:
     Whether they fit a field is said where they are used.
     """
     from fields.terrain.point_files import read_height_points
-    from fields.terrain.rasters import RASTER_SUFFIXES, open_raster
+    from fields.terrain.rasters import is_raster_file, open_raster
 
-    if Path(file_path).suffix.lower() in RASTER_SUFFIXES:
+    if is_raster_file(file_path):
         raster = open_raster(file_path)
         rows, columns = raster.shape
         return {"of": "raster", "rows": rows, "columns": columns, "crs": raster.crs, "remarks": list(raster.remarks)}

@@ -18,7 +18,7 @@ SUFFIXES_BY_KIND = {
     "log": (".csv",),
     "table": (".csv",),
     "elevation": (
-        ".tif", ".tiff", ".asc", ".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip",
+        ".tif", ".tiff", ".asc", ".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", ".zip", ".gpkg",
     ),
 }  # fmt: skip
 MEDIA_BY_SUFFIX = {
@@ -40,11 +40,16 @@ MEDIA_BY_SUFFIX = {
 }
 
 
+def choose_article(kind: str) -> str:
+    """The article of a kind of file: a field, an elevation."""
+    return "an" if kind[:1] in "aeiou" else "a"
+
+
 def check_suffix(kind: str, suffix: str) -> str:
     """The suffix of a file in lower case; raises ServiceError where its kind does not have it."""
     if suffix not in SUFFIXES_BY_KIND[kind]:
         raise ServiceError(
-            f"A {kind} does not end in {suffix[:20]!r}; give a file that ends in "
+            f"{choose_article(kind).capitalize()} {kind} does not end in {suffix[:20]!r}; give a file that ends in "
             f"{' or '.join(SUFFIXES_BY_KIND[kind])}.",
             parameter="file",
         )
@@ -87,7 +92,8 @@ class FileStore(StorePart):
             existing = self.get_file(kind, name)
             if existing.sha256 != row.sha256:
                 raise ConflictError(
-                    f"There is a {kind} {name!r} with other content; replace it or choose another name.",
+                    f"There is {choose_article(kind)} {kind} {name!r} with other content; replace it or choose "
+                    "another name.",
                     parameter="name",
                 ) from None
             if existing.options != row.options:
@@ -135,7 +141,7 @@ class FileStore(StorePart):
             return self._update_file(existing, {"name": new_name})
         except sa.exc.IntegrityError:
             raise ConflictError(
-                f"There is a {kind} {new_name!r} already; choose another name.", parameter="name"
+                f"There is {choose_article(kind)} {kind} {new_name!r} already; choose another name.", parameter="name"
             ) from None
 
     def _update_file(self, row: FileRow, values: Mapping[str, Any]) -> FileRow:

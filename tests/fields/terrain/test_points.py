@@ -260,7 +260,7 @@ REFUSED: list[tuple[Callable[[Path], Path], str, str]] = [
     (write_text("{", "bad.geojson"), "is not JSON", "elevation"),
     (write_text("[]", "bad.json"), "is JSON, but not GeoJSON", "elevation"),
     (write_text("<kml>", "bad.kml"), "bad.kml", "elevation"),
-    (lambda folder: folder, "lacks|has 0 Shapefiles", "elevation"),
+    (lambda folder: folder, "holds no Shapefile and no Elevation.txt", "elevation"),
     (write_csv_with_decimal_commas, "does not name its coordinate system", "elevation_crs"),
 ]
 
@@ -303,3 +303,39 @@ def test_local_fields_take_points_in_their_metres(tmp_path: Path) -> None:
     path.write_text("x_m,y_m,z_m\n" + "\n".join(rows), encoding="utf-8")
     grid = read_elevation(path, Field("Yard", FIELD.boundary))
     assert np.abs(measure_errors(grid, PLANE)).max() < 2e-3 and grid.remarks == ()
+
+
+def write_geopackage(path: Path, heights: Array | None, layers: tuple[str, ...] = ("points",)) -> Path:
+    """Layers of points in degrees, in a GeoPackage."""
+    from pyogrio.raw import write
+
+    places = DEGREES if heights is None else np.column_stack([DEGREES, heights])
+    for number, layer in enumerate(layers):
+        shapes = shapely.to_wkb(shapely.points(places), output_dimension=places.shape[1])
+        kind, crs = ("Point" if heights is None else "Point Z"), ("EPSG:4326", "EPSG:4258")[number]
+        numbers = [np.arange(len(places))]
+        write(path, shapes, numbers, ["id"], geometry_type=kind, crs=crs, driver="GPKG", layer=layer, append=number > 0)
+    return path
+
+
+def test_a_geopackage_holds_points(tmp_path: Path) -> None:
+    points = read_height_points(str(write_geopackage(tmp_path / "points.gpkg", HEIGHTS_M)))
+    assert points.crs == "EPSG:4326" and points.heights_m == pytest.approx(HEIGHTS_M)
+    with pytest.raises(HeadlandError, match="are without a height or at 0"):
+        read_elevation(write_geopackage(tmp_path / "flat.gpkg", None), FIELD)
+    with pytest.raises(HeadlandError, match="are in 2 coordinate systems; keep the one with heights"):
+        read_elevation(write_geopackage(tmp_path / "two.gpkg", HEIGHTS_M, ("one", "two")), FIELD)
+
+
+def test_a_collection_of_geometries_holds_points(tmp_path: Path) -> None:
+    shapes = [
+        {"type": "Point", "coordinates": [lon, lat, height]}
+        for (lon, lat), height in zip(DEGREES.tolist(), HEIGHTS_M.tolist(), strict=True)
+    ]
+    path = tmp_path / "collection.geojson"
+    path.write_text(json.dumps({"type": "GeometryCollection", "geometries": shapes}), encoding="utf-8")
+    assert read_height_points(str(path)).heights_m == pytest.approx(HEIGHTS_M)
+    flat = json.dumps({"type": "MultiPoint", "coordinates": [[*place, 0] for place in DEGREES.tolist()]})
+    path.write_text(flat, encoding="utf-8")
+    with pytest.raises(HeadlandError, match="are without a height or at 0"):
+        read_height_points(str(path))

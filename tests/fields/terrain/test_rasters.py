@@ -1,6 +1,8 @@
 """Rasters of heights, written from closed forms and read as a grid in the plane of a field."""
 
 import builtins
+import tracemalloc
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from fields.geometry.field import Field
 from fields.terrain.elevation import read_elevation
 from fields.terrain.elevation_grid import ElevationGrid
 from fields.terrain.rasters import Raster, open_raster
-from fields.terrain.slopes import summarise_slopes
+from fields.terrain.slopes import compute_gradients, summarise_slopes
 from tests.fields.terrain.heights import (
     CRS,
     FIELD,
@@ -127,7 +129,8 @@ def test_an_ascii_grid_takes_its_system_from_the_prj_beside_it(tmp_path: Path, s
         ("cellsize 5.0", "cellsize 1e-200", "cells need a place and a size"),
         ("cellsize 5.0", "cellsize nan", "does not begin like an ASCII grid"),
         ("NODATA_value -9999\n", "NODATA_value -9999\n1.5 ", "has 3585 heights, but 56 rows and 64 columns"),
-        ("NODATA_value -9999\n", "NODATA_value -9999\n1,5 ", "has heights that are not numbers"),
+        ("NODATA_value -9999\n", "NODATA_value -9999\n1;5 ", "has heights that are not numbers"),
+        ("NODATA_value -9999\n", "NODATA_value -9999\n1,5 ", "has 3586 heights, but 56 rows and 64 columns"),
     ],
 )
 def test_an_ascii_grid_without_places_or_numbers_is_refused(tmp_path: Path, old: str, new: str, words: str) -> None:
@@ -338,3 +341,104 @@ def test_without_rasterio_the_extra_is_named_and_ascii_grids_are_read(
     with pytest.raises(HeadlandError, match=r"needs rasterio .* pip install 'headland\[geotiff\]'.*\.asc"):
         read_elevation(path, FIELD)
     assert read_elevation(write_ascii_grid(tmp_path / "dtm.asc", bowl), FIELD, CRS).heights_m.size > 0
+
+
+def write_package(path: Path, dtype: str = "float32", bands: int = 1, tables: tuple[str, ...] = ("dtm",)) -> Path:
+    """A GeoPackage with rasters of a plane of 10 % in cells of 5 m."""
+    import rasterio
+
+    place = rasterio.Affine(5.0, 0.0, ORIGIN_M[0] - 200.0, 0.0, -5.0, ORIGIN_M[1] + 200.0)
+    centres = 5.0 * (np.arange(80) + 0.5) - 200.0
+    cells = build_plane(0.06, 0.08)(*np.meshgrid(centres, -centres))
+    for table in tables:
+        options: dict[str, Any] = {"RASTER_TABLE": table, "APPEND_SUBDATASET": "NO" if table == tables[0] else "YES"}
+        with rasterio.open(
+            path, "w", driver="GPKG", height=80, width=80, count=bands, dtype=dtype, crs=CRS, transform=place, **options
+        ) as dataset:
+            dataset.write(np.broadcast_to(cells, (bands, 80, 80)).astype(dtype))
+    return path
+
+
+def test_a_geopackage_holds_a_raster(tmp_path: Path) -> None:
+    grid = read_elevation(write_package(tmp_path / "dtm.gpkg"), FIELD)
+    assert measure_error_m(grid, build_plane(0.06, 0.08)) < 1e-4 and grid.remarks == ()
+
+
+def test_packages_without_one_raster_of_heights_are_refused(tmp_path: Path) -> None:
+    write_package(tmp_path / "two.gpkg", tables=("dtm", "dsm"))
+    write_package(tmp_path / "photo.gpkg", "uint8", 3)
+    whole = write_package(tmp_path / "whole.gpkg").read_bytes()
+    (tmp_path / "cut.gpkg").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "text.gpkg").write_text("no package", encoding="ascii")
+    for name, part in (
+        ("two.gpkg", r"has 2 rasters \(dtm, dsm\); keep the one with heights"), ("photo.gpkg", "is a picture of"),
+        ("cut.gpkg", "cannot be read as a GeoPackage"), ("text.gpkg", "is not a GeoPackage"),
+        ("none.gpkg", "There is no file"),
+    ):  # fmt: skip
+        with pytest.raises(HeadlandError, match=part) as refused:
+            read_elevation(tmp_path / name, FIELD)
+        assert refused.value.parameter == "elevation"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (".", ","),  # decimal commas, in the header as well
+        (" ", ", "),  # commas between heights
+        ("cellsize 5.0", "dx 5.0\ndy 5.0"),  # of GDAL
+        ("NODATA_value -9999\n", ""),
+    ],
+)
+def test_ways_to_write_an_ascii_grid(tmp_path: Path, old: str, new: str) -> None:
+    path = write_ascii_grid(tmp_path / "dtm.asc", bowl)
+    head, _, rows = path.read_text(encoding="ascii").partition("-9999\n")
+    head += "-9999\n"
+    text = head + rows.replace(old, new) if new == ", " else (head + rows).replace(old, new)
+    assert text != head + rows
+    path.write_text(text, encoding="ascii")
+    assert measure_error_m(read_elevation(path, FIELD, CRS), bowl) < 1e-5
+
+
+def test_a_raster_without_georeference_or_with_huge_cells_is_refused(tmp_path: Path) -> None:
+    import rasterio
+
+    cells = np.full((2, 2), 50.0, dtype=np.float32)
+    options: dict[str, Any] = {"driver": "GTiff", "height": 2, "width": 2, "count": 1, "dtype": "float32", "crs": CRS}
+    place = rasterio.Affine(400.0, 0.0, ORIGIN_M[0] - 400.0, 0.0, -400.0, ORIGIN_M[1] + 400.0)
+    for name, transform, part in (
+        ("nowhere.tif", None, "does not say where its cells are"),
+        ("coarse.tif", place, "has cells of 400 m; the slopes of a field need cells of 100 m or less"),
+    ):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
+            with rasterio.open(tmp_path / name, "w", transform=transform, **options) as dataset:
+                dataset.write(cells, 1)
+        with pytest.raises(HeadlandError, match=part):
+            read_elevation(tmp_path / name, FIELD)
+
+
+def test_coarse_cells_whole_metres_and_steep_fields_are_told(tmp_path: Path) -> None:
+    plane = build_plane(0.06, 0.08)
+    coarse = read_elevation(write_geotiff(tmp_path / "coarse.tif", plane, cell=25.0, margin_m=120.0), FIELD)
+    assert "has cells of 25 m; slopes shorter than that are not in it" in find_remark(coarse)
+    whole = read_elevation(write_geotiff(tmp_path / "whole.tif", plane, dtype="int16"), FIELD)
+    assert "are rounded to 1 m, so slopes are good to 4.1 % only" in find_remark(whole)
+    errors = np.hypot(*np.moveaxis(compute_gradients(whole)[2:-2, 2:-2] - (0.06, 0.08), -1, 0))
+    assert 0.02 < float(np.sqrt((errors**2).mean())) < 0.06, "as large as is said: 4.1 % each way"
+    level = read_elevation(write_geotiff(tmp_path / "level.tif", build_plane(0.0, 0.0), dtype="int16"), FIELD)
+    assert level.remarks == ()
+    steep = read_elevation(write_geotiff(tmp_path / "steep.tif", build_plane(0.3, 0.0)), FIELD)
+    assert "Half of field 'Hill' is steeper than 30 %" in find_remark(steep)
+
+
+def test_many_spikes_take_little_memory(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).normal(0.0, 10.0, (720, 840))
+    path = write_geotiff(tmp_path / "noise.tif", bowl, cell=1.0 / 3.0, edit=lambda heights: heights.__iadd__(noise))
+    tracemalloc.start()
+    try:
+        with pytest.raises(HeadlandError, match=r"heights of .* are spikes"):
+            read_elevation(path, FIELD)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 160 * noise.size, "bytes; 25 neighbours of every cell at once would take 200 a copy"

@@ -59,17 +59,17 @@ def test_a_bowl_has_the_slopes_of_its_paraboloid_and_no_aspect() -> None:
 
 def test_along_is_uphill_and_across_falls_to_the_right() -> None:
     gradients = np.array([[0.1, 0.0], [0.0, 0.1]])  # rising to the east; rising to the north
-    along, across = compute_directional_slopes(gradients, 0.0)
+    along, across = compute_directional_slopes(gradients, 0.5 * math.pi)  # northward
     assert along == pytest.approx([0.0, 0.1]) and across == pytest.approx([-0.1, 0.0])
-    along, across = compute_directional_slopes(gradients, np.array([90.0, 90.0]))
+    along, across = compute_directional_slopes(gradients, np.array([0.0, 0.0]))  # eastward
     assert along == pytest.approx([0.1, 0.0]) and across == pytest.approx([0.0, 0.1])
 
 
-@given(east=st.floats(-0.5, 0.5), north=st.floats(-0.5, 0.5), bearing=st.floats(0.0, 360.0))
-def test_slopes_along_and_across_are_the_slope(east: float, north: float, bearing: float) -> None:
-    along, across = compute_directional_slopes(np.array([east, north]), bearing)
+@given(east=st.floats(-0.5, 0.5), north=st.floats(-0.5, 0.5), heading=st.floats(-math.pi, math.pi))
+def test_slopes_along_and_across_are_the_slope(east: float, north: float, heading: float) -> None:
+    along, across = compute_directional_slopes(np.array([east, north]), heading)
     assert math.hypot(along, across) == pytest.approx(math.hypot(east, north), abs=1e-12)
-    back_along, back_across = compute_directional_slopes(np.array([east, north]), bearing + 180.0)
+    back_along, back_across = compute_directional_slopes(np.array([east, north]), heading + math.pi)
     assert (back_along, back_across) == pytest.approx((-along, -across), abs=1e-12)
 
 

@@ -258,13 +258,17 @@ class PieceErrors:
 
 @dataclass(frozen=True, eq=False)
 class PlaceErrors:
-    """Root mean square distance (cm) in squares of a map: west and south edges (m), side (m), before and after."""
+    """Root mean square distance (cm) in squares of a map: west and south edges (m), side (m), before and after.
+
+    `slopes` is the mean steepness (m/m) of the ground under the rows in each square; None where heights are unknown.
+    """
 
     west_m: Array
     south_m: Array
     side_m: float
     before_cm: Array
     after_cm: Array
+    slopes: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -58,6 +58,17 @@ export function line(ctx, view, points, stroke, width = 1.5, dash = []) {
   ctx.setLineDash([]);
 }
 
+/** Lines of equal height inside rings. */
+export function contours(ctx, view, rings, lines) {
+  ctx.save();
+  ctx.beginPath();
+  rings.forEach((ring) => trace(ctx, view, ring, true));
+  ctx.clip("evenodd");
+  ctx.globalAlpha = 0.7;
+  for (const one of lines) line(ctx, view, one, colours.soft, 1);
+  ctx.restore();
+}
+
 /** Lines at 45 degrees over rings: unworked ground, and places where nobody may drive. */
 export function hatch(ctx, view, rings, stroke) {
   ctx.save();

@@ -1,5 +1,7 @@
 // What the lines, areas and signs of a map mean, each drawn as the map draws it.
 import { el } from "./dom.js";
+import { t } from "./language.js";
+import { number } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg", WIDE = 30, HIGH = 14;
 
@@ -52,6 +54,7 @@ export const planEntries = (plan) => [
   [{ line: "t0", width: 1, opacity: 0.8 }, "thin: turning and driving"],
   plan.lanes.some((lane) => lane.status.includes(4)) && [{ line: "t0", width: 1.4, dash: "2 3" }, "dotted: reversing"],
   plan.missed_m.length > 0 && [{ hatch: "off" }, "left unworked"],
+  plan.relief && [{ line: "soft", width: 1, opacity: 0.7 }, t`contours every ${number(plan.relief.interval_m, plan.relief.interval_m < 1 ? 1 : 0, "m")}`],
   plan.obstacles_m.length > 0 && [{ area: "obstacle" }, "obstacle"],
   plan.fences_m.length > 0 && GROUND.fence,
   plan.entrance_m && GROUND.entrance,

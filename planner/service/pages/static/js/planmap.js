@@ -3,7 +3,7 @@ import { el, put, say, who } from "./dom.js";
 import { MapView } from "./map.js";
 import { Player, poseAt, before } from "./player.js";
 import { colours } from "./palette.js";
-import { polygon, line, hatch, tractor, trackNames, soil, edge, marker } from "./layers.js";
+import { polygon, line, hatch, contours, tractor, trackNames, soil, edge, marker } from "./layers.js";
 import { mapLegend, planEntries } from "./legend.js";
 
 const DOING = ["done", "working", "turning", "waiting", "reversing", "refilling"];
@@ -44,6 +44,7 @@ export class PlanMap {
   draw(ctx, view) {
     const plan = this.plan, now = this.player.now, thick = Math.max(1, plan.width_m * view.scale);
     soil(ctx, view, [plan.boundary_m, ...plan.holes_m]);
+    if (plan.relief) contours(ctx, view, [plan.boundary_m, ...plan.holes_m], plan.relief.contours_m);
     ctx.save();
     ctx.globalAlpha = 0.4;
     this.parts.forEach((parts, n) => parts.filter((part) => part.status === 1 && part.from < now).forEach((part) => {

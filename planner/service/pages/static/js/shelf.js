@@ -6,7 +6,7 @@ import { t, translate } from "./language.js";
 
 export const ACCEPTED = {
   fields: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.fgb,.gpx,.xml", tractors: ".toml", farms: ".toml", logs: ".csv", tables: ".csv",
-  elevations: ".tif,.tiff,.asc,.csv,.txt,.geojson,.json,.kml,.kmz,.gpx,.zip",
+  elevations: ".tif,.tiff,.asc,.csv,.txt,.geojson,.json,.kml,.kmz,.gpx,.zip,.gpkg",
 };
 
 /** Files have names, jobs have identities. */

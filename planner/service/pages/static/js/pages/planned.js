@@ -40,7 +40,10 @@ async function shown(job, node, closing) {
   const map = new PlanMap(), figures = el("div"), send = el("div");
   closing.push(() => map.close());
   let chosen = best;
-  const mapOf = (plan) => maps.plans.find((one) => one.strategy === plan.strategy && one.tractors === plan.tractors);
+  const mapOf = (plan) => {
+    const found = maps.plans.find((one) => one.strategy === plan.strategy && one.tractors === plan.tractors);
+    return found && { ...found, relief: maps.relief };
+  };
   const choose = (plan, scroll = true) => {
     chosen = plan;
     const found = mapOf(plan);
