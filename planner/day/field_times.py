@@ -32,7 +32,7 @@ from planner.pipeline.height_files import hash_height_files
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
-from planner.risk.leg_graph import LegFuel, LegGraph, WaitLink, build_leg_graph, measure_leg_fuel
+from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
@@ -233,7 +233,7 @@ def compute_field_time(task: FieldTimeTask) -> FieldTime:
         if best is not None and run is not None:
             context, physics = result.context, result.context.physics
             ordered_run = enforce_planned_order(run, context.tractor, context.implement)
-            fuel = measure_leg_fuel(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
+            fuel = measure_leg_consumption(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
             graph = build_leg_graph(ordered_run, fuel)
             return FieldTime(
                 best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph, best.refills
@@ -258,7 +258,7 @@ def pack_field_time(field_time: FieldTime) -> dict[str, Any]:
         "leaving": leaving,
         "fuel": None
         if graph.fuel is None
-        else {"driving_l": graph.fuel.driving_l.tolist(), "idle_l_per_s": graph.fuel.idle_l_per_s},
+        else {"driving": graph.fuel.driving.tolist(), "idle_per_s": graph.fuel.idle_per_s},
     }
     return {**content, "graph": {**header, **arrays, "links": links}}
 
@@ -284,7 +284,7 @@ def _unpack_field_time(content: dict[str, Any] | None) -> FieldTime | None:
             worked_m=_parse_floats(graph_values["worked_m"]),
             stand_s=_parse_floats(graph_values["stand_s"]),
             leaving=None if graph_values["leaving"] is None else np.array(graph_values["leaving"], dtype=np.bool_),
-            fuel=None if fuel is None else LegFuel(_parse_floats(fuel["driving_l"]), float(fuel["idle_l_per_s"])),
+            fuel=None if fuel is None else LegConsumption(_parse_floats(fuel["driving"]), float(fuel["idle_per_s"])),
         )
         return FieldTime(**{name: value for name, value in content.items() if name != "graph"}, graph=graph)
     except (KeyError, TypeError, ValueError):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from statistics import NormalDist
 
@@ -160,7 +160,8 @@ def _estimate_start_delay_s(day: DayFile, farm: FarmFile) -> float:
 def build_fleet_prices(day: DayFile, farm: FarmFile, fleet: int) -> CostTerms:
     """Prices of a fleet's field work; roads and transport by lorry are counted separately."""
     on_field = farm.prices.model_copy(update={"transport_per_tractor": 0.0})
-    return CostTerms(on_field, *get_fleet_machines(day.fleets[fleet], farm))
+    tractor, implement = get_fleet_machines(day.fleets[fleet], farm)
+    return CostTerms(on_field, tractor, implement, motor_efficiency=tractor.find_motor_efficiency())
 
 
 def get_loss_per_ha(field: DayField, farm: FarmFile) -> float:
@@ -259,13 +260,15 @@ def _compute_travel_costs(day: DayFile, farm: FarmFile, fleet: int, road_km: Arr
     """Travel costs of a fleet between places; transport of a tractor is paid on the way to a field."""
     count, yard, places = day.fleets[fleet].count, len(road_km) - 1, range(len(road_km))
     machines, prices = get_fleet_machines(day.fleets[fleet], farm), farm.prices
+    terms = CostTerms(prices, *machines, motor_efficiency=machines[0].find_motor_efficiency())
 
     def price_trip(a: int, b: int) -> float:
         drive_s, handling_s = (
             _estimate_drive_s(road_km[a, b], farm),
             _estimate_handling_s(a, b, yard, farm, machines[1]),
         )
-        cost = compute_travel_cost(CostTerms(prices, *machines, float(road_km[a, b]), drive_s, handling_s))
+        trip = replace(terms, road_km=float(road_km[a, b]), road_s=drive_s, handling_s=handling_s)
+        cost = compute_travel_cost(trip)
         return cost - (prices.transport_per_tractor if b == yard else 0.0)
 
     return tuple(tuple(0.0 if a == b else count * price_trip(a, b) for b in places) for a in places)

@@ -26,9 +26,10 @@ from fields.layout.swaths import (
     compute_unworked_free_space,
 )
 from planner.errors import RequestError, attach_parameter
+from planner.evaluation.battery_supply import build_battery_supply
 from planner.evaluation.context_inputs import (
-    add_travel,
     choose_radius_m,
+    complete_cost_terms,
     fill_in_default_names,
     load_gnss_errors,
     read_requested_field,
@@ -322,10 +323,10 @@ def prepare_context(
     with attach_parameter("tractor"):
         tractor = resolve_tractor(request.tractor if tractor is None else tractor)
     with attach_parameter("refill"):
-        supply = locate_service_point(request, field, supply)
+        supply = locate_service_point(request, field, supply, is_electric=tractor.battery is not None)
     with attach_parameter("farm"):
         workday = None if times is None else build_workday(field, request.start_s, times, yard or Yard())
-    cost_terms = add_travel(cost_terms, workday)
+    cost_terms = complete_cost_terms(cost_terms, workday, tractor)
     with attach_parameter("rain"):
         criteria = build_decision_criteria(request, uncertainty, cost_terms, workday)
     farm_tractor = None if cost_terms is None else cost_terms.tractor
@@ -361,7 +362,9 @@ def prepare_context(
             refusal = refusal or error
             continue
         check_capacity(supply, context.layout)
-        return context
+        lines = context.layout, sum(headland_pass.length_m for headland_pass in context.headland_passes)
+        battery = None if supply else build_battery_supply(request, *lines, context.driving_rules, tractor, physics)
+        return context if battery is None else replace(context, supply=battery)
     assert refusal is not None  # laid out, or refused
     raise refusal
 

@@ -97,9 +97,13 @@ def choose_radius_m(request: PlanRequest, tractor: Tractor, field: Field) -> flo
     return request.radius_m
 
 
-def add_travel(cost_terms: CostTerms | None, workday: Workday | None) -> CostTerms | None:
-    """The prices of a farm with the travel and handling of its workday."""
-    if cost_terms is None or workday is None:
+def complete_cost_terms(cost_terms: CostTerms | None, workday: Workday | None, tractor: Tractor) -> CostTerms | None:
+    """The prices of a farm with the drive of the tractor, and the travel and handling of its workday."""
+    if cost_terms is None:
+        return None
+    if tractor.battery is not None:
+        cost_terms = replace(cost_terms, motor_efficiency=tractor.battery.efficiency)
+    if workday is None:
         return cost_terms
     return replace(
         cost_terms,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, split_soil_name
+from planner.risk.costs import get_grid_factor
 from vehicle.energy.draft import find_draft_rule
 from vehicle.energy.trafficability import compute_trafficability, describe_trafficability
 from vehicle.model.soil import Soil
@@ -18,6 +19,11 @@ def describe_ground(context: PlanningContext) -> tuple[str, ...]:
         sentences += _describe_trafficability(context, physics.soil)
     if physics.fuel_load is not None:
         sentences.append(_describe_fuel(context, physics.fuel_load))
+    elif context.tractor.battery is not None:
+        sentences.append(
+            f"What {context.request.operation} takes from the shaft is not known: charging is not planned, and whether "
+            "the batteries last is not checked."
+        )
     return tuple(sentences)
 
 
@@ -64,6 +70,14 @@ def _describe_fuel(context: PlanningContext, load: WorkLoad) -> str:
         if rule is None
         else f"the draft of the {rule.implement}, {draft_kn:.1f} kN give or take {rule.range_pct:.0f} %, "
     )
+    battery = context.tractor.battery
+    if battery is not None:
+        factor = get_grid_factor(context.cost_terms)
+        return (
+            f"Energy is that from batteries, {100.0 * battery.efficiency:.0f} % of it at the shaft of a motor of "
+            f"{load.engine_power_w / 1000.0:.0f} kW, for {draft}rolling, starts and slopes; CO2 is {factor:g} kg per "
+            "kWh from the grid."
+        )
     return (
         f"Fuel is that of an engine of {load.engine_power_w / 1000.0:.0f} kW (ASABE D497.7) for {draft}rolling, starts "
         "and slopes."

@@ -17,7 +17,7 @@ from fields.terrain.slopes import cut_into_steps
 from planner.evaluation.field_physics import FieldPhysics
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
 from strategies.program.field_job import FieldJob
-from vehicle.energy.fuel import build_diesel_engine
+from vehicle.energy.fuel import build_power_source
 from vehicle.energy.run_energy import compute_consumption, compute_motion_work
 from vehicle.model.ground import GROUNDS, find_ground_index
 from vehicle.model.terrain import Terrain
@@ -82,8 +82,8 @@ class SlopeCosts:
             np.full(len(metres), self.rolling_share),
             np.full(len(metres), is_working),
         )
-        engine = build_diesel_engine(self.tractor, self.load.engine_power_w)
-        return float(compute_consumption(work, np.zeros(len(metres)), metres / speeds, self.load, engine).sum())
+        source = build_power_source(self.tractor, self.load.engine_power_w)
+        return float(compute_consumption(work, np.zeros(len(metres)), metres / speeds, self.load, source).sum())
 
     def _measure_swaths(self, layout: Layout) -> tuple[Floats, Floats]:
         """Lengths (n,) of steps along all swaths, and slopes (n,) along them."""

@@ -51,6 +51,11 @@ class FarmTractor(FileSection):
             return build_tractor(self.name, self.sheet)
         return load_tractor(self.file or DEFAULT_TRACTOR)
 
+    def find_motor_efficiency(self) -> float | None:
+        """Share of the battery's energy that leaves the motor; None for a diesel tractor. Raises VehicleError."""
+        battery = self.build_tractor().battery
+        return None if battery is None else battery.efficiency
+
 
 class FarmImplement(FileSection):
     """One implement: dimensions, load, speeds, prices and operation.

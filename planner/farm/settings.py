@@ -157,6 +157,16 @@ class FarmPrices(FileSection):
     fuel_l_per_kwh: float = define_number(
         0.3, 0.0, 10.0, "l per kWh of the power in use", "diesel engines: 250 g per kWh"
     )
+    electricity_per_kwh: float = define_number(
+        0.2, 0.0, 1e6, "per kWh at the charger", "assumed: a farm's contract in the EU"
+    )
+    grid_co2_kg_per_kwh: float = define_number(
+        0.21,
+        0.0,
+        10.0,
+        "kg of CO2 per kWh at the charger",
+        "EU grid of 2023: 58 % below the 0.51 of 1990 (EEA, intensity of electricity generation)",
+    )
     work_load: float = define_number(
         0.74, 0.0, 1.0, "share of the power at work", f"{_EQUATIONS}: 0.73 x 0.06 gallons per hour and horsepower"
     )

@@ -7,7 +7,7 @@ from collections.abc import Collection, Container
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.errors import RequestError, mark_parameter
+from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.farm.inventory import FarmFile
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices, FarmTimes, Yard
@@ -148,7 +148,9 @@ def compute_price_per_hour(farm: FarmFile, farm_tractor: FarmTractor | None, far
     supervision = prices.supervision_share * prices.supervision_per_hour
     if prices.per_hour is not None:
         return prices.per_hour + supervision
-    hourly = compute_hourly_rates(prices, farm_tractor, farm_implement)
+    with attach_parameter("tractor"):
+        efficiency = None if farm_tractor is None else farm_tractor.find_motor_efficiency()
+    hourly = compute_hourly_rates(prices, farm_tractor, farm_implement, efficiency)
     return hourly.rates_without_fuel + hourly.fuel_at_work + supervision
 
 

@@ -190,8 +190,8 @@ def _get_texture(context: PlanningContext) -> Texture:
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
     """The currency and a sentence on what the cost covers."""
     request = context.request
-    prices = (context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)).prices
-    return {"currency": prices.currency, "money_sentences": (f"Cost is {describe_prices(prices)}.",)}
+    terms = context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
+    return {"currency": terms.prices.currency, "money_sentences": (f"Cost is {describe_prices(terms)}.",)}
 
 
 def add_clock_times(ranking: PlanRanking, context: PlanningContext) -> PlanRanking:
@@ -364,10 +364,9 @@ def _describe_payment(context: PlanningContext) -> str:
     if context.cost_terms is None:
         hire_text = f" and {request.price_per_tractor:g} per tractor." if request.price_per_tractor else "."
         return f"Every tractor is paid until the last one is done: {request.price_per_hour:g} per hour{hire_text}"
-    prices = context.cost_terms.prices
-    is_itemised = prices.per_hour is None
+    is_itemised = context.cost_terms.prices.per_hour is None
     period = "until it is done, people until the last one is" if is_itemised else "until the last one is done"
-    return f"The cost is {describe_prices(prices)}; every tractor is paid {period}."
+    return f"The cost is {describe_prices(context.cost_terms)}; every tractor is paid {period}."
 
 
 def list_assumptions(context: PlanningContext) -> tuple[str, ...]:

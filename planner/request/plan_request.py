@@ -309,7 +309,9 @@ class PlanRequest:
     refill: Annotated[
         str | None,
         OptionHelp(
-            "Where a tank is filled or emptied: headland, tender or a place LON,LAT (X,Y with {local}).", MACHINES
+            "Where a tank is filled or emptied, or a battery charged: headland, tender or a place LON,LAT (X,Y with "
+            "{local}).",
+            MACHINES,
         ),
     ] = None
     entrance: Annotated[

@@ -13,24 +13,28 @@ from fields.geometry.geodesy import project
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.request.plan_request import PlanRequest
+from strategies.program.battery_supply import BatterySupply
 from strategies.program.supply import HEADLAND, PLACE, SERVICE_VEHICLE, Point, Supply
 from vehicle.missions.plan import Plan
 
 MAX_DISTANCE_M = 50.0  # a hose or a loader reaches into the field from a place no farther off
 
 
-def locate_service_point(request: PlanRequest, field: Field, supply: Supply | None) -> Supply | None:
+def locate_service_point(
+    request: PlanRequest, field: Field, supply: Supply | None, *, is_electric: bool = False
+) -> Supply | None:
     """The supply of every tractor with its service point; None where nothing is carried.
 
-    Raises RequestError for a place that cannot be read or is too far off, and for a place where nothing is carried.
+    Tractors that are electric may be charged there. Raises RequestError for a place that cannot be read or is too far
+    off, and for a place where nothing is carried or charged.
     """
     requested_place = None if request.refill is None else request.refill.strip().lower()
     if supply is None:
-        if requested_place is not None:
+        if requested_place is not None and not is_electric:
             raise RequestError(
                 f"{mark_parameter('refill')} says where a tank is filled or emptied, and no implement carries "
                 "anything; give "
-                "a farm file whose implement has capacity and rate_per_m2, or leave it out."
+                "a farm file whose implement has capacity and rate_per_m2, an electric tractor, or leave it out."
             )
         return None
     if requested_place in (HEADLAND, SERVICE_VEHICLE):
@@ -41,7 +45,8 @@ def locate_service_point(request: PlanRequest, field: Field, supply: Supply | No
     distance_m = float(field.boundary.distance(shapely.Point(place)))
     if distance_m > MAX_DISTANCE_M:
         raise RequestError(
-            f"The place to refill lies {distance_m:.0f} m from the field; it must be within {MAX_DISTANCE_M:g} m of it."
+            f"The place to refill or charge lies {distance_m:.0f} m from the field; it must be within "
+            f"{MAX_DISTANCE_M:g} m of it."
         )
     return replace(supply, served_at=PLACE, place=place)
 
@@ -89,8 +94,10 @@ def _ceil_to_three_digits(need: float) -> float:
     return math.ceil(need / step) * step
 
 
-def export_supply(supply: Supply) -> dict[str, float | str]:
-    """What tractors carry, as plain values for a ranking."""
+def export_supply(supply: Supply) -> dict[str, float | str | None]:
+    """What tractors carry, or their batteries, as plain values for a ranking."""
+    if isinstance(supply, BatterySupply):
+        return _export_battery(supply)
     return {
         "capacity": supply.capacity,
         "rate_per_m2": supply.rate_per_m2,
@@ -100,7 +107,9 @@ def export_supply(supply: Supply) -> dict[str, float | str]:
 
 
 def describe_supply(supply: Supply) -> tuple[str, ...]:
-    """What every plan assumes about tanks, one sentence each."""
+    """What every plan assumes about tanks, or about batteries, one sentence each."""
+    if isinstance(supply, BatterySupply):
+        return _describe_battery(supply)
     action = "collects" if supply.collects else "spreads"
     start_condition = "starts empty and is unloaded" if supply.collects else "starts full and is refilled"
     return (
@@ -129,3 +138,45 @@ def describe_service_point(supply: Supply) -> str:
         return "by a tender at the end of a track, one tractor at a time; the tender's own driving is not simulated"
     x, y = supply.place or (0.0, 0.0)
     return f"at a place ({x:.0f}, {y:.0f} m), one tractor at a time"
+
+
+def _describe_battery(supply: BatterySupply) -> tuple[str, ...]:
+    """What every plan assumes about charging, one sentence each."""
+    drive = supply.meter.drive
+    way = (
+        f"is charged with {drive.charger_kw:g} kW ({drive.connect_s:g} s to connect)"
+        if drive.change_s is None
+        else f"is changed for a full one in {drive.change_s:g} s"
+    )
+    amount = (
+        "A stop charges what the work up to the next stop needs; after the last track nothing is charged."
+        if drive.change_s is None
+        else "After the last track it is not changed."
+    )
+    return (
+        f"Every tractor starts with a battery of {drive.battery_kwh:g} kWh, {drive.usable_kwh:.3g} kWh of it above "
+        f"the reserve; it {way}, {_describe_charging_place(supply)}.",
+        amount,
+    )
+
+
+def _describe_charging_place(supply: BatterySupply) -> str:
+    """Where batteries are charged or changed, in words."""
+    if supply.place is not None:
+        return f"at a place ({supply.place[0]:.0f}, {supply.place[1]:.0f} m), one tractor at a time"
+    if supply.one_at_a_time:
+        return "by a service vehicle at the end of a track, one tractor at a time; its own driving is not simulated"
+    return "on the headland at the end of a track, where a mobile charger or full batteries are taken to stand"
+
+
+def _export_battery(supply: BatterySupply) -> dict[str, float | str | None]:
+    """The battery of every tractor, as plain values for a ranking."""
+    drive = supply.meter.drive
+    return {
+        "battery_kwh": drive.battery_kwh,
+        "usable_kwh": drive.usable_kwh,
+        "charger_kw": None if drive.change_s is not None else drive.charger_kw,
+        "connect_s": None if drive.change_s is not None else drive.connect_s,
+        "change_s": drive.change_s,
+        "refill": supply.served_at if supply.place is None else f"{supply.place[0]:.2f},{supply.place[1]:.2f} m",
+    }

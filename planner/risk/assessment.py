@@ -13,7 +13,7 @@ from planner.farm.workday import Workday
 from planner.request.plan_request import CHEAPEST, FASTEST, PlanRequest
 from planner.request.random_inputs import UncertaintySettings
 from planner.risk.costs import CostTerms, build_hire_terms, describe_prices, estimate_cost
-from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_fuel
+from planner.risk.leg_graph import WORK_PASS, LegGraph, build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import (
     DEFAULT_SAMPLES,
     RiskSettings,
@@ -215,7 +215,7 @@ def add_risk_estimate(
     if criteria is None or not result.feasible:
         return result
     ordered_run = enforce_planned_order(run, tractor, implement)
-    graph = build_leg_graph(ordered_run, measure_leg_fuel(ordered_run, tractor, fuel_load, terrain))
+    graph = build_leg_graph(ordered_run, measure_leg_consumption(ordered_run, tractor, fuel_load, terrain))
     estimate = estimate_graph_risk(graph, criteria.settings, with_variance_shares=False)
     plan_cost = estimate_cost(estimate.outcomes, criteria.cost_terms, area_ha)
     deadline_s = criteria.settings.deadline_s
@@ -266,8 +266,8 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
 
 def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> str:
     """A sentence on what the cost in the advice covers."""
-    prices = criteria.cost_terms.prices
-    sentence = f"Cost in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(prices)}"
+    terms, prices = criteria.cost_terms, criteria.cost_terms.prices
+    sentence = f"Cost in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(terms)}"
     per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
     late_text = f"; and {per_ha} for each hectare not done {criteria.limit_text}"
     return f"{sentence}{late_text if includes_late else ''}."
@@ -332,6 +332,7 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
             plan.expected_cost_error or 0.0,
             plan.finish_probability_interval,
             plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh,
+            plan.energy_kwh is not None,
         )
         for plan in plans
     ]

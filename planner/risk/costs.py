@@ -1,7 +1,7 @@
 """The cost of a plan in every sample: machines, fuel, people, transport, and late ground.
 
-Hourly machine cost follows the ASAE machinery cost equations (ASAE EP496, D497). Fuel is that of the load of the
-simulated drive (vehicle.energy) where that is known, else a flat share of the engine's power.
+Hourly machine cost follows the ASAE machinery cost equations (ASAE EP496, D497). Fuel or electricity is that of the
+load of the simulated drive (vehicle.energy) where that is known, else a flat share of the engine's power.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ PCT_TO_SHARE = 0.01
 
 @dataclass(frozen=True)
 class HourlyRates:
-    """Cost per hour of use: ownership, repair, and fuel with oil by activity (`fuel_full`: at full power)."""
+    """Cost per hour of use: ownership, repair, and fuel with oil, or electricity, by activity (`fuel_full`: at full
+    power)."""
 
     depreciation: float
     interest: float
@@ -40,9 +41,15 @@ class HourlyRates:
 
 
 def compute_hourly_rates(
-    prices: FarmPrices, tractor: FarmTractor | None = None, implement: FarmImplement | None = None
+    prices: FarmPrices,
+    tractor: FarmTractor | None = None,
+    implement: FarmImplement | None = None,
+    motor_efficiency: float | None = None,
 ) -> HourlyRates:
-    """The hourly rates of one tractor with its implement; the prices fill in what these do not give."""
+    """The hourly rates of one tractor with its implement; the prices fill in what these do not give.
+
+    `motor_efficiency` is the share of the battery's energy that leaves the motor; None for a diesel engine.
+    """
     tractor_rates = _compute_ownership_rates(
         prices,
         _get_value(tractor, "price", prices.tractor_price),
@@ -63,7 +70,9 @@ def compute_hourly_rates(
         ),
     )
     power_kw = _get_value(tractor, "power_kw", prices.tractor_power_kw)
-    full_power_fuel = prices.fuel_l_per_kwh * power_kw * prices.fuel_per_l * (1.0 + prices.oil_share)
+    full_power_fuel = (
+        power_kw * compute_use_per_kwh(prices, motor_efficiency) * compute_energy_price(prices, motor_efficiency)
+    )
     depreciation, interest, insurance, repair = (sum(pair) for pair in zip(tractor_rates, implement_rates, strict=True))
     return HourlyRates(
         depreciation,
@@ -75,6 +84,21 @@ def compute_hourly_rates(
         full_power_fuel * prices.road_load,
         full_power_fuel,
     )
+
+
+def compute_use_per_kwh(prices: FarmPrices, motor_efficiency: float | None) -> float:
+    """Litres of diesel, or kWh of an electric tractor's battery, for a kWh of the power in use."""
+    return prices.fuel_l_per_kwh if motor_efficiency is None else 1.0 / motor_efficiency
+
+
+def compute_energy_price(prices: FarmPrices, motor_efficiency: float | None) -> float:
+    """The price of a litre of diesel with oil, or of a kWh of electricity."""
+    return prices.fuel_per_l * (1.0 + prices.oil_share) if motor_efficiency is None else prices.electricity_per_kwh
+
+
+def get_grid_factor(terms: CostTerms | None) -> float:
+    """Kilograms of carbon dioxide by kWh from the grid: of the farm, else the default of farm files."""
+    return (FarmPrices() if terms is None else terms.prices).grid_co2_kg_per_kwh
 
 
 def _get_value(machine: FarmTractor | FarmImplement | None, name: str, default: float) -> float:
@@ -132,6 +156,7 @@ class CostTerms:
 
     Each tractor travels `road_km` there and back in `road_s`, and is unfolded and folded in `handling_s`. It drives
     itself, unless the farm has a price for transport. `learned_notes` say which values come from the farm's own logs.
+    `motor_efficiency` of electric tractors is the share of the battery's energy that leaves the motor; None for diesel.
     """
 
     prices: FarmPrices
@@ -141,6 +166,7 @@ class CostTerms:
     road_s: float = 0.0
     handling_s: float = 0.0
     learned_notes: tuple[str, ...] = ()
+    motor_efficiency: float | None = None
 
 
 def build_hire_terms(per_hour: float, per_tractor: float) -> CostTerms:
@@ -174,32 +200,37 @@ def compute_paid_per_sample(outcomes: SampledOutcomes, terms: CostTerms) -> Arra
     return np.asarray(_compute_machine_cost(outcomes, terms) + people + travel)
 
 
-def compute_simulated_cost(run: SimulationRun, terms: CostTerms, fuel_l: float | None = None) -> float:
-    """What is paid for a run as simulated, without variation; `fuel_l` are its litres where they are known."""
+def compute_simulated_cost(run: SimulationRun, terms: CostTerms, energy: float | None = None) -> float:
+    """What is paid for a run as simulated, without variation; `energy` are its litres or kWh where they are known."""
     shares = run.compute_time_shares()
     turning_s = shares["turning"].sum() + shares["reversing"].sum()
     work_s, turn_s, zero = (np.array([float(value)]) for value in (shares["working"].sum(), turning_s, 0.0))
     finish_s = np.asarray(run.finish_s)[:, None]
     outcomes = SampledOutcomes(finish_s.max(axis=0), finish_s, work_s, turn_s, zero, zero)
-    if fuel_l is not None:
-        outcomes = replace(outcomes, fuel_l=np.array([fuel_l]))
+    if energy is not None:
+        outcomes = replace(outcomes, energy=np.array([energy]))
     return float(compute_paid_per_sample(outcomes, terms)[0])
 
 
-def estimate_fuel_l(run: SimulationRun, terms: CostTerms) -> float:
-    """Litres of all tractors in the field by flat shares of power; engines idle while waiting."""
+def estimate_flat_use(run: SimulationRun, terms: CostTerms) -> float:
+    """Litres or kWh of all tractors in the field by flat shares of power; engines idle while waiting."""
     prices, shares = terms.prices, run.compute_time_shares()
     work_s, turn_s = float(shares["working"].sum()), float(shares["turning"].sum() + shares["reversing"].sum())
     idle_s = max(float(np.sum(run.finish_s)) - work_s - turn_s, 0.0)
     load_s = work_s * prices.work_load + turn_s * prices.turn_load + idle_s * IDLE_LOAD
     power_kw = _get_value(terms.tractor, "power_kw", prices.tractor_power_kw)
-    return load_s / HOUR_S * power_kw * prices.fuel_l_per_kwh
+    return load_s / HOUR_S * power_kw * compute_use_per_kwh(prices, terms.motor_efficiency)
 
 
-def describe_prices(prices: FarmPrices) -> str:
+def describe_prices(terms: CostTerms) -> str:
     """What the prices cover, such as "machines, fuel and people"."""
+    prices = terms.prices
     per_hour = prices.per_hour
-    parts = ["machines, fuel"] if per_hour is None else [f"{per_hour:.2f} for each tractor and hour"]
+    parts = (
+        ["machines, fuel" if terms.motor_efficiency is None else "machines, electricity"]
+        if per_hour is None
+        else [f"{per_hour:.2f} for each tractor and hour"]
+    )
     parts += ["people"] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
     has_transport_price = prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0
     parts += (
@@ -218,7 +249,7 @@ def compute_travel_cost(terms: CostTerms) -> float:
     if prices.per_hour is not None:
         hourly = (road_s + terms.handling_s) * prices.per_hour
     else:
-        rate = compute_hourly_rates(prices, terms.tractor, terms.implement)
+        rate = compute_hourly_rates(prices, terms.tractor, terms.implement, terms.motor_efficiency)
         on_road = road_s * (rate.rates_without_fuel + rate.fuel_on_road)
         hourly = on_road + terms.handling_s * (rate.rates_without_fuel + IDLE_LOAD * rate.fuel_full)
     people = (terms.road_s + terms.handling_s) * prices.supervision_share * prices.supervision_per_hour
@@ -227,11 +258,12 @@ def compute_travel_cost(terms: CostTerms) -> float:
 
 def _compute_machine_cost(outcomes: SampledOutcomes, terms: CostTerms) -> Array:
     """Cost of machines and fuel, (samples,): each tractor until it is done; engines idle while waiting."""
-    prices, rates = terms.prices, compute_hourly_rates(terms.prices, terms.tractor, terms.implement)
+    prices, efficiency = terms.prices, terms.motor_efficiency
+    rates = compute_hourly_rates(prices, terms.tractor, terms.implement, efficiency)
     used_s = (outcomes.tractor_finish_s - outcomes.start_delay_s).sum(axis=0)
-    if outcomes.fuel_l is not None:
-        fuel_cost = outcomes.fuel_l * prices.fuel_per_l * (1.0 + prices.oil_share)
-        return np.asarray(used_s * rates.rates_without_fuel / HOUR_S + fuel_cost)
+    if outcomes.energy is not None:
+        energy_cost = outcomes.energy * compute_energy_price(prices, efficiency)
+        return np.asarray(used_s * rates.rates_without_fuel / HOUR_S + energy_cost)
     idle_s = np.maximum(used_s - outcomes.work_s - outcomes.turn_s, 0.0)
     fuel = outcomes.work_s * rates.fuel_at_work + outcomes.turn_s * rates.fuel_in_turns
     fuel += idle_s * IDLE_LOAD * rates.fuel_full

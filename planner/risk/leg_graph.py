@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.energy.fuel import build_diesel_engine
+from vehicle.energy.fuel import build_power_source
 from vehicle.energy.run_energy import compute_run_energy
 from vehicle.missions.plan import LEAVE, SWATH, FollowOrder, Leg, Mission
 from vehicle.missions.run import DONE, SimulationRun
@@ -48,11 +48,11 @@ class WaitLink:
 
 
 @dataclass(frozen=True, eq=False)
-class LegFuel:
-    """Litres of driving the legs of a graph (n,), and litres per second of a tractor that waits or stands."""
+class LegConsumption:
+    """Litres or kWh of driving the legs of a graph (n,), and of a tractor that waits or stands for a second."""
 
-    driving_l: Array
-    idle_l_per_s: float
+    driving: Array
+    idle_per_s: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ class LegGraph:
     links: tuple[WaitLink, ...]
     stand_s: Array
     leaving: npt.NDArray[np.bool_] | None = None
-    fuel: LegFuel | None = None
+    fuel: LegConsumption | None = None
 
     @property
     def node_count(self) -> int:
@@ -118,18 +118,18 @@ class _LegRecord:
         return float(self.standing_s[self.begin_rows[leg] : end].sum())
 
 
-def measure_leg_fuel(
+def measure_leg_consumption(
     run: SimulationRun, tractor: Tractor, load: WorkLoad | None, terrain: Terrain | None
-) -> LegFuel | None:
-    """The fuel of a run by leg; None without the load, whose engine must be known."""
+) -> LegConsumption | None:
+    """The fuel or electricity of a run by leg; None without the load, whose engine must be known."""
     if load is None:
         return None
-    engine = build_diesel_engine(tractor, load.engine_power_w)
-    energy = compute_run_energy(run, tractor, load, terrain, source=engine)
-    return LegFuel(np.concatenate([one.consumption - one.idle for one in energy.tractors]), engine.idle_rate)
+    source = build_power_source(tractor, load.engine_power_w)
+    energy = compute_run_energy(run, tractor, load, terrain, source=source)
+    return LegConsumption(np.concatenate([one.consumption - one.idle for one in energy.tractors]), source.idle_rate)
 
 
-def build_leg_graph(run: SimulationRun, fuel: LegFuel | None = None) -> LegGraph:
+def build_leg_graph(run: SimulationRun, fuel: LegConsumption | None = None) -> LegGraph:
     """The graph of a finished run with its fuel; raises ValueError for another."""
     if run.outcome != DONE:
         raise ValueError(f"a run that ended in {run.outcome!r} has no finish")

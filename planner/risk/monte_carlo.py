@@ -31,8 +31,9 @@ class SampledOutcomes:
     `finish_s` is when the last tractor is done, or out of the field if it leaves by an entrance (`exit_start_s`: when
     the last one sets out for that, None without an entrance); `tractor_finish_s` (tractors, samples). `work_s` and
     `turn_s` are tractor seconds of driving on passes and off them, `worked_share` the share of worked metres done at
-    the limit, `start_delay_s` the delay of the start. `leg_factors` (legs, samples) are None unless kept. `fuel_l` are
-    the litres of the fleet: those of every leg grow with its time, and waiting tractors idle; None where not known.
+    the limit, `start_delay_s` the delay of the start. `leg_factors` (legs, samples) are None unless kept. `energy` are
+    the litres or kWh of the fleet: those of every leg grow with its time, and waiting tractors idle; None where not
+    known.
     """
 
     finish_s: Array
@@ -43,7 +44,7 @@ class SampledOutcomes:
     start_delay_s: Array
     leg_factors: Array | None = None
     exit_start_s: Array | None = None
-    fuel_l: Array | None = None
+    energy: Array | None = None
 
     @property
     def work_finish_s(self) -> Array:
@@ -164,7 +165,7 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
     graph, samples = walk.graph, len(limit_s)
     links_to, links_from = _index_links(graph)
     spent_s, worked_m = {True: np.zeros(samples), False: np.zeros(samples)}, np.zeros(samples)
-    driving_l = None if graph.fuel is None else np.zeros(samples)
+    driving = None if graph.fuel is None else np.zeros(samples)
     total_m = float(graph.worked_m.sum())
     leg_factors = np.ones((graph.node_count, samples)) if keep_factors else None
     exit_start_s = None if graph.leaving is None else np.zeros(samples)
@@ -178,8 +179,8 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
             begun_legs[node] = begin_s, walk.apply_stops(tractor, seconds, begin_s + driven_s)
             walk.set_link_openings(links_from.get(node, []), tractor, begin_s, factor, seconds)
             spent_s[int(graph.kind[node]) == WORK_PASS] += driven_s
-            if driving_l is not None and graph.fuel is not None:
-                driving_l += graph.fuel.driving_l[node] * factor
+            if driving is not None and graph.fuel is not None:
+                driving += graph.fuel.driving[node] * factor
             walk.driven_clock_s[tractor] += seconds
             if leg_factors is not None:
                 leg_factors[node] = factor
@@ -200,15 +201,15 @@ def _walk_longest_path(walk: _GraphWalk, limit_s: Array, keep_factors: bool) -> 
         walk.common.start_delay_s,
         leg_factors,
         exit_start_s,
-        None if driving_l is None else driving_l + _compute_idle_l(walk, spent_s[True] + spent_s[False]),
+        None if driving is None else driving + _compute_idle_energy(walk, spent_s[True] + spent_s[False]),
     )
 
 
-def _compute_idle_l(walk: _GraphWalk, driven_s: Array) -> Array:
-    """Litres of tractors that wait or stand after the start, (samples,), given the seconds that all drive."""
+def _compute_idle_energy(walk: _GraphWalk, driven_s: Array) -> Array:
+    """Litres or kWh of tractors that wait or stand after the start, (samples,), given the seconds that all drive."""
     assert walk.graph.fuel is not None
     used_s = (walk.now_s - walk.common.start_delay_s).sum(axis=0)
-    return np.asarray(np.maximum(used_s - driven_s, 0.0) * walk.graph.fuel.idle_l_per_s)
+    return np.asarray(np.maximum(used_s - driven_s, 0.0) * walk.graph.fuel.idle_per_s)
 
 
 def _start_walk(graph: LegGraph, uncertainty: UncertaintySettings, seed: int, common: _CommonFactors) -> _GraphWalk:

@@ -23,7 +23,8 @@ class PlanFigures:
     """The figures of a feasible plan: cost, times (s), and the probability of being in time (None: no limit).
 
     `paid` is the mean cost, `expected` adds late ground and has the standard error `expected_error`. The probability is
-    from `samples` samples and has the 95 % `interval`. `energy` is in litres or kilowatt-hours, None where not known.
+    from `samples` samples and has the 95 % `interval`. `energy` is in litres, or with
+    `is_electric` in kilowatt-hours, None where not known.
     """
 
     strategy: str
@@ -37,6 +38,7 @@ class PlanFigures:
     expected_error: float = 0.0
     interval: tuple[float, float] | None = None
     energy: float | None = None
+    is_electric: bool = False
 
     @property
     def _probability_error(self) -> float:
@@ -242,7 +244,7 @@ def _describe_cost(plan: PlanFigures, unit: str) -> str:
 def _describe_alternative_plan(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:
     """How an alternative does: its probability, its fuel, or its time with the objective fastest or without a limit."""
     if objective == LEAST_FUEL and plan.energy is not None and chosen.energy:
-        return _describe_energy_change(plan.energy, chosen.energy)
+        return _describe_energy_change(plan.energy, chosen.energy, "electricity" if plan.is_electric else "fuel")
     if objective == FASTEST or plan.probability is None or chosen.probability is None:
         return _describe_time_change(plan, chosen, objective)
     if plan.probability == 0.0:
@@ -253,13 +255,13 @@ def _describe_alternative_plan(plan: PlanFigures, chosen: PlanFigures, objective
     return probability_text + (ABOUT_EQUAL if objective == SUREST and has_same_probability(plan, chosen) else "")
 
 
-def _describe_energy_change(energy: float, reference: float) -> str:
-    """The change of fuel or electricity in per cent of that of the chosen plan."""
+def _describe_energy_change(energy: float, reference: float, name: str) -> str:
+    """The change of fuel or electricity, as `name` says, in per cent of that of the chosen plan."""
     change_pct = round(100.0 * (energy / reference - 1.0))
     if not change_pct:
-        return "as much fuel"
+        return f"as much {name}"
     equal_remark = ABOUT_EQUAL if _is_too_near(energy, reference, 0.0) else ""
-    return f"{abs(change_pct)} % {'more' if change_pct > 0 else 'less'} fuel{equal_remark}"
+    return f"{abs(change_pct)} % {'more' if change_pct > 0 else 'less'} {name}{equal_remark}"
 
 
 def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:

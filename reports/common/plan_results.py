@@ -96,8 +96,9 @@ class PlanResult(ShownResult):
         bound_s: lower bound of the time of a plan that was not simulated because another one is quicker.
         fuel_l, fuel_l_per_ha: litres of fuel of the fleet in the field, by the load of its engines as driven, else by
             the flat shares of a farm; None where neither is known, and for electric tractors.
-        energy_kwh: drawn from the batteries of electric tractors; None for others.
-        co2_kg: of the fuel burnt; None where that is not known.
+        energy_kwh, energy_kwh_per_ha: kilowatt-hours from the batteries of electric tractors; None for others.
+        charges, charging_s: stops to charge or change batteries, and their time; None for tractors without them.
+        co2_kg: of the fuel burnt, or of making the electricity; None where that is not known.
         fuel_l_by_tractor, energy_kwh_by_tractor: the same of each tractor, by its load; None where not known.
         steepest_along, steepest_across: the steepest slope (percent; positive uphill, and where the ground falls to the
             right) that a tractor drives along and across; None without heights. `rollover`: where the margin to
@@ -169,6 +170,9 @@ class PlanResult(ShownResult):
     steepest_along: SlopePlace | None = None
     steepest_across: SlopePlace | None = None
     rollover: SlopePlace | None = None
+    energy_kwh_per_ha: float | None = None
+    charges: int | None = None
+    charging_s: float | None = None
 
 
 def get_finished_field_s(plan: PlanResult) -> float:
@@ -370,7 +374,8 @@ class DriverLeg:
     Attributes:
         kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the next
             track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "drive", "refill-way" (to the
-            service point) or "refill" (of `amount`, below 0 where a tank is emptied).
+            service point), "refill" (of `amount`, below 0 where a tank is emptied), or "charge" or "change" (of a
+            battery, `amount` in kWh).
         number: of the track or headland pass, from 1; turns and ways have those of their goal.
         part: piece of a track ("a", "b", ...) or side of a pass ("1", "2", ...), "" where there is only one.
         is_headland_pass: whether `number` counts headland passes.

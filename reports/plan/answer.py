@@ -156,6 +156,8 @@ def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
         parts.append(translate("{share} % worked", share=format_number(plan.worked_pct, 1)))
     if plan.refills is not None:
         parts.append(translate_count("{count} refill", "{count} refills", plan.refills))
+    if plan.charges:
+        parts.append(translate_count("{count} stop to charge", "{count} stops to charge", plan.charges))
     return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
 
 

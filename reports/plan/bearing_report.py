@@ -13,8 +13,9 @@ from reports.common.language import translate
 from reports.common.plan_results import PlanResult
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
-from reports.common.units import convert_litres, format_volume, get_volume_unit
+from reports.common.units import format_volume
 from reports.common.wording import NO_VALUE, format_duration, format_number
+from reports.plan.energy_wording import format_energy, format_energy_cell, name_energy_column
 from reports.plan.ranking_export import EXPORT_DECIMALS
 
 CONTOUR = "contour"
@@ -47,6 +48,11 @@ class BearingRow:
     def fuel_l(self) -> float | None:
         """Litres; None where they are not known."""
         return None if self.plan is None else self.plan.fuel_l
+
+    @property
+    def energy_kwh(self) -> float | None:
+        """Kilowatt-hours of electric tractors; None for others."""
+        return None if self.plan is None else self.plan.energy_kwh
 
     @property
     def rollover_deg(self) -> float | None:
@@ -88,6 +94,12 @@ def describe_bearings(comparison: BearingComparison) -> list[str]:
     if thriftiest is not None and thriftiest.fuel_l is not None:
         fuel = format_volume(thriftiest.fuel_l, 1)
         sentences.append(translate("Least fuel takes {bearing}: {fuel}.", bearing=name_row(thriftiest), fuel=fuel))
+    thriftiest = comparison.find_least(lambda row: row.energy_kwh)
+    if thriftiest is not None and thriftiest.plan is not None:
+        energy = format_energy(thriftiest.plan)
+        sentences.append(
+            translate("Least energy takes {bearing}: {energy}.", bearing=name_row(thriftiest), energy=energy)
+        )
     return sentences
 
 
@@ -98,7 +110,7 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
     columns = (
         TableColumn(translate("Bearing"), is_text=True, is_unbroken=True),
         TableColumn(translate("Time")),
-        TableColumn(translate("Fuel {unit}", unit=get_volume_unit())),
+        TableColumn(name_energy_column([row.plan for row in comparison.rows if row.plan is not None])),
         TableColumn(translate("Cross slope %")),
         TableColumn(translate("To roll-over °")),
         TableColumn(translate("Erosion %")),
@@ -107,7 +119,7 @@ def build_bearing_table(comparison: BearingComparison) -> RenderableType:
         (
             name_row(row),
             format_duration(row.time_s),
-            format_number(convert_litres(row.fuel_l), 1),
+            NO_VALUE if row.plan is None else format_energy_cell(row.plan),
             format_number(row.cross_slope_pct, 1),
             format_number(row.rollover_deg, 0),
             format_number(None if row.erosion_share is None else 100.0 * row.erosion_share, 0),
@@ -134,10 +146,11 @@ def format_bearing_json(comparison: BearingComparison) -> str:
     """The comparison as JSON text with a trailing newline.
 
     Keys: ``field`` and ``bearings``, each with ``requested_deg``, ``form``, ``bearing_deg``, ``is_chosen``, ``time_s``,
-    ``fuel_l``, ``cross_slope_pct``, ``rollover_deg``, ``erosion_share``, ``missed_m2``, ``strategy`` and ``reason``.
+    ``fuel_l``, ``energy_kwh``, ``cross_slope_pct``, ``rollover_deg``, ``erosion_share``, ``missed_m2``, ``strategy``
+    and ``reason``.
     """
-    keys = ("requested_deg", "form", "bearing_deg", "is_chosen", "time_s", "fuel_l", "cross_slope_pct", "rollover_deg",
-            "erosion_share", "reason")  # fmt: skip
+    keys = ("requested_deg", "form", "bearing_deg", "is_chosen", "time_s", "fuel_l", "energy_kwh", "cross_slope_pct",
+            "rollover_deg", "erosion_share", "reason")  # fmt: skip
     rows = [
         {key: getattr(row, key) for key in keys}
         | {

@@ -42,7 +42,9 @@ def format_energy_cell(plan: PlanResult) -> str:
 
 
 def format_rate(plan: PlanResult) -> str:
-    """Fuel by area: ``7.9 l/ha``."""
+    """Fuel or electricity by area: ``7.9 l/ha`` or ``31.0 kWh/ha``."""
+    if plan.energy_kwh_per_ha is not None:
+        return f"{format_number(convert_rate_per_hectare(plan.energy_kwh_per_ha), 1)} kWh/{get_area_unit()}"
     if plan.fuel_l_per_ha is None:
         return ""
     rate = convert_rate_per_hectare(convert_litres(plan.fuel_l_per_ha))
@@ -56,7 +58,11 @@ def describe_energy(plan: PlanResult | None) -> list[str]:
         return []
     values = {"energy": energy, "rate": format_rate(plan), "co2": format_number(plan.co2_kg, 0)}
     if plan.fuel_l is None:
-        sentences = [translate("The best plan takes {energy} from the batteries.", energy=energy)]
+        sentences = [
+            translate(
+                "The best plan takes {energy} from the batteries, {rate}: {co2} kg of CO2 from the grid.", **values
+            )
+        ]
     else:
         sentences = [translate("The best plan burns {energy} of fuel, {rate}: {co2} kg of CO2.", **values)]
     shares = plan.fuel_l_by_tractor or plan.energy_kwh_by_tractor or ()

@@ -129,6 +129,12 @@ class HeadlandTotals:
         litres = [plan.fuel_l for plan in self.driven if plan.fuel_l is not None]
         return sum(litres) if litres and len(litres) == len(self.driven) else None
 
+    @property
+    def energy_kwh(self) -> float | None:
+        """Kilowatt-hours of electric tractors; None where they are not known of every plan."""
+        amounts = [plan.energy_kwh for plan in self.driven if plan.energy_kwh is not None]
+        return sum(amounts) if amounts and len(amounts) == len(self.driven) else None
+
 
 @dataclass(frozen=True, eq=False)
 class HeadlandComparison:

@@ -77,6 +77,8 @@ def _describe_card(totals: HeadlandTotals, comparison: HeadlandComparison) -> st
     parts = [format_duration(totals.time_s), format_cost_per_ha(totals, comparison)]
     if totals.fuel_l is not None:
         parts.append(f"{totals.fuel_l:.0f} l")
+    if totals.energy_kwh is not None:
+        parts.append(f"{totals.energy_kwh:.0f} kWh")
     parts += [
         f"missed {totals.missed_m2:.0f} m2",
         f"overlap {totals.overlap_m2:.0f} m2",

@@ -23,9 +23,9 @@ from reports.common.units import (
     format_square_metres,
     get_area_unit,
     get_small_area_unit,
-    get_volume_unit,
 )
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_price
+from reports.plan.energy_wording import name_energy_column
 from reports.plan.headland_comparison import (
     ComparedPlan,
     HeadlandComparison,
@@ -39,11 +39,11 @@ from reports.plan.ranking_export import EXPORT_DECIMALS, build_plan_entry, forma
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
 MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
 TOTAL_KEYS = (
-    "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "missed_m2", "overlap_m2", "over_finished_m2",
+    "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "energy_kwh", "missed_m2", "overlap_m2", "over_finished_m2",
 )  # fmt: skip
 CSV_PLAN_KEYS = (
-    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "worked_pct", "missed_m2",
-    "over_finished_m2", "wheel_traffic_m2",
+    "strategy", "tractors", "time_s", "cost", "finished_s", "finished_cost", "fuel_l", "energy_kwh", "worked_pct",
+    "missed_m2", "over_finished_m2", "wheel_traffic_m2",
 )  # fmt: skip
 
 
@@ -215,7 +215,11 @@ def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
     unit = comparison.currency or translate("Cost")
     fuel = (
-        (_build_figure_column(translate("Fuel {unit}", unit=get_volume_unit()), drop_order=1),)
+        (
+            _build_figure_column(
+                name_energy_column([plan for one in comparison.totals for plan in one.driven]), drop_order=1
+            ),
+        )
         if has_fuel(comparison)
         else ()
     )
@@ -241,9 +245,12 @@ def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
 
 
 def has_fuel(comparison: HeadlandComparison) -> bool:
-    """Whether the fuel of every way that works is known."""
+    """Whether the fuel, or the electricity, of every way that works is known."""
     driven = [one for one in comparison.totals if one.driven]
-    return bool(driven) and all(one.fuel_l is not None for one in driven)
+    return bool(driven) and any(
+        all(amount is not None for amount in amounts)
+        for amounts in ([one.fuel_l for one in driven], [one.energy_kwh for one in driven])
+    )
 
 
 def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: bool) -> tuple[str, ...]:
@@ -252,12 +259,13 @@ def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: 
         return (name_choice(totals), *[NO_VALUE] * (6 + with_fuel))
     is_comparable = best is not None and len(totals.driven) == len(best.driven)
     extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
+    kwh = totals.energy_kwh
     return (
         name_choice(totals),
         format_number(convert_rate_per_hectare(totals.cost_per_ha), 1),
         NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
         format_duration(totals.time_s),
-        *([format_number(convert_litres(totals.fuel_l), 0)] if with_fuel else []),
+        *([format_number(convert_litres(totals.fuel_l) if kwh is None else kwh, 0)] if with_fuel else []),
         format_number(convert_square_metres(totals.missed_m2), 0),
         format_number(convert_square_metres(totals.overlap_m2), 0),
         format_number(convert_square_metres(totals.over_finished_m2), 0),

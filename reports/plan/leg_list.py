@@ -52,6 +52,8 @@ def _describe_purpose(leg: DriverLeg) -> str:
     if leg.kind == "refill":
         amount = "" if leg.amount is None else f" {abs(leg.amount):.0f} l or kg"
         return f"{'unload' if (leg.amount or 0.0) < 0.0 else 'refill'}{amount}"
+    if leg.kind in ("charge", "change"):
+        return "change of the battery" if leg.kind == "change" else f"charge {leg.amount or 0.0:.1f} kWh"
     if leg.kind == "refill-way":
         return "to the service point"
     if leg.kind == "drive":
@@ -157,8 +159,8 @@ def build_leg_cells(place: int, step: DriverLeg, start: str | None = None) -> tu
 
 
 def format_leg_metres(step: DriverLeg) -> str:
-    """The length of a leg in metres; "" for a wait or a refill."""
-    return "" if step.kind in ("wait", "refill") else format_number(step.length_m, 0)
+    """The length of a leg in metres; "" for a wait or a service stop."""
+    return "" if step.kind in ("wait", "refill", "charge", "change") else format_number(step.length_m, 0)
 
 
 def format_leg_rows(steps: Sequence[DriverLeg]) -> list[str]:

@@ -342,11 +342,11 @@ def _describe_plan_result(ranking: PlanRanking, plan: PlanResult) -> str:
 
 
 def _describe_service_stops(plan: PlanResult) -> str:
-    """`` with 3 refills``; nothing where nothing is carried."""
-    if plan.refills is None:
-        return ""
+    """`` with 3 refills``, `` with 2 stops to charge``; nothing where nothing is carried and no battery charged."""
+    if plan.charges:
+        return translate_count(" with {count} stop to charge", " with {count} stops to charge", plan.charges)
     if not plan.refills:
-        return translate(" with no refills")
+        return "" if plan.refills is None else translate(" with no refills")
     return translate_count(" with {count} refill", " with {count} refills", plan.refills)
 
 

@@ -87,6 +87,9 @@ PLAN_KEYS = (
     "steepest_along",
     "steepest_across",
     "rollover",
+    "energy_kwh_per_ha",
+    "charges",
+    "charging_s",
 )
 SLOPE_KEYS = ("amount", "tractor", "lon", "lat", "x_m", "y_m")
 PLACE_KEYS = ("steepest_along", "steepest_across", "rollover")

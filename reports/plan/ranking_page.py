@@ -92,8 +92,11 @@ _PAGE_COLUMN_HELP = {
     "95 %": "it is done sooner in 95 % of the samples",
     "Fuel l": "litres of all tractors in the field, by the load of the simulated drive",
     "Fuel l/ha": "litres by hectare of the field",
-    "CO2 kg": "of the fuel burnt",
+    "CO2 kg": "of the fuel burnt, or of making the electricity",
     "Energy kWh": "from the batteries of all tractors",
+    "Energy kWh/ha": "kilowatt-hours by hectare of the field",
+    "Charges": "stops to charge or change batteries",
+    "Charging": "time of all tractors at these stops",
     "Along %": "the steepest slope that a tractor drives up or down",
     "Across %": "the steepest slope across the drive of a tractor",
     "To rolling over": "degrees that the tractor nearest to rolling over has left",
@@ -145,12 +148,21 @@ _SERVICE_STOP_COLUMNS = (
     _PageColumn("Refills", lambda p: p.refills, lambda p: format_number(p.refills, 0)),
     _PageColumn("Refilling", lambda p: p.refilling_s, lambda p: format_duration(p.refilling_s)),
 )
+_CHARGE_COLUMNS = (
+    _PageColumn("Charges", lambda p: p.charges, lambda p: format_number(p.charges, 0)),
+    _PageColumn("Charging", lambda p: p.charging_s, lambda p: format_duration(p.charging_s)),
+)
+_CO2_COLUMN = _PageColumn("CO2 kg", lambda p: p.co2_kg, lambda p: format_number(p.co2_kg, 0))
 _FUEL_COLUMNS = (
     _PageColumn("Fuel l", lambda p: p.fuel_l, lambda p: format_number(p.fuel_l, 1)),
     _PageColumn("Fuel l/ha", lambda p: p.fuel_l_per_ha, lambda p: format_number(p.fuel_l_per_ha, 1)),
-    _PageColumn("CO2 kg", lambda p: p.co2_kg, lambda p: format_number(p.co2_kg, 0)),
+    _CO2_COLUMN,
 )
-_ELECTRICITY_COLUMNS = (_PageColumn("Energy kWh", lambda p: p.energy_kwh, lambda p: format_number(p.energy_kwh, 1)),)
+_ELECTRICITY_COLUMNS = (
+    _PageColumn("Energy kWh", lambda p: p.energy_kwh, lambda p: format_number(p.energy_kwh, 1)),
+    _PageColumn("Energy kWh/ha", lambda p: p.energy_kwh_per_ha, lambda p: format_number(p.energy_kwh_per_ha, 1)),
+    _CO2_COLUMN,
+)
 _SLOPE_COLUMNS = (
     _PageColumn("Along %", lambda p: _get_slope(p.steepest_along), lambda p: _format_slope(p.steepest_along)),
     _PageColumn("Across %", lambda p: _get_slope(p.steepest_across), lambda p: _format_slope(p.steepest_across)),
@@ -192,6 +204,7 @@ def _list_page_columns(ranking: PlanRanking) -> list[_PageColumn]:
     extra += _ELECTRICITY_COLUMNS if any(plan.energy_kwh is not None for plan in plans) else ()
     extra += _SLOPE_COLUMNS if any(plan.steepest_along is not None for plan in plans) else ()
     extra += _SERVICE_STOP_COLUMNS if any(plan.refills is not None for plan in plans) else ()
+    extra += _CHARGE_COLUMNS if any(plan.charges is not None for plan in plans) else ()
     return [*columns, *(replace(column, is_extra=True) for column in extra)]
 
 
@@ -246,6 +259,13 @@ def _get_plan_key(plan: PlanResult) -> PlanKey:
     return plan.strategy, plan.tractors
 
 
+def _name_service_stops(ranking: PlanRanking) -> dict[str, str]:
+    """What tractors do at service stops: the state, the stop, and the verb of a tractor."""
+    if any(plan.refills is not None for plan in ranking.plans) or not any(plan.charges for plan in ranking.plans):
+        return {"state": SERVICE_STATE, "stop": "refill", "verb": "refills"}
+    return {"state": "charging", "stop": "charge or change of the battery", "verb": "charges"}
+
+
 def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, PlanDrive]) -> dict[str, Any]:
     plans, refused, effects = list_feasible(ranking), list_refused(ranking), describe_simulated_effects(ranking)
     columns = _list_page_columns(ranking)
@@ -268,6 +288,7 @@ def _build_page_content(ranking: PlanRanking, shown: Mapping[PlanKey | None, Pla
         "map": None if first is None else build_page_map(dict(zip(names, shown.values(), strict=True))),
         "bars": [] if first is None else build_time_bars(first, states),
         "states": states,
+        "service": _name_service_stops(ranking),
         "state_colours": palette.STATE_COLOURS
         | ({SERVICE_STATE: palette.SERVICE_COLOUR} if SERVICE_STATE in states else {}),
         "cards": [] if first is None else _build_leg_cards(first, ranking.field_start or ranking.start),
@@ -369,7 +390,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
         ("Paid of it", NO_VALUE if paid is None else format_money(ranking, paid)),
         ("In time", _append_word_unless_dash(format_in_time_probability(best), " %")),
         (
-            "Fuel",
+            "Fuel" if best.energy_kwh is None else "Energy",
             insert_non_breaking_spaces(", ".join(filter(None, (format_energy(best), format_rate(best))))) or NO_VALUE,
         ),
         ("Worked", _format_with_unit(best.worked_pct, 1, "%")),

@@ -64,6 +64,7 @@ class _ColumnFlags:
     has_charged_traffic: bool
     has_probability: bool
     has_service_stops: bool
+    has_charges: bool
     has_risk: bool
     has_late_costs: bool
     energy: str
@@ -76,6 +77,7 @@ def _find_column_flags(ranking: PlanRanking, plans: list[PlanResult]) -> _Column
         any(get_charged_traffic_m2(plan) is not None for plan in plans),
         any(plan.finish_probability is not None for plan in plans),
         any(plan.refills is not None for plan in plans),
+        any(plan.charges is not None for plan in plans),
         any(plan.expected_cost is not None for plan in plans),
         has_late_ground_loss(ranking),
         name_energy_column(plans) if has_energy(plans) else "",
@@ -168,6 +170,9 @@ def _list_plan_columns(flags: _ColumnFlags) -> list[_PlanColumn]:
             place,
             _PlanColumn(TableColumn("Refills", "Re-\nfills", drop_order=3), lambda p: format_number(p.refills, 0)),
         )
+    if flags.has_charges:
+        place = [column.column.heading for column in columns].index("Turning")
+        columns.insert(place, _PlanColumn(TableColumn("Charges", drop_order=3), lambda p: format_number(p.charges, 0)))
     if flags.has_unworked:
         place = [column.column.heading for column in columns].index("Overlap %")
         columns.insert(

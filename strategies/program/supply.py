@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+
+from vehicle.missions.plan import REFILL, Leg
 
 PLACE, HEADLAND, SERVICE_VEHICLE = "place", "headland", "tender"
 Point = tuple[float, float]
@@ -32,6 +36,43 @@ class Supply:
     def compute_need(self, length_m: float, width_m: float) -> float:
         """The part of a load that this work takes."""
         return self.rate_per_m2 * length_m * width_m
+
+    @property
+    def service(self) -> str:
+        """What a stop is for: REFILL, also where a tank is emptied."""
+        return REFILL
+
+    @property
+    def load_text(self) -> str:
+        """A load in words."""
+        return f"a load of {self.capacity:g}"
+
+    def compute_legs_need(self, legs: Sequence[Leg], width_m: float) -> float:
+        """The part of a load that legs take, those on which the implement works."""
+        return self.compute_need(math.fsum(leg.length_m for leg in legs if leg.implement), width_m)
+
+    def is_enough(self, total: float) -> bool:
+        """Whether all work can be done without a stop."""
+        return total <= self.capacity
+
+    def estimate_stop_s(self, total: float) -> float:
+        """How long a stop takes in the mean, where the work takes this total."""
+        return self.stop_s
+
+    def compute_stop_s(self, amount: float) -> float:
+        """How long a stop with this amount takes."""
+        return self.stop_s
+
+    def list_amounts(self, loads: Sequence[float]) -> list[float]:
+        """What is filled in, or taken out, at each stop between loads: what was used before."""
+        return list(loads[:-1])
+
+    def explain_small_load(self, need: float) -> str:
+        """Why a piece of work cannot be done with one load, and what helps."""
+        return (
+            f"One side of a headland pass needs {need:.0f} l or kg without a stop, but a load is {self.capacity:g}; "
+            "use a larger tank, a lower rate, or square corners."
+        )
 
     def compute_level(self, used: float) -> float:
         """What is in the tank when this much of a load is used."""

@@ -30,7 +30,7 @@ def search_in_loads(searched: SearchedOrder, job: FieldJob, table: TurnTable, su
     need = np.array(
         [supply.compute_need(swath_pass.swath.length_m, job.layout.width_m) for swath_pass in searched.order]
     )
-    if need.sum() <= supply.capacity:
+    if supply.is_enough(float(need.sum())):
         return searched
     swath_places = {swath: index for index, swath in enumerate(job.layout.swaths)}
     members = [swath_places[swath_pass.swath] for swath_pass in searched.order]
@@ -98,7 +98,9 @@ class ServiceTrips:
         )
         swath_numbers = np.arange(len(self.rows)) // 2
         detours = np.where(
-            swath_numbers[:, None] == swath_numbers[None, :], UNREACHABLE_S, detours + self.supply.stop_s
+            swath_numbers[:, None] == swath_numbers[None, :],
+            UNREACHABLE_S,
+            detours + self.supply.estimate_stop_s(float(need.sum())),
         )
         return LoadOrderingTask(turns, detours, first, last, need, self.supply.capacity, self.supply.capacity)
 

@@ -37,7 +37,8 @@ MOVED_OFF_M = 0.5  # a service vehicle is free when the tractor before has drive
 def add_service_stops(job: FieldJob, plan: Plan, *, side_by_side: bool = False, staggered: bool = True) -> Plan:
     """The plan with all stops of its tractors, listed in the note `refills`, none if one load is enough for each.
 
-    The note `collects` says whether tanks are emptied instead of filled. With `staggered` a tractor takes into account
+    The note `collects` says whether tanks are emptied instead of filled, `service` whether batteries are charged
+    ("charge") or changed ("change") there. With `staggered` a tractor takes into account
     when those before it are served, if only one is served at a time. Tractors that work `side_by_side` are served on
     the headland, where the others wait at their gates until all are in place. Raises StrategyError if a tractor cannot
     be served in time, or a formation would have to part for it.
@@ -67,6 +68,8 @@ def add_service_stops(job: FieldJob, plan: Plan, *, side_by_side: bool = False, 
         for entry in _build_stop_entries(number, stopped_mission)
     ]
     notes["collects"] = supply.collects
+    if supply.service != REFILL:
+        notes["service"] = supply.service
     return Plan(tuple(make_mission(stopped_mission) for stopped_mission in legs), notes)
 
 
@@ -74,9 +77,9 @@ def explain_no_service(job: FieldJob, supply: Supply) -> str:
     """Why a formation works without service stops, and what helps."""
     hectares = supply.capacity / supply.rate_per_m2 / 1e4
     return (
-        f"Tractors in formation wait for each other, so none can be served alone, and a load of {supply.capacity:g} "
-        f"lasts for {hectares:.3g} ha of its share; refill on the headland, use split-field or interleaved, or a "
-        "larger tank."
+        f"Tractors in formation wait for each other, so none can be served alone, and {supply.load_text} "
+        f"lasts for {hectares:.3g} ha of its share; {supply.service} on the headland, use split-field or interleaved, "
+        f"or a larger {'tank' if supply.service == REFILL else 'battery'}."
     )
 
 

@@ -183,13 +183,12 @@ def split_into_pieces(job: FieldJob, supply: Supply, mission: Mission) -> list[L
             leg_ranges[-1][1] = number + 1
         else:
             leg_ranges.append([number, number + 1])
+    starts = [0, *(last for _, last in leg_ranges)]  # the legs that lead to a piece count for it
+    ends = [*(last for _, last in leg_ranges[:-1]), len(mission.legs)]
     return [
-        LoadPiece(first, last, _compute_load_share(job, supply, mission.legs[first:last])) for first, last in leg_ranges
+        LoadPiece(first, last, supply.compute_legs_need(mission.legs[start:end], job.layout.width_m))
+        for (first, last), start, end in zip(leg_ranges, starts, ends, strict=False)
     ]
-
-
-def _compute_load_share(job: FieldJob, supply: Supply, legs: Sequence[Leg]) -> float:
-    return supply.compute_need(math.fsum(leg.length_m for leg in legs if leg.implement), job.layout.width_m)
 
 
 @dataclass
@@ -201,6 +200,11 @@ class LoadGaps:
     mission: Mission
     pieces: list[LoadPiece]
     busy_spans: Sequence[Span] = ()
+
+    @cached_property
+    def stop_s(self) -> float:
+        """How long a stop takes in the mean (s)."""
+        return self.supply.estimate_stop_s(math.fsum(piece.need for piece in self.pieces))
 
     @cached_property
     def leg_finishes_s(self) -> list[float]:
@@ -227,10 +231,10 @@ class LoadGaps:
     def _estimate_service_s(self, gap: int) -> float:
         """How long a tractor blocks the service (s): at a place from where it waits until it is clear of it."""
         if self.supply.served_at != PLACE:
-            return self.supply.stop_s
+            return self.stop_s
         x, y, _ = self.get_end_poses(gap)[0]
         flight_m = min(math.dist((x, y), spot[:2]) for spot in self.service_points)
-        return self.supply.stop_s + (flight_m + SERVICE_CLEAR_M) / self.job.driving_rules.turn_speed_mps
+        return self.stop_s + (flight_m + SERVICE_CLEAR_M) / self.job.driving_rules.turn_speed_mps
 
     @cached_property
     def service_points(self) -> tuple[Pose, ...]:
@@ -264,20 +268,20 @@ class LoadGaps:
     def bound_stop_cost_s(self, gap: int) -> float:
         """Lower bound on the extra seconds of a stop in a gap: a straight line to the place and back."""
         if gap == 0 or self.supply.served_at != PLACE:
-            return self.supply.stop_s
+            return self.stop_s
         (ax, ay, _), (bx, by, _) = self.get_end_poses(gap)
         flight_m = min(math.dist((ax, ay), spot[:2]) + math.dist(spot[:2], (bx, by)) for spot in self.service_points)
-        return flight_m / self.job.driving_rules.turn_speed_mps + self.supply.stop_s - self._estimate_direct_s(gap)
+        return flight_m / self.job.driving_rules.turn_speed_mps + self.stop_s - self._estimate_direct_s(gap)
 
     def compute_stop_cost_s(self, gap: int) -> float:
         """Extra seconds of a stop in a gap."""
         if self.supply.served_at != PLACE:
-            return self.supply.stop_s
+            return self.stop_s
         paths = self.find_paths(gap)
         if paths is None:
             return NO_PATH_COST_S
         driven_s = sum(self.job.connector.costs.compute_time_s(path) for path in paths)
-        return driven_s + self.supply.stop_s - self._estimate_direct_s(gap)
+        return driven_s + self.stop_s - self._estimate_direct_s(gap)
 
     def find_paths(self, gap: int) -> tuple[DrivePath, DrivePath] | None:
         """The quickest path to the place and on from there; None if there is none."""
@@ -307,13 +311,10 @@ def add_stops_in_gaps(gaps: LoadGaps) -> MissionWithStops:
     """The mission of these gaps with its cheapest stops; raises StrategyError as `add_stops` does."""
     job, supply, mission, pieces = gaps.job, gaps.supply, gaps.mission, gaps.pieces
     needs = [piece.need for piece in pieces]
-    if sum(needs) <= supply.capacity:
+    if supply.is_enough(sum(needs)):
         return MissionWithStops(mission.legs, (), tuple(range(len(mission.legs))))
     if max(needs) > supply.capacity:
-        raise StrategyError(
-            f"One side of a headland pass needs {max(needs):.0f} l or kg without a stop, but a load is "
-            f"{supply.capacity:g}; use a larger tank, a lower rate, or square corners."
-        )
+        raise StrategyError(supply.explain_small_load(max(needs)))
     least_costs_s = [gaps.bound_stop_cost_s(gap) for gap in range(len(pieces))]
     stop_gaps = find_cheapest_exact_stops(
         needs, least_costs_s, gaps.compute_stop_cost_s, supply.capacity, gaps.compute_wait_s
@@ -341,13 +342,15 @@ def _insert_stop_legs(gaps: LoadGaps, cuts: Sequence[int]) -> MissionWithStops:
     stops: list[ServiceStop] = []
     new_numbers: list[int] = []
     legs_done = 0  # old legs that are written
-    for number, cut in enumerate(cuts):
+    amounts = gaps.supply.list_amounts(
+        [math.fsum(piece.need for piece in pieces[first:end]) for first, end in pairwise([0, *cuts, len(pieces)])]
+    )
+    for cut, amount in zip(cuts, amounts, strict=True):
         before, after = pieces[cut - 1], pieces[cut]
         new_numbers += range(len(legs), len(legs) + before.end_leg - legs_done)
         legs += old_legs[legs_done : before.end_leg]
-        legs_to, legs_on = _build_detour(gaps, cut)
-        load_begin = cuts[number - 1] if number else 0
-        amount = math.fsum(piece.need for piece in pieces[load_begin:cut])
+        stop_s = gaps.supply.compute_stop_s(amount)
+        legs_to, legs_on = _build_detour(gaps, cut, stop_s)
         stop_at = len(legs) + len(legs_to)
         least = stops[-1].leg + 1 if stops else 0
         stops.append(ServiceStop(stop_at, find_waiting_leg(legs, least), amount))
@@ -355,7 +358,7 @@ def _insert_stop_legs(gaps: LoadGaps, cuts: Sequence[int]) -> MissionWithStops:
         legs_done = after.first_leg
         new_numbers += _renumber_legs_between(gaps.supply, len(legs), after.first_leg - before.end_leg)
         if not legs_on:
-            legs.append(replace(old_legs[legs_done], stand_s=gaps.supply.stop_s))
+            legs.append(replace(old_legs[legs_done], stand_s=stop_s))
             new_numbers.append(len(legs) - 1)
             legs_done += 1
     new_numbers += range(len(legs), len(legs) + len(old_legs) - legs_done)
@@ -382,7 +385,7 @@ def find_waiting_leg(legs: Sequence[Leg], least: int) -> int:
     return next(work_legs, len(legs))
 
 
-def _build_detour(gaps: LoadGaps, cut: int) -> tuple[list[Leg], list[Leg]]:
+def _build_detour(gaps: LoadGaps, cut: int, stop_s: float) -> tuple[list[Leg], list[Leg]]:
     """The legs to the stop before a piece, and on from there; the first of these stands until the tank is refilled."""
     job, supply, goal_task = gaps.job, gaps.supply, gaps.mission.legs[gaps.pieces[cut].first_leg].task
     if supply.served_at == PLACE:
@@ -395,7 +398,7 @@ def _build_detour(gaps: LoadGaps, cut: int) -> tuple[list[Leg], list[Leg]]:
     if job.tractors > 1 and supply.served_at == PLACE:
         legs_to, legs_on = add_wait_points(legs_to, WAIT_POINT_STEP_M), add_wait_points(legs_on, WAIT_POINT_STEP_M)
     if legs_on:
-        legs_on[0] = replace(legs_on[0], stand_s=supply.stop_s)
+        legs_on[0] = replace(legs_on[0], stand_s=stop_s)
     return legs_to, legs_on
 
 

@@ -57,11 +57,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from fields.documents.reader import read_field
     from fields.documents.writer import write_field
     from tests.truth.model import make_logs
+    from vehicle.model.tractor import BatteryParameters, load_tractor
+    from vehicle.model.tractor_writer import format_tractor_toml
 
     place = tmp_path_factory.mktemp("readme")
     os.environ["HEADLAND_DATA"] = str(place / "data")
     write_field(read_field("netherlands"), place / "myfarm.geojson")
     write_hill(read_field("netherlands"), place / "dtm.tif")
+    battery = BatteryParameters(capacity_kwh=30.0)
+    electric = load_tractor("eg105").model_copy(update={"drive": "electric", "battery": battery})
+    (place / "electric.toml").write_text(format_tractor_toml(electric), encoding="utf-8")
     (place / "runs").mkdir()
     hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
     origin = read_field("netherlands").origin_m

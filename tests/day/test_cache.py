@@ -23,7 +23,7 @@ from planner.day.field_times import (
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.fingerprint import FILE_SUFFIXES, PACKAGES, _find_imported_files, hash_code, hash_content
 from planner.request.plan_request import PlanRequest
-from planner.risk.leg_graph import LegFuel, LegGraph, WaitLink
+from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink
 from vehicle.model.tractor import Implement, load_tractor
 
 GRAPH = LegGraph(
@@ -38,7 +38,7 @@ GRAPH = LegGraph(
     links=(WaitLink(2, 1, 0.1 + 0.2, 1.0, at_end=True),),
     stand_s=np.array([0.0, 300.1, 0.0]),
     leaving=np.array([False, True, False]),
-    fuel=LegFuel(np.array([0.1, 1.0 / 7.0, 0.0]), 2.0 / 3600.0),
+    fuel=LegConsumption(np.array([0.1, 1.0 / 7.0, 0.0]), 2.0 / 3600.0),
 )
 
 

@@ -17,7 +17,7 @@ from planner.risk.costs import (
     compute_repair_cost,
     compute_simulated_cost,
     estimate_cost,
-    estimate_fuel_l,
+    estimate_flat_use,
 )
 from planner.risk.monte_carlo import SampledOutcomes
 
@@ -128,9 +128,9 @@ class TestFuel:
 
     def test_litres_are_power_by_load(self) -> None:
         prices = but(FarmPrices(), work_load=0.6, turn_load=0.3, fuel_l_per_kwh=0.25)
-        litres = estimate_fuel_l(self.run(), CostTerms(prices, FarmTractor(name="t", power_kw=100.0)))
+        litres = estimate_flat_use(self.run(), CostTerms(prices, FarmTractor(name="t", power_kw=100.0)))
         assert litres == pytest.approx((1.0 * 0.6 + 0.5 * 0.3 + 0.25 * 0.1) * 100.0 * 0.25)
 
     def test_cost_of_fuel_is_that_of_the_litres(self) -> None:
         terms = CostTerms(but(NOTHING, fuel_per_l=2.0, oil_share=0.0))
-        assert compute_simulated_cost(self.run(), terms) == pytest.approx(2.0 * estimate_fuel_l(self.run(), terms))
+        assert compute_simulated_cost(self.run(), terms) == pytest.approx(2.0 * estimate_flat_use(self.run(), terms))

@@ -20,7 +20,7 @@ from planner.farm.settings import FarmPrices
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
 from planner.request.random_inputs import build_certain_settings
 from planner.risk.costs import CostTerms, compute_paid_per_sample
-from planner.risk.leg_graph import build_leg_graph, measure_leg_fuel
+from planner.risk.leg_graph import build_leg_graph, measure_leg_consumption
 from planner.risk.monte_carlo import sample_outcomes
 from planner.risk.plan_choice import PlanFigures, choose_best, write_advice
 from vehicle.energy.fuel import CO2_KG_PER_L
@@ -69,21 +69,21 @@ def test_the_cost_of_a_farm_has_these_litres() -> None:
 def test_without_variation_samples_cost_what_the_simulation_does() -> None:
     context, driven = drive()
     run, physics = driven.run, context.physics
-    fuel = measure_leg_fuel(run, context.tractor, physics.fuel_load, physics.terrain)
+    fuel = measure_leg_consumption(run, context.tractor, physics.fuel_load, physics.terrain)
     outcomes = sample_outcomes(build_leg_graph(run, fuel), build_certain_settings(), samples=3, seed=1)
-    assert outcomes.fuel_l == pytest.approx([measure().fuel_l] * 3, rel=0.01)
+    assert outcomes.energy == pytest.approx([measure().fuel_l] * 3, rel=0.01)
     paid = compute_paid_per_sample(outcomes, CostTerms(NOTHING))
     assert paid == pytest.approx([measure(cost_terms=CostTerms(NOTHING)).cost] * 3, rel=0.01)
 
 
 def test_slower_samples_take_more_fuel_in_proportion() -> None:
     context, driven = drive()
-    fuel = measure_leg_fuel(driven.run, context.tractor, context.physics.fuel_load, None)
+    fuel = measure_leg_consumption(driven.run, context.tractor, context.physics.fuel_load, None)
     graph = build_leg_graph(driven.run, fuel)
     outcomes = sample_outcomes(graph, replace(build_certain_settings(), job_cv=0.3), samples=50, seed=1)
     driven_s = outcomes.work_s + outcomes.turn_s
-    assert outcomes.fuel_l is not None and np.std(driven_s) > 0.1 * np.mean(driven_s)
-    per_second = outcomes.fuel_l / driven_s
+    assert outcomes.energy is not None and np.std(driven_s) > 0.1 * np.mean(driven_s)
+    per_second = outcomes.energy / driven_s
     assert per_second == pytest.approx(np.full(50, per_second[0]), rel=0.02)
 
 

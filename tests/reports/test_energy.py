@@ -53,9 +53,11 @@ def test_gallons_by_acre_and_kilowatt_hours() -> None:
     assert BEST is not None
     with use_reader(Reader("en", "us")):
         assert (format_energy(BEST), format_rate(BEST)) == ("8 gal", "0.9 gal/ac")
-    electric = replace(BEST, fuel_l=None, fuel_l_per_ha=None, co2_kg=None, fuel_l_by_tractor=None, energy_kwh=84.4)
+    electric = replace(BEST, fuel_l=None, fuel_l_per_ha=None, co2_kg=17.7, fuel_l_by_tractor=None, energy_kwh=84.4,
+                           energy_kwh_per_ha=21.5)  # fmt: skip
     assert format_energy(electric) == "84 kWh"
-    assert describe_energy(electric) == ["The best plan takes 84 kWh from the batteries."]
+    sentence = "The best plan takes 84 kWh from the batteries, 21.5 kWh/ha: 18 kg of CO2 from the grid."
+    assert describe_energy(electric) == [sentence]
     assert describe_physics(DEADLINE) == []
 
 

@@ -82,6 +82,9 @@ CONTRACT = [
     "steepest_along",
     "steepest_across",
     "rollover",
+    "energy_kwh_per_ha",
+    "charges",
+    "charging_s",
 ]
 PIECE = [f"largest_missed_{key}" for key in ("m2", "lon", "lat", "x_m", "y_m")]
 INTERVAL = [f"finish_probability_interval_{end}" for end in ("low", "high")]

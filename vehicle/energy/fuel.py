@@ -93,6 +93,9 @@ class DieselEngine:
 class ElectricDrive:
     """A battery and motors. The efficiencies and the reserve are assumed; give those of the maker where known.
 
+    The battery is charged for as long as the charger takes, and the time to connect it; with `change_s` it is changed
+    for a full one instead.
+
     Attributes:
         battery_kwh: what the battery holds.
         charger_kw: what it takes from the charger.
@@ -100,6 +103,8 @@ class ElectricDrive:
         recovery: share of the energy of braking that returns to the battery.
         standby_w: what controls and cooling take all the time.
         reserve: share of the battery that stays in it.
+        connect_s: seconds to connect and disconnect the charger.
+        change_s: seconds to change the battery for a full one; None where it is charged.
 
     Raises:
         VehicleError: a value that no drive has.
@@ -111,6 +116,8 @@ class ElectricDrive:
     recovery: float = 0.0
     standby_w: float = 500.0
     reserve: float = 0.15
+    connect_s: float = 0.0
+    change_s: float | None = None
 
     def __post_init__(self) -> None:
         _check_range("The battery", self.battery_kwh, 0.1, 10_000.0, "kWh")
@@ -140,9 +147,19 @@ class ElectricDrive:
         drawn = np.where(power_w > 0.0, power_w / self.efficiency, power_w * self.recovery * self.efficiency)
         return np.asarray((drawn + self.standby_w) / J_PER_KWH)
 
+    @property
+    def stop_s(self) -> float:
+        """What every stop takes besides the time of the charger."""
+        return self.connect_s if self.change_s is None else self.change_s
+
+    @property
+    def charge_s_per_kwh(self) -> float:
+        """How long the charger takes for a kilowatt-hour; nothing where the battery is changed."""
+        return S_PER_H / self.charger_kw if self.change_s is None else 0.0
+
     def compute_charge_s(self, energy_kwh: float) -> float:
-        """How long the charger takes for an amount of energy."""
-        return energy_kwh / self.charger_kw * S_PER_H
+        """How long a stop takes that puts an amount of energy into the battery."""
+        return self.stop_s + energy_kwh * self.charge_s_per_kwh
 
 
 PowerSource = DieselEngine | ElectricDrive
@@ -162,6 +179,19 @@ def compute_diesel_lph(
     full_throttle = use_l_per_kwh * share + no_load_l_per_kwh
     throttle = 1.0 - (THROTTLE_RATE - THROTTLE_LOAD_RATE * share) * reduction_pct
     return np.maximum(full_throttle * throttle, 0.0) * rated_shaft_kw
+
+
+def build_power_source(tractor: Tractor, power_w: float) -> PowerSource:
+    """What drives a tractor: its battery, or its diesel engine with this power.
+
+    Raises:
+        VehicleError: the power of the engine is not known, or the fuel points are those of no engine.
+    """
+    battery = tractor.battery
+    if battery is None:
+        return build_diesel_engine(tractor, power_w)
+    values = battery.model_dump()
+    return ElectricDrive(battery_kwh=values.pop("capacity_kwh"), **values)
 
 
 def build_diesel_engine(tractor: Tractor, power_w: float) -> DieselEngine:

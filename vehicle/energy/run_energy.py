@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.energy.fuel import CO2_KG_PER_L, J_PER_KWH, LITRES, DieselEngine, PowerSource, build_diesel_engine
+from vehicle.energy.fuel import CO2_KG_PER_L, J_PER_KWH, LITRES, DieselEngine, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
 from vehicle.missions.run import SimulationRun
@@ -87,7 +87,7 @@ class RunEnergy:
 
     @property
     def co2_kg(self) -> float | None:
-        """Carbon dioxide of the diesel burnt; None for electric tractors, whose power may come from anywhere."""
+        """Carbon dioxide of the diesel burnt; None for electric tractors, where it is that of the grid."""
         return self.total * CO2_KG_PER_L if self.unit == LITRES else None
 
     @property
@@ -113,13 +113,13 @@ def compute_run_energy(
         tractor: of every mission.
         load: as the run was driven with, or as it would have been pulled.
         terrain: heights; None for level ground.
-        source: engine or battery; the tractor's diesel engine with the power of the load where None.
+        source: engine or battery; that of the tractor, a diesel engine with the power of the load, where None.
         shaft_power_w: what the implement takes from the shaft while it works.
 
     Raises:
         VehicleError: the power of the engine is not known.
     """
-    source = source or build_diesel_engine(tractor, load.engine_power_w)
+    source = source or build_power_source(tractor, load.engine_power_w)
     tractors = (
         _compute_tractor_energy(run, number, tractor, load, terrain, source, shaft_power_w)
         for number in range(run.plan.tractors)
@@ -148,7 +148,7 @@ def _compute_tractor_energy(
         run.record[:, number, REC_SPEED],
         tractor.mass_kg,
         load,
-        _list_rolling_shares(legs, load)[row_legs],
+        list_rolling_shares(legs, load)[row_legs],
         is_working,
     )
     work *= (seconds > 0.0)[:, None]
@@ -240,7 +240,7 @@ def compute_consumption(work: Floats, shaft_j: Floats, seconds: Floats, load: Wo
     return np.where(is_on, source.compute_rate(power_w) * seconds, 0.0)
 
 
-def _list_rolling_shares(legs: tuple[Leg, ...], load: WorkLoad) -> Floats:
+def list_rolling_shares(legs: tuple[Leg, ...], load: WorkLoad) -> Floats:
     """Resistance to rolling over weight by leg: the load's, or that of the leg's ground."""
     if load.rolling_share is not None:
         return np.full(len(legs), load.rolling_share)

@@ -87,7 +87,9 @@ FuelRate = Annotated[float, _make_number_type(0.0, 1000.0, "l/h")]
 class EngineParameters(_FrozenModel):
     """What the engine gives and how much of it reaches the driven axles."""
 
-    power_kw: Annotated[float, _make_number_type(0.01, 2000.0, "kW at the flywheel, usually 10 to 400")]
+    power_kw: Annotated[
+        float, _make_number_type(0.01, 2000.0, "kW at the flywheel or of the electric motor, usually 10 to 400")
+    ]
     driveline_efficiency: Annotated[float, _make_number_type(0.05, 1.0, "of the power, usually 0.8 to 0.9")] = 0.86
     fuel_points: tuple[tuple[ShaftPower, FuelRate], ...] = Field(
         default=(), description="kW at the shaft and l/h at full throttle, from a test; at least two, or none"
@@ -100,6 +102,24 @@ class EngineParameters(_FrozenModel):
         if any(not more[0] > less[0] or not more[1] > less[1] for less, more in pairwise(self.fuel_points)):
             raise ValueError("fuel_points must grow in power and in fuel; order them, and leave out the peak of torque")
         return self
+
+
+class BatteryParameters(_FrozenModel):
+    """The battery of an electric tractor, and how it is charged or changed.
+
+    Only the capacity is a must. With `change_s` an empty battery is changed for a full one, else it is charged.
+    """
+
+    capacity_kwh: Annotated[
+        float, _make_number_type(0.1, 10_000.0, "kWh that the full battery holds, usually 30 to 300")
+    ]
+    charger_kw: Annotated[float, _make_number_type(0.1, 10_000.0, "kW, usually 10 to 150")] = 50.0
+    connect_s: Annotated[float, _make_number_type(0.0, 36_000.0, "s to connect and disconnect the charger")] = 120.0
+    change_s: Annotated[float, _make_number_type(1.0, 36_000.0, "s to change it for a full one")] | None = None
+    efficiency: Annotated[float, _make_number_type(0.05, 1.0, "from battery to motor shaft, usually 0.8 to 0.9")] = 0.85
+    recovery: Annotated[float, _make_number_type(0.0, 1.0, "share of the energy of braking that returns")] = 0.0
+    standby_w: Annotated[float, _make_number_type(0.0, 1e5, "W that controls and cooling always take")] = 500.0
+    reserve: Annotated[float, _make_number_type(0.0, 0.9, "share that stays in it, usually 0.1 to 0.2")] = 0.15
 
 
 class TyreParameters(_FrozenModel):
@@ -212,10 +232,12 @@ class Tractor(_FrozenModel):
     ]
     antenna_forward_m: Annotated[float, _make_number_type(-30.0, 30.0, "m ahead of the rear axle")] = 1.1
     antenna_right_m: Annotated[float, _make_number_type(-30.0, 30.0, "m")] = 0.0
+    drive: Literal["diesel", "electric"] = "diesel"
     steering: SteeringParameters = SteeringParameters()
     guidance: GuidanceParameters = GuidanceParameters()
     speed: SpeedParameters = SpeedParameters()
     engine: EngineParameters | None = None
+    battery: BatteryParameters | None = None
     tyres: TyreParameters | None = None
     stability: StabilityParameters | None = None
     radius: dict[str, PowerLaw] = {}
@@ -263,6 +285,22 @@ class Tractor(_FrozenModel):
             raise VehicleError(
                 f"No turning radii of {self.name} are known on {ground!r}; use one of: {known}."
             ) from None
+
+    @model_validator(mode="after")
+    def _check_drive(self) -> Tractor:
+        if self.drive == "diesel":
+            if self.battery is not None:
+                raise ValueError(
+                    '[battery] is that of an electric tractor; add drive = "electric", or remove [battery]'
+                )
+            return self
+        if self.battery is None:
+            raise ValueError('drive = "electric" needs a section [battery] with capacity_kwh; add it')
+        if self.engine is None:
+            raise ValueError('drive = "electric" needs the power of the motor; add power_kw under [engine]')
+        if self.engine.fuel_points:
+            raise ValueError('drive = "electric" burns no fuel; remove fuel_points under [engine]')
+        return self
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Tractor:

@@ -13,7 +13,7 @@ def format_tractor_toml(tractor: Tractor) -> str:
     values = tractor.model_dump(mode="python")
     plain_values = {key: value for key, value in values.items() if value is not None and not isinstance(value, dict)}
     lines = [f"{key} = {_format_value(value)}" for key, value in plain_values.items()]
-    for name in ("steering", "guidance", "speed", "engine", "tyres", "stability"):
+    for name in ("steering", "guidance", "speed", "engine", "battery", "tyres", "stability"):
         lines += _format_table(name, values[name] or {})
     for ground, law in values["radius"].items():
         lines += _format_table(f"radius.{ground}", law)
@@ -27,7 +27,8 @@ def format_tractor_toml(tractor: Tractor) -> str:
 def _format_table(name: str, values: dict[str, Any]) -> list[str]:
     if not values:
         return []
-    return ["", f"[{name}]", *[f"{_format_key(key)} = {_format_value(value)}" for key, value in values.items()]]
+    known = {key: value for key, value in values.items() if value is not None}
+    return ["", f"[{name}]", *[f"{_format_key(key)} = {_format_value(value)}" for key, value in known.items()]]
 
 
 def _format_key(key: str) -> str:

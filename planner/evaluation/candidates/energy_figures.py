@@ -1,14 +1,19 @@
-"""What a run uses: litres of fuel or kilowatt-hours, of the fleet and of each tractor."""
+"""What a run uses: litres of fuel or kilowatt-hours, of the fleet and of each tractor, and whether batteries last."""
 
 from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from planner.evaluation.context import PlanningContext
-from planner.risk.costs import estimate_fuel_l
-from vehicle.energy.fuel import CO2_KG_PER_L
-from vehicle.energy.run_energy import RunEnergy, compute_run_energy
+from planner.risk.costs import estimate_flat_use, get_grid_factor
+from strategies.program.battery_supply import BatterySupply
+from vehicle.energy.fuel import CO2_KG_PER_L, ElectricDrive, build_power_source
+from vehicle.energy.run_energy import Floats, RunEnergy, compute_run_energy
 from vehicle.missions.run import SimulationRun
+
+LEVEL_TOLERANCE_KWH = 1e-6
 
 
 def measure_energy(context: PlanningContext, run: SimulationRun) -> RunEnergy | None:
@@ -21,22 +26,79 @@ def measure_energy(context: PlanningContext, run: SimulationRun) -> RunEnergy | 
 
 def list_energy_figures(context: PlanningContext, run: SimulationRun, energy: RunEnergy | None) -> dict[str, Any]:
     """The figures of a plan's energy by their names in PlanResult; without its load by the flat shares of a farm."""
-    if energy is None:
-        if context.cost_terms is None:
-            return {}
-        flat_l = estimate_fuel_l(run, context.cost_terms)
+    if energy is None and context.cost_terms is None:
+        return {}
+    by_tractor: tuple[float, ...] | None = None
+    if energy is not None:
+        total, by_tractor = energy.total, tuple(energy.consumptions.tolist())
+    else:
+        assert context.cost_terms is not None
+        total = estimate_flat_use(run, context.cost_terms)
+    per_ha = total / context.layout.field.area_ha
+    if context.tractor.battery is None:
         return {
-            "fuel_l": flat_l,
-            "fuel_l_per_ha": flat_l / context.layout.field.area_ha,
-            "co2_kg": CO2_KG_PER_L * flat_l,
+            "fuel_l": total,
+            "fuel_l_per_ha": per_ha,
+            "co2_kg": CO2_KG_PER_L * total,
+            "fuel_l_by_tractor": by_tractor,
         }
-    by_tractor = tuple(energy.consumptions.tolist())
-    fuel_l = energy.fuel_l
     return {
-        "fuel_l": fuel_l,
-        "fuel_l_per_ha": None if fuel_l is None else fuel_l / context.layout.field.area_ha,
-        "energy_kwh": energy.energy_kwh,
-        "co2_kg": energy.co2_kg,
-        "fuel_l_by_tractor": None if fuel_l is None else by_tractor,
-        "energy_kwh_by_tractor": by_tractor if fuel_l is None else None,
+        "energy_kwh": total,
+        "energy_kwh_per_ha": per_ha,
+        "co2_kg": get_grid_factor(context.cost_terms) * total,
+        "energy_kwh_by_tractor": by_tractor,
     }
+
+
+def find_flat_battery(context: PlanningContext, run: SimulationRun) -> str | None:
+    """Why batteries do not last for a run: the first tractor that would go below its reserve; None where all last."""
+    load = context.physics.fuel_load
+    if context.tractor.battery is None or load is None:
+        return None
+    drive = build_power_source(context.tractor, load.engine_power_w)
+    assert isinstance(drive, ElectricDrive)
+    energy = compute_run_energy(run, context.tractor, load, context.physics.terrain, source=drive)
+    entries = run.plan.notes.get("refills", ()) if isinstance(context.supply, BatterySupply) else ()
+    for number, (mission, own) in enumerate(zip(run.plan.missions, energy.tractors, strict=True)):
+        is_stop = np.array([leg.stand_s > 0.0 for leg in mission.legs])
+        amounts = np.zeros(len(mission.legs))
+        if entries:
+            amounts[is_stop] = [entry["amount"] for entry in entries if entry["tractor"] == number + 1]
+        lowest_kwh = compute_lowest_level_kwh(own.consumption - np.where(is_stop, own.idle, 0.0), amounts, drive)
+        if lowest_kwh < -LEVEL_TOLERANCE_KWH:
+            return _describe_flat_battery(context, number, drive, lowest_kwh)
+    return None
+
+
+def compute_lowest_level_kwh(used_kwh: Floats, amounts_kwh: Floats, drive: ElectricDrive) -> float:
+    """The least energy above the reserve at the end of any leg.
+
+    `used_kwh` (legs,) is what legs take, without standing at the charger, which gives that itself; `amounts_kwh`
+    (legs,) are charged before legs.
+    """
+    level_kwh = lowest_kwh = drive.usable_kwh
+    for used, amount in zip(used_kwh.tolist(), amounts_kwh.tolist(), strict=True):
+        level_kwh = min(level_kwh + amount, drive.usable_kwh) - used
+        lowest_kwh = min(lowest_kwh, level_kwh)
+    return lowest_kwh
+
+
+def _describe_flat_battery(context: PlanningContext, tractor: int, drive: ElectricDrive, lowest_kwh: float) -> str:
+    start = (
+        f"tractor {tractor + 1} would take {-lowest_kwh:.2g} kWh more than the {drive.usable_kwh:.3g} kWh that its "
+        "battery has to use"
+    )
+    if context.supply is not None and not isinstance(context.supply, BatterySupply):
+        return f"{start}, and charging is not planned beside refills; use a larger battery or more tractors"
+    return f"{start}; use a larger battery, a smaller reserve or more tractors"
+
+
+def list_service_figures(context: PlanningContext, run: SimulationRun) -> dict[str, Any]:
+    """Stops to fill tanks and to charge or change batteries, and their time, by their names in PlanResult."""
+    stops, seconds = len(run.plan.notes.get("refills", ())), float(run.standing_s.sum())
+    if isinstance(context.supply, BatterySupply):
+        return {"charges": stops, "charging_s": seconds}
+    figures: dict[str, Any] = {} if context.supply is None else {"refills": stops, "refilling_s": seconds}
+    if context.tractor.battery is not None and context.physics.fuel_load is not None:
+        figures |= {"charges": 0, "charging_s": 0.0}
+    return figures

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from fields.layout.swaths import measure_min_spacing_m
+from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
 from planner.evaluation.candidates.pruning import (
     Incumbent,
@@ -336,6 +337,7 @@ def _run_plan(
             run, context, lambda plan: resolve_conflicts(plan, simulate, repairs, schedule)
         )
         reason = _find_fault(context, run, places, worst_deviation) or find_service_conflict(run, job)
+        reason = reason or find_flat_battery(context, run)
     remarks = [] if reason else [*_list_remarks(context, run, worst_deviation), describe_slowed_places(slowed)]
     return CandidateRun(
         run,

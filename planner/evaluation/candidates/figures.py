@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from planner.evaluation.candidates.energy_figures import list_energy_figures, measure_energy
+from planner.evaluation.candidates.energy_figures import list_energy_figures, list_service_figures, measure_energy
 from planner.evaluation.candidates.slope_figures import list_slope_figures
 from planner.evaluation.candidates.variants import measure_headland_phase_s
 from planner.evaluation.context import PlanningContext
@@ -107,8 +107,7 @@ def measure_candidate(
         headland_order=run.plan.notes.get("headland"),
         **list_energy_figures(context, run, energy),
         **list_slope_figures(context, run),
-        refills=None if context.supply is None else len(run.plan.notes.get("refills", ())),
-        refilling_s=None if context.supply is None else float(run.standing_s.sum()),
+        **list_service_figures(context, run),
         faults=candidate_run.faults,
     )
     return _add_clock_times(figures, context, run, coverage)
@@ -130,8 +129,8 @@ def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnerg
     tractors, request = run.plan.tractors, context.request
     if context.cost_terms is not None:
         travel_cost = tractors * compute_travel_cost(context.cost_terms)
-        fuel_l = None if energy is None else energy.fuel_l
-        return compute_simulated_cost(run, context.cost_terms, fuel_l) - travel_cost, travel_cost
+        used = None if energy is None else energy.total
+        return compute_simulated_cost(run, context.cost_terms, used) - travel_cost, travel_cost
     return run.duration_s * tractors / 3600.0 * request.price_per_hour, tractors * request.price_per_tractor
 
 

@@ -161,7 +161,9 @@ def _iter_steps(
         values = measures.list_values(tractor, segment.first_row, segment.end_row)
         step = replace(_build_wait_step(run, tractor, segment), **values)
         if segment.is_standing:
-            yield replace(step, kind=REFILL, amount=_find_service_amount(run, tractor, segment))
+            yield replace(
+                step, kind=run.plan.notes.get("service", REFILL), amount=_find_service_amount(run, tractor, segment)
+            )
             continue
         if segment.is_waiting:
             yield replace(step, for_tractors=_find_awaited_tractors(run, tractor, segment))

@@ -42,6 +42,7 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
     from planner.evaluation.field_physics import find_requested_soil, read_requested_elevation
     from planner.request.service_points import locate_service_point
     from planner.risk.assessment import build_decision_criteria
+    from vehicle.model.tractor import resolve_tractor
 
     question = build_request_plan_inputs(values)
     request = question.request
@@ -56,8 +57,12 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
             find_line_bearing_deg(field.guidance_lines, request.guidance_line, f"'{field.name}'")
     read_requested_elevation(request, field)
     find_requested_soil(request)
+    with attach_parameter("tractor"):
+        machine = None if request.refill is None else resolve_tractor(question.tractor or request.tractor)
     with attach_parameter("refill"):
-        locate_service_point(request, field, question.supply)
+        locate_service_point(
+            request, field, question.supply, is_electric=machine is not None and machine.battery is not None
+        )
 
 
 def check_day_request(values: Mapping[str, Any]) -> None:

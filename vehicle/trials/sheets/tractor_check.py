@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
+from vehicle.energy.fuel import S_PER_H, W_PER_KW, ElectricDrive, build_power_source
 from vehicle.errors import VehicleError
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
@@ -31,6 +32,7 @@ STRAIGHT_LENGTH_M, SETTLING_M = 100.0, 20.0
 RADIUS_FACTOR = 1.08  # plans turn this much wider than full lock, to leave guidance room for corrections
 APPROACH_LENGTH_M, EXIT_LENGTH_M, MAX_DRIVE_S = 15.0, 25.0, 600.0
 ARC_POINTS = 91
+S_PER_MIN = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,9 +246,27 @@ def _describe_verdict(tractor: Tractor, proofs: Sequence[DriveCheck]) -> tuple[s
         f"{_build_row(proof)[2]}; {proof.advice}."
         for proof in wrong
     )
-    effect_note = _describe_effects(tractor)
+    effect_note, battery_note = _describe_effects(tractor), describe_electric_drive(tractor)
     assumption_note = f"Assumed values, not measured: {len(assumed)} of {len(tractor.source)}." if assumed else ""
-    return (first, *advice, *(text for text in (effect_note, assumption_note) if text))
+    return (first, *advice, *(text for text in (effect_note, battery_note, assumption_note) if text))
+
+
+def describe_electric_drive(tractor: Tractor) -> str:
+    """Battery and motor in a sentence; "" for a diesel tractor."""
+    if tractor.battery is None or tractor.engine is None:
+        return ""
+    drive = build_power_source(tractor, W_PER_KW * tractor.engine.power_kw)
+    assert isinstance(drive, ElectricDrive)
+    full_h = drive.usable_kwh * drive.efficiency / tractor.engine.power_kw
+    filled = (
+        f"charging that takes {drive.compute_charge_s(drive.usable_kwh) / S_PER_H:.1f} h at {drive.charger_kw:g} kW"
+        if drive.change_s is None
+        else f"changing the battery takes {drive.change_s / S_PER_MIN:.0f} min"
+    )
+    return (
+        f"Electric: {drive.usable_kwh:.3g} of {drive.battery_kwh:g} kWh can be used, enough for {full_h:.1f} h at the "
+        f"full {tractor.engine.power_kw:g} kW of the motor; {filled}."
+    )
 
 
 def _describe_effects(tractor: Tractor) -> str:

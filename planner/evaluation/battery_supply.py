@@ -1,0 +1,88 @@
+"""The batteries of electric tractors as a supply: how long they last on a layout, and where they are charged."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from fields.layout.swaths import Layout
+from planner.errors import RequestError, attach_parameter, mark_parameter
+from planner.evaluation.field_physics import FieldPhysics
+from planner.request.plan_request import PlanRequest
+from planner.request.service_points import locate_service_point
+from strategies.program.battery_supply import ESTIMATE_MARGIN, BatterySupply
+from strategies.program.field_job import DrivingRules
+from vehicle.energy.leg_meter import build_leg_meter
+from vehicle.model.tractor import Tractor
+
+DETOUR_FACTOR = 1.5  # of the straight line from the farthest corner of the field to the place
+AMPLE_SHARE = 0.8  # of a battery: if one is enough for all work with so much to spare, no stop is planned
+
+
+def build_battery_supply(
+    request: PlanRequest,
+    layout: Layout,
+    headland_m: float,
+    rules: DrivingRules,
+    tractor: Tractor,
+    physics: FieldPhysics,
+) -> BatterySupply | None:
+    """The battery of every tractor; None for diesel, where its use is not known, and where one lasts for all work.
+
+    `headland_m` is the length of all headland passes.
+
+    Raises RequestError for a battery that does not last for the longest swath, and for a place to charge at that cannot
+    be read or is too far off.
+    """
+    load = physics.fuel_load
+    meter = None if load is None else build_leg_meter(tractor, load, physics.terrain)
+    if meter is None:
+        return None
+    drive, ground = meter.drive, layout.field.default_ground
+    lengths_m = [swath.length_m for swath in layout.swaths]
+    mean_m = float(np.mean(lengths_m))
+    swath_kwh = meter.compute_straight_kwh(mean_m, rules.work_speed_mps, True, ground)
+    turn_m = rules.turn_s[1] * rules.turn_speed_mps
+    supply = BatterySupply(
+        capacity=drive.usable_kwh,
+        rate_per_m2=(1.0 + ESTIMATE_MARGIN) * swath_kwh / mean_m / layout.width_m,
+        stop_s=drive.stop_s,
+        meter=meter,
+        turn_kwh=(1.0 + ESTIMATE_MARGIN) * meter.compute_straight_kwh(turn_m, rules.turn_speed_mps, False, ground),
+    )
+    with attach_parameter("refill"):
+        located = locate_service_point(request, layout.field, supply)
+    assert isinstance(located, BatterySupply)
+    worked_m = [*lengths_m, headland_m]
+    if sum(supply.compute_need(length_m, layout.width_m) for length_m in worked_m) <= AMPLE_SHARE * drive.usable_kwh:
+        return None
+    located = _set_trips_apart(located, layout, rules, ground)
+    _check_longest_swath(located, layout)
+    return located
+
+
+def _set_trips_apart(supply: BatterySupply, layout: Layout, rules: DrivingRules, ground: str) -> BatterySupply:
+    """The supply with the energy of the way to its place and back set apart."""
+    if supply.place is None:
+        return supply
+    place, corners = shapely.Point(supply.place), shapely.points(shapely.get_coordinates(layout.field.boundary))
+    trip_m = DETOUR_FACTOR * float(shapely.distance(place, corners).max())
+    trip_kwh = (1.0 + ESTIMATE_MARGIN) * supply.meter.compute_straight_kwh(trip_m, rules.turn_speed_mps, False, ground)
+    return replace(supply, trip_kwh=trip_kwh, capacity=supply.usable_kwh - 2.0 * trip_kwh)
+
+
+def _check_longest_swath(supply: BatterySupply, layout: Layout) -> None:
+    """Raise RequestError where a charge does not last for the longest swath, as nobody charges half way along one."""
+    longest_m = max(swath.length_m for swath in layout.swaths)
+    need_kwh = supply.compute_need(longest_m, layout.width_m)
+    if need_kwh <= supply.capacity:
+        return
+    trips = f" besides {2.0 * supply.trip_kwh:.3g} kWh for the way to the charger and back" if supply.trip_kwh else ""
+    raise RequestError(
+        f"The battery has {supply.usable_kwh:.3g} kWh to use above its reserve, and the longest track of "
+        f"{longest_m:.0f} m takes {need_kwh:.3g} kWh{trips}; use a larger battery, a narrower implement "
+        f"({mark_parameter('width_m')}), or a {mark_parameter('bearing_deg')} with shorter tracks.",
+        parameter="tractor",
+    )
