@@ -59,6 +59,7 @@ MODEL = np.dtype(
         ("inverse_mobility", "f8"),
         ("best_gain", "f8"),
         ("max_slip", "f8"),
+        ("front_driven", "f8"),
         # Effects of vehicle.model.effects; they count only where `affected` is 1.
         ("affected", "f8"),
         ("offset", "f8"),

@@ -322,7 +322,7 @@ def plan(
         raise typer.Exit(0 if is_complete else NO_PLAN_STATUS)
     input_files = list_input_files(
         field=request.field, tractor=request.tractor, gnss_table=request.gnss_table, farm=choice.farm,
-        rain=request.rain, elevation=request.elevation, soil=request.soil,
+        rain=request.rain, elevation=request.elevation, soil=request.soil, rain_mm=request.rain_mm,
     )  # fmt: skip
     check_output_paths((png, ".png"), (html, ".html"), (save, ""), input_files=input_files)
     result = _simulate_plans(

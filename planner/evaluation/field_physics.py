@@ -15,14 +15,16 @@ from fields.text_files import quote_path
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.pull_check import find_engine_power_kw
 from planner.farm.machines import FarmTractor
+from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import LEAST_FUEL, PlanRequest
-from vehicle.energy.draft import find_draft_rule
+from planner.request.recent_rain import parse_recent_rain
 from vehicle.energy.load import build_work_load
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import SLOPE_DRIFT, get_effect
 from vehicle.model.ground import GROUNDS, find_ground_index
-from vehicle.model.soil import Soil, find_soil, load_soils
+from vehicle.model.soil import Soil, find_soil, get_soil_rows, load_soils
 from vehicle.model.soil_effects import replace_soil_effects
+from vehicle.model.soil_water import MoistureEstimate, build_estimated_soil, estimate_moisture
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import EffectSetting, Tractor
 from vehicle.model.work_load import WorkLoad
@@ -42,6 +44,7 @@ class FieldPhysics:
         takes_shaft_power: whether the implement is driven by the shaft, so that draft does not tell what it needs.
         soil: the soil of the request; None without one.
         elevation: the heights with where they come from; None for level ground and for a saved plan.
+        moisture: that of the soil by the rain of the last days; None without rain and for a saved plan.
     """
 
     terrain: Terrain | None = None
@@ -50,6 +53,7 @@ class FieldPhysics:
     takes_shaft_power: bool = False
     soil: Soil | None = None
     elevation: ElevationGrid | None = None
+    moisture: MoistureEstimate | None = None
 
     @property
     def fuel_load(self) -> WorkLoad | None:
@@ -76,16 +80,18 @@ def build_field_physics(
     """
     elevation = read_requested_elevation(request, field)
     soil = find_requested_soil(request)
+    rule = find_requested_rule(request)
     with attach_parameter("tractor"):
         power_kw = find_engine_power_kw(tractor, farm_tractor)
-        load = build_work_load(tractor, request.width_m, request.operation, soil, engine_power_kw=power_kw)
+        load = build_work_load(tractor, request.width_m, request.operation, soil, rule=rule, engine_power_kw=power_kw)
     return FieldPhysics(
         None if elevation is None else build_terrain(elevation),
         load,
         elevation is not None or soil is not None,
-        find_draft_rule(request.operation, request.width_m) is None,
+        rule is None,
         soil,
         elevation,
+        estimate_requested_moisture(request),
     )
 
 
@@ -134,8 +140,9 @@ def _compute_mean_gradient(terrain: Terrain) -> tuple[float, float]:
 
 def build_level_physics(request: PlanRequest, tractor: Tractor) -> FieldPhysics:
     """The physics of a request on level ground without a soil: only what it uses."""
-    load = build_work_load(tractor, request.width_m, request.operation)
-    return FieldPhysics(load=load, takes_shaft_power=find_draft_rule(request.operation, request.width_m) is None)
+    rule = find_requested_rule(request)
+    load = build_work_load(tractor, request.width_m, request.operation, rule=rule)
+    return FieldPhysics(load=load, takes_shaft_power=rule is None)
 
 
 def check_fuel_is_known(request: PlanRequest, physics: FieldPhysics, has_farm: bool) -> None:
@@ -185,12 +192,34 @@ def build_terrain(elevation: ElevationGrid) -> Terrain:
 
 
 def find_requested_soil(request: PlanRequest) -> Soil | None:
-    """The soil of a request: a name of Headland's table, or a table of the user with the name after "#"."""
+    """The soil of a request: a name of Headland's table, or a table of the user with the name after "#".
+
+    Its moisture is the one asked for, else what the rain of the last days makes it, else the usual one. Raises
+    HeadlandError for an unknown soil, a moisture that it does not have, and rain that cannot be read.
+    """
     if request.soil is None:
         return None
+    estimate = estimate_requested_moisture(request) if request.moisture_pct is None else None
     with attach_parameter("soil"):
-        name, path = split_soil_name(request.soil)
-        return find_soil(name or _find_only_name(path), request.moisture_pct, path)
+        name, path = _find_soil_place(request.soil)
+        if estimate is None:
+            return find_soil(name, request.moisture_pct, path)
+        return build_estimated_soil(get_soil_rows(name, path), estimate)
+
+
+def estimate_requested_moisture(request: PlanRequest) -> MoistureEstimate | None:
+    """Moisture of the soil of a request after the rain of the last days; None without rain. Raises HeadlandError."""
+    if request.soil is None or request.rain_mm is None:
+        return None
+    rains_mm, et0s_mm = parse_recent_rain(request.rain_mm, request.et0_mm)
+    with attach_parameter("soil"):
+        return estimate_moisture(get_soil_rows(*_find_soil_place(request.soil)), rains_mm, et0s_mm)
+
+
+def _find_soil_place(soil: str) -> tuple[str, Path | None]:
+    """Name and table of a soil; of a table with one soil the name may be left out."""
+    name, path = split_soil_name(soil)
+    return name or _find_only_name(path), path
 
 
 def split_soil_name(soil: str) -> tuple[str, Path | None]:

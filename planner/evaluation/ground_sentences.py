@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, split_soil_name
+from planner.request.implement_choice import find_requested_rule
 from planner.risk.costs import get_grid_factor
-from vehicle.energy.draft import find_draft_rule
+from vehicle.energy.grip_at_work import compute_grip_at_work
 from vehicle.energy.trafficability import compute_trafficability, describe_trafficability
 from vehicle.model.soil import Soil
+from vehicle.model.soil_water import MoistureEstimate
 from vehicle.model.work_load import WorkLoad
 
 
@@ -15,8 +17,10 @@ def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     """Heights, soil and load in sentences; nothing where the fuel is not known and the ground is level."""
     physics = context.physics
     sentences = [*_describe_heights(physics), *_describe_soil(physics.soil)]
+    if physics.moisture is not None:
+        sentences.append(_describe_estimate(physics.moisture, is_used=context.request.moisture_pct is None))
     if physics.soil is not None:
-        sentences += _describe_trafficability(context, physics.soil)
+        sentences += [*_describe_grip(context, physics.soil), *_describe_trafficability(context, physics.soil)]
     if physics.fuel_load is not None:
         sentences.append(_describe_fuel(context, physics.fuel_load))
     elif context.tractor.battery is not None:
@@ -51,6 +55,39 @@ def _describe_soil(soil: Soil | None) -> list[str]:
     return [f"The soil is {soil.name}{moisture}, cone index {soil.cone_index_kpa:.0f}{interval} kPa: {soil.source}."]
 
 
+def _describe_estimate(estimate: MoistureEstimate, *, is_used: bool) -> str:
+    """What the rain of the last days makes of the moisture, and whether that counts."""
+    days = "the last day" if estimate.days == 1 else f"the last {estimate.days} days"
+    verb = "make" if is_used else "would make"
+    consequence = "" if is_used else "; the moisture that was given counts"
+    return (
+        f"{estimate.rain_mm:.3g} mm of rain in {days} and an evapotranspiration of {estimate.et0_mm:.2g} mm a day "
+        f"{verb} the topsoil about {estimate.moisture_pct:.3g} % moist ({estimate.low_pct:.3g} to "
+        f"{estimate.high_pct:.3g} %), by the balance of FAO-56 for bare soil{consequence}."
+    )
+
+
+def _describe_grip(context: PlanningContext, soil: Soil) -> list[str]:
+    """What the soil gives to the tyres at work; nothing on a ground without a cone index."""
+    load = context.physics.load
+    assert load is not None  # a soil makes a load
+    grip = compute_grip_at_work(context.tractor, load, soil, context.request.speed_mps)
+    if grip is None:
+        return []
+    sides = (
+        f"The soil holds tyres with at most {grip.side_limit:.2f} of their load ({grip.side_low:.2f} to "
+        f"{grip.side_high:.2f}), of which work leaves driven ones {grip.side_at_work:.2f} against sliding sideways "
+        "(Brixius 1987, friction circle)."
+    )
+    if load.compute_draft_n(context.request.speed_mps) == 0.0:
+        return [sides]
+    pull = (
+        f"At work on level ground wheels slip by {100.0 * grip.slip:.0f} %, and {100.0 * grip.pulling_share:.0f} % of "
+        "the power at the axles pulls."
+    )
+    return [pull, sides]
+
+
 def _describe_trafficability(context: PlanningContext, soil: Soil) -> tuple[str, ...]:
     """From which moisture the soil is too wet on level ground; nothing for a soil of one moisture."""
     load = context.physics.load
@@ -63,7 +100,7 @@ def _describe_trafficability(context: PlanningContext, soil: Soil) -> tuple[str,
 def _describe_fuel(context: PlanningContext, load: WorkLoad) -> str:
     """How the fuel comes about."""
     request = context.request
-    rule = find_draft_rule(request.operation, request.width_m)
+    rule = find_requested_rule(request)
     draft_kn = load.compute_draft_n(request.speed_mps) / 1000.0
     draft = (
         ""

@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable
 
 from planner.farm.machines import FarmTractor
+from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
 from reports.common.plan_results import PullFigures
-from vehicle.energy.draft import KMH_PER_MPS, DraftRule, find_draft_rule
-from vehicle.energy.driveline import DRAWBAR_SHARE, get_engine_power_kw
-from vehicle.model.soil import Texture
+from vehicle.energy.draft import KMH_PER_MPS, DraftRule
+from vehicle.energy.driveline import find_drawbar_share, get_engine_power_kw
+from vehicle.model.soil import Soil, Texture
 from vehicle.model.tractor import Tractor
 
 USUAL_TEXTURE: Texture = "medium"  # where no soil is named
@@ -22,24 +23,25 @@ def compute_pull_figures(
     request: PlanRequest,
     tractor: Tractor,
     farm_tractor: FarmTractor | None = None,
-    texture: Texture = USUAL_TEXTURE,
+    soil: Soil | None = None,
 ) -> PullFigures | None:
-    """Power that the implement needs in soil of a texture and the tractor has at the drawbar; None if unknown.
+    """Power that the implement needs in a soil and the tractor has at the drawbar; None if unknown.
 
     The power of the engine is that of the farm's tractor or its sheet, else that of a tractor that comes with Headland.
     """
     engine_kw = find_engine_power_kw(tractor, farm_tractor)
-    rule = find_draft_rule(request.operation, request.width_m)
+    rule = find_requested_rule(request)
     if engine_kw is None or rule is None:
         return None
-    available_kw = DRAWBAR_SHARE * engine_kw
+    texture = get_texture(soil)
+    available_kw = find_drawbar_share(tractor, soil) * engine_kw
     width_m, speed_mps = request.width_m, request.speed_mps
     needed_kw = rule.compute_power_kw(width_m, speed_mps, texture)
     return PullFigures(
         implement=rule.implement,
         width_m=width_m,
         speed_kmh=KMH_PER_MPS * speed_mps,
-        depth_cm=rule.depth_cm if rule.depth_cm > 1.0 else None,
+        depth_cm=rule.depth_cm if rule.follows_depth else None,
         draft_kn=rule.compute_draft_n(width_m, speed_mps, texture) / 1000.0,
         needed_kw=needed_kw,
         engine_kw=engine_kw,
@@ -49,16 +51,21 @@ def compute_pull_figures(
     )
 
 
-def describe_pull(pull: PullFigures | None, texture: Texture = USUAL_TEXTURE) -> tuple[str, ...]:
+def describe_pull(pull: PullFigures | None, rule: DraftRule | None, soil: Soil | None = None) -> tuple[str, ...]:
     """How the figures of a questioned implement come about; nothing where it can be pulled."""
-    if pull is None or not pull.is_questioned:
+    if pull is None or rule is None or not pull.is_questioned:
         return ()
     depth = "" if pull.depth_cm is None else f" {pull.depth_cm:g} cm deep"
     return (
-        f"The draft of the {pull.implement}, {pull.draft_kn:.0f} kN{depth} in {texture} soil, is that of ASAE D497, "
-        f"give or take 30 %; at the drawbar the tractor is taken to have {100.0 * DRAWBAR_SHARE:.0f} % of its "
-        f"{pull.engine_kw:g} kW.",
+        f"The draft of the {pull.implement}, {pull.draft_kn:.0f} kN{depth} in {get_texture(soil)} soil, is that of "
+        f"ASAE D497, give or take {rule.range_pct:.0f} %; at the drawbar the tractor is taken to have "
+        f"{100.0 * pull.available_kw / pull.engine_kw:.0f} % of its {pull.engine_kw:g} kW.",
     )
+
+
+def get_texture(soil: Soil | None) -> Texture:
+    """Texture for the draft: medium where no soil is named."""
+    return USUAL_TEXTURE if soil is None else soil.draft
 
 
 def find_engine_power_kw(tractor: Tractor, farm_tractor: FarmTractor | None) -> float | None:

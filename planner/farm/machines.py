@@ -6,12 +6,15 @@ from typing import Literal
 
 from pydantic import Field, StrictInt, model_validator
 
+from planner.errors import HeadlandError
 from planner.farm.settings import FileSection, define_number, define_value
+from planner.request.implement_choice import choose_rule
 from planner.request.option_texts import MAX_TRACTORS, MPS_PER_KMH
-from planner.request.plan_request import MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
+from planner.request.plan_request import MAX_DEPTH_CM, MAX_LENGTH_M, MAX_PRICE, MAX_SPEED_KMH, MIN_SPEED_KMH
 from strategies.program.supply import Supply
 from vehicle.datasheet.build import build_tractor
 from vehicle.datasheet.sheet import Datasheet
+from vehicle.energy.draft import TILL
 from vehicle.model.tractor import Implement, Tractor, load_tractor
 
 DEFAULT_TRACTOR = "eg105"
@@ -62,7 +65,7 @@ class FarmImplement(FileSection):
 
     `capacity` and `rate_per_m2` are in litres and litres per square metre, or both in kilograms. An implement that
     `collects` starts empty and is unloaded, any other starts full and is refilled. `tractors` are the names of the
-    tractors it fits; without names it fits all.
+    tractors it fits; without names it fits all. `draft` is its row in the table of drafts (vehicle.energy.draft).
     """
 
     name: str = Field(strict=True, min_length=1, description="in quotes")
@@ -95,8 +98,21 @@ class FarmImplement(FileSection):
     operation: Literal["till", "sow", "spray", "harvest", "mow"] | None = define_value(
         None, "till, sow, spray, harvest or mow, in quotes"
     )
+    draft: str | None = define_value(
+        None, "row of the table of drafts (headland guide implements), in quotes", "by the operation", strict=True
+    )
+    depth_cm: float | None = define_number(None, 0.1, MAX_DEPTH_CM, "cm working depth", "the usual one of the row")
     headland: Literal["first", "last"] | None = define_value(None, "first or last, in quotes", "by the operation")
     tractors: tuple[str, ...] = define_value((), "names in quotes", "all of them")
+
+    @model_validator(mode="after")
+    def _check_draft(self) -> FarmImplement:
+        if self.draft is not None or self.depth_cm is not None:
+            try:
+                choose_rule(self.operation or TILL, self.width_m, self.draft, self.depth_cm)
+            except HeadlandError as error:
+                raise ValueError(str(error).rstrip(".")) from None
+        return self
 
     @property
     def speed_mps(self) -> float | None:

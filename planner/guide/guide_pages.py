@@ -9,16 +9,18 @@ from html import escape
 from importlib import resources
 
 from planner.errors import RequestError, suggest_name
+from planner.guide.implements_page import build_implements_page
 from planner.guide.options_page import build_options_page
 
 TOPICS = (
-    "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "weather", "refills", "day",
-    "many-fields", "terminals", "task-logs", "diagnosis", "vehicle", "service", "operations", "proxy", "threat-model",
-    "python", "reference", "options", "architecture", "benchmarks", "glossary",
+    "tutorial", "obstacles", "headlands", "machines", "terrain", "soil-and-energy", "implements", "weather", "refills",
+    "day", "many-fields", "terminals", "task-logs", "diagnosis", "vehicle", "service", "operations", "proxy",
+    "threat-model", "python", "reference", "options", "architecture", "benchmarks", "glossary",
 )  # fmt: skip
 """In the order in which people need them."""
-OPTIONS_TOPIC = "options"
-"""The topic whose page is made from the request model."""
+OPTIONS_TOPIC, IMPLEMENTS_TOPIC = "options", "implements"
+BUILT_PAGES = {OPTIONS_TOPIC: build_options_page, IMPLEMENTS_TOPIC: build_implements_page}
+"""Topics whose pages are made: from the request model, and from the table of drafts."""
 FILE_TYPES = {".png": "image/png", ".conf": "text/plain", ".service": "text/plain", "": "text/plain"}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?!https?://|#)([^)\s]+)\)")
 MAX_QUERY_CHARACTERS = 80
@@ -53,7 +55,7 @@ def read_page(topic: str) -> GuidePage:
             f"The guide has no topic {topic[:40]!r}; it has {', '.join(TOPICS)}{suggest_name(topic, TOPICS)}.",
             parameter="topic",
         )
-    text = build_options_page() if topic == OPTIONS_TOPIC else _read_file(f"{topic}.md").decode("utf-8")
+    text = BUILT_PAGES[topic]() if topic in BUILT_PAGES else _read_file(f"{topic}.md").decode("utf-8")
     return GuidePage(topic, text.split("\n", 1)[0].removeprefix("# ").strip(), text)
 
 

@@ -59,6 +59,8 @@ def complete_request_by_farm(
     given_parameters = {*given_parameters, "start_s"} if request.start_s is not None else given_parameters
     if request.headland_order is not None or request.no_headland or "operation" in given_parameters:
         given_parameters = {*given_parameters, "headland_order"}
+    if {"draft", "operation"} & set(given_parameters):  # another implement than the farm's
+        given_parameters = {*given_parameters, "draft", "depth_cm"}
     farm_values = {
         key: value
         for key, value in _list_farm_values(farm, farm_tractor, farm_implement).items()
@@ -165,6 +167,8 @@ def _list_farm_values(
         "min_speed_mps": farm_implement.speed_limits_mps[0],
         "max_speed_mps": farm_implement.speed_limits_mps[1],
         "operation": farm_implement.operation,
+        "draft": farm_implement.draft,
+        "depth_cm": farm_implement.depth_cm,
         "headland_order": farm_implement.headland,
         "tractors": None if farm_tractor is None else tuple(range(1, farm_tractor.count + 1)),
         "price_per_hour": compute_price_per_hour(farm, farm_tractor, farm_implement),

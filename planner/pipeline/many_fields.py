@@ -116,7 +116,7 @@ def hash_question(inputs: PlanInputs, simulate_all: bool = False) -> str:
     """SHA-256 of everything the answer depends on: values, files and code."""
     request = inputs.request
     soil_table = None if request.soil is None else split_soil_name(request.soil)[1]
-    names = (request.tractor, inputs.tractor, request.rain, request.gnss_table, soil_table)
+    names = (request.tractor, inputs.tractor, request.rain, request.rain_mm, request.gnss_table, soil_table)
     files = [Path(name) for name in names if isinstance(name, str | Path) and os.path.isfile(name)]
     hashes = [hash_file(path) for path in (*list_field_files(request.field), *files)]
     return hash_content(inputs, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))

@@ -17,9 +17,10 @@ from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
 from planner.evaluation.ground_sentences import describe_ground, list_height_remarks
-from planner.evaluation.pull_check import USUAL_TEXTURE, compute_pull_figures, describe_pull
+from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
+from planner.request.implement_choice import find_requested_rule
 from planner.request.option_texts import MPS_PER_KMH, format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
@@ -37,7 +38,6 @@ from reports.common.plan_results import (
 from reports.common.wording import round_up_to_minute
 from strategies.registry import STRATEGIES
 from vehicle.model.effects import DISCREPANCY_KEY
-from vehicle.model.soil import Texture
 from vehicle.model.tractor import Tractor
 
 MINUTE_S = 60.0
@@ -179,12 +179,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
 def _compute_pull(context: PlanningContext) -> PullFigures | None:
     """What the implement needs at the drawbar and the tractor has there; None if unknown."""
     farm_tractor = None if context.cost_terms is None else context.cost_terms.tractor
-    return compute_pull_figures(context.request, context.tractor, farm_tractor, _get_texture(context))
-
-
-def _get_texture(context: PlanningContext) -> Texture:
-    soil = context.physics.soil
-    return USUAL_TEXTURE if soil is None else soil.draft
+    return compute_pull_figures(context.request, context.tractor, farm_tractor, context.physics.soil)
 
 
 def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
@@ -289,6 +284,31 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "elevation": None if context.physics.elevation is None else context.physics.elevation.source,
         "soil": None if context.physics.soil is None else context.physics.soil.name,
         "moisture_pct": None if context.physics.soil is None else context.physics.soil.moisture_pct,
+        **_export_implement(request),
+        **_export_estimate(context),
+    }
+
+
+def _export_implement(request: PlanRequest) -> dict[str, Any]:
+    """The implement and the depth that a request asks for; nothing where they follow from its operation."""
+    if request.draft is None and request.depth_cm is None:
+        return {}
+    rule = find_requested_rule(request)
+    assert rule is not None  # a request with either is refused where nothing is pulled
+    return {"draft": rule.name, "depth_cm": rule.depth_cm if rule.follows_depth else None}
+
+
+def _export_estimate(context: PlanningContext) -> dict[str, Any]:
+    """The rain of the last days and the moisture that it makes; nothing without rain."""
+    estimate = context.physics.moisture
+    if estimate is None:
+        return {}
+    return {
+        "rain_mm": estimate.rain_mm,
+        "rain_days": estimate.days,
+        "et0_mm": round(estimate.et0_mm, 2),
+        "estimated_moisture_pct": round(estimate.moisture_pct, 2),
+        "estimated_moisture_range_pct": [round(estimate.low_pct, 2), round(estimate.high_pct, 2)],
     }
 
 
@@ -394,7 +414,7 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         _describe_payment(context),
         *(() if context.supply is None else describe_supply(context.supply)),
         *(("Position errors are those of an RTK receiver, a few millimetres.",) if context.request.gnss else ()),
-        *describe_pull(_compute_pull(context), _get_texture(context)),
+        *describe_pull(_compute_pull(context), find_requested_rule(context.request), context.physics.soil),
         *describe_ground(context),
         *layout.field.remarks,
     )

@@ -9,6 +9,7 @@ from typing import Protocol
 from fields.text_files import shorten_value
 from planner.errors import RequestError, mark_parameter, suggest_name
 from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, format_clock
+from planner.request.recent_rain import is_rain_table, parse_recent_rain
 
 FULL_CIRCLE_DEG = 360.0
 SAMPLED_PARAMETERS = ("rain", "objective", "budget")  # they are judged by samples alone
@@ -46,6 +47,30 @@ class RequestValues(Protocol):
 
     @property
     def swaths(self) -> str: ...
+
+    @property
+    def operation(self) -> str: ...
+
+    @property
+    def width_m(self) -> float: ...
+
+    @property
+    def draft(self) -> str | None: ...
+
+    @property
+    def depth_cm(self) -> float | None: ...
+
+    @property
+    def soil(self) -> str | None: ...
+
+    @property
+    def moisture_pct(self) -> float | None: ...
+
+    @property
+    def rain_mm(self) -> str | None: ...
+
+    @property
+    def et0_mm(self) -> float | None: ...
 
     @property
     def start_s(self) -> int | None: ...
@@ -190,3 +215,27 @@ def check_samples(request: RequestValues) -> None:
                 f"{mark_parameter('samples')} is 0, and {mark_parameter(name)} is judged by samples; give 1 or more, "
                 "or leave out one of them."
             )
+
+
+def check_ground(request: RequestValues) -> None:
+    """Raise RequestError for moisture or rain of no soil, and for rain that is none; a file is read later."""
+    for name in ("moisture_pct", "rain_mm"):
+        if getattr(request, name) is not None and request.soil is None:
+            raise RequestError(f"{mark_parameter(name)} is of a soil; name that with {mark_parameter('soil')} as well.")
+    if request.rain_mm is None:
+        if request.et0_mm is not None:
+            raise RequestError(
+                f"{mark_parameter('et0_mm')} is of the days with {mark_parameter('rain_mm')}; give that as well."
+            )
+        return
+    if not is_rain_table(request.rain_mm):
+        parse_recent_rain(request.rain_mm)
+
+
+def check_implement(request: RequestValues) -> None:
+    """Raise HeadlandError for an implement or a working depth that the table of drafts does not have."""
+    if request.draft is None and request.depth_cm is None:
+        return
+    from planner.request.implement_choice import find_requested_rule
+
+    find_requested_rule(request)

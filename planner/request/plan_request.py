@@ -16,7 +16,9 @@ from planner.request.option_checks import (
     FULL_CIRCLE_DEG,
     check_bearings,
     check_fleet,
+    check_ground,
     check_headland,
+    check_implement,
     check_places,
     check_samples,
     check_speeds,
@@ -35,6 +37,7 @@ from planner.request.option_texts import (
     parse_strategies,
 )
 from planner.request.options import FlagOptions, NumberLimits, OptionHelp, OptionTextForm, convert_options_to_parameters
+from planner.request.recent_rain import MAX_ET0_MM
 from planner.request.validation import (
     STRICT,
     CellBearings,
@@ -74,6 +77,7 @@ KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven ov
 MAX_MARGIN_M = 100.0
 MAX_SAMPLES = 1_000_000
 MAX_MOISTURE_PCT = 100.0
+MAX_DEPTH_CM = 100.0
 STRAIGHT, CONTOUR = "straight", "contour"
 SWATH_FORMS = (STRAIGHT, CONTOUR)
 FASTEST, CHEAPEST, SUREST, LEAST_FUEL = "fastest", "cheapest", "surest", "fuel"
@@ -113,7 +117,8 @@ class PlanRequest:
 
     `elevation` holds heights of the field, `soil` is a name or file of vehicle.model.soil, and `moisture_pct` chooses
     between its rows; without them the ground is level and pulls at nothing. With `swaths` "contour" tracks follow
-    contours of these heights.
+    contours of these heights. Without a moisture, `rain_mm` of the last days and their `et0_mm` estimate it. `draft`
+    names the implement in the table of drafts (vehicle.energy.draft).
 
     `samples` is None for as many as usual where there is a deadline, rain, an objective or a budget, else for none;
     `rain` says when it begins (planner.risk.rain). `refill` is "headland", "tender", or a place in degrees "lon,lat"
@@ -375,6 +380,33 @@ class PlanRequest:
         OptionHelp("Moisture of the soil, percent of its dry weight; by default at field capacity.", FIELD),
         NumberLimits("moisture of the soil", "percent", high=MAX_MOISTURE_PCT),
     ] = None
+    rain_mm: Annotated[
+        Text | None,
+        OptionHelp(
+            "Rain of the last days, mm by day up to yesterday (0,12,5), or a CSV file; says the moisture of {soil}.",
+            FIELD,
+            api_help="Rain of the last days, mm by day up to yesterday (0,12,5), or NAME.csv, an uploaded table.",
+        ),
+    ] = None
+    et0_mm: Annotated[
+        Number | None,
+        OptionHelp("Reference evapotranspiration of those days, mm a day. By default 3.", FIELD),
+        NumberLimits("reference evapotranspiration", "mm a day", high=MAX_ET0_MM),
+    ] = None
+    draft: Annotated[
+        Text | None,
+        OptionHelp(
+            "Implement by its row in the table of drafts, such as plough (headland guide implements lists them). By "
+            "default a cultivator or a drill, as {operation} has it.",
+            MACHINES,
+            from_farm=True,
+        ),
+    ] = None
+    depth_cm: Annotated[
+        Number | None,
+        OptionHelp("Working depth of {draft}, centimetres. By default its usual one.", MACHINES, from_farm=True),
+        NumberLimits("working depth", "cm", above=True, high=MAX_DEPTH_CM),
+    ] = None
     swaths: Annotated[
         str,
         OptionHelp(
@@ -392,10 +424,8 @@ class PlanRequest:
         check_places(self.entrance, self.obstacles, self.ignored)
         check_times(self)
         check_samples(self)
-        if self.moisture_pct is not None and self.soil is None:
-            raise RequestError(
-                f"{mark_parameter('moisture_pct')} is of a soil; name that with {mark_parameter('soil')} as well."
-            )
+        check_ground(self)
+        check_implement(self)
         if self.gnss_table is not None and not self.gnss:
             raise RequestError(
                 f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."

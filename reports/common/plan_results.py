@@ -268,12 +268,12 @@ class FieldPartPlan:
 
 @dataclass(frozen=True)
 class PullFigures:
-    """What an implement needs at the drawbar, and what the tractor has there, by ASAE D497 in medium soil.
+    """What an implement needs at the drawbar, and what the tractor has there, by ASAE D497.
 
     Attributes:
-        implement: "cultivator" or "drill".
-        depth_cm: working depth that was assumed; None where the draft does not depend on it.
-        draft_kn, needed_kw: of the implement at `speed_kmh`.
+        implement: what the table of drafts calls it, such as "cultivator" or "drill".
+        depth_cm: working depth; None where the draft does not depend on it.
+        draft_kn, needed_kw: of the implement at `speed_kmh`, in the soil of the plan, else in medium soil.
         engine_kw, available_kw: of the tractor, at the drawbar the latter.
         possible_width_m, possible_speed_kmh: the greatest that it can pull, the other being as asked for; None where
             nothing sensible is left.

@@ -105,6 +105,9 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
         if pull.implement == "drill"
         else translate("The {width} cultivator needs about {needed} kW at the drawbar at {speed}; this tractor "
                        "has about {available} kW: check it", **figures)
+        if pull.implement == "cultivator"
+        else translate("The implement of {width} needs about {needed} kW at the drawbar at {speed}; this tractor "
+                       "has about {available} kW: check it", **figures)
     )  # fmt: skip
     if not ways or not suggests_options:
         return f"{text}."

@@ -18,7 +18,7 @@ from fields.documents.writer import write_field
 from fields.errors import FieldError
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
-from planner.evaluation.candidates.slope_figures import list_slope_remarks
+from planner.evaluation.candidates.slope_figures import describe_stall, list_slope_remarks
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.field_physics import FieldPhysics, build_field_physics, read_requested_elevation
 from planner.evaluation.ground_sentences import describe_ground
@@ -29,6 +29,7 @@ from planner.pipeline.outputs.saved_plans import rerun_plan, write_saved_plan
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from vehicle.missions.plan_file import parse_saved_plan
+from vehicle.missions.run import Stall
 from vehicle.model.terrain import Terrain
 from vehicle.model.tractor import StabilityParameters, load_tractor
 
@@ -107,6 +108,15 @@ def test_a_tractor_that_is_stuck_is_told_with_its_place() -> None:
     needed, given = re.findall(r"([\d.]+) kN", plan.reason)
     assert "and the ground lets its wheels push with" in plan.reason and float(needed) > float(given) > 20.0
     assert [fault.kind for fault in plan.faults] == ["stuck"]
+
+
+def test_the_drive_force_of_a_file_is_named_with_what_takes_its_place() -> None:
+    """Without a soil 0.4 of the weight stands for the grip; a soil of the table says better."""
+    stall = Stall(10.0, 0, 1, 3.0, 4.0, -1e-4, "drive force", 22_700.0, 15_000.0)
+    reason = describe_stall(stall, FIELD)
+    assert ", on level ground: 22.7 kN are needed and its wheels can push with 15.0 kN by its tractor file" in reason
+    assert reason.endswith("; name the soil (loam, firm, soft), and its grip counts instead")
+    assert "tractor file" not in describe_stall(replace(stall, lacking="grip", grade=0.2), FIELD)
 
 
 def test_near_rolling_over_is_a_remark() -> None:

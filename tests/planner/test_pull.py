@@ -14,13 +14,13 @@ from planner.request.plan_request import PlanRequest
 from reports.plan.answer import question_pull
 from vehicle.datasheet.sheet import Datasheet
 from vehicle.energy.draft import find_draft_rule
-from vehicle.energy.driveline import DRAWBAR_SHARE
-from vehicle.model.soil import Texture
+from vehicle.energy.driveline import find_drawbar_share
+from vehicle.model.soil import find_soil
 from vehicle.model.tractor import load_tractor
 
 KMH = 1.0 / 3.6
 EG105 = load_tractor("eg105")
-TEXTURES: tuple[Texture, ...] = ("fine", "medium", "coarse")
+SOILS = find_soil("clay"), find_soil("loam"), find_soil("sand")  # fine, medium and coarse, all firm
 
 
 def test_draft_by_hand() -> None:
@@ -36,12 +36,14 @@ def test_draft_by_hand() -> None:
 def test_the_question_and_what_it_suggests() -> None:
     """What is suggested can be pulled, and a step more cannot."""
     pull = compute_pull_figures(PlanRequest(width_m=6.0, speed_mps=12 * KMH), EG105)
-    assert pull is not None and pull.is_questioned and pull.available_kw == pytest.approx(DRAWBAR_SHARE * 77)
+    assert (
+        pull is not None and pull.is_questioned and pull.available_kw == pytest.approx(find_drawbar_share(EG105) * 77)
+    )
     assert question_pull(pull) == (
         "The 6 m cultivator needs about 90 kW at the drawbar at 12 km/h; this tractor has about 56 kW: check it, "
         f"or try --width {pull.possible_width_m:g} or --speed-kmh {pull.possible_speed_kmh:g}."
     )
-    assert "27 kN 10 cm deep" in describe_pull(pull)[0]
+    assert "27 kN 10 cm deep" in describe_pull(pull, find_draft_rule("till", 6.0))[0]
     assert pull.possible_width_m is not None and pull.possible_speed_kmh is not None
     for width_m, speed_kmh in ((pull.possible_width_m, 12.0), (6.0, pull.possible_speed_kmh)):
         more = (width_m + 0.5, speed_kmh) if width_m < 6 else (width_m, speed_kmh + 0.5)
@@ -53,7 +55,7 @@ def test_the_question_and_what_it_suggests() -> None:
 def test_fine_soil_pulls_harder_and_the_sentence_names_it() -> None:
     """A cultivator: a factor of 1 in fine soil and of 0.65 in coarse soil, where that of medium soil is 0.85."""
     request = PlanRequest(width_m=6.0, speed_mps=12 * KMH)
-    fine, medium, coarse = (compute_pull_figures(request, EG105, texture=texture) for texture in TEXTURES)
+    fine, medium, coarse = (compute_pull_figures(request, EG105, soil=soil) for soil in SOILS)
     assert fine is not None and medium is not None and coarse is not None
     assert fine.needed_kw == pytest.approx(medium.needed_kw / 0.85)
     assert coarse.draft_kn == pytest.approx(medium.draft_kn * 0.65 / 0.85)
@@ -61,7 +63,7 @@ def test_fine_soil_pulls_harder_and_the_sentence_names_it() -> None:
     assert fine.possible_width_m < medium.possible_width_m
     assert fine.possible_speed_kmh is not None and medium.possible_speed_kmh is not None
     assert fine.possible_speed_kmh < medium.possible_speed_kmh
-    assert "in fine soil, is that of ASAE D497" in describe_pull(fine, "fine")[0]
+    assert "in fine soil, is that of ASAE D497" in describe_pull(fine, find_draft_rule("till", 6.0), SOILS[0])[0]
 
 
 def test_the_soil_of_a_plan_is_asked_about() -> None:
@@ -72,7 +74,7 @@ def test_the_soil_of_a_plan_is_asked_about() -> None:
 
 def test_no_question_where_it_can_be_pulled_or_nothing_is_known() -> None:
     usual = compute_pull_figures(PlanRequest(), EG105)
-    assert usual is not None and question_pull(usual) == "" and describe_pull(usual) == ()
+    assert usual is not None and question_pull(usual) == "" and describe_pull(usual, find_draft_rule("till", 3.0)) == ()
     heavy = PlanRequest(width_m=6.0, speed_mps=12 * KMH)
     assert compute_pull_figures(heavy, EG105.model_copy(update={"engine": None})) is None and question_pull(None) == ""
     assert compute_pull_figures(PlanRequest(operation="mow", width_m=9.0, speed_mps=5.0), EG105) is None

@@ -112,7 +112,7 @@ def test_slip_is_that_of_the_pull(eg105: Tractor) -> None:
 @pytest.mark.parametrize("share", [-0.5, 0.3, 0.9, 1.0, 1.5])
 def test_slip_leaves_that_of_the_best_pull_on_very_soft_ground(eg105: Tractor, mobility: float, share: float) -> None:
     """There one more N of thrust takes any slip; `share` of the best gain over a wheel without slip is asked for."""
-    load = replace(PLOUGH, mobility_number=mobility)
+    load = replace(PLOUGH, mobility_number=mobility, rolling_share=0.04 + 1.0 / mobility)
     model = np.array([build_model_record(eg105, Implement(), load)]).view(np.recarray)[0]
     ground = build_ground_records(load).view(np.recarray)[0]
     gain = share * float(model.best_gain)
@@ -242,7 +242,7 @@ STUCK = {
     "power": (tilt(0.0, 0.1), WorkLoad(engine_power_w=900.0), 0.1),
     "grip": (tilt(0.0, 0.2), WorkLoad(mobility_number=5.0, rolling_share=0.24), 0.2),
     "drive force": (None, WorkLoad(draft_n=(16_000.0, 0.0, 0.0)), 0.0),
-    "brakes": (tilt(0.0, -0.45), WorkLoad(mobility_number=6.0), -0.45),
+    "brakes": (tilt(0.0, -0.9), WorkLoad(mobility_number=6.0, rolling_share=0.21), -0.9),
 }
 
 
@@ -298,6 +298,8 @@ def test_paths_beyond_the_heights_are_refused(eg105: Tractor) -> None:
         ({"engine_power_w": 0.0}, "power of the engine is 0.0 W; give 1 to inf W"),
         ({"driven_share": 1.2}, "give 0.05 to 1"),
         ({"mobility_number": math.nan}, "mobility number is nan"),
+        ({"mobility_number": 10.0}, "that of each ground, and a soil with the mobility number 10 takes 0.1 alone"),
+        ({"mobility_number": 4.0, "rolling_share": 0.2}, "is 0.2 of the weight, and a soil with .* takes 0.25 alone"),
         ({"centre_height_m": 20.0}, "give 0.01 to 10 m"),
     ],
 )

@@ -52,11 +52,6 @@ class TractorEnergy:
     idle: Floats
     shaft_j: Floats
 
-    @property
-    def axle_work_j(self) -> Floats:
-        """Work that the engine put into the axles, by leg (legs,)."""
-        return np.asarray(self.work_j.sum(axis=1))
-
 
 @dataclass(frozen=True, eq=False)
 class RunEnergy:

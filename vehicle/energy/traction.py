@@ -67,6 +67,16 @@ def compute_tractive_efficiency(slip: float, mobility: float) -> float:
 
 
 @compile_function
+def compute_friction_circle_share(drive: float, grip: float) -> float:
+    """Share of the side force of a driven wheel: the friction circle, with `grip` the largest drive force.
+
+    At the limit of the grip a twentieth remains, so that a spinning wheel still resists a little.
+    """
+    used = min(abs(drive) / grip, 1.0)
+    return max(math.sqrt(1.0 - used * used), 0.05)
+
+
+@compile_function
 def compute_best_pull_slip(mobility: float, max_slip: float) -> float:
     """The slip up to `max_slip` at which net traction is greatest: beyond it wheels only dig."""
     steepest = SLIP_RATE * compute_traction_envelope(mobility) * math.sqrt(mobility) / SLIP_RESISTANCE

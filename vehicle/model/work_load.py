@@ -17,7 +17,8 @@ class WorkLoad:
     Attributes:
         draft_n: d0, d1, d2 (N, N s/m, N s2/m2): the implement pulls back with d0 + d1 v + d2 v^2 while it works.
         implement_mass_kg: carried or drawn besides the tractor's own mass.
-        rolling_share: resistance to rolling over weight without slip, of all wheels; None for that of each ground.
+        rolling_share: resistance to rolling over weight without slip, of all wheels; None for that of each ground. With
+            a mobility number it is at least 1 / Bn, which the soil takes before a wheel pulls anything.
         engine_power_w: at the flywheel.
         driveline_efficiency: share of the engine's power that reaches the driven axles.
         driven_share: share of the whole weight that stands on driven wheels.
@@ -51,6 +52,7 @@ class WorkLoad:
             _check_range("The resistance to rolling", self.rolling_share, 0.0, 1.0, "of the weight")
         if self.mobility_number is not None:
             _check_range("The mobility number", self.mobility_number, 0.5, 1e6, "")
+            _check_soil_resistance(self.rolling_share, self.mobility_number)
         if self.centre_height_m is not None:
             _check_range("The height of the centre of mass", self.centre_height_m, 0.01, 10.0, "m")
 
@@ -63,6 +65,17 @@ class WorkLoad:
         """Pull of the working implement at a speed over ground."""
         constant, linear, square = self.draft_n
         return constant + (linear + square * speed_mps) * speed_mps
+
+
+def _check_soil_resistance(rolling_share: float | None, mobility: float) -> None:
+    """Refuse less resistance than the soil takes: wheels would have a thrust below 0 at rest, and roll backwards."""
+    if rolling_share is not None and rolling_share >= 1.0 / mobility:
+        return
+    given = "that of each ground" if rolling_share is None else f"{rolling_share:g} of the weight"
+    raise VehicleError(
+        f"The resistance to rolling is {given}, and a soil with the mobility number {mobility:g} takes "
+        f"{1.0 / mobility:.3g} alone; give that and what the tyres take, about 0.04."
+    )
 
 
 def _check_range(what: str, value: float, low: float, high: float, unit: str) -> None:

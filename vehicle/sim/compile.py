@@ -138,6 +138,7 @@ def build_load_fields(tractor: Tractor, load: WorkLoad) -> dict[str, float]:
         "inverse_mobility": 1.0 / mobility,
         "best_gain": compute_net_traction(max_slip, mobility) + 1.0 / mobility,
         "max_slip": max_slip,
+        "front_driven": float(load.driven_share == 1.0),
         "brake_limit": driven_weight * (compute_gross_traction(load.max_slip, mobility) - HARD_RESISTANCE),
     }
 

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from vehicle.control.speed import STANDSTILL_MPS, apply_lag, apply_ramp, compute_drive_force
 from vehicle.control.steering import compute_ackermann_directions, step_steering_simulator
+from vehicle.energy.traction import compute_friction_circle_share
 from vehicle.fast_math import compute_arctangent_ratio
 from vehicle.jit import compile_function, inline_function
 from vehicle.records import GRAVITY_MPS2
@@ -72,14 +73,21 @@ def compute_friction_share(slip: float, peak_slip: float, peak: float, slide_sli
     return slide
 
 
-@compile_function
-def compute_friction_circle_share(drive: float, grip: float) -> float:
-    """Share of the side force of a driven wheel: the friction circle, with `grip` the largest drive force.
+@inline_function
+def compute_soil_limits(thrust: float, model: object, ground: object) -> tuple[float, float]:
+    """Slip angles (rad) at which side forces of front and rear tyres stop growing, on soil that wheels slip on.
 
-    At the limit of the grip a twentieth remains, so that a spinning wheel still resists a little.
+    No wheel pushes harder than the soil bears, in any direction: `envelope` of its load (vehicle.energy.traction). Of
+    driven wheels the friction circle leaves what their thrust (N) does not take. The limits of the ground count where
+    they are lower.
     """
-    used = min(abs(drive) / grip, 1.0)
-    return max(math.sqrt(1.0 - used * used), 0.05)
+    envelope = model.envelope  # type: ignore[attr-defined]
+    rear = envelope * compute_friction_circle_share(thrust, model.driven_weight * envelope)  # type: ignore[attr-defined]
+    front = rear if model.front_driven != 0.0 else envelope  # type: ignore[attr-defined]
+    return (
+        min(ground.front_limit, front / ground.front_slope),  # type: ignore[attr-defined]
+        min(ground.rear_limit, rear / ground.rear_slope),  # type: ignore[attr-defined]
+    )
 
 
 StepFunction = Callable[..., tuple[float, float, float]]
@@ -163,10 +171,11 @@ def compute_velocity_changes(
     return forward_change, right_change, spin_change
 
 
-def _make_step(shaped: bool) -> StepFunction:
-    """The step for plain tyres, or with friction curve and friction circle.
+def _make_step(shaped: bool, slips: bool = False) -> StepFunction:
+    """The step for plain tyres, or with friction curve and friction circle, or on soil that wheels slip on.
 
-    `shaped` is a constant at compile time, so that the plain step, which plans use, costs nothing more.
+    Both are constants at compile time, so that the plain step, which plans use, costs nothing more. With `slips` the
+    step takes the thrust of the driven wheels as well (N).
     """
 
     @compile_function
@@ -179,6 +188,7 @@ def _make_step(shaped: bool) -> StepFunction:
         dt: float,
         model: object,
         ground: object,
+        thrust: float = 0.0,
     ) -> tuple[float, float, float]:
         front, rear, half = model.front, model.rear, 0.5 * model.track  # type: ignore[attr-defined]
         cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding, rolling_1, rolling_2, left, right_side = (
@@ -186,6 +196,8 @@ def _make_step(shaped: bool) -> StepFunction:
         )
         front_damping, rear_damping = compute_axle_damping(dt, model, ground)
         front_limit, rear_limit = ground.front_limit, ground.rear_limit  # type: ignore[attr-defined]
+        if slips:
+            front_limit, rear_limit = compute_soil_limits(thrust, model, ground)
         d_1 = compute_side_resistance(rolling_1, sliding_1, front_damping, front_limit)
         d_2 = compute_side_resistance(rolling_2, sliding_2, front_damping, front_limit)
         d_3 = compute_side_resistance(left, sliding, rear_damping, rear_limit)
@@ -210,7 +222,7 @@ def _make_step(shaped: bool) -> StepFunction:
     return step
 
 
-_plain_step, _shaped_step = _make_step(False), _make_step(True)
+_plain_step, _shaped_step, _soil_step = _make_step(False), _make_step(True), _make_step(False, True)
 
 
 @compile_function
@@ -225,6 +237,20 @@ def step_body(
     if ground.shaped != 0.0:  # type: ignore[attr-defined]
         return _shaped_step(forward, right, spin, tangent, drive, dt, model, ground)
     return _plain_step(forward, right, spin, tangent, drive, dt, model, ground)
+
+
+@compile_function
+def step_loaded_body(
+    forward: float, right: float, spin: float, tangent: float, drive: float, thrust: float, dt: float,
+    model: object, ground: object,
+) -> tuple[float, float, float]:  # fmt: skip
+    """As step_body, for a tractor with a load: on a soil with a cone index its tyres hold as much as that bears.
+
+    `thrust` is the force of the driven wheels (N), of which slope and implement have taken their part in `drive`.
+    """
+    if model.driven_weight > 0.0:  # type: ignore[attr-defined]
+        return _soil_step(forward, right, spin, tangent, drive, dt, model, ground, thrust)
+    return step_body(forward, right, spin, tangent, drive, dt, model, ground)  # type: ignore[no-any-return]
 
 
 @compile_function

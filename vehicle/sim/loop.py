@@ -37,7 +37,13 @@ from vehicle.sim.compiled_access import (
     read_motions,
     step_space,
 )
-from vehicle.sim.dynamics import step_body, step_loaded_drive, step_speed_control, step_steering_system
+from vehicle.sim.dynamics import (
+    step_body,
+    step_loaded_body,
+    step_loaded_drive,
+    step_speed_control,
+    step_steering_system,
+)
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_ground_drift
 from vehicle.sim.load_terms import STALL_AFTER_S
 
@@ -83,10 +89,12 @@ def compute_tractor_force(state, model, ground, table, body, dt):  # type: ignor
     ahead, aside = forward - drift_ahead, right - drift_right
     if model.loaded == 0.0:
         drive = step_speed_control(state, model, ground, ahead, dt)
+        new_forward, new_right, new_spin = step_body(ahead, aside, -turning, bend, drive, dt, model, ground)
     else:
         drive, push = step_loaded_drive(state, model, ground, ahead, turning, cosine, sine, dt)
-        aside += push
-    new_forward, new_right, new_spin = step_body(ahead, aside, -turning, bend, drive, dt, model, ground)
+        new_forward, new_right, new_spin = step_loaded_body(
+            ahead, aside + push, -turning, bend, drive, state.thrust, dt, model, ground
+        )
     new_forward += drift_ahead
     new_right += drift_right
     turn = turning * dt

@@ -31,6 +31,7 @@ class WriteError(HeadlandError):
 def list_input_files(
     *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
     farm: str | None = None, rain: str | None = None, elevation: str | None = None, soil: str | None = None,
+    rain_mm: str | None = None,
 ) -> dict[str | Path, str]:  # fmt: skip
     """The files that a command reads and what they are, for `check_outputs`."""
     files: dict[str | Path, str] = {}
@@ -38,8 +39,9 @@ def list_input_files(
         from vehicle.identification.logs.reader import find_log_files
 
         files |= {path: f"the log {path}" for path in find_log_files(logs)}
-    if rain is not None and rain.strip().lower().endswith(".csv"):
-        files[rain.strip()] = "the file of rain"
+    for text in (rain, rain_mm):
+        if text is not None and text.strip().lower().endswith(".csv"):
+            files[text.strip()] = "the file of rain"
     if gnss_table is not None:
         files[gnss_table] = "the table of GNSS errors"
     if elevation is not None:

@@ -18,8 +18,10 @@ from vehicle.model.terrain import Terrain
 from vehicle.records import FINISHED, REC_POSE, REC_SPEED
 
 Array = npt.NDArray[np.float64]
+DRIVE_FORCE = "drive force"
+LEVEL_PCT = 0.5  # less is no slope in a sentence
 _LACKING = {
-    "drive force": "its wheels can push with",
+    DRIVE_FORCE: "its wheels can push with",
     "grip": "the ground lets its wheels push with",
     "power": "its engine gives",
     "brakes": "its brakes hold",
@@ -102,13 +104,19 @@ def _describe_cross_slope(context: PlanningContext, margin: RollOverMargin) -> s
 def describe_stall(stall: Stall, field: Field) -> str:
     """Why and where a tractor cannot go on, without a full stop."""
     place = describe_place(field, stall.x_m, stall.y_m)
-    uphill = f"{abs(100.0 * stall.grade):.0f} % {'uphill' if stall.grade >= 0.0 else 'downhill'}"
+    slope_pct = 100.0 * stall.grade
+    uphill = f"{abs(slope_pct):.0f} % {'uphill' if slope_pct >= 0.0 else 'downhill'}"
+    uphill = uphill if abs(slope_pct) >= LEVEL_PCT else "on level ground"
     verb = "runs away" if stall.lacking == "brakes" else "gets stuck"
     limit = _LACKING.get(stall.lacking, "there is")
-    return (
+    reason = (
         f"tractor {stall.tractor + 1} {verb} at {place}, {uphill}: {stall.needed_n / 1000.0:.1f} kN are needed and "
         f"{limit} {max(stall.available_n, 0.0) / 1000.0:.1f} kN"
     )
+    if stall.lacking != DRIVE_FORCE:
+        return reason
+    # The drive force of a file stands in for the grip, which is often better than that: 0.4 of the weight by rule.
+    return f"{reason} by its tractor file; name the soil (loam, firm, soft), and its grip counts instead"
 
 
 def locate_stall(stall: Stall) -> PlanFault:

@@ -44,6 +44,8 @@ EARLIER_NAMES = {
     "tracks_only": "no_headland",
 }
 """Parameters of a request by their names in plans that version 0.1 saved, and the fleets made of them."""
+LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm")
+"""Parameters that plans without them do not name, so that an older Headland can read those."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +168,7 @@ def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking 
     field = context.layout.field
     plan = replace(plan, notes={**plan.notes, **_export_stated_figures(plan, ranking)})
     physics = export_physics(context.physics, context.request, context.tractor)
-    request_values = asdict(context.request) | export_machines(context) | physics
+    request_values = _export_request(context.request) | export_machines(context) | physics
     text = format_plan(
         add_coordinates(plan, field),
         crs=field.crs,
@@ -176,6 +178,11 @@ def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking 
         point_speeds=compute_point_speeds(plan, context.tractor),
     )
     return text + "\n"
+
+
+def _export_request(request: PlanRequest) -> dict[str, Any]:
+    """The values of a request by name; later parameters only where they are given."""
+    return {name: value for name, value in asdict(request).items() if value is not None or name not in LATER_PARAMETERS}
 
 
 @dataclass(frozen=True)

@@ -114,8 +114,9 @@ def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], I
         InputCollector(store),
         request.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"}),
     )
-    if _is_rain_table(values.get("rain")):
-        values["rain"] = collector.add_file("table", values["rain"].strip(), "rain")
+    for name in ("rain", "rain_mm"):
+        if _is_rain_table(values.get(name)):
+            values[name] = collector.add_file("table", values[name].strip(), name)
     if isinstance(request, PlanJobRequest):
         values = _collect_plan_files(store, collector, dict(request), values)
     elif isinstance(request, DayJobRequest):

@@ -91,7 +91,26 @@ def test_an_own_table_replaces_the_own(tmp_path: Path) -> None:
     path = tmp_path / "drafts.csv"
     path.write_text(HEADER + "rake,rake,m,250,0,0,1,1,1,,,20,measured\n", encoding="utf-8")
     assert get_draft_rule("rake", path).compute_draft_n(4.0, 2.0) == pytest.approx(1000.0)
-    with pytest.raises(VehicleError, match=r"The implement 'ploughs' is not in the table \(did you mean 'plough'\?\);"):
+    with pytest.raises(
+        VehicleError, match=r"The implement 'ploughs' is not in the table of drafts \(did you mean 'plough'\?\);"
+    ):
         get_draft_rule("ploughs")
     with pytest.raises(VehicleError, match="The draft of the drill holds for its whole depth"):
         get_draft_rule("drill").set_depth(4.0)
+
+
+@given(st.sampled_from(sorted(load_draft_rules())), st.floats(0.1, 100.0))
+def test_draft_is_in_proportion_to_a_depth_of_the_range_and_others_are_refused(name: str, depth_cm: float) -> None:
+    rule = get_draft_rule(name)
+    if rule.follows_depth and rule.min_depth_cm <= depth_cm <= rule.max_depth_cm:
+        deeper = rule.set_depth(depth_cm)
+        expected_n = rule.compute_draft_n(3.0, 2.0) * depth_cm / rule.depth_cm
+        assert deeper.compute_draft_n(3.0, 2.0) == pytest.approx(expected_n)
+    else:
+        with pytest.raises(VehicleError, match=r"cm deep; give a depth in|holds for its whole depth"):
+            rule.set_depth(depth_cm)
+
+
+@pytest.mark.parametrize("name", ["Disk harrow", "disc_harrow", "DISK-HARROW", " disk  harrow "])
+def test_an_implement_is_found_as_people_write_it(name: str) -> None:
+    assert get_draft_rule(name).name == "disk-harrow"

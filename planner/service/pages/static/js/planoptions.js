@@ -15,6 +15,7 @@ export const WORK = [
 export const TIME = [["start", "Start", { hint: "Such as 13:00." }], ["deadline", "Done by", { hint: "Such as 17:00; earlier than the start is the next day." }], ["rain", "Rain", { hint: "17:00, or 16:30=20,17:00=50 in percent." }]];
 export const MORE = [
   ["Machines", [
+    ["draft", "Implement of the table of drafts", { hint: "Such as plough or disk-harrow; by default a cultivator or a drill. The guide lists them under implements." }], ["depth_cm", "Working depth, cm", num("By default the usual one.")],
     ["min_speed_kmh", "Least working speed, km/h", num("By default that of the farm.")], ["max_speed_kmh", "Greatest working speed, km/h", num("By default that of the farm.")], ["turn_speed_kmh", "Turn speed, km/h", num("By default as at work.")],
     ["turn", "Turns", { choices: ["auto", "u", "omega", "switch-back"] }], ["radius", "Turning radius, m", num("By default that of the tractor.")], ["clearance", "Least distance between machines, m", num("By default 0.5.")],
   ]],
@@ -25,6 +26,7 @@ export const MORE = [
   ]],
   ["Ground", [
     ["soil", "Soil", { hint: "Such as loam, clay or soft; by default level ground without a load." }], ["moisture", "Moisture of the soil, percent", num("By default as a day or two after rain.")],
+    ["rain_mm", "Rain of the last days, mm", { hint: "By day up to yesterday, such as 0,12,5; says the moisture." }], ["et0_mm", "Evapotranspiration of those days, mm a day", num("By default 3.")],
     ["swaths", "Tracks", { choices: ["", "contour"], words: { "": "as the work needs", contour: "along contours" } }],
     ["elevation_crs", "Coordinate system of the heights", { hint: "For example EPSG:25832; only for a file that names none." }],
   ]],

@@ -1,0 +1,88 @@
+"""Rain of the last days as a request gives it, by which the moisture of a soil is estimated."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from pathlib import Path
+
+from fields.text_files import check_header, read_text, shorten_value
+from planner.errors import RequestError, mark_parameter
+
+TABLE_SUFFIX = ".csv"
+MAX_DAYS, MAX_RAIN_MM, MAX_ET0_MM = 366, 1000.0, 20.0
+RAIN_FORMAT = "millimetres by day from the oldest to yesterday, such as 0,12,5, or a CSV file with a column rain_mm"
+DEFAULT_ET0_MM = (3.0, 2.0, 5.0)
+"""Reference evapotranspiration by day: likely, least and greatest. FAO-56, table 2: humid temperate regions, cool (2 to
+3) to moderate (3 to 5); give that of the days in dry or warm weather."""
+ET0_ERROR = 0.2  # assumed, of an evapotranspiration that is given
+RainyDays = tuple[tuple[float, ...], tuple[tuple[float, float, float], ...]]
+
+
+def is_rain_table(text: str) -> bool:
+    """Whether rain is given as a file."""
+    return text.strip().lower().endswith(TABLE_SUFFIX)
+
+
+def parse_recent_rain(text: str, et0_mm: float | None = None) -> RainyDays:
+    """Rain (mm) and evapotranspiration (likely, least and greatest mm) by day, the oldest first, in RAIN_FORMAT.
+
+    A file has a row per day, and may have a column et0_mm, which counts instead of `et0_mm`. Raises RequestError.
+    """
+    if is_rain_table(text):
+        rows = _read_rows(text.strip())
+    else:
+        rows = [(number, None) for number in _parse_list(text)]
+    if not 1 <= len(rows) <= MAX_DAYS:
+        raise RequestError(
+            f"{mark_parameter('rain_mm')} {shorten_value(text)} has {len(rows)} days; give 1 to {MAX_DAYS}.",
+            parameter="rain_mm",
+        )
+    return tuple(rain for rain, _ in rows), tuple(_build_range(et0_mm if own is None else own) for _, own in rows)
+
+
+def _build_range(et0_mm: float | None) -> tuple[float, float, float]:
+    if et0_mm is None:
+        return DEFAULT_ET0_MM
+    return et0_mm, (1.0 - ET0_ERROR) * et0_mm, (1.0 + ET0_ERROR) * et0_mm
+
+
+def _parse_list(text: str) -> list[float]:
+    return [
+        _parse_amount(part, f"{mark_parameter('rain_mm')} {shorten_value(text)}", MAX_RAIN_MM)
+        for part in text.split(",")
+    ]
+
+
+def _parse_amount(text: str, label: str, most: float) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 <= value <= most:
+        raise RequestError(
+            f"{label} has {shorten_value(text)}, which is no number from 0 to {most:g}; give {RAIN_FORMAT}.",
+            parameter="rain_mm",
+        )
+    return value
+
+
+def _read_rows(name: str) -> list[tuple[float, float | None]]:
+    label = f"{mark_parameter('rain_mm')} file {shorten_value(name)}"
+    text = read_text(Path(name), "a CSV file", RequestError).removeprefix("\ufeff")
+    check_header(text, label, RequestError)
+    table = csv.DictReader(io.StringIO(text), skipinitialspace=True)
+    columns = {(column or "").strip().lower(): column for column in table.fieldnames or ()}
+    if "rain_mm" not in columns:
+        raise RequestError(f"{label} has no column rain_mm; give {RAIN_FORMAT}.", parameter="rain_mm")
+    rows: list[tuple[float, float | None]] = []
+    try:
+        for row in table:
+            line = f"Line {table.line_num} of the {label}"
+            own = (row.get(columns.get("et0_mm", "")) or "").strip()
+            rain_mm = _parse_amount(row[columns["rain_mm"]] or "", line, MAX_RAIN_MM)
+            rows.append((rain_mm, _parse_amount(own, line, MAX_ET0_MM) if own else None))
+    except csv.Error as error:
+        raise RequestError(f"{label} is not CSV ({error}); give {RAIN_FORMAT}.", parameter="rain_mm") from None
+    return rows
