@@ -250,7 +250,7 @@ def step_loaded_body(
     """
     if model.driven_weight > 0.0:  # type: ignore[attr-defined]
         return _soil_step(forward, right, spin, tangent, drive, dt, model, ground, thrust)
-    return step_body(forward, right, spin, tangent, drive, dt, model, ground)  # type: ignore[no-any-return]
+    return step_body(forward, right, spin, tangent, drive, dt, model, ground)
 
 
 @compile_function
