@@ -16,6 +16,7 @@ from planner.request.plan_request import PlanRequest
 from planner.request.random_inputs import UncertaintySettings, copy_settings
 from planner.risk.costs import CostTerms, compute_hourly_rates
 from strategies.program.supply import Supply
+from vehicle.energy.draft import TILL
 from vehicle.model.tractor import Implement, Tractor, list_tractor_names
 
 
@@ -59,7 +60,8 @@ def complete_request_by_farm(
     given_parameters = {*given_parameters, "start_s"} if request.start_s is not None else given_parameters
     if request.headland_order is not None or request.no_headland or "operation" in given_parameters:
         given_parameters = {*given_parameters, "headland_order"}
-    if {"draft", "operation"} & set(given_parameters):  # another implement than the farm's
+    is_other_work = "operation" in given_parameters and request.operation != (farm_implement.operation or TILL)
+    if "draft" in given_parameters or is_other_work:  # another implement than the farm's
         given_parameters = {*given_parameters, "draft", "depth_cm"}
     farm_values = {
         key: value

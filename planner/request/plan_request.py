@@ -385,7 +385,7 @@ class PlanRequest:
         OptionHelp(
             "Rain of the last days, mm by day up to yesterday (0,12,5), or a CSV file; says the moisture of {soil}.",
             FIELD,
-            api_help="Rain of the last days, mm by day up to yesterday (0,12,5), or NAME.csv, an uploaded table.",
+            api_help="Rain of the last days, mm by day up to yesterday (0,12,5); says the moisture of {soil}.",
         ),
     ] = None
     et0_mm: Annotated[

@@ -89,6 +89,11 @@ def test_a_farm_names_rows_and_options_win() -> None:
     assert (given.draft, given.depth_cm) == ("disk-harrow", None), "the depth is that of the farm's plough"
     mown = complete_request_by_farm(PlanRequest(operation="mow"), farm, ["operation"], implement_name="deep").request
     assert find_requested_rule(mown) is None
+    tilling = FARM.replace('name = "deep"', 'name = "deep"\noperation = "till"')
+    same = complete_request_by_farm(
+        PlanRequest(operation="till"), parse_farm(tilling, "farm.toml"), ["operation"], implement_name="deep"
+    ).request
+    assert (same.draft, same.depth_cm) == ("plough", 30.0)
     deeper = complete_request_by_farm(PlanRequest(depth_cm=25.0), farm, ["depth_cm"], implement_name="deep").request
     assert (deeper.draft, deeper.depth_cm) == ("plough", 25.0)
 

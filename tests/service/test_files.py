@@ -196,6 +196,7 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     assert (broken.status_code, broken.json()["parameter"]) == (422, "file")
     assert upload(client, "fields", token, "yard.geojson", SMALL, local="1").status_code == 201
     body = {"field": "yard", "tractors": "1", "elevation": "hill", "soil": "loam", "moisture": 20.0}
+    body |= {"draft": "disk harrow", "depth_cm": 10.0, "rain_mm": "0,3", "et0_mm": 2.0}
     asked = client.post("/api/v1/plans", json=body, headers=token)
     assert asked.status_code == 202, asked.json()
     job = client.app.state.store.list_jobs()[0]  # type: ignore[attr-defined]
@@ -217,9 +218,14 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
         ({"soil": "/etc/soils.csv"}, "soil"),
         ({"soil": "loam", "moisture": 99.0}, "soil"),
         ({"moisture": 20.0}, "moisture"),
+        ({"soil": "loam", "rain_mm": "/etc/rain.csv"}, "rain_mm"),
+        ({"soil": "loam", "rain_mm": "3,x"}, "rain_mm"),
+        ({"soil": "firm", "rain_mm": "3"}, "soil"),
+        ({"draft": "/etc/passwd"}, "draft"),
+        ({"draft": "plough", "depth_cm": 90.0}, "depth_cm"),
     ],
 )
-def test_heights_and_soils_that_there_are_not(
+def test_heights_soils_and_implements_that_there_are_not(
     client: TestClient, token: dict[str, str], body: dict[str, object], parameter: str
 ) -> None:
     answer = client.post("/api/v1/plans", json={"tractors": "1"} | body, headers=token)

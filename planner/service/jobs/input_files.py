@@ -114,9 +114,8 @@ def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], I
         InputCollector(store),
         request.model_dump(exclude_unset=True, exclude_none=True, exclude={"name"}),
     )
-    for name in ("rain", "rain_mm"):
-        if _is_rain_table(values.get(name)):
-            values[name] = collector.add_file("table", values[name].strip(), name)
+    if _is_rain_table(values.get("rain")):
+        values["rain"] = collector.add_file("table", values["rain"].strip(), "rain")
     if isinstance(request, PlanJobRequest):
         values = _collect_plan_files(store, collector, dict(request), values)
     elif isinstance(request, DayJobRequest):
@@ -144,6 +143,9 @@ def _collect_plan_files(
         values["elevation"] = collector.add_file("elevation", options["elevation"], "elevation")
     if options["soil"] is not None:
         _check_soil_name(options["soil"])
+    if _is_rain_table(options["rain_mm"]):
+        sentence = "The rain of the last days cannot be a file here; give millimetres by day, such as 0,12,5."
+        raise ServiceError(sentence, parameter="rain_mm")
     if options["farm"] is not None:
         values["farm"] = collector.add_file("farm", options["farm"], "farm")
     if "tractor" in values and not _is_farm_tractor(store, options["farm"], options["tractor"]):

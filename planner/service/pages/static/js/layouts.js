@@ -60,7 +60,7 @@ export const FARM = {
       ],
       more: [
         ["hitch_m", "From the rear axle to the tools, m", num("By default 1.2.")], ["length_m", "From the first tool to the last, m", num("By default 0.7.")], ["frame_width_m", "Overall width, m", num()], ["min_speed_kmh", "Least working speed, km/h", num()],
-        ["max_speed_kmh", "Greatest working speed, km/h", num()], ["turn_speed_kmh", "Speed in turns, km/h", num()], ["price", "List price", num()], ["hours_per_year", "Hours of use per year", num()], ["years", "Years of use", num()],
+        ["max_speed_kmh", "Greatest working speed, km/h", num()], ["turn_speed_kmh", "Speed in turns, km/h", num()], ["draft", "Implement of the table of drafts"], ["depth_cm", "Working depth, cm", num()], ["price", "List price", num()], ["hours_per_year", "Hours of use per year", num()], ["years", "Years of use", num()],
         ["headland", "Headland", { of: ["first", "last"], hint: "by the work" }], ["collects", "It fills up while working", { check: true }],
       ],
     },
