@@ -148,7 +148,9 @@ def measure_min_spacing_m(layout: Layout) -> float:
         distances_m = _measure_distances_m(before, swath)
         spread_m = SAME_CURVE_M if before.via_m or swath.via_m else SAME_LINE_M
         if len(distances_m) and np.ptp(distances_m) < spread_m and distances_m[0] > 0.5 * layout.width_m:
-            spacing_m = min(spacing_m, float(distances_m[0] if len(distances_m) == 2 else np.median(distances_m)))
+            # at the points of a curve steps sag to either side, so the middle of their distances is that of the lines
+            is_curved = before.via_m or swath.via_m
+            spacing_m = min(spacing_m, float(np.median(distances_m) if is_curved else distances_m[0]))
     return spacing_m
 
 

@@ -207,6 +207,10 @@ def test_heights_are_uploaded_and_planned_with(client: TestClient, token: dict[s
     asked = client.post("/api/v1/days", json={"day": day % "hill.asc"}, headers=token)
     assert asked.status_code == 202, asked.json()
     assert "day/hill.asc" in client.app.state.store.list_jobs()[0].inputs  # type: ignore[attr-defined]
+    points_json = json.dumps({"type": "MultiPoint", "coordinates": [[9.0, 56.9, each + 1] for each in range(12)]})
+    assert upload(client, "elevations", token, "yard.geojson", points_json.encode()).status_code == 201
+    twice = client.post("/api/v1/days", json={"day": day % "yard.geojson"}, headers=token)
+    assert twice.status_code == 422 and "Two files have the name 'yard.geojson'" in twice.json()["error"]
     unknown = client.post("/api/v1/days", json={"day": day % "other.asc"}, headers=token)
     assert (unknown.status_code, unknown.json()["parameter"]) == (422, "day")
 

@@ -105,7 +105,12 @@ class InputCollector:
                     f"A {kind} of the day has the name {name!r} of the day file itself; upload it under another name."
                 )
                 raise ServiceError(sentence, parameter=parameter)
+            file_path = f"{folder}/{name}"
+            before = self.inputs.get(file_path)
             self.add_file(kind, name, parameter, folder, name)
+            if before not in (None, self.inputs[file_path]):
+                sentence = f"Two files have the name {name!r}; upload one of them under another name."
+                raise ServiceError(sentence, parameter=parameter)
 
 
 def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], InputFiles]:
