@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from tests.diagnosis.rerecording import VARIATIONS, Record, vary_logs
 from tests.truth.cases import TruthCase
 from tests.truth.fourth import MACHINES, MASS_POINT_M, make_unseen_case
 from vehicle.identification.logs.reader import build_log
@@ -29,9 +30,6 @@ from vehicle.model.tractor import Tractor, load_tractor
 REFERENCES = {"third": "third_draw", "fourth": "fourth_cases"}
 """References and the modules that draw their cases."""
 HORIZONS_S, UNSEEN_SEED, UNSEEN_RUNS = (5.0, 20.0), 500_000, 5
-VARIATIONS = ("10 Hz", "5 Hz", "2 Hz", "held", "interpolated", "jitter")
-HELD_COLUMNS, HOLD_S, JITTER_S = ("steering_command_deg", "steering_deg"), 0.4, 0.035
-Record = dict[str, Any]
 Errors = dict[str, dict[str, float]]
 
 
@@ -187,58 +185,6 @@ def describe_variation(frames: Sequence[pd.DataFrame], how: str, tractor: Tracto
     except Exception as error:  # as in build_record
         return {"error": f"{type(error).__name__}: {error}", "named": [], "said": []}
     return {"named": found["named"], "said": found["said"]}
-
-
-def vary_logs(frames: Sequence[pd.DataFrame], how: str) -> list[pd.DataFrame]:
-    """The same logs at a lower rate (`5 Hz`), with steering columns held or interpolated, or with a clock that jitters.
-
-    Raises ValueError for a way not in VARIATIONS.
-    """
-    if how not in VARIATIONS:
-        raise ValueError(f"Logs cannot be varied by {how!r}; use one of: {', '.join(VARIATIONS)}.")
-    return [_vary_log(frame, how) for frame in frames]
-
-
-def _vary_log(frame: pd.DataFrame, how: str) -> pd.DataFrame:
-    name, time_s = frame.attrs["name"], frame["time_s"].to_numpy(float)
-    if how.endswith("Hz"):
-        out = _thin_rows(frame, time_s, float(how.split()[0]))
-    elif how == "jitter":
-        rng = np.random.default_rng(len(frame))
-        jitter = JITTER_S * np.clip(rng.standard_normal(len(frame)), -2.5, 2.5)
-        out = frame.assign(time_s=np.round(_keep_increasing(time_s + jitter), 3))
-    else:
-        out = _hold_columns(frame, time_s, how == "interpolated")
-    out.attrs["name"] = name
-    return out
-
-
-def _thin_rows(frame: pd.DataFrame, time_s: np.ndarray, rate_hz: float) -> pd.DataFrame:
-    """Rows at most this often; logs of this rate or slower stay as they are."""
-    if np.median(np.diff(time_s)) > 0.95 / rate_hz:
-        return frame.copy()
-    numbers = np.floor((time_s - time_s[0]) * rate_hz + 0.3)
-    _, first = np.unique(numbers, return_index=True)
-    return frame.iloc[first].reset_index(drop=True)
-
-
-def _keep_increasing(time_s: np.ndarray) -> np.ndarray:
-    """Times (k,) of which none is before the last; those that would be follow a millisecond later."""
-    out = time_s.copy()
-    for i in range(1, len(out)):
-        out[i] = max(out[i], out[i - 1] + 0.002)
-    return out
-
-
-def _hold_columns(frame: pd.DataFrame, time_s: np.ndarray, interpolated: bool) -> pd.DataFrame:
-    """Steering columns refreshed every HOLD_S, repeated in between or drawn from one to the next."""
-    _, first, number = np.unique(np.floor((time_s - time_s[0]) / HOLD_S + 1e-6), return_index=True, return_inverse=True)
-    out = frame.copy()
-    for name in HELD_COLUMNS:
-        if name in frame:
-            values = frame[name].to_numpy(float)[first]
-            out[name] = np.interp(time_s, time_s[first], values) if interpolated else values[number]
-    return out
 
 
 def replace_infinite(value: Any) -> Any:

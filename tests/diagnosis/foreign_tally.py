@@ -4,12 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
+from tests.diagnosis.rerecording import (
+    EQUIVALENT,
+    LIKELY,
+    NAMED,
+    REFUTED,
+    Record,
+    describe_said,
+    find_said,
+    list_flips,
+    list_losses,
+)
 from tests.diagnosis.tally import Count
 from tests.truth.effects import PLACES
 
-NAMED, LIKELY, EQUIVALENT, REFUTED = "named", "likely", "equivalent", "refuted"
 CLEAR_KINDS = ("effect", "pair", "closed_loop", "column", "mixed", "odd_run")
 NARROW_KINDS = ("one_sided", "one_speed")  # where an equivalent set is as good as a name
 ONSET_WITHIN_S, TIME_WITHIN, TIME_WITHIN_S, SCALE_WITHIN = 5.0, 0.4, 0.1, 0.03
@@ -22,7 +31,6 @@ WANTED = {
     "saved, and worse on unseen runs": (0.0, False), "sets whose names flip": (0.0, False),
 }  # fmt: skip
 """What is asked: a share, and whether it is the least (True) or the most."""
-Record = dict[str, Any]
 
 
 @dataclass
@@ -54,12 +62,6 @@ def tally_records(records: Iterable[Record]) -> ForeignTally:
                       count_clean, count_outside, count_unseen, count_flips):  # fmt: skip
             count(tally, record)
     return tally
-
-
-def find_said(record: Record, name: str) -> Record:
-    """What was said of an effect; an empty status where nothing was."""
-    empty: Record = {"id": name, "status": "", "interval": None, "value": None, "law": None, "equivalent_to": []}
-    return next((one for one in record["said"] if one["id"] == name), empty)
 
 
 def list_equivalent(record: Record) -> list[set[str]]:
@@ -279,46 +281,15 @@ def count_unseen(tally: ForeignTally, record: Record) -> None:
         tally.complain(record, f"WORSE on unseen runs{' (not saved)' if not saved else ''}: {', '.join(cells)}")
 
 
-def list_flips(record: Record) -> list[str]:
-    """Names that another way of writing down the same logs brings in, refutes, or moves beyond both intervals."""
-    flips = []
-    for how, varied in record.get("varied", {}).items():
-        for name in varied["named"]:
-            base, other = find_said(record, name), find_said(varied, name)
-            known = base["status"] in (NAMED, LIKELY, EQUIVALENT) or name in record["allowed"]
-            if not known or not do_intervals_meet(base["interval"], other["interval"]):
-                flips.append(f"{how}: {name} {describe_said(base)} -> {describe_said(other)}")
-        flips += [f"{how}: {name} refuted" for name in record["named"] if find_said(varied, name)["status"] == REFUTED]
-        flips += [f"{how}: {varied['error']}"] if "error" in varied else []
-    return flips
-
-
-def do_intervals_meet(one: Record | None, other: Record | None) -> bool:
-    """Whether two intervals of one effect overlap in every parameter but places; true where one is missing."""
-    if not one or not other:
-        return True
-    pairs = [(one[key], other[key]) for key in one if key in other and key not in PLACES]
-    return all(None in (*a, *b) or (a[0] <= b[1] and b[0] <= a[1]) for a, b in pairs)
-
-
 def count_flips(tally: ForeignTally, record: Record) -> None:
     """Sets whose names depend on how the logs are written down."""
     if "varied" not in record:
         return
-    flips = list_flips(record)
+    flips = [f"{how}: {flip}" for how, varied in record["varied"].items() for flip in list_flips(record, varied)]
     tally.add("sets whose names flip", bool(flips))
+    tally.add("sets that lose a name", any(list_losses(record, varied) for varied in record["varied"].values()))
     for flip in flips:
         tally.complain(record, f"FLIP {flip}")
-
-
-def describe_said(said: Record) -> str:
-    """Value and interval of an effect as they were said; empty without."""
-    if not said["value"]:
-        return ""
-    key = next((key for key in said["value"] if key not in PLACES), next(iter(said["value"])))
-    low, high = (said["interval"] or {}).get(key, (None, None))
-    numbers = ["?" if number is None else f"{number:.3g}" for number in (said["value"][key], low, high)]
-    return f"{numbers[0]} [{numbers[1]}, {numbers[2]}]"
 
 
 def print_tables(tally: ForeignTally) -> list[str]:

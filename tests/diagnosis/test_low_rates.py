@@ -21,3 +21,5 @@ def test_slip_on_half_the_runs_is_told_with_its_runs() -> None:
     assert found.named == ("wheel_slip",)
     wet = next(one for one in found.grounds if abs(one.value["ratio"] - 0.15) < 0.02)
     assert set(wet.runs) <= {log.name for log in slipping} and len(wet.runs) >= 4
+    assert found.unexplained_share == 0.0 and not any(run.unlike for run in found.runs)
+    assert any("on two grounds, or of two tractors" in note for note in found.notes)

@@ -147,6 +147,9 @@ CLEARLY_BEYOND_FACTOR = 1.5
 # Chosen, percent of the held-out error over 5 s (of the wheel angle for the steering): less is the trace of a
 # simplification, such as the end of a steering movement, that looks like a fault (seeds 503 and 506 of the tests).
 WORTH_A_NAME_PCT, WORTH_OF_WHEEL_PCT = 0.5, 10.0
+# Chosen, of the smallest size that may be claimed: a name's interval stays this far from neutral; and of the end of its
+# interval nearer to neutral: the farther one is no more than this many times as large, about three standard deviations.
+NEAR_NEUTRAL_SHARE, WIDEST_NAMED_SPAN = 0.5, 5.0
 # Chosen, percent of the path error that a name may cost: effects of the steering are worth it for the wheel.
 HARM_PCT = 2.0
 # Chosen: times the noise floor that counts as noise, and the addition per second between rows, where motion is
@@ -207,6 +210,9 @@ WITHDRAWING_LAW_SHARE = 0.7
 CLUE_SIGMAS = 4.0
 # Chosen, times the squared error of the noise floor: less, without anything that it depends on, calls for no hint.
 HINT_MISFIT = 1.6
+
+# Chosen, of the friction limit: a brush tyre has lost a fifth of its stiffness there, F = 1 - (1 - x / 3)^3.
+BEGINS_TO_SLIDE_SHARE = 0.5
 
 # --- Faults that begin during a run: faults.steering_faults
 # Chosen, deg: beyond what the slowest steering of the catalogue allows; an offset, a dead band and play are less.

@@ -88,6 +88,23 @@ def test_what_is_slow_in_one_log_is_slow_in_another_of_the_same_instruments() ->
     assert mark_stale_columns_of_set([slow[0], fast])[1] is fast
 
 
+def test_few_lines_of_a_command_are_slow_where_other_logs_show_it() -> None:
+    """A command that moves twice in a run says nothing alone of how often it was logged."""
+    quiet = drive("quiet", 60.0, stairs((20.0, 6.0), (20.0, 12.0), (20.0, 6.0)), 1.4)
+    frames = {"waves": frame_of("waves"), "quiet": Second({}, 3).log(quiet)}
+    both = ("steering_deg", "steering_command_deg")
+    logs = []
+    for name, frame in frames.items():
+        for column in both:
+            frame = refresh(frame, column, 1.5, lines=True)
+        logs.append(read(frame, name))
+    assert "steering_command_deg" not in mark_stale_columns(logs[1]).measured_rows
+    marked = mark_stale_columns_of_set(logs)[1].measured_rows["steering_command_deg"]
+    rows = np.flatnonzero(marked)
+    assert rows[0] == 0 and rows[-1] == len(marked) - 1 and np.diff(rows)[[1, 3]].tolist() == [15, 15]
+    assert np.diff(logs[1].steering_command_deg[rows])[[0, 2, 4]] == pytest.approx(0.0)
+
+
 def test_interpolated_positions_count_at_their_knots() -> None:
     frame = frame_of("waves")
     for name in ("easting_m", "northing_m"):

@@ -5,9 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.identification.analytic_drives import course_of
 from tests.identification.log_tables import table
-from tests.identification.residual_models import build_programme_model
-from vehicle.identification.fit.residual_fit import make_empty_fit
+from tests.identification.residual_models import build_programme_model, eg105
+from vehicle.identification.fit.effect_parameters import build_parameters
+from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit
 from vehicle.identification.laws.bases import (
     BY_ANGLE,
     BY_SPEED,
@@ -18,12 +20,15 @@ from vehicle.identification.laws.bases import (
     get_angle_deg,
     list_bases,
 )
-from vehicle.identification.laws.columns import GAIN, LawColumns, list_targets
+from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
 from vehicle.identification.laws.settle import ActingLaw, add_law
-from vehicle.identification.laws.sides import find_sides
+from vehicle.identification.laws.sides import LEFT, RIGHT, find_only_side, find_sides
 from vehicle.identification.logs.reader import build_log
+from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.residuals.residual_model import ResidualModel
+from vehicle.model.effects import get_effect
+from vehicle.records import GRAVITY_MPS2
 
 PER_MPS = 0.05
 
@@ -50,6 +55,30 @@ def test_columns_of_a_law_are_what_the_law_does_to_the_residuals(plain: Residual
     expected = 1e-4 * columns.compute_columns(target, basis)[:, 0]
     assert np.abs(change).max() > 0.01
     assert change == pytest.approx(expected, abs=0.02 * np.abs(change).max())
+
+
+def replace_settings(fit: EffectFit, settings: dict[str, dict[str, float]]) -> EffectFit:
+    """A fit with these effects, each at its value."""
+    parts = []
+    for name, values in settings.items():
+        parameters = build_parameters(eg105(), name)
+        kind, params = get_effect(name).kind, get_effect(name).params
+        parts.append((parameters, kind.compute_coordinates(params, values)[0]))
+    return replace(fit, parts=tuple(parts))
+
+
+def test_tyres_near_their_limit_show_nothing_of_a_law() -> None:
+    """Three times as fast a circle needs nine times the grip: with a limit in between, only the slow one counts."""
+    model = build_programme_model("two-speeds", {})
+    fit = make_empty_fit(model)
+    target = next(one for one in list_targets(model, fit) if one.effect_id == GAIN)
+    (free,) = LawColumns(model, fit).compute_unit_increments(target)
+    assert (np.abs(free.turned[5:]) > 0.0).all()
+    (move,) = model.simulate_increments({})
+    lateral = np.abs(move.turned * move.ahead) / np.diff(model.dataset.segments[0].time) ** 2 / GRAVITY_MPS2
+    limit = {SIDE_SLIP: {"limit_g": 3.0 * float(np.median(lateral[50:150]))}}
+    (kept,) = LawColumns(model, replace_settings(fit, limit)).compute_unit_increments(target)
+    assert (np.abs(kept.turned[50:150]) > 0.0).all() and not kept.turned[-100:].any()
 
 
 def test_amount_of_a_law_is_recovered() -> None:
@@ -107,3 +136,13 @@ def test_runs_one_after_another_have_a_day() -> None:
     clock = build_run_clock(logs, range(4))
     assert clock.has_order
     assert clock.starts_s.tolist() == [0.0, 500.0, 1000.0, 1500.0]
+
+
+@pytest.mark.parametrize(
+    ("angles", "side"),
+    [((20.0, 10.0), RIGHT), ((-8.0, -15.0), LEFT), ((20.0, -10.0), None), ((20.0, -1.0), RIGHT), ((20.0, -2.5), None)],
+)
+def test_bends_to_one_side_are_known_despite_small_corrections(angles: tuple[float, ...], side: int | None) -> None:
+    """An angle of an eighth has a sixty-fourth of the information, one of a twentieth a four hundredth."""
+    drive = build_command_segment(0, 0.0, tuple((20.0, angle, 1.0, 0.0) for angle in angles), 1.4)
+    assert find_only_side(course_of(drive)) == side

@@ -35,7 +35,9 @@ def filtered(
     gains, roots, out = np.empty((rows, 7, 3)), np.empty((rows, 3, 3)), np.empty((rows, 3))
     east, north, heading = (np.ascontiguousarray(column) for column in seen.T)
     ahead, aside, turned = (np.ascontiguousarray(column) for column in move.T)
-    compute_kalman_gains(time, heading, ahead, aside, *LEVER, convert_noise_to_array(noise, True), gains, roots)
+    compute_kalman_gains(
+        time, heading, ahead, aside, *LEVER, convert_noise_to_array(noise, True), np.zeros(len(time) - 1), gains, roots
+    )
     compute_innovations(
         compute_noise_persistence(time), east, north, heading, ahead, aside, turned, *LEVER, bias, gains, roots, out
     )

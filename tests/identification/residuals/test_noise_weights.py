@@ -2,18 +2,23 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import QUIET, circle, course, course_of, measured, rig
+from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.noise_floor import add_instrument_noise, add_soil_noise, draw_coloured_noise
 from vehicle.identification.residuals.noise_weights import (
     DROWNED_SHARE,
+    LEAST_UNKNOWN_SHARE,
     SpanEstimate,
     _select_least,
+    compute_unknown_turns,
     estimate_first_noise,
     estimate_soil_and_speed_noise,
+    estimate_unknown_turns,
     estimate_white_noise,
 )
 
@@ -114,3 +119,39 @@ def test_a_drive_too_short_leaves_the_noise_as_it_was() -> None:
     runs = course_of(measured(((6.0, 0.0, 1.0, 0.0),)))
     noise = replace(QUIET, soil=0.123)
     assert estimate_soil_and_speed_noise(runs, rig(), noise, {}) == noise
+
+
+def knotted(every: int) -> tuple[DriveSegment, np.ndarray, list[tuple[int, int]]]:
+    """A drive whose wheel angle was measured in every so many rows, turns whose rate changes by 0.1 rad/s in each gap,
+    and the gaps."""
+    shown = measured(((30.0, 5.0, 1.0, 0.0),))
+    is_knot = np.arange(shown.rows) % every == 0
+    is_knot[-1] = True
+    knots = np.flatnonzero(is_knot)
+    rates = np.interp(np.arange(shown.rows), knots, 0.05 * (-1.0) ** np.arange(len(knots)))
+    gaps = [(int(first), int(last)) for first, last in pairwise(knots)]
+    return replace(shown, measured_rows={"angle": is_knot}), rates[:-1] * np.diff(shown.time), gaps
+
+
+def test_turns_are_unknown_as_if_wheels_move_at_any_time_between_two_measured_angles() -> None:
+    """Steps at times drawn evenly over a second, against the line from one rate to the next: r T / sqrt(12)."""
+    variances = compute_unknown_turns(*knotted(10))
+    moments = np.random.default_rng(3).uniform(0.0, 1.0, 20_000)
+    drawn = 0.05 * moments - 0.05 * (1.0 - moments)
+    assert float(variances[10:20].sum()) == pytest.approx(np.var(drawn), rel=0.03)
+
+
+@pytest.mark.parametrize("is_even", [True, False])
+def test_headings_tell_how_evenly_wheels_moved(is_even: bool) -> None:
+    """Where headings turn as simulated, little is unknown; where each gap is off by the deviation of steps, all is."""
+    segment, turns, gaps = knotted(10)
+    most = compute_unknown_turns(segment, turns, gaps)
+    off = np.zeros(segment.rows - 1)
+    for number, (first, last) in enumerate(gaps):
+        off[first] = (-1.0) ** number * np.sqrt(most[first:last].sum())
+    heading = np.append(0.0, np.cumsum(turns if is_even else turns + off))
+    shown = replace(segment, heading=heading)
+    (found,) = estimate_unknown_turns(course_of(shown), [turns], QUIET, ("angle", "command"))
+    assert found == pytest.approx((LEAST_UNKNOWN_SHARE if is_even else 1.0) * most, rel=1e-6)
+    every_row = replace(shown, measured_rows={})
+    assert not estimate_unknown_turns(course_of(every_row), [turns], QUIET, ("angle", "command"))[0].any()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,7 +29,7 @@ def build_finding(
 def build_case() -> Any:
     return SimpleNamespace(
         tractor=load_tractor("eg105"),
-        extension=SimpleNamespace(term_ids=frozenset()),
+        extension=SimpleNamespace(term_ids=frozenset(), terms=()),
         residual_model=SimpleNamespace(row_interval_s=0.1),
         final_errors=np.zeros(1),
     )
@@ -50,6 +51,29 @@ def test_findings_that_may_be_neutral_are_not_told(finding: Finding, is_told: bo
     assert (out is finding) == is_told
     if not is_told:
         assert (out.status, out.value, out.interval, out.description) == (NOT_VISIBLE, None, None, "")
+
+
+@pytest.mark.parametrize(
+    ("finding", "status"),
+    [
+        (build_finding(1.08, 1.05, 1.11), NAMED),
+        (build_finding(1.08, 1.02, 1.14), LIKELY),  # its ends differ by seven times
+        (build_finding(0.9, 0.83, 0.97), LIKELY),
+        (build_finding(0.9, 0.84, 0.96), NAMED),
+        (build_finding(1.024, 1.008, 1.039), LIKELY),  # one end is nearer to neutral than half a tolerance
+        (build_finding(1.0, 0.99, 1.01, law=DAY), NAMED),
+    ],
+)
+def test_what_may_be_hardly_there_is_likely(finding: Finding, status: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(unclear_findings, "is_within_noise", lambda *_: False)
+    (out,) = withdraw_unclear([finding], build_case())
+    assert out == replace(finding, status=status)
+
+
+@pytest.mark.parametrize(("ends", "status"), [((0.08, 0.12), NAMED), ((0.05, 0.3), LIKELY), ((0.06, 0.4), LIKELY)])
+def test_a_limit_is_compared_by_what_it_takes_away(ends: tuple[float, float], status: str) -> None:
+    limit = replace(build_finding(0.1, *ends), id="side_slip", value={"limit_g": 0.1}, interval={"limit_g": ends})
+    assert withdraw_unclear([limit], build_case())[0].status == status
 
 
 @pytest.mark.parametrize("is_noise", [True, False])

@@ -31,7 +31,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     convert_nonfinite_to_none,
     join_clauses,
 )
-from vehicle.identification.verdict.findings import _compute_programme_separation, choose_next_drive
+from vehicle.identification.verdict.findings import choose_next_drive, compute_programme_separation
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, PATH, SPEED, check_effect, get_neutral_values
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting
 
@@ -170,7 +170,7 @@ def test_lifting_the_implement_tells_an_offset_from_a_draft() -> None:
               np.zeros((5 * residual_model.dataset.rows, 1)))  # fmt: skip
     names = ("steering_offset", "implement_side_draft")
     scores = {
-        one.id: _compute_programme_separation(residual_model, one, eg105(), (truth, competitor), names)
+        one.id: compute_programme_separation(residual_model, one, eg105(), (truth, competitor), names)
         for one in DRIVE_PROGRAMMES
     }
     assert scores["there-and-back"] < DECISIVE_LOSS < scores["implement-lifted"]

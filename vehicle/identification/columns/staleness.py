@@ -75,13 +75,20 @@ def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
     if values is None or name in log.measured_rows or len(rows) < 2:
         return log
     time = log.time_s[rows]
-    knots = np.append(0, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1)
-    if len(knots) < 2 or float(np.median(np.diff(time[knots]))) < 0.5 * hold_s:
-        return log
     count = max(round(hold_s / log.step_s), 1)
-    knots = _add_last_known_rows(knots, len(rows), count)
+    held, lines = np.append(0, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1), _find_bends(time, values[rows])
+    if _is_as_rare(time, held, hold_s):
+        knots = _add_last_known_rows(held, len(rows), count)
+    elif _is_as_rare(time, lines, hold_s):
+        knots = lines
+    else:
+        return log
     changed: dict[str, Any] = {name: _draw_lines(values, time, rows, knots)}
     return replace(log, measured_rows={**log.measured_rows, name: _mark_rows(log, rows[knots])}, **changed)
+
+
+def _is_as_rare(time: Array, knots: Rows, hold_s: float) -> bool:
+    return len(knots) > 1 and float(np.median(np.diff(time[knots]))) >= 0.5 * hold_s
 
 
 def _mark_interpolated_places(log: Log, rows: Rows) -> Log:
@@ -148,19 +155,26 @@ def _add_last_known_rows(new_rows: Rows, count: int, usual: int) -> Rows:
 
 def find_line_knots(time: Array, values: Array) -> Rows | None:
     """Return the indices at which values (k,) on straight lines change their slope; None where they are no lines."""
-    slopes = np.diff(values) / np.diff(time)
-    moving = np.abs(slopes) > 0.0
+    moving = np.abs(np.diff(values)) > 0.0
     if np.count_nonzero(moving) < _FEWEST_KNOTS:
         return None
-    tolerance = _SLOPE_TOLERANCE * float(np.median(np.abs(slopes[moving])))
-    is_knot = np.abs(np.diff(slopes)) > tolerance
     both_move = moving[1:] & moving[:-1]
-    knots = np.concatenate([[0], np.flatnonzero(is_knot) + 1, [len(values) - 1]])
+    knots = _find_bends(time, values)
+    is_knot = np.isin(np.arange(1, len(values) - 1), knots)
     gaps = np.diff(knots)
     if len(knots) < _FEWEST_KNOTS or not both_move.any() or float(np.median(gaps)) < 2.0:
         return None
     is_straight = float(np.mean(~is_knot[both_move])) >= _STRAIGHT_SHARE
     return knots if is_straight and np.quantile(gaps, 0.9) <= _MOST_UNEVEN * np.median(gaps) else None
+
+
+def _find_bends(time: Array, values: Array) -> Rows:
+    """Return the indices at which the slope of values (k,) changes by more than rounding, with the first and last."""
+    slopes = np.diff(values) / np.diff(time)
+    moving = np.abs(slopes) > 0.0
+    tolerance = _SLOPE_TOLERANCE * float(np.median(np.abs(slopes[moving]))) if moving.any() else 0.0
+    bends = np.flatnonzero(np.abs(np.diff(slopes)) > tolerance) + 1
+    return np.concatenate([[0], bends, [len(values) - 1]])
 
 
 def _is_command_stale(log: Log, rows: Rows, knots: Rows, measured: dict[str, Mask], changed: dict[str, Any]) -> bool:

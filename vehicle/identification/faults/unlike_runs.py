@@ -52,7 +52,8 @@ _MOST_CANDIDATES = 4  # runs that are tried as the unlike one: limits the time w
 class RunDifference:
     """How a run differs: index of the run, what differs, by how much (ratio, deg or s), and a clause.
 
-    `group` are the runs that differ alike, with this one: half of the runs, or a part of at least two.
+    `group` are the runs that differ alike, with this one: half of the runs, or a part of at least two. `is_of_ground`
+    marks a group that another ground would make as well: it differs in nothing but its pace.
     """
 
     run: int
@@ -60,6 +61,7 @@ class RunDifference:
     amount: float
     words: str
     group: tuple[int, ...] = ()
+    is_of_ground: bool = False
 
 
 @dataclass(frozen=True)
@@ -102,8 +104,13 @@ def find_unlike_runs(logs: Sequence[Log], tractor: Tractor, ground: str) -> list
     return sorted(strongest.values(), key=lambda one: one.run)
 
 
-def describe_groups(differences: Sequence[RunDifference], logs: Sequence[Log]) -> tuple[str, ...]:
-    """Return a sentence where the unlike runs are a group of their own, with what to do about it; else none."""
+def describe_groups(
+    differences: Sequence[RunDifference], logs: Sequence[Log], is_left_out: bool = True
+) -> tuple[str, ...]:
+    """Return a sentence where the unlike runs are a group of their own, with what to do about it; else none.
+
+    A group that was not left out of the diagnosis (`is_left_out`) is explained by another ground.
+    """
     if not differences or not differences[0].group:
         return ()
     group = differences[0].group
@@ -118,6 +125,11 @@ def describe_groups(differences: Sequence[RunDifference], logs: Sequence[Log]) -
         ),
         "",
     )
+    if not is_left_out:
+        return (
+            f"The runs are on two grounds, or of two tractors: each of {names} {differences[0].words}.{since} The "
+            "diagnosis has a value for each ground; if the runs are of two tractors, diagnose the two groups apart.",
+        )
     return (
         f"The runs are of two tractors, or of one that was changed: each of {names} {differences[0].words}.{since} "
         f"Diagnose the two groups apart; this diagnosis is of {other_names}.",
@@ -257,7 +269,10 @@ def _find_groups(
         if abs(amount) > max(quantity.least, UNLIKE_SIGMAS * error):
             clauses.append(f"{quantity.describe(amount)} {quantity.condition}")
     words = f"{' and '.join(clauses)}, compared with {_join_names([logs[run].name for run in others])}"
-    return [RunDifference(run, clearest.name, sign * found[clearest].amount, words, group) for run in group]
+    is_of_ground = clearest in _PACE_QUANTITIES and len(clauses) == 1
+    return [
+        RunDifference(run, clearest.name, sign * found[clearest].amount, words, group, is_of_ground) for run in group
+    ]
 
 
 def _complete_groups(split: RunSplit, logs: Sequence[Log]) -> tuple[tuple[int, ...], tuple[int, ...]]:

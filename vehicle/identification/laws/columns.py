@@ -30,9 +30,11 @@ from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.innovations import PoseIncrements
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.thresholds import OUTLIER_SIGMAS
+from vehicle.identification.thresholds import BEGINS_TO_SLIDE_SHARE, OUTLIER_SIGMAS
 from vehicle.model.effects import PATH, POSITION, STEERING, get_effect
+from vehicle.records import GRAVITY_MPS2
 
+SIDE_SLIP = "side_slip"
 GAIN, OFFSET, HEADING = "steering_gain", "steering_offset", "heading_bias"
 ALWAYS_TESTED = (GAIN, OFFSET, HEADING)  # what may change although its mean is neutral
 SMALL_SHARE = 0.5  # chosen, of the tolerance of an effect: a motion to which the filter responds linearly
@@ -147,11 +149,23 @@ class LawColumns:
                 )
                 for shift in (0.0, step)
             )
+            grips = [self._find_grip(segment, move) for segment, move in zip(self.segments, low, strict=True)]
             self._unit_increments[target.effect_id] = [
-                PoseIncrements(*((after - before) / step for before, after in zip(old, new, strict=True)))
-                for old, new in zip(map(_list_columns, low), map(_list_columns, high), strict=True)
+                PoseIncrements(*((after - before) * grip / step for before, after in zip(old, new, strict=True)))
+                for old, new, grip in zip(map(_list_columns, low), map(_list_columns, high), grips, strict=True)
             ]
         return self._unit_increments[target.effect_id]
+
+    def _find_grip(self, segment: DriveSegment, move: PoseIncrements) -> Array:
+        """Return 1 where a segment shows the steering (k - 1,), 0 where tyres are near their limit.
+
+        Tyres begin to slide before the limit, in a way of their own: what is left there is of no other parameter.
+        """
+        if SIDE_SLIP not in self.fit.settings:
+            return np.ones(len(move.turned))
+        lateral = np.abs(move.turned * move.ahead) / np.maximum(np.diff(segment.time), 1e-3) ** 2
+        limit = self.fit.settings[SIDE_SLIP]["limit_g"] * GRAVITY_MPS2
+        return np.where(lateral < BEGINS_TO_SLIDE_SHARE * limit, 1.0, 0.0)
 
     @cached_property
     def _outlier_shares(self) -> Array:

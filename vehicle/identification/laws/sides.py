@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.laws.bases import get_angle_deg
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import LAW_SPREAD_FACTOR, LEAST_HELPED_SHARE, LEAST_STRENGTH, MATERIAL_SHARE
 from vehicle.model.effects import get_effect, get_neutral_values
@@ -21,6 +22,7 @@ from vehicle.model.effects import get_effect, get_neutral_values
 SIDED_EFFECTS = ("steering_rate", "steering_deadband")
 VALUE_SHARES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.15, 1.35, 1.6, 1.9, 2.3)  # of the value of both sides: chosen
 NOISE_GAP_DEG = 0.15  # chosen: a smaller gap between command and wheel may be noise
+LEAST_SIDE_INFORMATION = 0.01  # of that on the other side: chosen, a tenth of its precision still tells sides apart
 RIGHT, LEFT = 1, -1
 
 
@@ -50,6 +52,18 @@ def find_sides(segment: DriveSegment) -> Array:
     known = np.abs(gap) > NOISE_GAP_DEG
     last = np.maximum.accumulate(np.where(known, np.arange(len(gap)), -1))
     return np.where(last >= 0, np.sign(gap[np.maximum(last, 0)]), 0.0)
+
+
+def find_only_side(dataset: DriveDataset) -> int | None:
+    """Return the side (1 right, -1 left) to which nearly all bends are; None where both sides are known.
+
+    What is known of a factor on the wheel angle grows with the square of the angle: small corrections show no side.
+    """
+    angles = np.concatenate([get_angle_deg(segment) for segment in dataset.segments])
+    right, left = (float(np.sum(np.clip(side * angles, 0.0, None) ** 2)) for side in (RIGHT, LEFT))
+    if min(right, left) >= LEAST_SIDE_INFORMATION * max(right, left):
+        return None
+    return RIGHT if right > left else LEFT
 
 
 def _compare_sides(residual_model: ResidualModel, fit: EffectFit, name: str) -> SideLaw | None:

@@ -147,8 +147,8 @@ class DriveSegment:
     slope of the ground to the right (m/m), if any. A log with a slower receiver has more rows than positions; their
     times and wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear`
     is 1, or -1 in reverse, where `speed` and `target` are negative and the heading is opposite to the direction of
-    travel. `measured_rows` are the rows (k,) in which `wheel`, `command` and `speed` were measured, where those are
-    slower than the log.
+    travel. `measured_rows` are the rows (k,) in which columns were measured that are slower than the log; see
+    _select_measured_rows.
     """
 
     run: int
@@ -378,10 +378,12 @@ def _build_segment(
 def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:
     """Return the rows of a segment in which its slower columns were measured, or the next ones with a position.
 
-    A wheel angle is compared with commands, so it counts where those were measured as well.
+    A wheel angle is compared with commands, so it counts (`wheel`) where those were measured as well; `angle` are the
+    rows in which it was measured itself.
     """
     names = {
         "wheel": ("steering_deg", "steering_command_deg"),
+        "angle": ("steering_deg",),
         "command": ("steering_command_deg",),
         "speed": ("speed_mps",),
     }

@@ -56,12 +56,12 @@ class NoiseLevels:
 
 @compile_function
 def compute_kalman_gains(  # type: ignore[no-untyped-def]
-    time, reference, ahead, aside, lever_ahead, lever_aside, noise, gains, roots
+    time, reference, ahead, aside, lever_ahead, lever_aside, noise, unknown_turns, gains, roots
 ) -> None:
     """Compute Kalman gains (k, 7, 3) and inverse Cholesky roots (k, 3, 3) of the innovation covariance.
 
     `ahead`, `aside` (k - 1,) are simulated displacements between rows in the tractor's frame, `noise` (6,) the fields
-    of NoiseLevels in order.
+    of NoiseLevels in order, `unknown_turns` (k - 1,) variances (rad2) of simulated turns whose wheel angle is a guess.
     """
     cov = _make_first_covariance(noise)
     cross_cov, root, innovation_cov = (
@@ -107,6 +107,7 @@ def compute_kalman_gains(  # type: ignore[no-untyped-def]
         if k + 1 == len(time):
             break
         _propagate_covariance(cov, ahead[k], aside[k], cosine, sine, time[k + 1] - time[k], noise)
+        cov[2, 2] += unknown_turns[k]
 
 
 @compile_function

@@ -22,6 +22,7 @@ from vehicle.identification.replay.horizon_errors import (
 from vehicle.identification.replay.rig import ReplayRig, replay_segment, simulate_logged_values
 from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, X_COLUMN, Y_COLUMN
 from vehicle.identification.residuals.innovations import DRIFT_MEMORY_S, SOIL_MEMORY_S, NoiseLevels
+from vehicle.identification.residuals.noise_weights import estimate_unknown_turns
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
@@ -52,10 +53,13 @@ def add_instrument_noise(
     return replace(segment, east=east, north=north, heading=noisy_heading), wheel, speed
 
 
-def add_soil_noise(noise: NoiseLevels, states: Array, rng: np.random.Generator) -> Array:
-    """Return replayed states (n, 5) turned, step by step, by the disturbance of the soil."""
+def add_soil_noise(
+    noise: NoiseLevels, states: Array, rng: np.random.Generator, other_turns: Array | float = 0.0
+) -> Array:
+    """Return replayed states (n, 5) turned, step by step, by the disturbance of the soil; and by other turns (n,), rad
+    since the start."""
     pushes = noise.soil * draw_coloured_noise(rng, np.exp(-np.full(len(states), DT_S) / SOIL_MEMORY_S))
-    extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S)
+    extra = np.cumsum(pushes * np.abs(states[:, FORWARD_COLUMN]) * DT_S) + other_turns
     out = states.copy()
     dx, dy = np.diff(states[:, X_COLUMN]), np.diff(states[:, Y_COLUMN])
     c, s = np.cos(extra[:-1]), np.sin(extra[:-1])
@@ -86,6 +90,7 @@ def compute_noise_floor(
     effects of the speed, by which drive lines differ.
     """
     rng = np.random.default_rng(seed)
+    unknown_turns = _estimate_unknown_turns(residual_model, settings)
     totals = make_zero_squared_errors(len(residual_model.dataset.names))
     for index, segment in enumerate(residual_model.dataset.segments):
         run_settings = settings[segment.run]
@@ -95,7 +100,9 @@ def compute_noise_floor(
             if tolerated
             else base_columns
         )
-        noisy = _simulate_noisy_segment(residual_model, index, simulated_columns, run_settings, rng)
+        noisy = _simulate_noisy_segment(
+            residual_model, index, simulated_columns, run_settings, rng, unknown_turns[index]
+        )
         for horizon, part in sum_squared_errors_by_horizon(noisy, base_columns[0], base_columns[1]).items():
             totals[segment.run][horizon] += part
     return totals
@@ -107,6 +114,7 @@ def _simulate_noisy_segment(
     simulated_columns: InstrumentColumns,
     settings: Settings,
     rng: np.random.Generator,
+    turn_variances: Array,
 ) -> DriveSegment:
     """Return the segment as it might have been measured had the model been true."""
     segment = residual_model.dataset.segments[index]
@@ -121,7 +129,21 @@ def _simulate_noisy_segment(
             scatter = channel.scatter * draw_coloured_noise(rng, np.full(segment.rows, channel.memory))
         grids[name] = np.interp(grid, segment.time, simulated + scatter)
     noisy_segment = replace(segment, grids=grids, wheel=simulated_columns[2])
-    states = add_soil_noise(
-        residual_model.noise, replay_segment(residual_model.rig, noisy_segment, settings, True, True), rng
-    )
+    states = replay_segment(residual_model.rig, noisy_segment, settings, True, True)
+    turns = np.interp(grid, segment.time, _draw_unknown_turns(turn_variances, rng))
+    states = add_soil_noise(residual_model.noise, states, rng, turns)
     return add_instrument_noise(residual_model.rig, residual_model.noise, segment, states, settings, rng)[0]
+
+
+def _estimate_unknown_turns(residual_model: ResidualModel, settings: Mapping[int, Settings]) -> list[Array]:
+    """Return the variances (k - 1,) of turns for lack of commands, or of wheel angles without any, per segment."""
+    dataset, rig = residual_model.dataset, residual_model.rig
+    turned = [np.diff(simulate_instruments(rig, segment, settings[segment.run])[1]) for segment in dataset.segments]
+    return estimate_unknown_turns(dataset, turned, residual_model.noise, ("command", "angle"))
+
+
+def _draw_unknown_turns(variances: Array, rng: np.random.Generator) -> Array:
+    """Draw the sums (k,) of turns with these variances (k - 1, rad2)."""
+    if not variances.any():
+        return np.zeros(len(variances) + 1)
+    return np.append(0.0, np.cumsum(np.sqrt(variances) * rng.standard_normal(len(variances))))

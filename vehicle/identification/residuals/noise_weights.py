@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -47,6 +48,7 @@ from vehicle.model.tractor import Settings
 
 DIFFERENCE_SPANS_S = (1.0, 2.0, 4.0)  # longer than the memory of the soil, shorter than any steady cause
 DROWNED_SHARE = 0.6  # chosen, of the spread of second differences: with more instrument noise the remainder says little
+LEAST_UNKNOWN_SHARE = 0.02  # chosen, of the variance of steps: between measured angles nothing is known exactly
 FEWEST_DIFFERENCES = 30  # second differences: with fewer, the median deviation is off by a fifth or more
 
 
@@ -223,12 +225,16 @@ def _compute_robust_sigma(values: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class PathFilter:
-    """Gains and roots of one segment, and the shares of its rows that persist (see compute_noise_persistence)."""
+    """Gains and roots of one segment, and the shares of its rows that persist (see compute_noise_persistence).
+
+    `unknown_turns` (k - 1,) are the variances (rad2) of turns between rows for lack of a measured wheel angle.
+    """
 
     gains: Array
     roots: Array
     lever: tuple[float, float]
     memory_shares: Array
+    unknown_turns: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,8 +273,9 @@ def build_filters(
     """Build the filters of all segments for motion simulated with the settings."""
     lever = compute_antenna_lever(rig, compute_effect_fields(settings))
     path_filters = []
-    for segment in dataset.segments:
-        increments = simulate_segment_increments(rig, segment, settings)
+    moves = [simulate_segment_increments(rig, segment, settings) for segment in dataset.segments]
+    turns = estimate_unknown_turns(dataset, [move.turned for move in moves], noise, ("angle", "command"))
+    for segment, increments, unknown_turns in zip(dataset.segments, moves, turns, strict=True):
         gains, roots = np.empty((segment.rows, 7, 3)), np.empty((segment.rows, 3, 3))
         compute_kalman_gains(
             segment.time,
@@ -277,11 +284,60 @@ def build_filters(
             increments.aside,
             *lever,
             convert_noise_to_array(noise, segment.heading_measured),
+            unknown_turns,
             gains,
             roots,
         )
-        path_filters.append(PathFilter(gains, roots, lever, compute_noise_persistence(segment.time)))
+        memory_shares = compute_noise_persistence(segment.time)
+        path_filters.append(PathFilter(gains, roots, lever, memory_shares, unknown_turns))
     return tuple(path_filters)
+
+
+def estimate_unknown_turns(
+    dataset: DriveDataset, turned: Sequence[Array], noise: NoiseLevels, columns: tuple[str, str]
+) -> list[Array]:
+    """Return the variances (k - 1, rad2) of turns between rows for lack of a measured steering angle, per segment.
+
+    The turns were simulated with the first of the `columns` (angle or command) that a segment has. Those of
+    compute_unknown_turns hold for wheels that move in steps; where measured headings are nearer to the simulated turns
+    (k - 1, rad), the wheels move more evenly, and all variances are less by one factor.
+    """
+    gaps = [_list_gaps(segment, columns) for segment in dataset.segments]
+    variances = [compute_unknown_turns(*each) for each in zip(dataset.segments, turned, gaps, strict=True)]
+    most = sum(float(part.sum()) for part in variances)
+    if most == 0.0 or not all(segment.heading_measured for segment in dataset.segments):
+        return variances
+    squares = 0.0
+    for segment, turns, part, pairs in zip(dataset.segments, turned, variances, gaps, strict=True):
+        for first, last in pairs:
+            if part[first] > 0.0:
+                missed = segment.heading[last] - segment.heading[first] - float(turns[first:last].sum())
+                squares += min(missed**2, OUTLIER_SIGMAS**2 * float(part[first:last].sum())) - 2.0 * noise.heading**2
+    share = min(max(squares / most, LEAST_UNKNOWN_SHARE), 1.0)
+    return [share * part for part in variances]
+
+
+def compute_unknown_turns(segment: DriveSegment, turned: Array, gaps: Sequence[tuple[int, int]]) -> Array:
+    """Return the variance (k - 1, rad2) of simulated turns (k - 1, rad) between rows for lack of a steering angle in
+    gaps, pairs of rows in which it was measured.
+
+    Between two measured angles the wheels are taken to move evenly, and may have moved at once at any time: a turn of
+    rates that differ by r over T s is off by r T / sqrt(12), the standard deviation of a uniform distribution.
+    """
+    out, steps = np.zeros(len(turned)), np.diff(segment.time)
+    rates = turned / steps
+    for first, last in gaps:
+        change = rates[min(last, len(rates) - 1)] - rates[first]
+        out[first:last] = change**2 * (segment.time[last] - segment.time[first]) * steps[first:last] / 12.0
+    return out
+
+
+def _list_gaps(segment: DriveSegment, columns: tuple[str, str]) -> list[tuple[int, int]]:
+    """Return pairs of rows with a measured steering angle, and rows without one in between."""
+    has_column = {"angle": segment.wheel is not None, "command": segment.command is not None}
+    measured = segment.measured_rows.get(columns[0] if has_column[columns[0]] else columns[1])
+    knots = np.arange(segment.rows) if measured is None else np.flatnonzero(measured)
+    return [(int(first), int(last)) for first, last in pairwise(knots) if last > first + 1]
 
 
 def convert_noise_to_array(noise: NoiseLevels, heading_measured: bool) -> Array:

@@ -7,7 +7,7 @@ what all runs together show: a circle to one side only would make another diagno
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -15,10 +15,16 @@ import numpy as np
 
 from vehicle.identification.cause_selection.refit import build_weighted_residual_model
 from vehicle.identification.cause_selection.selection import CauseSelection, select_causes
+from vehicle.identification.faults.unlike_runs import RunDifference
 from vehicle.identification.fit.residual_fit import EffectFit, sum_normal_equations_by_block
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.model_extension.term_proposals import sum_driving_time
-from vehicle.identification.replay.data_subset import cut_segment
+from vehicle.identification.replay.data_subset import (
+    DataSubset,
+    cut_segment,
+    leave_out_runs,
+    select_balanced_subset,
+)
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.horizon_errors import (
     HorizonSquares,
@@ -80,6 +86,38 @@ def explain_dataset(
     return selection, explain_selection(selection, rig.tractor, step, with_search)
 
 
+@dataclass(frozen=True, eq=False)
+class SearchedRuns:
+    """The runs in which causes are searched, the subset that is searched, what was found, and the runs left out."""
+
+    agreeing: DriveDataset
+    subset: DataSubset
+    selection: CauseSelection
+    explained: ExplainedCase
+    left_out: Sequence[RunDifference]
+
+
+def explain_agreeing_runs(
+    dataset: DriveDataset, rig: ReplayRig, unlike_runs: Sequence[RunDifference], step: ReportStep
+) -> SearchedRuns:
+    """Explain the error of the runs that agree with each other.
+
+    Runs that another ground would make as unlike belong to them where an effect at two levels explains both grounds.
+    """
+    of_tractor = [difference for difference in unlike_runs if not difference.is_of_ground]
+    for left_out in (of_tractor, unlike_runs):
+        numbers = {difference.run for difference in left_out}
+        agreeing, subset = leave_out_runs(dataset, numbers), select_balanced_subset(dataset, left_out=numbers)
+        searched = SearchedRuns(agreeing, subset, *explain_dataset(subset.dataset, rig, step), left_out)
+        if len(left_out) == len(unlike_runs) or _has_two_levels(searched.explained):
+            break
+    return searched
+
+
+def _has_two_levels(explained: ExplainedCase) -> bool:
+    return any(term.runs is not None for term in explained.case.extension.terms)
+
+
 def explain_selection(
     selection: CauseSelection, tractor: Tractor, step: ReportStep, with_search: bool = True
 ) -> ExplainedCase:
@@ -98,7 +136,7 @@ def cross_fit(selection: CauseSelection, explained: ExplainedCase, step: ReportS
         selection.residual_model,
         bool(explained.open_loop_fit and explained.open_loop_fit.model.terms),
     )
-    if any(term.runs is not None for term in explained.case.extension.terms):
+    if _has_two_levels(explained):
         return []
     halves = []
     for seen, unseen in split_in_halves(residual_model, selection.fit):

@@ -35,7 +35,6 @@ from vehicle.identification.model_extension.tractor_extension import (
     ModelExtension,
     build_extended_tractor,
 )
-from vehicle.identification.replay.data_subset import leave_out_runs, select_balanced_subset
 from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
@@ -51,7 +50,7 @@ from vehicle.identification.replay.rig import build_rig, build_rig_and_correctio
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
 from vehicle.identification.verdict.correlations import compute_value_correlations, describe_intervals
-from vehicle.identification.verdict.cross_fit import explain_dataset, explain_selection
+from vehicle.identification.verdict.cross_fit import explain_agreeing_runs, explain_selection
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     NAMED,
@@ -75,8 +74,8 @@ from vehicle.identification.verdict.held_out_case import (
     restore_real_noise,
 )
 from vehicle.identification.verdict.hints import list_hints
-from vehicle.identification.verdict.law_drives import choose_law_drive
-from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins
+from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
+from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins, mark_one_sided
 from vehicle.identification.verdict.log_findings import (
     build_fault_diagnosis,
     check_runs,
@@ -205,10 +204,9 @@ def diagnose_logs(
         return build_fault_diagnosis(logs, tractor, ground, str(error))
     rig = build_rig(tractor, ground, dataset.origin)
     unlike_runs = find_unlike_runs(logs, tractor, ground)
-    unlike_numbers = {difference.run for difference in unlike_runs}
-    agreeing = leave_out_runs(dataset, unlike_numbers)
-    subset = select_balanced_subset(dataset, left_out=unlike_numbers)
-    selection, explained_case = explain_dataset(subset.dataset, rig, count.count_step)
+    searched = explain_agreeing_runs(dataset, rig, unlike_runs, count.count_step)
+    agreeing, subset = searched.agreeing, searched.subset
+    selection, explained_case = searched.selection, searched.explained
     clock = build_run_clock(logs, subset.runs)
     law_selection = settle_laws(selection, clock, rig.tractor)
     if law_selection.selection is not selection:
@@ -227,6 +225,7 @@ def diagnose_logs(
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
+    findings = mark_one_sided(findings, subset.dataset)
     names = [name for name in explained_case.names if name not in faked_ids]
     guarded = replace(guarded, explained=replace(explained_case, names=names))
     whole_explained = replace(explained_case, case=build_whole_dataset_case(agreeing, subset, explained_case.case))
@@ -237,28 +236,21 @@ def diagnose_logs(
     if diagnosis.unexplained_share > 0.0:
         hints = list_hints(law_selection, explained_case.case, clock)
         diagnosis = replace(diagnosis, hints=(*diagnosis.hints, *hints))
-    drive = diagnosis.next_drive if diagnosis.next_drive is not None else choose_law_drive(law_selection)
-    diagnosis = replace(diagnosis, runs=mark_unlike_runs(diagnosis.runs, unlike_runs), next_drive=drive)
+    drive = diagnosis.next_drive or choose_law_drive(law_selection) or choose_side_drive(selection, findings)
+    diagnosis = replace(diagnosis, runs=mark_unlike_runs(diagnosis.runs, searched.left_out), next_drive=drive)
     diagnosis = diagnosis if turning is None else mark_other_turning(diagnosis, turning)
     count.report_completion()
+    valued_ids = [finding.id for finding in findings if finding.interval]
     notes = list_diagnosis_notes(logs, selection.residual_model, tractor, diagnosis)
+    group_notes = describe_groups(unlike_runs, logs, bool(searched.left_out))
     return replace(
         diagnosis,
         rows_gated_by_reason=count_rows_left_out(logs, dataset.rows),
         faults=list_onset_faults(logs),
-        interval_note=describe_intervals(selection.residual_model, selection.fit, _list_valued(findings)),
+        interval_note=describe_intervals(selection.residual_model, selection.fit, valued_ids),
         columns=describe_columns(logs, diagnosis.findings),
-        notes=(
-            *describe_groups(unlike_runs, logs),
-            *notes,
-            *describe_unsaved_names(set(guarded.unsaved_names) - faked_ids),
-        ),
+        notes=(*group_notes, *notes, *describe_unsaved_names(set(guarded.unsaved_names) - faked_ids)),
     )
-
-
-def _list_valued(findings: Sequence[Finding]) -> list[str]:
-    """Return the effects that are told with an interval."""
-    return [finding.id for finding in findings if finding.interval]
 
 
 def correct_logs(logs: Sequence[Log]) -> list[Log]:
@@ -344,6 +336,7 @@ def _build_diagnosis(
         for finding in findings
         if finding.status == EQUIVALENT
     }
+    surely_told = {finding.id for finding in findings if finding.status in (NAMED, EQUIVALENT)}
     unexplained = measure_unexplained(whole_explained, before_explained)
     share = unexplained.share
     unseen_ids = [finding.id for finding in findings if finding.status == NOT_VISIBLE and finding.value is None]
@@ -377,7 +370,7 @@ def _build_diagnosis(
             before_explained,
             whole_explained.case.final_errors,
         ),
-        calibration={name: value for name, value in case.found_values.items() if name not in explained_case.names},
+        calibration={name: value for name, value in case.found_values.items() if name not in surely_told},
         curve=build_residual_plot(
             residual_model,
             {run: collect_run_settings(extension.terms, run) for run in range(len(residual_model.dataset.names))},

@@ -320,7 +320,7 @@ def choose_next_drive(
             scored_programmes = [
                 (
                     programme,
-                    _compute_programme_separation(
+                    compute_programme_separation(
                         residual_model, programme, tractor, competitor_settings, (name, competitor)
                     ),
                 )
@@ -338,7 +338,7 @@ def choose_next_drive(
     return None
 
 
-def _compute_programme_separation(
+def compute_programme_separation(
     residual_model: ResidualModel,
     programme: DriveProgramme,
     tractor: Tractor,

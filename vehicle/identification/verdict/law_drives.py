@@ -1,4 +1,4 @@
-"""The drive that tells laws of parameters apart, where logs leave several open.
+"""The drive that tells laws of parameters apart, where logs leave several open, or that shows a side not driven to.
 
 Each law is fixed at the amounts that explain the logs: a drive decides where they differ by more than a constant change
 of the parameters does.
@@ -6,17 +6,20 @@ of the parameters does.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from vehicle.identification.cause_selection.candidate_fit import Projector
+from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.column_products import stack_columns, sum_squares
 from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
 from vehicle.identification.laws.bases import BY_RUN, OVER_DAY
-from vehicle.identification.laws.columns import LawColumns
+from vehicle.identification.laws.columns import GAIN, LawColumns
 from vehicle.identification.laws.selection import FoundLaw
 from vehicle.identification.laws.settle import LawSelection, SettledLaw
+from vehicle.identification.laws.sides import find_only_side
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_programmes import (
     DRIVE_PROGRAMMES,
@@ -26,9 +29,15 @@ from vehicle.identification.replay.drive_programmes import (
 )
 from vehicle.identification.residuals.residual_model import build_residual_model
 from vehicle.identification.thresholds import DECISIVE_LOSS
-from vehicle.identification.verdict.diagnosis_types import NextDrive
-from vehicle.identification.verdict.findings import give_constant_channel_weights
-from vehicle.identification.verdict.law_findings import STAND_IN_KINDS, format_law_id
+from vehicle.identification.verdict.diagnosis_types import Finding, NextDrive
+from vehicle.identification.verdict.findings import compute_programme_separation, give_constant_channel_weights
+from vehicle.identification.verdict.law_findings import (
+    ASYMMETRY,
+    STAND_IN_KINDS,
+    compute_other_side,
+    format_law_id,
+    is_gain_of_one_side,
+)
 
 # During one drive these stay what they are.
 CONSTANT_KINDS = (BY_RUN, OVER_DAY)
@@ -47,21 +56,36 @@ def choose_law_drive(law_selection: LawSelection) -> NextDrive | None:
             else format_law_id(found.effect_id, found.kind)
             for found in (law.found, competitor)
         )
-        scores = [
-            (programme, _compute_separation(law_selection, programme, (law.found, competitor)))
-            for programme in DRIVE_PROGRAMMES
-        ]
-        decisive = [one for one in scores if one[1] > DECISIVE_LOSS]
-        programme, score = min(decisive, key=lambda o: o[0].seconds) if decisive else max(scores, key=lambda o: o[1])
-        return NextDrive(
-            programme.id,
-            programme.description,
-            programme.seconds,
-            (names[0], names[1]),
-            score,
-            score > DECISIVE_LOSS,
+        laws = law.found, competitor
+        return _choose_drive(
+            (names[0], names[1]), lambda programme, laws=laws: _compute_separation(law_selection, programme, laws)
         )
     return None
+
+
+def choose_side_drive(selection: CauseSelection, findings: Sequence[Finding]) -> NextDrive | None:
+    """Return the shortest drive that shows whether a gain known to one side alone holds to the other; None without
+    such a gain."""
+    residual_model = selection.residual_model
+    side = find_only_side(residual_model.dataset)
+    gain = next((finding for finding in findings if is_gain_of_one_side(finding, side)), None)
+    if gain is None or gain.value is None or side is None:
+        return None
+    settings, other = selection.fit.settings, compute_other_side(gain, side)
+    pair = {**settings, GAIN: gain.value}, {**settings, **other}
+    return _choose_drive(
+        (GAIN, ASYMMETRY),
+        lambda programme: compute_programme_separation(residual_model, programme, residual_model.rig.tractor, pair,
+                                                       (GAIN, GAIN)),
+    )  # fmt: skip
+
+
+def _choose_drive(names: tuple[str, str], compute_score: Callable[[DriveProgramme], float]) -> NextDrive:
+    """Return the shortest decisive drive, or the most telling one."""
+    scores = [(programme, compute_score(programme)) for programme in DRIVE_PROGRAMMES]
+    decisive = [one for one in scores if one[1] > DECISIVE_LOSS]
+    programme, score = min(decisive, key=lambda o: o[0].seconds) if decisive else max(scores, key=lambda o: o[1])
+    return NextDrive(programme.id, programme.description, programme.seconds, names, score, score > DECISIVE_LOSS)
 
 
 def _find_competitor(law: SettledLaw, law_selection: LawSelection) -> FoundLaw | None:

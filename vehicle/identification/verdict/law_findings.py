@@ -18,8 +18,9 @@ from vehicle.identification.laws.bases import (
 from vehicle.identification.laws.columns import GAIN
 from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, UNDERSTEER, FoundLaw
 from vehicle.identification.laws.settle import LawSelection, SettledLaw
-from vehicle.identification.laws.sides import SideLaw, find_side_laws
+from vehicle.identification.laws.sides import RIGHT, SideLaw, find_only_side, find_side_laws
 from vehicle.identification.laws.words import compute_law_values, describe_alternatives, describe_law
+from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.thresholds import WITHDRAWING_LAW_SHARE
 from vehicle.identification.verdict.diagnosis_types import (
     CONSTANT_LAW,
@@ -35,6 +36,7 @@ from vehicle.identification.verdict.named_causes import ExplainedCase
 from vehicle.model.effects import get_effect, get_neutral_values
 from vehicle.model.tractor import Tractor
 
+ASYMMETRY = "steering_asymmetry"
 STAND_IN_KINDS = {DRIFT: OVER_MINUTES, PATCH: BY_PLACE}
 # Terms of the discrepancy model that are laws of the steering gain.
 GAIN_TERMS = {BY_ANGLE: "grip_by_angle", BY_SPEED: "grip_by_speed", BY_IMPLEMENT: "grip_by_implement"}
@@ -176,6 +178,45 @@ def _tell_sides(finding: Finding, law: SideLaw) -> Finding:
     ends = min(law.right, law.left), max(law.right, law.left)
     size = effect.size.name
     return replace(described, status=LIKELY, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
+
+
+def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:
+    """Return the findings, with a word on a gain of the steering that bends to one side alone have shown."""
+    side = find_only_side(dataset)
+    if side is None:
+        return list(findings)
+    return [
+        _describe_one_side(finding, side) if is_gain_of_one_side(finding, side) else finding for finding in findings
+    ]
+
+
+def is_gain_of_one_side(finding: Finding, side: int | None) -> bool:
+    """Whether a finding is a constant gain that is only known to one side (1 right, -1 left)."""
+    is_constant = finding.law is None or finding.law.kind == CONSTANT_LAW
+    return side is not None and finding.id == GAIN and finding.status in (NAMED, LIKELY) and is_constant
+
+
+def compute_other_side(finding: Finding, side: int) -> dict[str, dict[str, float]]:
+    """Return the gain and the asymmetry with which the other side would be as the tractor file has it.
+
+    The asymmetry is a further factor on the left side alone.
+    """
+    assert finding.value is not None
+    ratio = finding.value["ratio"]
+    if side == RIGHT:
+        return {GAIN: {"ratio": ratio}, ASYMMETRY: {"ratio": 1.0 / ratio}}
+    return {GAIN: {"ratio": 1.0}, ASYMMETRY: {"ratio": ratio}}
+
+
+def _describe_one_side(finding: Finding, side: int) -> Finding:
+    here, there = ("right", "left") if side == RIGHT else ("left", "right")
+    other = compute_other_side(finding, side)
+    gain = f" and a {GAIN} of 1" if side != RIGHT else ""
+    words = (
+        f"all bends of these logs are to the {here}, so it is not known to the {there}; with a {ASYMMETRY} of "
+        f"{other[ASYMMETRY]['ratio']:.3g}{gain} these logs would be the same"
+    )
+    return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
 
 
 def _remove_value(finding: Finding) -> Finding:

@@ -1,14 +1,16 @@
 """The last check of a verdict: no effect is told whose interval holds neutral, or whose size is within the tolerance of
-the tractor file, whatever stage added it."""
+the tractor file, whatever stage added it; and none is named that may be hardly there."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.effect_parameters import find_finest_size
+from vehicle.identification.thresholds import NEAR_NEUTRAL_SHARE, WIDEST_NAMED_SPAN
 from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.held_out_case import DiagnosisCase, is_within_noise
 from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms
@@ -34,7 +36,7 @@ def drop_unclear_terms(
 
 def _is_unclear_term(case: DiagnosisCase, name: str) -> bool:
     """Whether a term may be neutral. Of two levels, one may be: that of the ground which the file describes."""
-    if sum(term.parameters.id == name for term in case.extension.terms) > 1:
+    if _has_levels(case, name):
         return False
     intervals, term = case.extension.intervals[name], case.main_terms[name]
     if PER_SLOPE in intervals:
@@ -51,8 +53,10 @@ def _holds_neutral(case: DiagnosisCase, name: str, interval: tuple[float, float]
 
 
 def withdraw_unclear(findings: Sequence[Finding], case: DiagnosisCase) -> list[Finding]:
-    """Return the findings without a name, or a likely effect, that may be neutral."""
-    return [_withdraw(finding) if _is_unclear(finding, case) else finding for finding in findings]
+    """Return the findings without a name, or a likely effect, that may be neutral; a name that may be hardly there is
+    likely."""
+    kept = [_withdraw(finding) if _is_unclear(finding, case) else finding for finding in findings]
+    return [replace(finding, status=LIKELY) if _is_hardly_there(finding, case) else finding for finding in kept]
 
 
 def withdraw_faked(findings: Sequence[Finding], faked_ids: AbstractSet[str]) -> list[Finding]:
@@ -73,7 +77,7 @@ def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
     """
     if finding.status not in (NAMED, LIKELY) or finding.value is None or finding.interval is None:
         return False
-    if finding.law is not None and finding.law.kind != CONSTANT_LAW:
+    if _is_changing(finding):
         return finding.id not in case.extension.term_ids and is_within_noise(case, case.final_errors)
     if finding.id in case.extension.term_ids:
         return _is_unclear_term(case, finding.id)
@@ -81,6 +85,35 @@ def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
     finest = find_finest_size(case.tractor, finding.id, case.residual_model.row_interval_s)
     deviation = abs(finding.value[size] - get_neutral_values(finding.id, case.tractor.steering)[size])
     return deviation <= finest or _holds_neutral(case, finding.id, finding.interval[size])
+
+
+def _is_hardly_there(finding: Finding, case: DiagnosisCase) -> bool:
+    """Whether a name may be so small that it means nothing, or is known to hardly more than its order of magnitude.
+
+    The interval of a limit is compared by what the limit takes away, that of two levels is of one of them.
+    """
+    if finding.status != NAMED or finding.interval is None or _is_changing(finding) or _has_levels(case, finding.id):
+        return False
+    size = get_effect(finding.id).size.name
+    key = PER_SLOPE if PER_SLOPE in finding.interval else size
+    neutral = 0.0 if key == PER_SLOPE else get_neutral_values(finding.id, case.tractor.steering)[size]
+    ends = finding.interval[key]
+    if math.isinf(neutral):
+        near, far = (1.0 / end for end in reversed(ends))
+    else:
+        near, far = sorted(abs(end - neutral) for end in ends)
+    finest = 0.0
+    if key == size:
+        finest = find_finest_size(case.tractor, finding.id, case.residual_model.row_interval_s)
+    return near < NEAR_NEUTRAL_SHARE * finest or far > WIDEST_NAMED_SPAN * near
+
+
+def _is_changing(finding: Finding) -> bool:
+    return finding.law is not None and finding.law.kind != CONSTANT_LAW
+
+
+def _has_levels(case: DiagnosisCase, name: str) -> bool:
+    return sum(term.parameters.id == name for term in case.extension.terms) > 1
 
 
 def _withdraw(finding: Finding) -> Finding:
