@@ -42,7 +42,7 @@ _MOST_WHEELBASES = 3.0
 # Chosen, of the wheelbase: how near the still axle is to the front axle of the file, and how well that is known.
 _NEAR_SHARE, _KNOWN_SHARE = 0.15, 0.1
 _WINDOW_S, _THIN_S = 1.0, 0.3  # over which changes are taken, and between them
-_FEWEST_ROWS = 100
+_FEWEST_ROWS, _MOST_ROWS = 100, 10_000  # more show the same
 _LEAST_MOVED_DEG = 40.0  # chosen: the root of the sum of squared changes of the angle that show how heading follows
 _MOST_HOLD_S = 0.5  # chosen: steering columns that change more rarely do not show when the angle moved
 _PASSES, _OUTLIER_SIGMAS = 4, 4.0
@@ -81,9 +81,13 @@ class TurningMeasure:
 
 @dataclass(frozen=True, eq=False)
 class _Rows:
-    """Changes over _WINDOW_S about the `chosen` rows (k,) of a segment: heading (rad), path sideways and ahead (m)."""
+    """Changes over _WINDOW_S about the `chosen` rows (k,) of a segment: heading (rad), path sideways and ahead (m).
+
+    `pace` (m/s, negative in reverse) has a value per row of the grid.
+    """
 
     part: SteeringEvidence
+    pace: Array
     chosen: Rows
     turn: Array
     aside: Array
@@ -115,7 +119,7 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
     words = (
         "These logs look like a vehicle that steers its rear wheels: the axle that does not move sideways is "
         f"{-further_m:.1f} m further ahead than the rear axle of the tractor file, where its front axle is; the model "
-        f"steers its front wheels, so neither the place of the antenna nor a delay of the positions is named. If the "
+        "steers its front wheels, so neither the place of the antenna nor a delay of the positions is named. If the "
         f"front wheels steer, the antenna is {-further_m:.1f} m further back than the file says."
     )
     return OtherTurning(REAR_STEERED, words, _FAKED_BY_REAR_WHEELS)
@@ -138,20 +142,23 @@ def _list_faked_by_joint(logs: Sequence[Log]) -> frozenset[str]:
 def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     """Measure how heading and antenna follow the wheel angle, in logs with a heading; nothing is known without one."""
     locks = find_largest_angles(logs)
-    rows = [
-        built
+    parts = [
+        (log, part)
         for log in logs
         if log.heading_deg is not None
         for part in build_evidence_segments(log, locks)
-        if part.hold_s <= _MOST_HOLD_S and (built := _build_rows(log, part)) is not None
+        if part.hold_s <= _MOST_HOLD_S
     ]
+    seconds = sum(float(np.ptp(part.time_s)) for _, part in parts)
+    stride = max(math.ceil(seconds / _THIN_S / _MOST_ROWS), 1)
+    rows = [built for log, part in parts if (built := _build_rows(log, part, stride)) is not None]
     if sum(len(one.turn) for one in rows) < _FEWEST_ROWS:
         return TurningMeasure(None, math.inf, 1.0, None, math.inf, 0.0)
     pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in rows])))) / _WINDOW_S
     return TurningMeasure(*_fit_joint(rows), *_fit_antenna(rows), pace_mps)
 
 
-def _build_rows(log: Log, part: SteeringEvidence) -> _Rows | None:
+def _build_rows(log: Log, part: SteeringEvidence, stride: int) -> _Rows | None:
     reach = round(0.5 * _WINDOW_S / STEP_S)
     if len(part.time_s) < 4 * reach:
         return None
@@ -169,7 +176,8 @@ def _build_rows(log: Log, part: SteeringEvidence) -> _Rows | None:
     mean = np.mean([heading[chosen + shift] for shift in range(-reach, reach + 1)], axis=0)
     ahead = step[0] * np.sin(mean) + step[1] * np.cos(mean)
     aside = step[0] * np.cos(mean) - step[1] * np.sin(mean)
-    return _Rows(part, chosen, turn, aside, ahead)
+    pace = np.interp(part.time_s, part.time_s[chosen], ahead / _WINDOW_S)
+    return _Rows(part, pace, chosen[::stride], turn[::stride], aside[::stride], ahead[::stride])
 
 
 def _fit_joint(rows: Sequence[_Rows]) -> tuple[float | None, float, float]:
@@ -215,8 +223,7 @@ def _measure_movement(rows: Sequence[_Rows], angles: Sequence[Array]) -> float:
 def _list_columns(rows: _Rows, angle: Array) -> Array:
     """Return what the turn of windows depends on (k, n): first the change of the angle, then the path by the angle."""
     reach = round(0.5 * _WINDOW_S / STEP_S)
-    pace = np.interp(rows.part.time_s, rows.part.time_s[rows.chosen], rows.ahead / _WINDOW_S)
-    moved = angle[rows.chosen + reach] - angle[rows.chosen - reach]
+    pace, moved = rows.pace, angle[rows.chosen + reach] - angle[rows.chosen - reach]
     bends = [
         np.convolve(pace * shape, np.full(2 * reach + 1, _WINDOW_S / (2 * reach + 1)), mode="same")[rows.chosen]
         for shape in (angle, np.abs(angle), angle**3, angle * np.abs(angle), pace**2 * angle, np.ones(len(angle)))
@@ -241,7 +248,7 @@ def _fit_antenna(rows: Sequence[_Rows]) -> tuple[float | None, float]:
 
 
 def _fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -> tuple[Array, Array, float]:
-    """Return coefficients (n,), their standard errors (n,) and the median absolute residual; outliers do not count."""
+    """Return coefficients (n,), their standard errors (n,) and the mean squared residual, with outliers cut off."""
     kept, sigma = np.ones(len(values), dtype=np.bool_), 1.0
     prior = np.zeros(columns.shape[1]) if prior_sd is None else prior_sd**-2.0
     for _ in range(_PASSES):
