@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -56,10 +57,8 @@ def choose_law_drive(law_selection: LawSelection) -> NextDrive | None:
             else format_law_id(found.effect_id, found.kind)
             for found in (law.found, competitor)
         )
-        laws = law.found, competitor
-        return _choose_drive(
-            (names[0], names[1]), lambda programme, laws=laws: _compute_separation(law_selection, programme, laws)
-        )
+        compute_score = partial(_compute_separation, law_selection, laws=(law.found, competitor))
+        return _choose_drive((names[0], names[1]), compute_score)
     return None
 
 
