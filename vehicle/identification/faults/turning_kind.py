@@ -151,11 +151,18 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     ]
     seconds = sum(float(np.ptp(part.time_s)) for _, part in parts)
     stride = max(math.ceil(seconds / _THIN_S / _MOST_ROWS), 1)
-    rows = [built for log, part in parts if (built := _build_rows(log, part, stride)) is not None]
+    rows = _choose_rows([built for log, part in parts if (built := _build_rows(log, part, stride)) is not None])
     if sum(len(one.turn) for one in rows) < _FEWEST_ROWS:
         return TurningMeasure(None, math.inf, 1.0, None, math.inf, 0.0)
     pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in rows])))) / _WINDOW_S
     return TurningMeasure(*_fit_joint(rows), *_fit_antenna(rows), pace_mps)
+
+
+def _choose_rows(rows: Sequence[_Rows]) -> list[_Rows]:
+    """Return the segments with a wheel angle, or those with a command where these are more."""
+    sensed = [one for one in rows if one.part.wheel is not None]
+    commanded = [one for one in rows if one.part.command is not None]
+    return sensed if len(sensed) >= len(commanded) else commanded
 
 
 def _build_rows(log: Log, part: SteeringEvidence, stride: int) -> _Rows | None:
