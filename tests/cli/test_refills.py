@@ -73,7 +73,7 @@ def test_an_implement_that_carries_nothing_is_not_refilled(plan: Headland) -> No
     ("options", "words"),
     [
         (("--refill", "gate"), "--refill 'gate' is not a place; write headland, tender or x,y in metres"),
-        (("--refill", "500,0"), "The place to refill lies 440 m from the field"),
+        (("--refill", "500,0"), "The place to refill or charge lies 440 m from the field"),
         (("--implement", "harrow", "--refill", "tender"), "no implement carries anything"),
     ],
 )

@@ -38,7 +38,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
     time, east, north = columns["time_s"], columns["easting_m"], columns["northing_m"]
     rows = np.flatnonzero(np.isfinite(time) & np.isfinite(east) & np.isfinite(north))
     rows = rows[~find_decreasing_entries(time[rows])]
-    if len(rows) < 2 * _FEWEST_SIDE or not float(np.median(np.diff(time[rows]))) > 0.0:
+    if len(rows) < 2 * _FEWEST_SIDE or not 0.0 < float(np.median(np.diff(time[rows]))) <= _WINDOW_S:
         return columns, []
     jumps = _find_jumps(columns, rows)
     if not jumps:
