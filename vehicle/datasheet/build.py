@@ -31,6 +31,7 @@ def build_tractor(name: str, sheet: Datasheet) -> Tractor:
         "max_steering_deg": rules.derive_lock_angle(sheet),
         "antenna_forward_m": rules.derive_antenna_forward(sheet),
         "antenna_right_m": (0.0, "assumed: on the centre line"),
+        "drive": ("diesel", "assumed: most tractors burn diesel"),
     }
     values: dict[str, Any] = {key: value for key, (value, _) in body.items()}
     source = {key: words for key, (_, words) in body.items()}

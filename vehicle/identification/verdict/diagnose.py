@@ -326,17 +326,14 @@ def _build_diagnosis(
     after = sum_squared_errors_by_run(dataset, residual_model.rig, saved_settings)
     before_explained = whole_explained.case.compute_run_errors(select_run_squares(before, whole_explained.case))
     # Most important first: by the held-out error that returns without the effect.
-    named = [
-        finding.id
-        for finding in sorted(findings, key=lambda finding: -(finding.gain_pct or 0.0))
-        if finding.status == NAMED
-    ]
+    by_gain = sorted(findings, key=lambda finding: -(finding.gain_pct or 0.0))
+    named = [finding.id for finding in by_gain if finding.status == NAMED]
     equivalents = {
         finding.id: EquivalentEffect(finding.interval, finding.equivalent_to)
         for finding in findings
         if finding.status == EQUIVALENT
     }
-    surely_told = {finding.id for finding in findings if finding.status in (NAMED, EQUIVALENT)}
+    certain_ids = {*named, *equivalents}
     unexplained = measure_unexplained(whole_explained, before_explained)
     share = unexplained.share
     unseen_ids = [finding.id for finding in findings if finding.status == NOT_VISIBLE and finding.value is None]
@@ -370,7 +367,7 @@ def _build_diagnosis(
             before_explained,
             whole_explained.case.final_errors,
         ),
-        calibration={name: value for name, value in case.found_values.items() if name not in surely_told},
+        calibration={name: value for name, value in case.found_values.items() if name not in certain_ids},
         curve=build_residual_plot(
             residual_model,
             {run: collect_run_settings(extension.terms, run) for run in range(len(residual_model.dataset.names))},
