@@ -8,7 +8,7 @@ from tests.truth.model import Truth
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.data_subset import select_balanced_subset
-from vehicle.identification.verdict import diagnose as module
+from vehicle.identification.verdict import cross_fit as module
 from vehicle.identification.verdict.diagnose import diagnose_logs
 
 HIDDEN = {"steering_offset": {"angle_deg": 1.5}}
