@@ -120,8 +120,8 @@ def list_true_sizes(record: Record) -> dict[str, float]:
     by_law = {law["effect"] for law in record["laws"]}
     sizes = {}
     for name, values in record["hidden"].items():
-        key = next(key for key in values if key not in PLACES)
-        if name not in by_law and values[key] is not None:
+        key = next((key for key in values if key not in PLACES), None)
+        if name not in by_law and key is not None and values[key] is not None:
             sizes[name] = values[key]
     for column, clock in record["clocks"].items():
         shift = clock.get("offset_s", 0.0) + clock.get("delay_s", 0.0)
