@@ -135,3 +135,17 @@ def test_evidence_of_a_drive_by_hand() -> None:
     assert np.nanmean(motion.course) == pytest.approx(np.pi / 2) and motion.total_s == pytest.approx(19.9)
     assert motion.is_contradicted("position", (0, 50)) and not motion.is_contradicted("position", (0, 5))
     assert not motion.is_contradicted("heading", (0, 150))
+
+
+@pytest.mark.parametrize("column, fault_id", [("heading_deg", "heading_frozen"), ("speed_mps", "speed_frozen")])
+def test_lost_noise_shows_a_long_standstill_on_a_straight_row_from_its_first_quarter_on(
+    column: str, fault_id: str
+) -> None:
+    assert_one(found(freeze(clean_frames()["there"], (column,), 17.0, None)), fault_id, 17.0, None)
+
+
+@pytest.mark.parametrize("digit_deg", [0.1, 0.5, 1.0, 2.0])
+def test_headings_in_steps_are_not_frozen(digit_deg: float) -> None:
+    for name, clean in clean_frames().items():
+        stepped = clean.assign(heading_deg=(clean.heading_deg / digit_deg).round() * digit_deg)
+        assert not [one for one in found(stepped) if one[0] == "heading_frozen"], name

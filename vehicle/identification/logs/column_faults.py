@@ -38,8 +38,9 @@ _FROZEN_S, _FROZEN_HOLDS, _HOLD_QUANTILE = 3.0, 4.0, 0.95
 _MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
 _FEWEST_ROWS = 50  # chosen: shorter logs do not show what is usual
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
-# without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual.
-_CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _FEWEST_WINDOWS = 0.5, 0.15, 0.15, 6
+# without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
+# four do beside a standstill of six.
+_CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS, _FEWEST_WINDOWS = 0.5, 0.15, 0.15, 6, 4
 _FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
 
 
@@ -138,7 +139,8 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
         for start in range(0, len(outside) - width + 1, width)
         if outside[start : start + width].all()
     ]
-    if len(windows) < _FEWEST_WINDOWS or width < _FEWEST_WINDOW_ROWS:
+    is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
+    if len(windows) < (_FEWEST_WINDOWS if is_long else _USUAL_WINDOWS) or width < _FEWEST_WINDOW_ROWS:
         return False
     shares = (
         float(np.quantile([np.mean(what[window]) for window in windows], _CALM_QUANTILE)) for what in (changed, turned)
