@@ -8,7 +8,6 @@ from typing import Protocol
 
 from fields.text_files import shorten_value
 from planner.errors import RequestError, mark_parameter, suggest_name
-from planner.request.implement_choice import ImplementValues
 from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
 
@@ -16,7 +15,7 @@ FULL_CIRCLE_DEG = 360.0
 SAMPLED_PARAMETERS = ("rain", "objective", "budget")  # they are judged by samples alone
 
 
-class RequestValues(ImplementValues, Protocol):
+class RequestValues(Protocol):
     """The values of a plan request that are checked together."""
 
     @property
@@ -48,6 +47,18 @@ class RequestValues(ImplementValues, Protocol):
 
     @property
     def swaths(self) -> str: ...
+
+    @property
+    def operation(self) -> str: ...
+
+    @property
+    def width_m(self) -> float: ...
+
+    @property
+    def draft(self) -> str | None: ...
+
+    @property
+    def depth_cm(self) -> float | None: ...
 
     @property
     def soil(self) -> str | None: ...
