@@ -12,6 +12,8 @@ from vehicle.model.soil import Soil
 from vehicle.model.soil_water import MoistureEstimate
 from vehicle.model.work_load import WorkLoad
 
+HOURS_A_DAY = 24
+
 
 def describe_ground(context: PlanningContext) -> tuple[str, ...]:
     """Heights, soil and load in sentences; nothing where the fuel is not known and the ground is level."""
@@ -57,13 +59,17 @@ def _describe_soil(soil: Soil | None) -> list[str]:
 
 def _describe_estimate(estimate: MoistureEstimate, *, is_used: bool) -> str:
     """What the rain of the last days makes of the moisture, and whether that counts."""
-    days = "the last day" if estimate.days == 1 else f"the last {estimate.days} days"
-    verb = "make" if is_used else "would make"
-    consequence = "" if is_used else "; the moisture that was given counts"
+    rain = f"{estimate.rain_mm:.3g} mm of rain in the last {HOURS_A_DAY * estimate.days} hours"
+    loss = f"an evapotranspiration of {estimate.et0_mm:.2g} mm a day"
+    moisture, low, high = (f"{pct:.3g}" for pct in (estimate.moisture_pct, estimate.low_pct, estimate.high_pct))
+    if is_used:
+        return (
+            f"{rain} and {loss} make the topsoil about {moisture} % moist ({low} to {high} %), by the balance of "
+            "FAO-56 for bare soil."
+        )
     return (
-        f"{estimate.rain_mm:.3g} mm of rain in {days} and an evapotranspiration of {estimate.et0_mm:.2g} mm a day "
-        f"{verb} the topsoil about {estimate.moisture_pct:.3g} % moist ({estimate.low_pct:.3g} to "
-        f"{estimate.high_pct:.3g} %), by the balance of FAO-56 for bare soil{consequence}."
+        f"{rain} and {loss} would make the topsoil about {moisture} % moist ({low} to {high} %), by the balance of "
+        "FAO-56 for bare soil; the moisture that was given counts."
     )
 
 

@@ -362,16 +362,16 @@ def describe_check(check_result: PhysicsCheck, variance_shares: dict[str, float]
     """A sentence on the check in full physics, and one on the main causes of the spread."""
     drive_count = len(check_result.simulated_s)
     compared_count = drive_count - check_result.contact_count - check_result.unfinished_count
-    sentence = f"{compared_count} of {drive_count} samples simulated in full physics"
-    if math.isnan(check_result.mean_relative_error):
-        sentence += " could be compared"
-    else:
-        sentence += f" finish {100.0 * check_result.mean_relative_error:.1f} % off their sampled times on average"
-    for number, problem in (
-        (check_result.contact_count, "tractors touch"),
-        (check_result.unfinished_count, "a tractor does not finish"),
-    ):
-        sentence += f"; in {number} {problem}" if number else ""
+    off_pct = f"{100.0 * check_result.mean_relative_error:.1f}"
+    touching, unfinished = check_result.contact_count, check_result.unfinished_count
+    problems = f"; in {touching} tractors touch" if touching else ""
+    problems += f"; in {unfinished} a tractor does not finish" if unfinished else ""
+    sentence = (
+        f"{compared_count} of {drive_count} samples simulated in full physics could be compared{problems}."
+        if math.isnan(check_result.mean_relative_error)
+        else f"{compared_count} of {drive_count} samples simulated in full physics finish {off_pct} % off their "
+        f"sampled times on average{problems}."
+    )
     main_shares = [f"{name} ({100.0 * share:.0f} %)" for name, share in variance_shares.items() if share >= 0.01][:3]
     causes = f"Main causes of uncertain time, by share of its variance: {', '.join(main_shares)}."
-    return f"{sentence}.", *([causes] if main_shares else [])
+    return sentence, *([causes] if main_shares else [])

@@ -250,7 +250,11 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
         ]
     elif best.meets_deadline is False:
         lateness = "" if ranking.missed_by_s is None else f" misses it by {format_duration(ranking.missed_by_s)}"
-        sentences = [f"No plan meets {_name_deadline(ranking, 'the')}.", *_list_advice(ranking)]
+        clock = _format_deadline_clock(ranking)
+        missed = (
+            translate("No plan meets the deadline ({clock}).", clock=clock) if clock else "No plan meets the deadline."
+        )
+        sentences = [missed, *_list_advice(ranking)]
         sentences += [f"The {name_best_late_plan(ranking)}{lateness}: {result}.", *details]
     else:
         sentences = [*_list_advice(ranking), translate("Best plan: {result}.", result=result), *details]
@@ -476,9 +480,8 @@ def _format_in_currency(ranking: PlanRanking, value: float) -> str:
     return format_price(value) if ranking.currency is None else f"{format_price(value)} {ranking.currency}"
 
 
-def _name_deadline(ranking: PlanRanking, article: str) -> str:
-    clock_text = format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline
-    return f"{article} deadline ({clock_text})" if clock_text else f"{article} deadline"
+def _format_deadline_clock(ranking: PlanRanking) -> str:
+    return format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or ""
 
 
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
@@ -486,15 +489,25 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     judged = [plan for plan in list_feasible(ranking) if plan.meets_deadline is not None]
     if not judged:
         return []
-    name = _name_deadline(ranking, "The")
+    clock = _format_deadline_clock(ranking)
+    name = translate("The deadline ({clock})", clock=clock) if clock else translate("The deadline")
     meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
     late = sorted({plan.tractors for plan in judged} - set(meeting))
-    missed = f", not with {join_list(late, 'or')}" if late else ""
-    noun = "tractor" if meeting == [1] else "tractors"
+    missed = translate(", not with {counts}", counts=join_list(late, "or")) if late else ""
+    one = meeting == [1]
+    enough = format_tractor_count(1) if one else translate("{counts} tractors", counts=join_list(meeting, "or"))
+    who = {"name": name, "tractors": enough, "missed": missed}
     if ranking.chosen is not None:
-        return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}, in half of the samples or more."]
+        return [translate("{name} can be met with {tractors}{missed}, in half of the samples or more.", **who)]
     least_cost = min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline)
-    among = "of all" if best_is_cheapest else "of them"
     if get_finished_field_cost(best) > least_cost:
-        among = "that could finish the field by then"
-    return [f"{name} can be met with {join_list(meeting, 'or')} {noun}{missed}; the best plan is the cheapest {among}."]
+        return [
+            translate(
+                "{name} can be met with {tractors}{missed}; the best plan is the cheapest that could finish the field "
+                "by then.",
+                **who,
+            )
+        ]
+    if best_is_cheapest:
+        return [translate("{name} can be met with {tractors}{missed}; the best plan is the cheapest of all.", **who)]
+    return [translate("{name} can be met with {tractors}{missed}; the best plan is the cheapest of them.", **who)]

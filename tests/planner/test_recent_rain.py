@@ -50,7 +50,7 @@ def test_the_plan_tells_the_estimate_with_its_interval() -> None:
     scenario = export_request(context)
     low, high = scenario["estimated_moisture_range_pct"]
     told = re.search(
-        r"40 mm of rain in the last 2 days and an evapotranspiration of 1 mm a day make the topsoil about ([\d.]+) % "
+        r"40 mm of rain in the last 48 hours and an evapotranspiration of 1 mm a day make the topsoil about ([\d.]+) % "
         r"moist \(([\d.]+) to ([\d.]+) %\)",
         text,
     )

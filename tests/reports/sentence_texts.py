@@ -31,7 +31,7 @@ TELLING_MODULES = (
     "planner/evaluation/headland_depth.py", "fields/terrain/checks.py",
     "planner/evaluation/layout_repairs.py", "planner/pipeline/ranking.py", "planner/pipeline/many_fields.py",
     "planner/risk/assessment.py", "planner/risk/advice.py", "strategies/row_by_row_optimised.py",
-    "reports/common/plan_results.py", "reports/plan/plan_wording.py", "reports/day/tables.py",
+    "reports/common/plan_results.py", "reports/day/tables.py",
     "reports/plan/ranking_table.py", "reports/plan/field_report.py", "reports/plan/many_fields.py",
     "planner/cli/plan.py",
 )  # fmt: skip
@@ -44,7 +44,8 @@ ALARMING_MODULES = (
     "planner/service/fleets/fleet_socket.py", "fields/formats/features.py",
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
     "planner/request/validation_messages.py", "strategies/path_planning/errors.py",
-    "vehicle/identification/logs/table.py",
+    "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
+    "planner/risk/costs.py", "vehicle/energy/trafficability.py",
 )  # fmt: skip
 """Modules of which every sentence is told: alarms, twins, jobs and forms of the service, checks of values."""
 _TELLING_NAME = re.compile(

@@ -19,7 +19,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from vehicle.energy.fuel import CO2_KG_PER_L, J_PER_KWH, LITRES, DieselEngine, PowerSource, build_power_source
+from vehicle.energy.fuel import CO2_KG_PER_L, LITRES, DieselEngine, PowerSource, build_power_source
 from vehicle.energy.traction import SLIP_RESISTANCE, solve_slips
 from vehicle.missions.plan import Leg
 from vehicle.missions.run import SimulationRun
@@ -84,12 +84,6 @@ class RunEnergy:
     def co2_kg(self) -> float | None:
         """Carbon dioxide of the diesel burnt; None for electric tractors, where it is that of the grid."""
         return self.total * CO2_KG_PER_L if self.unit == LITRES else None
-
-    @property
-    def work_kwh(self) -> dict[str, float]:
-        """Work at the axles of all tractors by cause."""
-        work = np.sum([tractor.work_j.sum(axis=0) for tractor in self.tractors], axis=0) / J_PER_KWH
-        return dict(zip(CAUSES, work.tolist(), strict=True))
 
 
 def compute_run_energy(

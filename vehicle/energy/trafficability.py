@@ -166,14 +166,15 @@ def compute_mobility_index(
 
 def describe_trafficability(limits: Trafficability, soil_name: str, moisture_pct: float | None) -> tuple[str, ...]:
     """A sentence per limit that is known: from which moisture it holds, and whether it holds now."""
+    soil = soil_name.capitalize()
     rules = (
-        (limits.work, "is compacted when it is worked"),
-        (limits.slip, f"lets the wheels slip by more than {100.0 * MUCH_SLIP:.0f} % at work"),
-        (limits.pull, "does not give the pull for this work"),
-        (limits.sink, "does not carry the tractor"),
+        (limits.work, f"{soil} is compacted when it is worked"),
+        (limits.slip, f"{soil} lets the wheels slip by more than {100.0 * MUCH_SLIP:.0f} % at work"),
+        (limits.pull, f"{soil} does not give the pull for this work"),
+        (limits.sink, f"{soil} does not carry the tractor"),
     )
     return tuple(
-        _describe_limit(limit, f"{soil_name.capitalize()} {what}", moisture_pct)
+        _describe_limit(limit, what, moisture_pct)
         for limit, what in rules
         if limit is not None and (limit.from_pct is not None or limit.low_pct is not None)
     )
@@ -183,13 +184,14 @@ def _describe_limit(limit: MoistureLimit, what: str, moisture_pct: float | None)
     start, low, high = limit.from_pct, limit.low_pct, limit.high_pct
     if start is None:
         return f"{what} from {low:.0f} % of moisture at the earliest."
-    latest = "or not at all" if high is None else f"{high:.0f} % at the latest"
-    sentence = f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {latest})"
-    return (
-        f"{sentence}; it has {moisture_pct:.0f} %."
-        if moisture_pct is not None and moisture_pct >= start
-        else f"{sentence}."
+    sentence = (
+        f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, or not at all)."
+        if high is None
+        else f"{what} from about {start:.0f} % of moisture ({low:.0f} % at the earliest, {high:.0f} % at the latest)."
     )
+    if moisture_pct is None or moisture_pct < start:
+        return sentence
+    return f"{sentence} At present it has {moisture_pct:.0f} %."
 
 
 @dataclass(frozen=True)
