@@ -12,6 +12,7 @@ from vehicle.identification.replay.horizon_errors import (
     compute_anchored_errors,
     compute_horizon_errors,
     compute_relative_run_errors,
+    list_covering_bounds,
     make_zero_squared_errors,
     simulate_instruments,
     split_pieces,
@@ -28,6 +29,23 @@ def test_pieces_follow_each_other_and_are_whole() -> None:
     assert split_pieces(np.arange(101) / 10.0, 5.0) == [slice(0, 50), slice(50, 100)]
     assert split_pieces(TIME, 20.0) == [] and len(split_pieces(TIME, 1.0)) == 9
     assert split_pieces(np.arange(20.0), 1.0) == [], "a row a second is too few for a rigid fit"
+
+
+def test_the_end_of_a_drive_is_judged_by_every_horizon() -> None:
+    """Of 55.9 s, 20 s from the start leave out 15.9 s: one more piece ends with the drive."""
+    time = np.arange(560) / 10.0
+    (starts, ends), (last, end) = list_covering_bounds(time, 20.0)
+    assert (list(starts), list(ends)) == ([0, 200], [200, 400])
+    assert (list(last), list(end)) == ([359], [560])
+    assert [len(list_covering_bounds(time[:rows], 20.0)) for rows in (150, 201, 406, 420)] == [1, 1, 1, 2]
+
+
+def test_an_error_at_the_end_of_a_drive_counts_over_every_horizon() -> None:
+    (one,) = course(circle(0.0, 55.9)).segments
+    antenna = np.stack([one.east, one.north], axis=1)
+    antenna[500:] += np.linspace(0.0, 1.0, one.rows - 500)[:, None] ** 2
+    errors = compute_horizon_errors([sum_squared_errors_by_horizon(one, antenna, one.heading)])
+    assert errors[20.0].cross_cm + errors[20.0].along_cm > errors[5.0].cross_cm + errors[5.0].along_cm > 1.0
 
 
 def test_a_drive_that_is_simulated_as_it_was_has_no_error() -> None:

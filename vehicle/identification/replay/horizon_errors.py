@@ -123,6 +123,7 @@ def add_centred_values(starts, ends, values, out) -> None:  # type: ignore[no-un
 
 
 HORIZONS_S = (1.0, 5.0, 10.0, 20.0)  # from a moment to a short swath at 5 km/h
+LONGEST_REST_S = HORIZONS_S[0]  # less than the shortest horizon at the end of a segment is not judged
 FEWEST_PIECE_ROWS = 4  # three numbers of the rigid fit, and one left to be wrong
 InstrumentColumns = tuple[Array, Array, Array, Array]
 HorizonSquares = dict[float, Array]
@@ -172,6 +173,23 @@ def find_piece_bounds(time: Array, horizon: float) -> PieceBounds:
     return edges[:-1][has_enough_rows], edges[1:][has_enough_rows]
 
 
+def list_covering_bounds(time: Array, horizon: float) -> list[PieceBounds]:
+    """Return the bounds of the whole pieces from the start of a segment and, where more than LONGEST_REST_S remain
+    after them, of one more that ends with the segment.
+
+    All horizons then judge the same driving: of 56 s, pieces of 20 s from the start alone leave out the last 16 s, and
+    with them what only shows there. Pieces of one item do not overlap.
+    """
+    starts, ends = find_piece_bounds(time, horizon)
+    rest_s = math.fmod(time[-1] + 1e-6, horizon)
+    if time[-1] < horizon - 1e-6 or rest_s <= LONGEST_REST_S:
+        return [(starts, ends)]
+    first = int(np.searchsorted(time, time[-1] - horizon - 1e-9))
+    if len(time) - first < FEWEST_PIECE_ROWS:
+        return [(starts, ends)]
+    return [(starts, ends), (np.array([first]), np.array([len(time)]))]
+
+
 def simulate_instruments(
     rig: ReplayRig, segment: DriveSegment, settings: Settings, by_speed: bool = False
 ) -> InstrumentColumns:
@@ -213,16 +231,22 @@ def _simulate_states(rig: ReplayRig, pairs: Sequence[SegmentSettings], by_speed:
 def sum_squared_errors_by_horizon(
     segment: DriveSegment, antenna: Array, heading: Array, half: int | None = None
 ) -> HorizonSquares:
-    """Return sums of squares (cross, along, heading) and rows per horizon, (4,) each, of all pieces or of one half."""
-    sums = {}
+    """Return sums of squares (cross, along, heading) and rows per horizon, (4,) each, of all pieces or of one half.
+
+    A piece belongs to the half in which it begins; one that ends with the segment to the half of its middle, with most
+    of its rows.
+    """
+    sums = {horizon: np.zeros(4) for horizon in HORIZONS_S}
     for horizon in HORIZONS_S:
-        starts, ends = find_piece_bounds(segment.time, horizon)
-        if half is not None:
-            is_half = compute_half_numbers(segment.time[starts] + PIECE_EDGE_S) == half
-            starts, ends = starts[is_half], ends[is_half]
-        errors = compute_piece_errors(segment, antenna, heading, (starts, ends))
-        rows = int((ends - starts).sum())
-        sums[horizon] = np.array([*(errors * errors).sum(axis=0), rows]) if rows else np.zeros(4)
+        for number, (starts, ends) in enumerate(list_covering_bounds(segment.time, horizon)):
+            if half is not None:
+                inside_s = PIECE_EDGE_S if number == 0 else 0.5 * horizon
+                is_half = compute_half_numbers(segment.time[starts] + inside_s) == half
+                starts, ends = starts[is_half], ends[is_half]
+            errors = compute_piece_errors(segment, antenna, heading, (starts, ends))
+            rows = int((ends - starts).sum())
+            if rows:
+                sums[horizon] += np.array([*(errors * errors).sum(axis=0), rows])
     return sums
 
 

@@ -18,7 +18,7 @@ from vehicle.identification.replay.horizon_errors import (
     HORIZONS_S,
     HorizonError,
     compute_piece_errors,
-    find_piece_bounds,
+    list_covering_bounds,
     simulate_instruments,
 )
 from vehicle.identification.replay.rig import build_rig_and_corrections
@@ -57,12 +57,12 @@ def _measure_pieces(dataset: DriveDataset, machine: Tractor, ground: str) -> Pie
     for segment in dataset.segments:
         antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
         for horizon in HORIZONS_S:
-            bounds = find_piece_bounds(segment.time, horizon)
-            squares = (compute_piece_errors(segment, antenna, heading, bounds) * UNITS) ** 2
-            rows[horizon] += [
-                np.array([segment.run, *squares[first:end].sum(axis=0), end - first])
-                for first, end in zip(*bounds, strict=True)
-            ]
+            for bounds in list_covering_bounds(segment.time, horizon):
+                squares = (compute_piece_errors(segment, antenna, heading, bounds) * UNITS) ** 2
+                rows[horizon] += [
+                    np.array([segment.run, *squares[first:end].sum(axis=0), end - first])
+                    for first, end in zip(*bounds, strict=True)
+                ]
     return {horizon: np.array(pieces) for horizon, pieces in rows.items() if pieces}
 
 
