@@ -5,7 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.identification.residual_models import build_linear_model, build_programme_model, eg105, get_parameters
+from tests.identification.residual_models import (
+    build_commanded_model,
+    build_linear_model,
+    build_programme_model,
+    eg105,
+    get_parameters,
+)
 from vehicle.identification.cause_selection import selection
 from vehicle.identification.cause_selection.candidate_fit import CandidateFit, Projector, fit_candidate
 from vehicle.identification.cause_selection.evidence import predict_removal_costs
@@ -171,3 +177,19 @@ def test_nothing_is_settled_while_a_candidate_was_only_begun(
     )
     assert not chosen.fit.parts and len(looked) == 3
     assert all(one.is_finished for one in looked[-1]) and not all(one.is_finished for one in looked[0])
+
+
+@pytest.mark.parametrize("helping", [{"steering_lag"}, {"steering_lag", "steering_deadband"}, {"steering_offset"}])
+def test_an_effect_of_the_steering_may_help_beside_another_one_alone(
+    helping: set[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wheels that follow slowly and to the last: without the second the first looks wrong on straights."""
+    hidden = {"steering_lag": {"time_s": 0.5}, "steering_deadband": {"angle_deg": 0.8}}
+    model = build_commanded_model("small-steps", hidden)
+    empty = make_empty_fit(model)
+    best = fit_candidate(model.compute_changes, empty, get_parameters("steering_lag"), Projector(empty.jacobian))
+    monkeypatch.setattr(
+        selection, "is_helping_held_out", lambda model, fit, larger, threshold: set(larger.settings) == helping
+    )
+    larger = selection._add_helping(model, empty, best, eg105(), LEAST_GAIN)
+    assert (set(larger.settings) if larger else None) == (helping if "steering_lag" in helping else None)

@@ -240,8 +240,8 @@ def _select_forward(
             continue
         if best is None:
             break
-        larger = refine_fit(residual_model, add_candidate(residual_model, fit, best), 2)
-        if not is_helping_held_out(residual_model, fit, larger, threshold):
+        larger = _add_helping(residual_model, fit, best, tractor, threshold)
+        if larger is None:
             refused.add(best.parameters.id)
             candidates = finish_candidates(
                 residual_model,
@@ -252,6 +252,33 @@ def _select_forward(
         residual_model, candidates = reweigh_residual_model(residual_model, larger), None
         fit = refit_with_new_weights(residual_model, larger.parts, unnamed)
     return replace(chosen, residual_model=residual_model, fit=fit, unnamed=unnamed, threshold=threshold)
+
+
+def _add_helping(
+    residual_model: ResidualModel, fit: EffectFit, best: CandidateFit, tractor: Tractor, threshold: float
+) -> EffectFit | None:
+    """Return the fit with one more effect that helps held-out runs, alone or with another one of the steering, if any.
+
+    Beside a lag, a dead band that is right to its tolerance in the file may be wrong by more than the wheel angle
+    shows, and small corrections on straights then speak against the lag that turns ask for.
+    """
+    larger = refine_fit(residual_model, add_candidate(residual_model, fit, best), 2)
+    if is_helping_held_out(residual_model, fit, larger, threshold):
+        return larger
+    actuator_ids = [entry.id for entry in CATALOGUE if entry.block == STEERING and not entry.is_of_log_alone]
+    if best.parameters.id not in actuator_ids or not residual_model.has_measured_wheel_angle:
+        return None
+    projector = Projector(larger.jacobian)
+    partners = [
+        fit_candidate(residual_model.compute_changes, larger, build_parameters(tractor, name), projector)
+        for name in actuator_ids
+        if name not in larger.settings
+    ]
+    partner = max(partners, key=lambda one: one.gain, default=None)
+    if partner is None or partner.gain < LEAST_GAIN:
+        return None
+    both = refine_fit(residual_model, add_candidate(residual_model, larger, partner), 2)
+    return both if is_helping_held_out(residual_model, fit, both, threshold) else None
 
 
 def _find_clear_candidate(
