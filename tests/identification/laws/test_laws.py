@@ -7,7 +7,7 @@ import pytest
 
 from tests.identification.analytic_drives import course_of
 from tests.identification.log_tables import table
-from tests.identification.residual_models import build_programme_model, eg105
+from tests.identification.residual_models import build_commanded_model, build_programme_model, eg105
 from vehicle.identification.fit.effect_parameters import build_parameters
 from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit
 from vehicle.identification.laws.bases import (
@@ -23,7 +23,7 @@ from vehicle.identification.laws.bases import (
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
 from vehicle.identification.laws.settle import ActingLaw, add_law
-from vehicle.identification.laws.sides import LEFT, RIGHT, find_only_side, find_sides
+from vehicle.identification.laws.sides import LEFT, RIGHT, _measure_worth, find_only_side, find_sides
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.residuals.residual_model import ResidualModel
@@ -146,3 +146,14 @@ def test_bends_to_one_side_are_known_despite_small_corrections(angles: tuple[flo
     """An angle of an eighth has a sixty-fourth of the information, one of a twentieth a four hundredth."""
     drive = build_command_segment(0, 0.0, tuple((20.0, angle, 1.0, 0.0) for angle in angles), 1.4)
     assert find_only_side(course_of(drive)) == side
+
+
+def test_a_value_for_each_side_is_worth_what_it_removes_in_the_other_runs() -> None:
+    """The wheels move at 6 deg/s to both sides: that removes all of the error, twice the file's rate none."""
+    model = build_commanded_model("steps", {"steering_rate": {"rate_deg_per_s": 6.0}})
+    fit, values = make_empty_fit(model), np.array([6.0, 32.0])
+    slow, fast = (np.tile(losses, (2, 2, 1)).T for losses in ([0.0, 1.0], [1.0, 0.0]))
+    runs = len(model.dataset.names)
+    slow, fast = (np.repeat(losses[:, :, :1], runs + 1, axis=2) for losses in (slow, fast))
+    assert _measure_worth(model, fit, "steering_rate", values, slow) > 95.0
+    assert _measure_worth(model, fit, "steering_rate", values, fast) < 1.0

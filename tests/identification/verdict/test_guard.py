@@ -93,6 +93,48 @@ def test_terms_without_a_name_go_first_and_names_last(
     assert drop_harm(judge, explained, 5.0).case.extension.term_ids == kept
 
 
+@pytest.mark.parametrize("is_measured, named", [(True, ["steering_rate"]), (False, [])])
+def test_what_the_wheel_angle_shows_keeps_its_name_though_it_is_not_saved(
+    is_measured: bool, named: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both raise errors over 20 s: that of the path may have any cause, that of the wheel angle has fallen."""
+    names = ("steering_rate", "side_slip")
+    explained: Any = _Guarded(_GuardedTerms(frozenset(names)), list(names))
+    monkeypatch.setattr(guard, "cross_fit", lambda *_: [])
+    monkeypatch.setattr(guard, "_build_holdout", lambda *_: None)
+    monkeypatch.setattr(
+        guard,
+        "drop_harm",
+        lambda judge, case, longest_s: case if longest_s == 5.0 else _Guarded(_GuardedTerms(frozenset()), []),
+    )
+    selection: Any = SimpleNamespace(residual_model=SimpleNamespace(has_measured_wheel_angle=is_measured))
+    nothing: Any = None
+    guarded = guard.guard_case(nothing, nothing, selection, explained, (nothing, nothing), lambda: None)
+    assert guarded.explained.names == named and not guarded.saved.case.extension.term_ids
+    assert list(guarded.shown_names) == named
+    assert set(guarded.unsaved_names) == set(names) - set(named)
+
+
+@dataclass(frozen=True)
+class _GuardedTerms:
+    """Stand-in of a case: its terms and refused effects."""
+
+    term_ids: frozenset[str]
+    refused_effects: frozenset[str] = frozenset()
+
+    @property
+    def extension(self) -> Any:
+        return self
+
+
+@dataclass(frozen=True)
+class _Guarded:
+    """Stand-in of an explained case whose parts may be replaced."""
+
+    case: _GuardedTerms
+    names: list[str]
+
+
 def test_both_halves_hold_one_of_two_runs_that_show_an_effect() -> None:
     model = build_programme_model("four-ways", {})
     information = np.array([0.0, 1.0, 1.0, 0.0])

@@ -5,7 +5,15 @@ from typing import Any
 
 import pytest
 
-from vehicle.identification.verdict.law_findings import GAIN_TERMS, leave_out_stand_ins, list_law_terms
+from vehicle.identification.laws.sides import SideLaw
+from vehicle.identification.thresholds import WORTH_OF_WHEEL_PCT
+from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, NOT_VISIBLE, Finding
+from vehicle.identification.verdict.law_findings import (
+    GAIN_TERMS,
+    _tell_sides,
+    leave_out_stand_ins,
+    list_law_terms,
+)
 from vehicle.identification.verdict.named_causes import ExplainedCase
 
 
@@ -30,3 +38,22 @@ def test_understeer_has_no_name_where_it_stands_in_for_a_gain_by_speed(
     case: Any = SimpleNamespace()
     explained = leave_out_stand_ins(ExplainedCase(case, ["understeer", "wheel_slip"], None, frozenset()), selection)
     assert explained.names == kept and explained.law_terms == {GAIN_TERMS[kind]}
+
+
+@pytest.mark.parametrize(
+    ("worth_pct", "sure_ids", "before", "status"),
+    [
+        (WORTH_OF_WHEEL_PCT + 1.0, {"steering_rate"}, NOT_VISIBLE, NAMED),
+        (WORTH_OF_WHEEL_PCT + 1.0, {"steering_rate"}, LIKELY, NAMED),
+        (WORTH_OF_WHEEL_PCT + 1.0, (), NOT_VISIBLE, LIKELY),
+        (WORTH_OF_WHEEL_PCT - 1.0, {"steering_rate"}, NOT_VISIBLE, LIKELY),
+    ],
+)
+def test_two_sides_have_a_name_where_they_remove_as_much_of_the_wheel_angle_error_as_a_name_must(
+    worth_pct: float, sure_ids: Any, before: str, status: str
+) -> None:
+    """One value for both sides raises errors and has no name, although each side is slow."""
+    finding = Finding("steering_rate", before, None, None, None, None, 4.0, "deg/s", "command to wheel", "")
+    told = _tell_sides(finding, SideLaw("steering_rate", 20.0, 9.0, 500.0, worth_pct), sure_ids)
+    assert told.status == status and told.law is not None
+    assert told.law.values == {"right": 20.0, "left": 9.0}

@@ -11,7 +11,7 @@ import pytest
 
 from vehicle.identification.verdict import unclear_findings
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
-from vehicle.identification.verdict.unclear_findings import withdraw_unclear
+from vehicle.identification.verdict.unclear_findings import doubt_turning_centre, withdraw_unclear
 from vehicle.model.tractor import load_tractor
 
 DAY = ParameterLaw("over_day", {"mean": 1.0, "amplitude": 0.2}, "it swings")
@@ -82,3 +82,23 @@ def test_a_law_with_a_neutral_mean_needs_an_error_to_explain(is_noise: bool, mon
     finding = build_finding(1.0, 0.99, 1.01, law=DAY)
     (out,) = withdraw_unclear([finding], build_case())
     assert (out.status == NOT_VISIBLE) == is_noise
+
+
+@pytest.mark.parametrize(
+    ("gain", "antenna_m", "status"),
+    [
+        (1.2, -0.33, LIKELY),  # a sixth of 2 m: rear wheels at a fifth of the angle, to the other side
+        (0.9, 0.22, LIKELY),  # to the same side
+        (1.2, 0.33, NAMED),
+        (1.2, -0.6, NAMED),
+    ],
+)
+def test_an_antenna_that_rear_wheels_would_explain_with_the_gain_is_only_likely(
+    gain: float, antenna_m: float, status: str
+) -> None:
+    bent = build_finding(gain, gain - 0.03, gain + 0.03)
+    place = {"distance_m": antenna_m}, {"distance_m": (antenna_m - 0.04, antenna_m + 0.04)}
+    antenna = replace(bent, id="antenna_forward", value=place[0], interval=place[1])
+    same, out = doubt_turning_centre([bent, antenna], 2.0)
+    assert same is bent and out.status == status
+    assert doubt_turning_centre([antenna], 2.0) == [antenna]

@@ -87,7 +87,12 @@ from vehicle.identification.verdict.log_findings import (
 )
 from vehicle.identification.verdict.named_causes import ExplainedCase, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot
-from vehicle.identification.verdict.unclear_findings import drop_unclear_terms, withdraw_faked, withdraw_unclear
+from vehicle.identification.verdict.unclear_findings import (
+    doubt_turning_centre,
+    drop_unclear_terms,
+    withdraw_faked,
+    withdraw_unclear,
+)
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
@@ -223,9 +228,9 @@ def diagnose_logs(
     faked_ids = turning.faked_ids if turning is not None else frozenset[str]()
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
-    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor)
+    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case.sure_ids)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
-    findings = mark_one_sided(findings, subset.dataset)
+    findings = mark_one_sided(doubt_turning_centre(findings, tractor.wheelbase_m), subset.dataset)
     names = [name for name in explained_case.names if name not in faked_ids]
     guarded = replace(guarded, explained=replace(explained_case, names=names))
     whole_explained = replace(explained_case, case=build_whole_dataset_case(agreeing, subset, explained_case.case))
@@ -242,6 +247,7 @@ def diagnose_logs(
     count.report_completion()
     valued_ids = [finding.id for finding in findings if finding.interval]
     notes = list_diagnosis_notes(logs, selection.residual_model, tractor, diagnosis)
+    unsaved_notes = describe_unsaved_names(set(guarded.unsaved_names) - faked_ids, set(guarded.shown_names) - faked_ids)
     group_notes = describe_groups(unlike_runs, logs, bool(searched.left_out))
     return replace(
         diagnosis,
@@ -249,7 +255,7 @@ def diagnose_logs(
         faults=list_onset_faults(logs),
         interval_note=describe_intervals(selection.residual_model, selection.fit, valued_ids),
         columns=describe_columns(logs, diagnosis.findings),
-        notes=(*group_notes, *notes, *describe_unsaved_names(set(guarded.unsaved_names) - faked_ids)),
+        notes=(*group_notes, *notes, *unsaved_notes),
     )
 
 

@@ -24,8 +24,14 @@ from vehicle.identification.thresholds import HARM_FACTOR, LEAST_HARM_CM, LEAST_
 from vehicle.identification.verdict.cross_fit import Half, add_squares, cross_fit, sum_squares_without
 from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
 from vehicle.identification.verdict.held_out_case import ERROR_PIECE_S, collect_whole_settings
-from vehicle.identification.verdict.named_causes import ExplainedCase, ReportStep, keep_terms
+from vehicle.identification.verdict.named_causes import (
+    ExplainedCase,
+    ReportStep,
+    keep_terms,
+    list_separate_blocks,
+)
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Settings
 
 KINDS = {"cross_cm": LEAST_HARM_CM, "along_cm": LEAST_HARM_CM, "heading_deg": LEAST_HARM_DEG}
@@ -76,7 +82,8 @@ class GuardedCase:
 
     `explained` harms no run held out over the horizons of a verdict, `saved` over no horizon at all: small errors of
     shape, as of how tyres begin to slide, add up over longer ones. `unsaved_names` are what would have a name without
-    that; they are likely. `is_reduced` is whether anything was taken out.
+    that; they are likely. `shown_names` are not saved either, but keep their names: a sensor shows them apart from the
+    path, whose error over 20 s may have any other cause. `is_reduced` is whether anything was taken out.
     """
 
     explained: ExplainedCase
@@ -84,6 +91,7 @@ class GuardedCase:
     is_reduced: bool = False
     holdout: HoldoutResult | None = None
     unsaved_names: tuple[str, ...] = ()
+    shown_names: tuple[str, ...] = ()
 
     @property
     def unsaved_reason(self) -> str:
@@ -147,11 +155,14 @@ def guard_case(
     kept = drop_harm(judge, explained, ERROR_PIECE_S)
     saved = drop_harm(judge, kept, math.inf)
     dropped = explained.case.extension.term_ids - kept.case.extension.term_ids
-    doubtful = tuple(name for name in kept.names if name not in saved.case.extension.term_ids)
-    names = [name for name in kept.names if name not in doubtful]
+    unsaved = tuple(name for name in kept.names if name not in saved.case.extension.term_ids)
+    separate_blocks = list_separate_blocks(selection.residual_model)
+    shown = tuple(name for name in unsaved if get_effect(name).block in separate_blocks)
+    names = [name for name in kept.names if name not in unsaved or name in shown]
     kept = replace(kept, names=names, case=replace(kept.case, refused_effects=kept.case.refused_effects | dropped))
     is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
-    return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), doubtful)
+    unsaved_names = tuple(name for name in unsaved if name not in shown)
+    return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), unsaved_names, shown)
 
 
 def drop_harm(judge: _Judge, explained: ExplainedCase, longest_s: float) -> ExplainedCase:

@@ -3,7 +3,7 @@ are no constants."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 from vehicle.identification.laws.bases import (
@@ -21,7 +21,7 @@ from vehicle.identification.laws.settle import LawSelection, SettledLaw
 from vehicle.identification.laws.sides import RIGHT, SideLaw, find_only_side, find_side_laws
 from vehicle.identification.laws.words import compute_law_values, describe_alternatives, describe_law
 from vehicle.identification.replay.drive_segments import DriveDataset
-from vehicle.identification.thresholds import WITHDRAWING_LAW_SHARE
+from vehicle.identification.thresholds import WITHDRAWING_LAW_SHARE, WORTH_OF_WHEEL_PCT
 from vehicle.identification.verdict.diagnosis_types import (
     CONSTANT_LAW,
     EQUIVALENT,
@@ -64,9 +64,17 @@ def _list_path_stand_ins(law_selection: LawSelection) -> set[str]:
 
 
 def add_laws(
-    findings: Sequence[Finding], law_selection: LawSelection, clock: RunClock, names: Sequence[str], tractor: Tractor
+    findings: Sequence[Finding],
+    law_selection: LawSelection,
+    clock: RunClock,
+    names: Sequence[str],
+    tractor: Tractor,
+    sure_ids: Collection[str] = (),
 ) -> list[Finding]:
-    """Return the findings with laws: of every settled one, and a constant for values that were tested and named."""
+    """Return the findings with laws: of every settled one, and a constant for values that were tested and named.
+
+    Effects in `sure_ids` are shown by the residuals as clearly as a name needs.
+    """
     out = list(findings)
     for law in law_selection.laws:
         out = _add_settled_law(out, law, clock, tuple(names), tractor)
@@ -79,7 +87,7 @@ def add_laws(
     sides = {
         law.effect_id: law for law in find_side_laws(selection.residual_model, selection.fit, selection.effect_ids)
     }
-    out = [_tell_sides(finding, sides[finding.id]) if finding.id in sides else finding for finding in out]
+    out = [_tell_sides(finding, sides[finding.id], sure_ids) if finding.id in sides else finding for finding in out]
     settled_ids = {law.found.effect_id for law in law_selection.laws}
     by_effect: dict[str, FoundLaw] = {}
     for found in sorted(law_selection.outcome.scores, key=lambda one: one.score.gain):
@@ -163,21 +171,26 @@ def _tell_law(
     )
 
 
-def _tell_sides(finding: Finding, law: SideLaw) -> Finding:
+def _tell_sides(finding: Finding, law: SideLaw, sure_ids: Collection[str]) -> Finding:
     """Return the finding of an effect of the steering with a value for each side.
 
-    One value for both sides may have had no name because it raises errors; with its law the effect is likely.
+    One value for both sides may have had no name because it raises errors, as it is wrong to either side. With its law
+    the effect has one where two values remove as much of the error of the wheel angle as a name must; else it is
+    likely.
     """
     effect = get_effect(law.effect_id)
     unit = f" {effect.size.unit}"
     words = f"The {effect.label} is {law.right:.1f}{unit} to the right and {law.left:.1f}{unit} to the left."
     parameter_law = ParameterLaw(BY_SIDE, {"right": law.right, "left": law.left}, words)
     described = replace(finding, description=words, law=parameter_law)
-    if finding.status in (NAMED, LIKELY, EQUIVALENT):
+    if finding.status in (NAMED, EQUIVALENT):
         return described
+    status = NAMED if finding.id in sure_ids and law.worth_pct >= WORTH_OF_WHEEL_PCT else LIKELY
+    if finding.status == LIKELY:
+        return replace(described, status=status)
     ends = min(law.right, law.left), max(law.right, law.left)
     size = effect.size.name
-    return replace(described, status=LIKELY, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
+    return replace(described, status=status, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
 
 
 def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:

@@ -233,15 +233,31 @@ def mark_other_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis
     return replace(diagnosis, vehicle_kind=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
 
 
-def describe_unsaved_names(names: Collection[str]) -> tuple[str, ...]:
-    """Return a note on causes that have no name because longer horizons speak against them."""
-    if not names:
-        return ()
-    subject, are = ", ".join(get_effect(name).label for name in sorted(names)), "is" if len(names) == 1 else "are"
-    return (
-        f"{subject[0].upper()}{subject[1:]} {are} neither named nor saved: over 5 s held-out runs are simulated better "
-        "with the value found, over 10 or 20 s worse, and the errors after are without it.",
-    )
+def describe_unsaved_names(names: Collection[str], shown_names: Collection[str]) -> tuple[str, ...]:
+    """Return notes on causes that are not saved because longer horizons speak against them.
+
+    Of these, `names` have no name either; `shown_names` have one, as a sensor shows them.
+    """
+    notes = []
+    if names:
+        subject, are = _list_labels(names)
+        notes.append(
+            f"{subject} {are} neither named nor saved: over 5 s held-out runs are simulated better with the value "
+            "found, over 10 or 20 s worse, and the errors after are without it."
+        )
+    if shown_names:
+        subject, are = _list_labels(shown_names)
+        notes.append(
+            f"{subject} {are} named and not saved: the measured wheel angle or speed shows it, but over 10 or 20 s "
+            "held-out runs are simulated worse with the value found, and the errors after are without it."
+        )
+    return tuple(notes)
+
+
+def _list_labels(names: Collection[str]) -> tuple[str, str]:
+    """Return the labels of causes as the subject of a sentence, and its verb."""
+    subject = ", ".join(get_effect(name).label for name in sorted(names))
+    return f"{subject[0].upper()}{subject[1:]}", "is" if len(names) == 1 else "are"
 
 
 def check_runs(

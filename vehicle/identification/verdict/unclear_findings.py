@@ -18,6 +18,8 @@ from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import get_effect, get_neutral_values
 
+GAIN, ANTENNA = "steering_gain", "antenna_forward"
+
 
 def drop_unclear_terms(
     selection: CauseSelection, explained_case: ExplainedCase, changing_ids: Collection[str]
@@ -68,6 +70,26 @@ def withdraw_faked(findings: Sequence[Finding], faked_ids: AbstractSet[str]) -> 
         else finding
         for finding in findings
     ]
+
+
+def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> list[Finding]:
+    """Return the findings with an antenna that is only likely where rear wheels that steer too would look the same.
+
+    With rear wheels at a share s of the angle of the front wheels, to the other side, the vehicle turns by 1 + s more,
+    about a point s / (1 + s) of the wheelbase ahead of the rear axle: a gain g, and an antenna that seems further back
+    by (1 - 1 / g) of the wheelbase. To the same side s is negative. The gain itself is what both have.
+    """
+    found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
+    gain, antenna = found.get(GAIN), found.get(ANTENNA)
+    if gain is None or antenna is None or _is_changing(gain) or not (gain.interval and antenna.interval):
+        return list(findings)
+    least, most = (-(1.0 - 1.0 / ratio) * wheelbase_m for ratio in reversed(gain.interval["ratio"]))
+    low, high = antenna.interval["distance_m"]
+    if antenna.status != NAMED or high < least or low > most:
+        return list(findings)
+    words = "together with this steering_gain, rear wheels that steer with the front wheels would look the same"
+    doubtful = replace(antenna, status=LIKELY, exchange="; ".join(part for part in (antenna.exchange, words) if part))
+    return [doubtful if finding is antenna else finding for finding in findings]
 
 
 def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
