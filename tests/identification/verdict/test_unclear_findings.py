@@ -11,7 +11,11 @@ import pytest
 
 from vehicle.identification.verdict import unclear_findings
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
-from vehicle.identification.verdict.unclear_findings import doubt_turning_centre, withdraw_unclear
+from vehicle.identification.verdict.unclear_findings import (
+    doubt_shared_lateness,
+    doubt_turning_centre,
+    withdraw_unclear,
+)
 from vehicle.model.tractor import load_tractor
 
 DAY = ParameterLaw("over_day", {"mean": 1.0, "amplitude": 0.2}, "it swings")
@@ -102,3 +106,23 @@ def test_an_antenna_that_rear_wheels_would_explain_with_the_gain_is_only_likely(
     same, out = doubt_turning_centre([bent, antenna], 2.0)
     assert same is bent and out.status == status
     assert doubt_turning_centre([antenna], 2.0) == [antenna]
+
+
+@pytest.mark.parametrize(
+    ("late_s", "speed_s", "statuses"),
+    [
+        (0.12, 0.13, [LIKELY, NOT_VISIBLE]),  # any vehicle may turn that much later than its wheels
+        (0.3, 0.31, [NAMED, NOT_VISIBLE]),  # a receiver that gives the speed as well
+        (0.1, 0.4, [NAMED, NAMED]),
+        (0.2, -0.2, [NAMED, NAMED]),
+    ],
+)
+def test_a_speed_as_late_as_the_receiver_has_no_clock_of_its_own(
+    late_s: float, speed_s: float, statuses: list[str]
+) -> None:
+    findings = [
+        replace(build_finding(1.0, 1.0, 1.0), id=name, value={"time_s": s}, interval={"time_s": (s - 0.06, s + 0.06)})
+        for name, s in (("gnss_latency", late_s), ("clock_offset_speed", speed_s))
+    ]
+    assert [one.status for one in doubt_shared_lateness(findings)] == statuses
+    assert doubt_shared_lateness(findings[1:]) == findings[1:]

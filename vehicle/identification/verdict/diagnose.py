@@ -88,6 +88,7 @@ from vehicle.identification.verdict.log_findings import (
 from vehicle.identification.verdict.named_causes import ExplainedCase, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot
 from vehicle.identification.verdict.unclear_findings import (
+    doubt_shared_lateness,
     doubt_turning_centre,
     drop_unclear_terms,
     withdraw_faked,
@@ -230,7 +231,8 @@ def diagnose_logs(
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case.sure_ids)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
-    findings = mark_one_sided(doubt_turning_centre(findings, tractor.wheelbase_m), subset.dataset)
+    findings = doubt_turning_centre(doubt_shared_lateness(findings), tractor.wheelbase_m)
+    findings = mark_one_sided(findings, subset.dataset)
     names = [name for name in explained_case.names if name not in faked_ids]
     guarded = replace(guarded, explained=replace(explained_case, names=names))
     whole_explained = replace(explained_case, case=build_whole_dataset_case(agreeing, subset, explained_case.case))

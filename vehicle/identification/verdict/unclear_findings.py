@@ -10,7 +10,12 @@ from dataclasses import replace
 
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.effect_parameters import find_finest_size
-from vehicle.identification.thresholds import NEAR_NEUTRAL_SHARE, WIDEST_NAMED_SPAN
+from vehicle.identification.thresholds import (
+    MOST_USUAL_DIFFERENCES,
+    NEAR_NEUTRAL_SHARE,
+    SENSOR_TIMING_S,
+    WIDEST_NAMED_SPAN,
+)
 from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.held_out_case import DiagnosisCase, is_within_noise
 from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms
@@ -19,6 +24,7 @@ from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import get_effect, get_neutral_values
 
 GAIN, ANTENNA = "steering_gain", "antenna_forward"
+RECEIVER_DELAY, SPEED_CLOCK = "gnss_latency", "clock_offset_speed"
 
 
 def drop_unclear_terms(
@@ -90,6 +96,26 @@ def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> lis
     words = "together with this steering_gain, rear wheels that steer with the front wheels would look the same"
     doubtful = replace(antenna, status=LIKELY, exchange="; ".join(part for part in (antenna.exchange, words) if part))
     return [doubtful if finding is antenna else finding for finding in findings]
+
+
+def doubt_shared_lateness(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings without a clock of the speed that is that of the receiver.
+
+    Only differences between clocks show. Positions, headings and speeds that are as late as each other are late beside
+    the wheel angles alone, as they are in any vehicle that turns later than its wheels: without a name up to
+    MOST_USUAL_DIFFERENCES of SENSOR_TIMING_S.
+    """
+    found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
+    late, clock = found.get(RECEIVER_DELAY), found.get(SPEED_CLOCK)
+    if late is None or clock is None or not (late.interval and clock.interval and late.value):
+        return list(findings)
+    ends, other_ends = late.interval["time_s"], clock.interval["time_s"]
+    if max(ends[0], other_ends[0]) > min(ends[1], other_ends[1]):
+        return list(findings)
+    is_usual = late.value["time_s"] <= MOST_USUAL_DIFFERENCES * SENSOR_TIMING_S
+    doubtful = replace(late, status=LIKELY) if is_usual else late
+    kept = {RECEIVER_DELAY: doubtful, SPEED_CLOCK: _withdraw(clock)}
+    return [kept.get(finding.id, finding) for finding in findings]
 
 
 def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
