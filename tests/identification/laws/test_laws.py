@@ -1,6 +1,8 @@
 """Laws of parameters: recovered where they act, not told where values are constant."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from tests.identification.log_tables import table
 from tests.identification.residual_models import build_commanded_model, build_programme_model, eg105
 from vehicle.identification.fit.effect_parameters import build_parameters
 from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit
+from vehicle.identification.laws import settle
 from vehicle.identification.laws.bases import (
     BY_ANGLE,
     BY_SPEED,
@@ -22,7 +25,7 @@ from vehicle.identification.laws.bases import (
 )
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
-from vehicle.identification.laws.settle import ActingLaw, add_law
+from vehicle.identification.laws.settle import ActingLaw, add_law, is_shadow_of_covariates, settle_laws
 from vehicle.identification.laws.sides import LEFT, RIGHT, _measure_worth, find_only_side, find_sides
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_programmes import build_command_segment
@@ -157,3 +160,55 @@ def test_a_value_for_each_side_is_worth_what_it_removes_in_the_other_runs() -> N
     slow, fast = (np.repeat(losses[:, :, :1], runs + 1, axis=2) for losses in (slow, fast))
     assert _measure_worth(model, fit, "steering_rate", values, slow) > 95.0
     assert _measure_worth(model, fit, "steering_rate", values, fast) < 1.0
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "is_shadow", "is_told"),
+    [
+        (0.9, 1.1, False, True),
+        (0.9, 1.1, True, False),
+        (1.0, 1.0, False, False),  # all that was left of a law in a furrow
+        (-0.02, 1.0, False, False),  # runs whose wheel angles are noise
+    ],
+)
+def test_a_law_is_told_where_something_possible_is_left_of_it(
+    low: float, high: float, is_shadow: bool, is_told: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = SimpleNamespace(moves_path=True, finest=0.02)
+    score: Any = SimpleNamespace(target=target, gain=900.0)
+    found = SimpleNamespace(effect_id=GAIN, kind=BY_SPEED, score=score)
+    outcome = SimpleNamespace(laws=(found,), base_fit=SimpleNamespace(parts=(), settings={}))
+    fit = SimpleNamespace(loss=100.0, settings={})
+    selection: Any = SimpleNamespace(fit=fit, effect_ids=frozenset())
+    settled = SimpleNamespace(fit=fit)
+    law = SimpleNamespace(low=low, high=high)
+    monkeypatch.setattr(settle, "find_laws", lambda *_: outcome)
+    monkeypatch.setattr(settle, "_is_own_effect", lambda *_: False)
+    monkeypatch.setattr(settle, "_fit_with_law", lambda *_: settled)
+    monkeypatch.setattr(settle, "drop_superfluous", lambda one: one)
+    monkeypatch.setattr(settle, "_refine_law", lambda *_: (settled, score))
+    monkeypatch.setattr(settle, "is_shadow_of_covariates", lambda _: is_shadow)
+    monkeypatch.setattr(settle, "_read_law", lambda *_: law)
+    nothing: Any = None
+    told = settle_laws(selection, nothing, eg105())
+    assert told.laws == ((law,) if is_told else ())
+    assert told.selection is (settled if is_told else selection)
+
+
+@pytest.mark.parametrize(("returned", "by_covariates", "is_shadow"), [(300.0, 100.0, False), (150.0, 100.0, True)])
+def test_a_law_explains_twice_what_covariates_do_beside_it(
+    plain: ResidualModel, returned: float, by_covariates: float, is_shadow: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    basis = get_basis(plain, BY_SPEED)
+    model = add_law(plain, ActingLaw(GAIN, basis, np.zeros(1), np.array([PER_MPS]), ()))
+    selection: Any = SimpleNamespace(
+        residual_model=model, fit=SimpleNamespace(loss=1000.0, parts=()), unnamed=("time",)
+    )
+    losses = {PER_MPS: 1000.0, 0.0: 1000.0 + returned}
+    monkeypatch.setattr(
+        settle, "refit_with_new_weights", lambda one, *_: SimpleNamespace(loss=losses[float(one.law.amounts[0])])
+    )
+    monkeypatch.setattr(settle, "compute_unnamed_gain", lambda _: by_covariates)
+    assert is_shadow_of_covariates(selection) is is_shadow
+    selection.unnamed = ()
+    assert not is_shadow_of_covariates(selection)

@@ -10,6 +10,7 @@ import pytest
 
 from tests.identification.residual_models import build_programme_model, eg105, get_parameters
 from vehicle.identification.cause_selection.challenge import challenge_causes
+from vehicle.identification.cause_selection.refit import compute_unnamed_gain
 from vehicle.identification.fit.open_loop import ModelTerm
 from vehicle.identification.fit.residual_fit import EffectFit, LinearTerms, refine_fit
 from vehicle.identification.model_extension.tractor_extension import ModelExtension, build_fit_extension
@@ -49,7 +50,6 @@ from vehicle.identification.verdict.held_out_case import (
 from vehicle.identification.verdict.named_causes import (
     ExplainedCase,
     UnexplainedError,
-    compute_unnamed_gain,
     is_holding,
     measure_unexplained,
 )

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.cause_selection.candidate_fit import CandidateFit
+from vehicle.identification.cause_selection.candidate_fit import CandidateFit, Projector
 from vehicle.identification.cause_selection.covariates import (
     ErrorCovariate,
     compute_covariate_columns,
@@ -123,3 +123,14 @@ def _get_or_make_smaller_fit(
     if len(fit.parts) * fit.jacobian.nbytes <= MOST_FIT_BYTES:
         fit.smaller_fits[residual_model, name] = smaller
     return smaller
+
+
+def compute_unnamed_gain(fit: EffectFit) -> float:
+    """Return the loss that the covariates remove, with the other coordinates following."""
+    if fit.linear_terms is None:
+        return 0.0
+    terms = fit.linear_terms.term_columns
+    first = fit.jacobian.shape[1] - fit.linear_terms.columns.shape[1]
+    projector = Projector(fit.jacobian[:, : first + terms.start])
+    removed = projector(fit.linear_terms.columns[:, terms] @ fit.linear_terms.amounts[terms])
+    return float(removed @ removed)

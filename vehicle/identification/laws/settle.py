@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from vehicle.identification.cause_selection.evidence import estimate_robust_covariance
-from vehicle.identification.cause_selection.refit import refit_with_new_weights
+from vehicle.identification.cause_selection.refit import compute_unnamed_gain, refit_with_new_weights
 from vehicle.identification.cause_selection.selection import CauseSelection, drop_superfluous
 from vehicle.identification.fit.effect_parameters import build_parameters
 from vehicle.identification.fit.residual_fit import EffectFit, FitPart
@@ -19,7 +19,7 @@ from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, Found
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.residuals.innovations import PoseIncrements
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.thresholds import LOOK_ALIKE_LOSS, LOOK_ALIKE_SHARE
+from vehicle.identification.thresholds import ABOVE_UNNAMED_FACTOR, LAW_SPREAD_FACTOR, LOOK_ALIKE_LOSS, LOOK_ALIKE_SHARE
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Settings, Tractor
@@ -60,7 +60,9 @@ class LawSelection:
 def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) -> LawSelection:
     """Return the selection with the law that its residuals ask for, without what has become superfluous beside it.
 
-    Unchanged where every parameter is constant, or where the catalogue's own effect of the same law is in the fit.
+    Unchanged where every parameter is constant, where the catalogue's own effect of the same law is in the fit, where
+    little is left of the law once all else is fitted beside it, or where it leaves the range of what is possible: runs
+    in which the path does not follow the wheel angle at all have another cause than a gain of 0.
     """
     outcome = find_laws(selection, clock)
     if not outcome.laws or outcome.base_fit is None or _is_own_effect(selection, outcome.laws[0]):
@@ -74,10 +76,30 @@ def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) ->
         parts = (*parts, (parameters, np.array(parameters.neutral)))
     settled = _fit_with_law(selection, outcome.base_fit, parts, found)
     settled, score = _refine_law(drop_superfluous(settled), found)
+    if is_shadow_of_covariates(settled):
+        return LawSelection(selection, (), outcome)
     slack = LOOK_ALIKE_LOSS + LOOK_ALIKE_SHARE * found.score.gain
     competitors = tuple(name for name in STAND_INS if name in selection.effect_ids)
     is_undecided = selection.fit.loss - slack < settled.fit.loss
-    return LawSelection(settled, (_read_law(settled, found, score, competitors if is_undecided else ()),), outcome)
+    law = _read_law(settled, found, score, competitors if is_undecided else ())
+    size = get_effect(found.effect_id).size.scale_to_wheelbase(tractor.wheelbase_m)
+    is_possible = size.low < law.low and law.high < size.high
+    if law.high - law.low <= LAW_SPREAD_FACTOR * score.target.finest or not is_possible:
+        return LawSelection(selection, (), outcome)
+    return LawSelection(settled, (law,), outcome)
+
+
+def is_shadow_of_covariates(settled: CauseSelection) -> bool:
+    """Whether a law explains little beside covariates that it could not replace, as any name may be their shadow.
+
+    What it explains is what returns where the parameter is constant, with all others following.
+    """
+    model = settled.residual_model
+    if not settled.unnamed or not isinstance(model, LawResidualModel) or model.law is None:
+        return False
+    constant = add_law(model, replace(model.law, amounts=np.zeros_like(model.law.amounts)))
+    without = refit_with_new_weights(constant, settled.fit.parts, settled.unnamed)
+    return without.loss - settled.fit.loss <= ABOVE_UNNAMED_FACTOR * compute_unnamed_gain(settled.fit)
 
 
 def _is_own_effect(selection: CauseSelection, law: FoundLaw) -> bool:

@@ -15,7 +15,7 @@ from vehicle.identification.cause_selection.challenge import (
     is_significant_alone,
 )
 from vehicle.identification.cause_selection.evidence import is_helping_held_out, list_nameable_parts
-from vehicle.identification.cause_selection.refit import refit_with_covariates, refit_without
+from vehicle.identification.cause_selection.refit import compute_unnamed_gain, refit_with_covariates, refit_without
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.cause_selection.tolerances import is_within_tolerances
 from vehicle.identification.fit.effect_parameters import find_finest_size
@@ -208,17 +208,6 @@ def list_nameable(selection: CauseSelection, tractor: Tractor) -> list[str]:
 def list_separate_blocks(residual_model: ResidualModel) -> tuple[str, ...]:
     """Return the blocks that a measured wheel angle separates from the path, so that their errors show on their own."""
     return (STEERING, SPEED) if residual_model.has_measured_wheel_angle else ()
-
-
-def compute_unnamed_gain(fit: EffectFit) -> float:
-    """Return the loss that the covariates remove, with the other coordinates following."""
-    if fit.linear_terms is None:
-        return 0.0
-    terms = fit.linear_terms.term_columns
-    first = fit.jacobian.shape[1] - fit.linear_terms.columns.shape[1]
-    projector = Projector(fit.jacobian[:, : first + terms.start])
-    removed = projector(fit.linear_terms.columns[:, terms] @ fit.linear_terms.amounts[terms])
-    return float(removed @ removed)
 
 
 def explain_error(
