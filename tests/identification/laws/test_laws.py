@@ -199,7 +199,7 @@ def test_a_law_is_told_where_something_possible_is_left_of_it(
 def test_a_law_explains_twice_what_covariates_do_beside_it(
     plain: ResidualModel, returned: float, by_covariates: float, is_shadow: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    basis = get_basis(plain, BY_SPEED)
+    basis = get_basis(plain, BY_ANGLE)
     model = add_law(plain, ActingLaw(GAIN, basis, np.zeros(1), np.array([PER_MPS]), ()))
     selection: Any = SimpleNamespace(
         residual_model=model, fit=SimpleNamespace(loss=1000.0, parts=()), unnamed=("time",)

@@ -14,9 +14,10 @@ import pytest
 from tests.identification.residual_models import build_programme_model, get_parameters
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.identification.thresholds import HARM_FACTOR
 from vehicle.identification.verdict import guard
 from vehicle.identification.verdict.cross_fit import choose_balanced_half, select_runs, split_in_halves
-from vehicle.identification.verdict.guard import drop_harm, is_harmful, is_helpful, measure_harm
+from vehicle.identification.verdict.guard import drop_harm, grant_chance, is_harmful, is_helpful, measure_harm
 
 PLAIN = HorizonError(2.0, 4.0, 1.0)
 
@@ -50,6 +51,17 @@ def test_what_noise_alone_leaves_is_no_harm() -> None:
     before, after, noise = ({5.0: HorizonError(cross, 4.0, 1.0)} for cross in (2.0, 2.5, 2.4))
     assert measure_harm(before, after) == 1.25
     assert measure_harm(before, after, noise_floor=noise) == pytest.approx(2.5 / 2.4)
+
+
+def test_the_scatter_of_few_pieces_about_the_noise_is_no_harm() -> None:
+    """Of 88 pieces of 5 s the error is up to 12 % more than the noise floor by chance, of twenty times as many 3 %."""
+    noise = {5.0: HorizonError(1.0, 1.74, 0.3)}
+    before, after = {5.0: HorizonError(1.8, 1.77, 1.3)}, {5.0: HorizonError(1.3, 1.88, 0.9)}
+    assert measure_harm(before, after, noise_floor=noise) > HARM_FACTOR
+    few, many = (grant_chance(noise, seconds) for seconds in (440.0, 8800.0))
+    assert few[5.0].along_cm == pytest.approx(1.74 * math.sqrt(1.0 + 2.0 * math.sqrt(4.0 / (3.0 * 88.0))))
+    assert measure_harm(before, after, noise_floor=few) == 1.0
+    assert measure_harm(before, after, noise_floor=many) > HARM_FACTOR
 
 
 def test_differences_in_the_last_digit_are_no_harm() -> None:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.replay.data_subset import DataSubset
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import (
+    HorizonError,
     HorizonSquares,
     compute_horizon_errors,
     sum_squared_errors_by_run,
@@ -23,7 +24,11 @@ from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.thresholds import HARM_FACTOR, LEAST_HARM_CM, LEAST_HARM_DEG
 from vehicle.identification.verdict.cross_fit import Half, add_squares, cross_fit, sum_squares_without
 from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
-from vehicle.identification.verdict.held_out_case import ERROR_PIECE_S, collect_whole_settings
+from vehicle.identification.verdict.held_out_case import (
+    ERROR_PIECE_S,
+    collect_whole_settings,
+    compute_small_sample_spread,
+)
 from vehicle.identification.verdict.named_causes import (
     ExplainedCase,
     ReportStep,
@@ -64,6 +69,15 @@ def measure_harm(
         if (with_along or kind != "along_cm") and new - old > KINDS[kind]:
             worst = max(worst, new / max(old, KINDS[kind]))
     return worst
+
+
+def grant_chance(noise_floor: ErrorsByHorizon, seconds: float) -> dict[float, HorizonError]:
+    """Return the errors that noise alone may leave in this much driving: few pieces scatter about the noise floor."""
+    granted = {}
+    for horizon, error in noise_floor.items():
+        factor = math.sqrt(1.0 + compute_small_sample_spread(seconds, horizon))
+        granted[horizon] = HorizonError(*(factor * value for value in astuple(error)))
+    return granted
 
 
 def is_harmful(before: ErrorsByHorizon, after: ErrorsByHorizon, with_along: bool = True) -> bool:
@@ -131,7 +145,9 @@ class _Judge:
 
     def measure_harm(self, explained: ExplainedCase, longest_s: float) -> float:
         """Return the largest rise of an error in any table."""
-        noise_floor = compute_horizon_errors(explained.case.noise_floor)
+        noise_floor = grant_chance(
+            compute_horizon_errors(explained.case.noise_floor), explained.case.residual_model.dataset.seconds
+        )
         return max(
             measure_harm(
                 compute_horizon_errors(before), compute_horizon_errors(after), self.with_along, longest_s, noise_floor
