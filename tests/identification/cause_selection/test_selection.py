@@ -14,6 +14,7 @@ from tests.identification.residual_models import (
 )
 from vehicle.identification.cause_selection import selection
 from vehicle.identification.cause_selection.candidate_fit import CandidateFit, Projector, fit_candidate
+from vehicle.identification.cause_selection.covariates import CovariateScore, list_covariates
 from vehicle.identification.cause_selection.evidence import predict_removal_costs
 from vehicle.identification.cause_selection.refit import (
     add_candidate,
@@ -24,6 +25,7 @@ from vehicle.identification.cause_selection.refit import (
 from vehicle.identification.cause_selection.scan_cache import ScanCache
 from vehicle.identification.cause_selection.selection import (
     _compute_candidate_sort_key,
+    _is_clearly_better_covariate,
     finish_candidates,
     prune_fit,
     scan_candidates,
@@ -58,6 +60,20 @@ def test_a_circle_must_gain_clearly_more_than_a_plain_effect() -> None:
         < _compute_candidate_sort_key(plain)
         < _compute_candidate_sort_key(gained("grip_patch", as_good - 1.0))
     )
+
+
+@pytest.mark.parametrize(("per_run", "enters_at"), [(False, 1100.0), (True, 1350.0)])
+def test_a_covariate_that_is_free_in_every_run_must_explain_far_more_than_an_effect(
+    residual_model: ResidualModel, per_run: bool, enters_at: float
+) -> None:
+    """An implement that comes and goes looks like an angle that drifts in every run, with dozens of free amounts."""
+    covariate = replace(list_covariates(residual_model)[0], per_run=per_run)
+    best = gained("implement_side_draft", 1000.0)
+    enters = [
+        _is_clearly_better_covariate(residual_model, CovariateScore(covariate, gain, 1), best, LEAST_GAIN)
+        for gain in (enters_at - 90.0, enters_at)
+    ]
+    assert enters == [False, True]
 
 
 def test_the_hidden_effect_is_first_and_alone(residual_model: ResidualModel) -> None:

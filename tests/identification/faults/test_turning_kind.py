@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from tests.truth.drives import Drive, drive, stairs, steps
@@ -13,6 +16,7 @@ from vehicle.identification.faults.turning_kind import (
     REAR_STEERED,
     OtherTurning,
     find_other_turning,
+    measure_compass_share,
     measure_turning,
 )
 from vehicle.identification.logs.reader import build_log
@@ -58,6 +62,46 @@ def find_kind(vehicle: Jointed, file_antenna_m: float, sensed: bool = True) -> s
 def test_front_wheels_with_a_displaced_antenna_are_no_other_vehicle(base_m: float, off_m: float, sensed: bool) -> None:
     antenna_m = 0.5 * base_m
     assert find_kind(Jointed(FRONT, base_m, antenna_m + off_m), antenna_m, sensed) is None
+
+
+COMPASS_DEG = 4.0
+
+
+def turn_compass(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
+    """The run with headings that point COMPASS_DEG too far to the side where `bearing_deg` is on the left."""
+    wrong_deg = COMPASS_DEG * np.sin(np.radians(run["heading_deg"] - bearing_deg))
+    return run.assign(heading_deg=np.mod(run["heading_deg"] + wrong_deg, 360.0))
+
+
+def push_aside(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
+    """The run on ground that pushes to a bearing, by tan(COMPASS_DEG) per metre driven across it."""
+    ahead, heading = (
+        run["speed_mps"] * run["shuttle"] * run["time_s"].diff().fillna(0.0),
+        np.radians(run["heading_deg"]),
+    )
+    aside = math.tan(math.radians(COMPASS_DEG)) * ahead * np.sin(math.radians(bearing_deg) - heading)
+    moved = {"easting_m": (aside * np.cos(heading)).cumsum(), "northing_m": -(aside * np.sin(heading)).cumsum()}
+    return run.assign(**{name: run[name] + shift for name, shift in moved.items()})
+
+
+@pytest.mark.parametrize("sensed", [True, False])
+@pytest.mark.parametrize("bearing_deg", [20.0, 165.0, 290.0])
+def test_a_compass_is_told_from_a_drift_by_what_the_wheels_turn(bearing_deg: float, sensed: bool) -> None:
+    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number, sensed) for number, run in enumerate(list_drives())]
+    ratio = math.radians(COMPASS_DEG)
+    for change, expected in ((turn_compass, 1.0), (push_aside, 0.0)):
+        logs = [build_log(change(run, bearing_deg), run.attrs["name"], wheelbase_m=2.4) for run in runs]
+        share, error = measure_compass_share(logs, ratio, bearing_deg)
+        assert share == pytest.approx(expected, abs=0.2) and error < 0.1
+
+
+def test_what_a_compass_does_has_a_hint_and_no_name() -> None:
+    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number) for number, run in enumerate(list_drives())]
+    logs = [build_log(turn_compass(run, 20.0), run.attrs["name"], wheelbase_m=2.4) for run in runs]
+    found = diagnose_logs(logs, make_file(2.4), "soil")
+    assert "cross_slope_drift" not in found.named and "cross_slope_drift" not in found.tractor.effects
+    assert found.known_outside.startswith("The headings are wrong by up to ")
+    assert found.hints[0].instrument == "heading" and found.headline.startswith(found.known_outside)
 
 
 @pytest.mark.parametrize("base_m", [1.6, 2.4, 3.6])
@@ -133,7 +177,7 @@ def diagnose(vehicle: Jointed, file_antenna_m: float) -> tuple[Diagnosis, OtherT
 @pytest.mark.slow
 def test_a_displaced_antenna_on_front_wheels_is_named() -> None:
     found, turning = diagnose(Jointed(FRONT, 2.4, 0.4), 1.1)
-    assert turning is None and found.vehicle_kind == ""
+    assert turning is None and found.known_outside == ""
     assert "antenna_forward" in found.named
     value = next(finding for finding in found.findings if finding.id == "antenna_forward").value
     assert value is not None and value["distance_m"] == pytest.approx(-0.7, abs=0.15)
@@ -145,7 +189,7 @@ def test_a_displaced_antenna_on_front_wheels_is_named() -> None:
 )
 def test_another_vehicle_gets_a_sentence_and_no_antenna(vehicle: Jointed, file_antenna_m: float) -> None:
     found, turning = diagnose(vehicle, file_antenna_m)
-    assert turning is not None and found.vehicle_kind == turning.words
+    assert turning is not None and found.known_outside == turning.words
     assert found.headline.startswith("These logs look like a vehicle that")
     said = {finding.id for finding in found.findings if finding.value is not None}
     assert not said & turning.faked_ids

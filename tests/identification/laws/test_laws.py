@@ -25,7 +25,15 @@ from vehicle.identification.laws.bases import (
 )
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
-from vehicle.identification.laws.settle import ActingLaw, add_law, is_shadow_of_covariates, settle_laws
+from vehicle.identification.laws.settle import (
+    ActingLaw,
+    LawResidualModel,
+    add_law,
+    is_contradicted_by_headings,
+    is_shadow_of_covariates,
+    measure_heading_share,
+    settle_laws,
+)
 from vehicle.identification.laws.sides import LEFT, RIGHT, _measure_worth, find_only_side, find_sides
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_programmes import build_command_segment
@@ -58,6 +66,27 @@ def test_columns_of_a_law_are_what_the_law_does_to_the_residuals(plain: Residual
     expected = 1e-4 * columns.compute_columns(target, basis)[:, 0]
     assert np.abs(change).max() > 0.01
     assert change == pytest.approx(expected, abs=0.02 * np.abs(change).max())
+
+
+def test_headings_tell_whether_a_law_turns_the_tractor_or_moves_its_positions_alone(plain: ResidualModel) -> None:
+    columns, basis = LawColumns(plain, make_empty_fit(plain)), get_basis(plain, BY_ANGLE)
+    gain = next(one for one in list_targets(plain, columns.fit) if one.effect_id == GAIN)
+    law = ActingLaw(GAIN, basis, np.zeros(1), np.array([0.01]), columns.compute_unit_increments(gain))
+    changing = add_law(plain, law)
+    moves = zip(plain.simulate_increments({}), changing.simulate_increments({}), strict=True)
+    turns = [np.cumsum([0.0, *(after.turned - before.turned)]) for before, after in moves]
+
+    def show(share: float, is_measured: bool = True) -> LawResidualModel:
+        segments = [
+            replace(segment, heading=segment.heading + share * turn, heading_measured=is_measured)
+            for segment, turn in zip(plain.dataset.segments, turns, strict=True)
+        ]
+        return replace(changing, dataset=replace(plain.dataset, segments=segments))
+
+    for share in (0.0, 0.3, 1.0):
+        assert measure_heading_share(show(share), {})[0] == pytest.approx(share, abs=0.05)
+        assert is_contradicted_by_headings(show(share), {}) == (share < 0.5)
+    assert not is_contradicted_by_headings(show(0.0, is_measured=False), {})
 
 
 def replace_settings(fit: EffectFit, settings: dict[str, dict[str, float]]) -> EffectFit:

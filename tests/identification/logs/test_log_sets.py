@@ -37,6 +37,16 @@ def test_a_parked_log_is_left_out_of_a_set_and_named(noise_m: float, tmp_path: P
     assert "never moves" in refusal(lambda: read_logs([yard]))
 
 
+def test_a_log_that_shows_no_steering_is_left_out_of_a_set_and_named(tmp_path: Path) -> None:
+    silent = saved(runs()["steps"].assign(steering_deg=0.0, steering_command_deg=0.0), tmp_path / "hand.csv")
+    other = saved(runs()["circles_right"], tmp_path / "circles_right.csv")
+    logs = read_logs([silent, other])
+    assert [log.name for log in logs] == ["circles_right"]
+    told = "hand: steering_command_deg is 0 in every row while the path bends to both sides, so it shows nothing"
+    assert list_shared_remarks(logs)[0] == f"{told} about the steering; it was left out."
+    assert refusal(lambda: read_logs([silent])).startswith(told)
+
+
 def test_a_drive_is_not_parked_because_its_speed_sensor_is_dead() -> None:
     assert not is_parked(build_log(runs()["steps"].assign(speed_mps=0.0), "steps", check=False))
 

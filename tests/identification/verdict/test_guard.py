@@ -69,6 +69,13 @@ def test_differences_in_the_last_digit_are_no_harm() -> None:
     assert not is_harmful({1.0: tiny}, {1.0: more})
 
 
+def test_a_heading_that_hardly_moves_the_path_is_no_harm() -> None:
+    """0.05 degrees move a tractor at 1 m/s by 0.04 cm in a second, and by 0.2 cm in five."""
+    before, after = HorizonError(1.0, 1.0, 0.6), HorizonError(1.0, 1.0, 0.65)
+    assert not is_harmful({1.0: before}, {1.0: after})
+    assert is_harmful({5.0: before}, {5.0: after})
+
+
 @dataclass(frozen=True)
 class _Explained:
     """Stand-in of an explained case: terms and which of them are names."""

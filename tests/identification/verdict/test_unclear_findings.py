@@ -12,6 +12,7 @@ import pytest
 from vehicle.identification.verdict import unclear_findings
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
 from vehicle.identification.verdict.unclear_findings import (
+    doubt_names,
     doubt_shared_lateness,
     doubt_turning_centre,
     withdraw_unclear,
@@ -126,3 +127,8 @@ def test_a_speed_as_late_as_the_receiver_has_no_clock_of_its_own(
     ]
     assert [one.status for one in doubt_shared_lateness(findings)] == statuses
     assert doubt_shared_lateness(findings[1:]) == findings[1:]
+
+
+def test_a_file_of_another_kind_of_vehicle_gives_no_names() -> None:
+    findings = [build_finding(1.2, 1.1, 1.3), build_finding(1.2, 1.1, 1.3, EQUIVALENT)]
+    assert [finding.status for finding in doubt_names(findings)] == [LIKELY, EQUIVALENT]

@@ -41,6 +41,7 @@ from vehicle.identification.thresholds import (
     ABOVE_CHANCE_FACTOR,
     CHANCE_SIGMAS,
     CLEARLY_MORE_FACTOR,
+    CLEARLY_MORE_PER_RUN_FACTOR,
     LEAST_GAIN,
     LEAST_STRENGTH,
     MATERIAL_SHARE,
@@ -334,10 +335,10 @@ def _is_clearly_better_covariate(
     """Whether a covariate explains clearly more than chance and than the best effect."""
     if not _is_beyond_random_gain(residual_model, competitor.gain, competitor.freedoms, threshold):
         return False
-    return (
-        best is None
-        or competitor.gain - _compute_random_gain(competitor.freedoms) > CLEARLY_MORE_FACTOR * best.gain + LEAST_GAIN
-    )
+    if best is None:
+        return True
+    factor = CLEARLY_MORE_PER_RUN_FACTOR if competitor.covariate.per_run else CLEARLY_MORE_FACTOR
+    return competitor.gain - _compute_random_gain(competitor.freedoms) > factor * best.gain + LEAST_GAIN
 
 
 def _is_beyond_random_gain(residual_model: ResidualModel, gain: float, freedoms: int, threshold: float) -> bool:

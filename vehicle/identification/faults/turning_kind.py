@@ -7,6 +7,9 @@ kinematics for a center-articulated mobile robot, IEEE Trans. Robotics and Autom
 with the angle itself, by r / (f + r) or -f / (f + r), at any speed and at rest. A delay of any instrument changes it in
 proportion to the speed.
 
+A compass that is wrong by the direction it points to looks like a drift across a slope: positions leave the headings
+by the same angles. But headings of such a compass turn more, or less, than the wheels turn the vehicle.
+
 The antenna's sideways speed is its distance ahead of the axle that does not move sideways times the rate of turning.
 Where rear wheels steer, that is the front axle, a wheelbase further ahead than the model has it.
 """
@@ -83,7 +86,8 @@ class TurningMeasure:
 class _Rows:
     """Changes over _WINDOW_S about the `chosen` rows (k,) of a segment: heading (rad), path sideways and ahead (m).
 
-    `pace` (m/s, negative in reverse) has a value per row of the grid.
+    `pace` (m/s, negative in reverse) has a value per row of the grid, `ends` (2, k) are the headings (rad) before and
+    after.
     """
 
     part: SteeringEvidence
@@ -92,6 +96,7 @@ class _Rows:
     turn: Array
     aside: Array
     ahead: Array
+    ends: Array
 
 
 def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | None:
@@ -141,6 +146,14 @@ def _list_faked_by_joint(logs: Sequence[Log]) -> frozenset[str]:
 
 def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     """Measure how heading and antenna follow the wheel angle, in logs with a heading; nothing is known without one."""
+    rows = _collect_rows(logs)
+    if sum(len(one.turn) for one in rows) < _FEWEST_ROWS:
+        return TurningMeasure(None, math.inf, 1.0, None, math.inf, 0.0)
+    pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in rows])))) / _WINDOW_S
+    return TurningMeasure(*_fit_joint(rows), *_fit_antenna(rows), pace_mps)
+
+
+def _collect_rows(logs: Sequence[Log]) -> list[_Rows]:
     locks = find_largest_angles(logs)
     parts = [
         (log, part)
@@ -151,11 +164,52 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     ]
     seconds = sum(float(np.ptp(part.time_s)) for _, part in parts)
     stride = max(math.ceil(seconds / _THIN_S / _MOST_ROWS), 1)
-    rows = _choose_rows([built for log, part in parts if (built := _build_rows(log, part, stride)) is not None])
+    return _choose_rows([built for log, part in parts if (built := _build_rows(log, part, stride)) is not None])
+
+
+def measure_compass_share(logs: Sequence[Log], ratio: float, bearing_deg: float) -> tuple[float, float]:
+    """Return how much of a drift is in the headings, and its standard error (infinite where logs do not show it).
+
+    1 is a compass that points `ratio` (rad) too far to the side of `bearing_deg`, as far as a drift of `ratio` metres
+    per metre driven across that bearing seems to leave the headings; 0 is a drift.
+    """
+    rows = _collect_rows(logs)
     if sum(len(one.turn) for one in rows) < _FEWEST_ROWS:
-        return TurningMeasure(None, math.inf, 1.0, None, math.inf, 0.0)
-    pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in rows])))) / _WINDOW_S
-    return TurningMeasure(*_fit_joint(rows), *_fit_antenna(rows), pace_mps)
+        return 0.0, math.inf
+    sensed = all(one.part.wheel is not None for one in rows)
+    turn = np.concatenate([one.turn for one in rows])
+    best: tuple[float, float, float] | None = None
+    for steering in _list_steerings(sensed):
+        columns = np.concatenate(
+            [
+                np.column_stack(
+                    [
+                        *_list_swings(one, ratio, math.radians(bearing_deg)),
+                        _list_columns(one, _find_angle(one.part, sensed, *steering)),
+                    ]
+                )
+                for one in rows
+            ]
+        )
+        value, error, loss = _fit_robustly(columns, turn)
+        if best is None or loss < best[0]:
+            best = loss, float(value[0]), float(error[0])
+    assert best is not None
+    return best[1], best[2]
+
+
+def _list_swings(rows: _Rows, ratio: float, bearing: float) -> tuple[Array, Array, Array]:
+    """Return how a compass turns by itself in windows (k,), and what a push to two sides of the ground may turn."""
+    before, after = np.sin(rows.ends - bearing)
+    along = rows.ends.mean(axis=0) - bearing
+    return ratio * (after - before), rows.ahead * np.sin(along), rows.ahead * np.cos(along)
+
+
+def _list_steerings(sensed: bool) -> list[tuple[float, float, float]]:
+    """Return how the angle that turns the vehicle may follow the one that was logged; see _find_angle."""
+    if sensed:
+        return [(shift, math.inf, filter_s) for shift, filter_s in itertools.product(_SHIFTS_S, _FILTERS_S)]
+    return list(itertools.product(_LATES_S, _RATES_DEG_PER_S, _LAGS_S))
 
 
 def _choose_rows(rows: Sequence[_Rows]) -> list[_Rows]:
@@ -184,21 +238,18 @@ def _build_rows(log: Log, part: SteeringEvidence, stride: int) -> _Rows | None:
     ahead = step[0] * np.sin(mean) + step[1] * np.cos(mean)
     aside = step[0] * np.cos(mean) - step[1] * np.sin(mean)
     pace = np.interp(part.time_s, part.time_s[chosen], ahead / _WINDOW_S)
-    return _Rows(part, pace, chosen[::stride], turn[::stride], aside[::stride], ahead[::stride])
+    ends = np.array([heading[chosen - reach], heading[chosen + reach]])
+    columns = (turn, aside, ahead, ends)
+    return _Rows(part, pace, chosen[::stride], *(column[..., ::stride] for column in columns))
 
 
 def _fit_joint(rows: Sequence[_Rows]) -> tuple[float | None, float, float]:
     """Return the turn per change of the angle under the steering that leaves least, its standard error, and by how much
     more any steering leaves without it."""
     sensed = all(one.part.wheel is not None for one in rows)
-    steerings = (
-        [(shift, math.inf, filter_s) for shift, filter_s in itertools.product(_SHIFTS_S, _FILTERS_S)]
-        if sensed
-        else list(itertools.product(_LATES_S, _RATES_DEG_PER_S, _LAGS_S))
-    )
     best, least, least_without = None, math.inf, math.inf
     turn = np.concatenate([one.turn for one in rows])
-    for steering in steerings:
+    for steering in _list_steerings(sensed):
         angles = [_find_angle(one.part, sensed, *steering) for one in rows]
         if best is None and _measure_movement(rows, angles) < math.radians(_LEAST_MOVED_DEG):
             return None, math.inf, 1.0

@@ -17,6 +17,7 @@ from vehicle.identification.laws.columns import GAIN, LawColumns, list_targets, 
 from vehicle.identification.laws.scores import LawScore, LawScorer
 from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, FoundLaw, LawOutcome, find_laws
 from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.innovations import PoseIncrements
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import ABOVE_UNNAMED_FACTOR, LAW_SPREAD_FACTOR, LOOK_ALIKE_LOSS, LOOK_ALIKE_SHARE
@@ -27,6 +28,9 @@ from vehicle.model.tractor import Settings, Tractor
 # Chosen: the motion is linear in a law, and only the treatment of outliers changes from step to step, which may make a
 # step too long.
 LAW_STEPS, STEP_SHARES = 3, (1.0, 0.4)
+# Chosen: soil forgets within such a window; headings that clearly show less than this share of a law contradict it.
+HEADING_WINDOW_S, LEAST_HEADING_SHARE = 2.0, 0.5
+FEWEST_HEADING_WINDOWS = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +80,8 @@ def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) ->
         parts = (*parts, (parameters, np.array(parameters.neutral)))
     settled = _fit_with_law(selection, outcome.base_fit, parts, found)
     settled, score = _refine_law(drop_superfluous(settled), found)
-    if is_shadow_of_covariates(settled):
+    assert isinstance(settled.residual_model, LawResidualModel)
+    if is_shadow_of_covariates(settled) or is_contradicted_by_headings(settled.residual_model, settled.fit.settings):
         return LawSelection(selection, (), outcome)
     slack = LOOK_ALIKE_LOSS + LOOK_ALIKE_SHARE * found.score.gain
     competitors = tuple(name for name in STAND_INS if name in selection.effect_ids)
@@ -125,6 +130,52 @@ def _fit_with_law(
         return settled
     fit = refit_with_new_weights(settled.residual_model, settled.fit.parts, selection.unnamed)
     return replace(settled, fit=fit, unnamed=selection.unnamed)
+
+
+def is_contradicted_by_headings(model: LawResidualModel, settings: Settings) -> bool:
+    """Whether measured headings clearly do not turn as the law of a model says: positions alone then show it.
+
+    Positions that wander look like steering that changes, but leave the headings as they are.
+    """
+    share, error = measure_heading_share(model, settings)
+    return share + INTERVAL_SIGMAS * error < LEAST_HEADING_SHARE
+
+
+def measure_heading_share(model: LawResidualModel, settings: Settings) -> tuple[float, float]:
+    """Return how much of what a law turns measured headings show (1: all), and its standard error.
+
+    The turns of HEADING_WINDOW_S that the simulation leaves are regressed on those of the law, beside a constant gain
+    and a constant curvature. The error is infinite where headings show nothing of it.
+    """
+    bare, full = (one.simulate_increments(settings) for one in (replace(model, law=None), model))
+    windows = [
+        _sum_turns(segment, without, with_law)
+        for segment, without, with_law in zip(model.dataset.segments, bare, full, strict=True)
+        if segment.heading_measured
+    ]
+    turns = np.concatenate([np.zeros((4, 0)), *windows], axis=1)
+    if turns.shape[1] < FEWEST_HEADING_WINDOWS or not np.any(turns[1]):
+        return 0.0, np.inf
+    columns = turns[1:].T / np.maximum(np.sqrt(np.mean(turns[1:] ** 2, axis=1)), 1e-12)
+    inverse = np.linalg.pinv(columns.T @ columns, hermitian=True)
+    amounts = inverse @ columns.T @ turns[0]
+    scatter = columns * (turns[0] - columns @ amounts)[:, None]
+    errors = np.sqrt(np.diag(inverse @ scatter.T @ scatter @ inverse))
+    unit = float(np.sqrt(np.mean(turns[1] ** 2)))
+    return float(amounts[0]) / unit, float(errors[0]) / unit
+
+
+def _sum_turns(segment: DriveSegment, without: PoseIncrements, with_law: PoseIncrements) -> Array:
+    """Return sums over windows (4, w): what the measured heading turns beyond the simulation without the law, what the
+    law turns, what the simulation turns, and what it drives."""
+    edges = np.flatnonzero(np.diff(np.floor((segment.time - segment.time[0]) / HEADING_WINDOW_S), prepend=-1.0))
+    parts = (
+        np.diff(segment.heading) - without.turned,
+        with_law.turned - without.turned,
+        without.turned,
+        without.ahead,
+    )
+    return np.array([np.add.reduceat(part, edges[:-1]) for part in parts]) if len(edges) > 1 else np.zeros((4, 0))
 
 
 def _refine_law(selection: CauseSelection, found: FoundLaw) -> tuple[CauseSelection, LawScore]:

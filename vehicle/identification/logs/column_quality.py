@@ -3,7 +3,8 @@
 A receiver of 2 Hz shows each position in five rows of a log of 10 Hz. Only the first of them is a measurement; the
 others are late by a varying time, which looks like a late receiver or a shifted antenna. They are interpolated to the
 next measurement, and `fresh` marks the measured rows: steering and speed are still used from all rows. A constant
-column is ignored where the tractor shows that it should have changed; if it is the only steering, the log is refused.
+column is ignored where the tractor shows that it should have changed; if it is the only steering, a log alone is
+refused, and one of a set left out.
 """
 
 from __future__ import annotations
@@ -31,10 +32,7 @@ _FEWEST_MOTION_CHORDS = 8  # chords
 
 
 def drop_constant_columns(log: Log) -> Log:
-    """Drop columns that are constant although the tractor shows that they should change; `corrections` say which.
-
-    Raises LogError where the only steering is constant while the path bends.
-    """
+    """Drop columns that are constant although the tractor shows that they should change; `corrections` say which."""
     chords = compute_path_chords(log)
     if chords is None or len(chords.row) < _FEWEST_MOTION_CHORDS:
         return log
@@ -69,12 +67,27 @@ def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
             continue
         if moves and (has_bends or name == "steering_command_deg"):
             return _drop_constant_column(log, name, True, f"{other_name} moves")
-        if has_bends and not moves:
-            raise LogError(
-                f"{log.name}: {name} is {values[log.used][0]:g} in every row while the path bends to both sides, so "
-                "it shows nothing about the steering; log the wheel angle or the command."
-            )
     return log
+
+
+def describe_silent_steering(log: Log) -> str:
+    """Return why a log shows nothing about the steering: its only angle is constant while the path bends. Else ""."""
+    chords = compute_path_chords(log)
+    if chords is None or len(chords.row) < _FEWEST_MOTION_CHORDS:
+        return ""
+    if _measure_bend_course_range_rad(chords) <= _LEAST_BEND_RAD or _leaves_command_once(log):
+        return ""
+    columns = {name: getattr(log, name) for name in ("steering_command_deg", "steering_deg")}
+    given = {name: values for name, values in columns.items() if values is not None}
+    if not given or any(float(np.ptp(values[log.used])) > _LEAST_STEERING_MOVE_DEG for values in given.values()):
+        return ""
+    constant = [name for name, values in given.items() if _is_constant(values, log)]
+    if not constant:
+        return ""
+    return (
+        f"{log.name}: {constant[0]} is {given[constant[0]][log.used][0]:g} in every row while the path bends to both "
+        "sides, so it shows nothing about the steering"
+    )
 
 
 def _leaves_command_once(log: Log) -> bool:

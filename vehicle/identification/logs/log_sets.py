@@ -1,4 +1,4 @@
-"""Logs of one set held against each other: parked ones, and copies of one drive."""
+"""Logs of one set held against each other: those that show nothing, and copies of one drive."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vehicle.identification.logs.column_quality import describe_silent_steering
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Log
 
 STANDING_M = 0.3  # spread of antenna noise
@@ -30,16 +31,21 @@ def is_parked(log: Log) -> bool:
     return stands and moved < min(_WANDER_M, _STANDING_MPS * seconds)
 
 
-def leave_out_parked_logs(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs that move; the first of them says which were left out. All logs where none moves."""
-    moving = [log for log in logs if not is_parked(log)]
-    parked = [log.name for log in logs if is_parked(log)]
-    if not moving or not parked:
+def leave_out_useless_logs(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs that move and show the steering; the first of them says which were left out, and why.
+
+    All logs where no other is left: they are refused with their reason.
+    """
+    parked = [log for log in logs if is_parked(log)]
+    names = {log.name for log in parked}
+    silent = {log.name: words for log in logs if log.name not in names and (words := describe_silent_steering(log))}
+    kept = [log for log in logs if log.name not in names | silent.keys()]
+    if not kept or len(kept) == len(logs):
         return list(logs)
-    remark = (
-        f"{', '.join(parked)}: the tractor never moves, so {'it was' if len(parked) == 1 else 'they were'} left out."
-    )
-    return [replace(moving[0], set_remarks=(*moving[0].set_remarks, remark)), *moving[1:]]
+    were = "it was" if len(parked) == 1 else "they were"
+    remarks = [f"{', '.join(log.name for log in parked)}: the tractor never moves, so {were} left out."] * bool(parked)
+    remarks += [f"{words}; it was left out." for words in silent.values()]
+    return [replace(kept[0], set_remarks=(*kept[0].set_remarks, *remarks)), *kept[1:]]
 
 
 def merge_copies(logs: Sequence[Log]) -> list[Log]:

@@ -17,6 +17,7 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
 from vehicle.identification.logs.column_quality import (
     LONGEST_STEP_S,
+    describe_silent_steering,
     drop_coarse_columns,
     drop_constant_columns,
     interpolate_held_values,
@@ -28,7 +29,7 @@ from vehicle.identification.logs.conventions import (
     find_first_place,
 )
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
-from vehicle.identification.logs.log_sets import is_parked, leave_out_parked_logs, merge_copies
+from vehicle.identification.logs.log_sets import is_parked, leave_out_useless_logs, merge_copies
 from vehicle.identification.logs.position_jumps import correct_position_jumps
 from vehicle.identification.logs.schema import (
     COLUMNS,
@@ -199,7 +200,7 @@ def read_logs(
             reference = find_first_place(convert_columns(columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
         log = build_log(frame, name, fix_set, wheelbase_m, reference, check=False)
         logs.append(replace(log, other_names=other_paths))
-    logs = merge_copies(leave_out_parked_logs(logs))
+    logs = merge_copies(leave_out_useless_logs(logs))
     for log in logs:
         _check_log(log, fix_set, wheelbase_m, [other_log for other_log in logs if other_log is not log])
     return [correct_sensors(log) for log in logs]
@@ -379,6 +380,9 @@ def _check_log(
             f"{log.name}: it seems that {'; and that '.join(suspicion.format_sentence() for suspicion in suspicions)}."
         )
     _refuse_impossible_rate(log)
+    silent = describe_silent_steering(log)
+    if silent:
+        raise LogError(f"{silent}; log the wheel angle or the command.")
 
 
 def _refuse_standing_tractor(log: Log, suspicions: Sequence[Suspicion]) -> None:

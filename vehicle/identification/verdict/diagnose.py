@@ -17,7 +17,7 @@ from vehicle.identification.columns.staleness import mark_stale_columns_of_set
 from vehicle.identification.columns.wheel_scale import correct_wheel_scale
 from vehicle.identification.errors import LogError
 from vehicle.identification.faults.steering_faults import mark_steering_faults
-from vehicle.identification.faults.turning_kind import find_other_turning
+from vehicle.identification.faults.turning_kind import ARTICULATED, find_other_turning
 from vehicle.identification.faults.unlike_runs import describe_groups, find_unlike_runs
 from vehicle.identification.fit.open_loop import collect_run_settings
 from vehicle.identification.laws.bases import build_run_clock
@@ -73,7 +73,7 @@ from vehicle.identification.verdict.held_out_case import (
     collect_whole_settings,
     restore_real_noise,
 )
-from vehicle.identification.verdict.hints import list_hints
+from vehicle.identification.verdict.hints import DRIFT_ACROSS, find_compass_hint, list_hints
 from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
 from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins, mark_one_sided
 from vehicle.identification.verdict.log_findings import (
@@ -85,9 +85,10 @@ from vehicle.identification.verdict.log_findings import (
     mark_other_turning,
     mark_unlike_runs,
 )
-from vehicle.identification.verdict.named_causes import ExplainedCase, measure_unexplained
+from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot
 from vehicle.identification.verdict.unclear_findings import (
+    doubt_names,
     doubt_shared_lateness,
     doubt_turning_centre,
     drop_unclear_terms,
@@ -221,6 +222,9 @@ def diagnose_logs(
         explained_case = leave_out_stand_ins(explained_case, law_selection)
     changing_ids = [law.found.effect_id for law in law_selection.laws]
     explained_case = drop_unclear_terms(selection, explained_case, changing_ids)
+    compass = find_compass_hint(logs, explained_case.case.found_values)
+    if compass is not None:
+        explained_case = keep_terms(selection, explained_case, explained_case.case.extension.term_ids - {DRIFT_ACROSS})
     file_model = build_rig_and_corrections(tractor, ground, dataset.origin)
     guarded = guard_case(agreeing, subset, selection, explained_case, file_model, count.count_step)
     explained_case = guarded.explained
@@ -232,6 +236,7 @@ def diagnose_logs(
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case.sure_ids)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
     findings = doubt_turning_centre(doubt_shared_lateness(findings), tractor.wheelbase_m)
+    findings = doubt_names(findings) if turning is not None and turning.kind == ARTICULATED else findings
     findings = mark_one_sided(findings, subset.dataset)
     names = [name for name in explained_case.names if name not in faked_ids]
     guarded = replace(guarded, explained=replace(explained_case, names=names))
@@ -243,6 +248,8 @@ def diagnose_logs(
     if diagnosis.unexplained_share > 0.0:
         hints = list_hints(law_selection, explained_case.case, clock)
         diagnosis = replace(diagnosis, hints=(*diagnosis.hints, *hints))
+    if compass is not None:
+        diagnosis = replace(diagnosis, known_outside=compass.words, hints=(compass, *diagnosis.hints))
     drive = diagnosis.next_drive or choose_law_drive(law_selection) or choose_side_drive(selection, findings)
     diagnosis = replace(diagnosis, runs=mark_unlike_runs(diagnosis.runs, searched.left_out), next_drive=drive)
     diagnosis = diagnosis if turning is None else mark_other_turning(diagnosis, turning)

@@ -319,8 +319,8 @@ class Diagnosis:
     all runs; `hints` say where to look for what no cause explains. `rows_gated_by_reason` counts the rows left out.
     `unsaved_reason` is a sentence when the extension harms runs not used for fitting: nothing is then to be saved.
     `interval_note` says how the error of the model is part of the intervals. `undiagnosed_reason` is a sentence when
-    the faults leave nothing to replay, so that nothing but these is known. `vehicle_kind` is a sentence when the logs
-    look like a vehicle that turns in another way than the model.
+    the faults leave nothing to replay, so that nothing but these is known. `known_outside` is a sentence on what
+    is known to be wrong and no effect of the catalogue: a vehicle that turns in another way, a compass near iron.
     """
 
     names: tuple[str, ...]
@@ -359,7 +359,7 @@ class Diagnosis:
     unsaved_reason: str = ""
     interval_note: str = ""
     undiagnosed_reason: str = ""
-    vehicle_kind: str = ""
+    known_outside: str = ""
 
     @property
     def is_savable(self) -> bool:
@@ -392,11 +392,11 @@ class Diagnosis:
 
     @property
     def causes_sentence(self) -> str:
-        """The causes in a few sentences, without what begins during a run: first a vehicle of another kind."""
+        """The causes in a few sentences, without what begins during a run: first what no effect has and is known."""
         if self.undiagnosed_reason:
             return self.undiagnosed_reason
         causes = self._describe_causes()
-        return f"{self.vehicle_kind} {causes}" if self.vehicle_kind else causes
+        return f"{self.known_outside} {causes}" if self.known_outside else causes
 
     def _describe_causes(self) -> str:
         by_id = {finding.id: finding for finding in self.findings}
@@ -411,7 +411,7 @@ class Diagnosis:
         return self._describe_nothing_found()
 
     def _describe_nothing_found(self) -> str:
-        if self.vehicle_kind:
+        if self.known_outside:
             return "Beside that no cause is found."
         if self.depends_on:
             return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."

@@ -39,7 +39,8 @@ from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Settings
 
-KINDS = {"cross_cm": LEAST_HARM_CM, "along_cm": LEAST_HARM_CM, "heading_deg": LEAST_HARM_DEG}
+KINDS = ("cross_cm", "along_cm", "heading_deg")
+SLOW_MPS = 1.0  # chosen: at this pace a heading moves the path by what it is worth
 NOTHING_LEFT = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
 HELPED = "Each half of the logs was driven with what was found on the other half alone, and errors fall."
 HELPED_BY_RUNS = (
@@ -66,8 +67,9 @@ def measure_harm(
         old, new = getattr(before[horizon], kind), getattr(after[horizon], kind)
         if noise_floor is not None and horizon in noise_floor:
             old = max(old, getattr(noise_floor[horizon], kind))
-        if (with_along or kind != "along_cm") and new - old > KINDS[kind]:
-            worst = max(worst, new / max(old, KINDS[kind]))
+        least = _find_least_harm(kind, horizon)
+        if (with_along or kind != "along_cm") and new - old > least:
+            worst = max(worst, new / max(old, least))
     return worst
 
 
@@ -78,6 +80,14 @@ def grant_chance(noise_floor: ErrorsByHorizon, seconds: float) -> dict[float, Ho
         factor = math.sqrt(1.0 + compute_small_sample_spread(seconds, horizon))
         granted[horizon] = HorizonError(*(factor * value for value in astuple(error)))
     return granted
+
+
+def _find_least_harm(kind: str, horizon_s: float) -> float:
+    """Return the smallest rise of an error that counts; a heading that moves the path by less than LEAST_HARM_CM over
+    the horizon is none."""
+    if kind != "heading_deg":
+        return LEAST_HARM_CM
+    return max(LEAST_HARM_DEG, math.degrees(0.01 * LEAST_HARM_CM / (0.5 * SLOW_MPS * horizon_s)))
 
 
 def is_harmful(before: ErrorsByHorizon, after: ErrorsByHorizon, with_along: bool = True) -> bool:

@@ -12,7 +12,7 @@ of the path explains; at the measured speed nothing of it is left.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,13 +23,14 @@ from vehicle.identification.cause_selection.covariates import (
     ErrorCovariate,
     score_covariates,
 )
+from vehicle.identification.faults.turning_kind import measure_compass_share
 from vehicle.identification.fit.open_loop import collect_run_settings
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.laws.bases import RunClock, get_angle_deg
 from vehicle.identification.laws.selection import FoundLaw
 from vehicle.identification.laws.settle import LawSelection
 from vehicle.identification.laws.words import KIND_WORDS
-from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.instrument_timing import compute_timing, simulate_logged_speeds
 from vehicle.identification.replay.rig import replay_segment
@@ -39,6 +40,7 @@ from vehicle.identification.thresholds import AT_CHANGES_SHARE, CHANCE_SIGMAS, C
 from vehicle.identification.verdict.diagnosis_types import Hint
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effect_kinds import INTERVAL_SIGMAS, PER_SLOPE
 from vehicle.model.effects import PATH, SPEED, get_effect
 
 FEWEST_BLOCKS = 12  # chosen: ranks of fewer blocks show nothing
@@ -47,6 +49,8 @@ MOVING_MPS = 0.15
 AT_STARTS = "starts and stops"
 STEADY_MPS2 = 0.1  # chosen: slower changes are drift of a controller
 SETTLING_S = 2.0  # chosen: a drive line of any make has reached its speed so long after the simulated one
+DRIFT_ACROSS = "cross_slope_drift"
+LEAST_COMPASS_SHARE = 0.5  # between a drift (0) and a compass (1)
 MOST_HINTS = 4  # chosen: a longer list is of no use to a reader
 INSTRUMENT_WORDS = {
     "position": "the positions",
@@ -71,6 +75,26 @@ def list_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock
         if all(hint.words != other.words for other in hints):
             hints.append(hint)
     return tuple(hints[:MOST_HINTS])
+
+
+def find_compass_hint(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, float]]) -> Hint | None:
+    """Return a hint where what looks like a drift across a slope is in the headings, as of a compass near iron.
+
+    A drift that follows the measured slope of the ground is one.
+    """
+    drift = found_values.get(DRIFT_ACROSS, {})
+    if not drift or PER_SLOPE in drift:
+        return None
+    share, error = measure_compass_share(logs, drift["ratio"], drift["bearing_deg"])
+    if share - INTERVAL_SIGMAS * error < LEAST_COMPASS_SHARE:
+        return None
+    wrong_deg = math.degrees(share * drift["ratio"])
+    words = (
+        f"The headings are wrong by up to {abs(wrong_deg):.1f} degrees, depending on the direction of travel, as of a "
+        "compass near iron: they turn by as much more or less than the wheels turn the "
+        "vehicle. Positions alone would show a drift across a slope."
+    )
+    return Hint("the direction of travel", "heading", None, words)
 
 
 def _generate_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> Iterator[Hint]:

@@ -230,7 +230,7 @@ def mark_other_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis
         drive = None
     depends_on = "the rate of steering" if turning.kind == ARTICULATED else "the way the vehicle steers"
     hint = Hint(depends_on, None, block, turning.words)
-    return replace(diagnosis, vehicle_kind=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
+    return replace(diagnosis, known_outside=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
 
 
 def describe_unsaved_names(names: Collection[str], shown_names: Collection[str]) -> tuple[str, ...]:

@@ -78,6 +78,14 @@ def withdraw_faked(findings: Sequence[Finding], faked_ids: AbstractSet[str]) -> 
     ]
 
 
+def doubt_names(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings without names, which are likely: the tractor file is of another kind of vehicle.
+
+    The rams of a joint move half of the vehicle, so neither its delay nor its rate is one of steered wheels.
+    """
+    return [replace(finding, status=LIKELY) if finding.status == NAMED else finding for finding in findings]
+
+
 def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> list[Finding]:
     """Return the findings with an antenna that is only likely where rear wheels that steer too would look the same.
 
