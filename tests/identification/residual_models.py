@@ -99,6 +99,9 @@ class LinearResidualModel:
     def block_halves(self) -> np.ndarray:
         return np.arange(3 * self.run_count) % 2
 
+    def get_interval_s(self, name: str) -> float:
+        return self.row_interval_s
+
     def compute_residuals(self, settings: Settings) -> np.ndarray:
         out = self.base.copy()
         for name, values in settings.items():

@@ -80,6 +80,37 @@ def test_commands_in_steps_are_commands_and_late_ones_are_stale() -> None:
     assert measure_hold(late.time_s, late.measured_rows["steering_command_deg"])[0] == pytest.approx(2.0, abs=0.2)
 
 
+@pytest.mark.parametrize(("name", "every_s", "is_stale"), [("waves", 2.1, True), ("steps", None, False)])
+def test_a_slow_wheel_angle_tells_as_well_whether_commands_are_late(
+    name: str, every_s: float | None, is_stale: bool
+) -> None:
+    """Read at other times than the commands, it moves before those that are late, and after those that are steps."""
+    frame = refresh(frame_of(name), "steering_deg", 1.7)
+    frame = refresh(frame, "steering_command_deg", every_s) if every_s else frame
+    measured = mark_stale_columns(read(frame)).measured_rows
+    assert "steering_deg" in measured and ("steering_command_deg" in measured) is is_stale
+
+
+def test_too_few_readings_do_not_make_a_command_late() -> None:
+    frame = refresh(refresh(frame_of("waves"), "steering_deg", 0.3), "steering_command_deg", 0.25)
+    measured = mark_stale_columns(read(frame.iloc[:36].reset_index(drop=True))).measured_rows
+    assert "steering_command_deg" not in measured
+
+
+def test_a_command_at_rest_was_read_with_the_wheel_angle() -> None:
+    """Only its steps show when a held command was read; noise of a wheel angle of the same readings shows all."""
+    frame = frame_of("steps")
+    for column in ("steering_deg", "steering_command_deg"):
+        frame = refresh(frame, column, 1.6)
+    waves = frame_of("waves")
+    for column in ("steering_deg", "steering_command_deg"):
+        waves = refresh(waves, column, 1.6)
+    log = mark_stale_columns_of_set([read(waves, "waves"), read(frame, "steps")])[1]
+    readings = log.measured_rows["steering_command_deg"]
+    assert np.array_equal(readings, log.measured_rows["steering_deg"])
+    assert measure_hold(log.time_s, readings)[0] == pytest.approx(1.6, abs=0.1)
+
+
 def test_what_is_slow_in_one_log_is_slow_in_another_of_the_same_instruments() -> None:
     slow = [read(refresh(frame_of(name), "steering_deg", 2.0), name) for name in ("waves", "steps")]
     marked = mark_stale_columns_of_set(slow)

@@ -209,7 +209,7 @@ def test_a_law_is_told_where_something_possible_is_left_of_it(
     outcome = SimpleNamespace(laws=(found,), base_fit=SimpleNamespace(parts=(), settings={}))
     fit = SimpleNamespace(loss=100.0, settings={})
     selection: Any = SimpleNamespace(fit=fit, effect_ids=frozenset())
-    settled = SimpleNamespace(fit=fit)
+    settled = SimpleNamespace(fit=fit, residual_model=None)
     law = SimpleNamespace(low=low, high=high)
     monkeypatch.setattr(settle, "find_laws", lambda *_: outcome)
     monkeypatch.setattr(settle, "_is_own_effect", lambda *_: False)

@@ -41,7 +41,9 @@ class LinearLoop:
         self.columns = {name: one / np.sqrt(float(base @ base)) for name, one in self.columns.items()}
         tractor = eg105()
         dataset = SimpleNamespace(effect_places={})
-        self.residual_model = SimpleNamespace(rig=SimpleNamespace(tractor=tractor), dataset=dataset, row_interval_s=0.1)
+        self.residual_model = SimpleNamespace(
+            rig=SimpleNamespace(tractor=tractor), dataset=dataset, row_interval_s=0.1, get_interval_s=lambda _: 0.1
+        )
         self.run_numbers = np.arange(ROWS) * RUNS // ROWS
         self.fixed_terms: tuple[ModelTerm, ...] = ()
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, log
 from tests.identification.log_tables import refusal
-from vehicle.identification.replay.drive_segments import build_dataset
+from vehicle.identification.replay.drive_segments import build_dataset, find_compared_rows
 from vehicle.records import DT_S
 
 
@@ -76,3 +76,19 @@ def test_runs_are_numbered_and_named_and_nothing_long_is_refused() -> None:
     assert course.names == ("a", "b", "c") and [one.run for one in course.segments] == [0, 2]
     message = refusal(lambda: build_dataset([log(circle(0.0, seconds=3.0), "b")]))
     assert "in b the longest lasts 2.9 s" in message
+
+
+def test_wheel_angles_between_two_commands_that_differ_say_what_the_last_of_them_says() -> None:
+    """Commands read in rows 0, 4, 8 and 12: they stand still up to row 4, and differ afterwards."""
+    command = np.array([3.0] * 5 + [4.0, 5.0, 6.0, 7.0] + [8.0] * 4)
+    commanded = np.isin(np.arange(13), (0, 4, 8, 12))
+    for angle, expected in (
+        (range(13), [0, 1, 2, 3, 4, 8, 12]),
+        ((1, 3, 5, 7, 9), [1, 3, 7, 9]),
+        ((0, 4, 8), [0, 4, 8]),
+    ):
+        assert (
+            np.flatnonzero(find_compared_rows(np.isin(np.arange(13), angle), commanded, command)).tolist() == expected
+        )
+    every = np.ones(13, dtype=np.bool_)
+    assert find_compared_rows(every, every, command).all()

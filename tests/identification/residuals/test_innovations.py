@@ -25,19 +25,28 @@ from vehicle.identification.residuals.noise_weights import convert_noise_to_arra
 Array = npt.NDArray[np.float64]
 NOISE = NoiseLevels(0.01, 0.02, 0.003, 0.004, 0.0025, 0.01)
 LEVER = (0.7, 0.2)
+AXLE_BEHIND_M = 1.1
 
 
 def filtered(
-    time: Array, seen: Array, move: Array, bias: float = 0.0, noise: NoiseLevels = NOISE
+    time: Array,
+    seen: Array,
+    move: Array,
+    bias: float = 0.0,
+    noise: NoiseLevels = NOISE,
+    unknown: Array | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Gains, roots and whitened innovations of rows (east, north, heading) and moves (ahead, aside, turned)."""
+    """Gains, roots and whitened innovations of rows (east, north, heading) and moves (ahead, aside, turned).
+
+    `unknown` are variances (rad2) of turns between rows.
+    """
+    unknown = np.zeros(len(time) - 1) if unknown is None else unknown
     rows = len(time)
     gains, roots, out = np.empty((rows, 7, 3)), np.empty((rows, 3, 3)), np.empty((rows, 3))
     east, north, heading = (np.ascontiguousarray(column) for column in seen.T)
     ahead, aside, turned = (np.ascontiguousarray(column) for column in move.T)
-    compute_kalman_gains(
-        time, heading, ahead, aside, *LEVER, convert_noise_to_array(noise, True), np.zeros(len(time) - 1), gains, roots
-    )
+    levels = convert_noise_to_array(noise, True)
+    compute_kalman_gains(time, heading, ahead, aside, *LEVER, levels, unknown, AXLE_BEHIND_M, gains, roots)
     compute_innovations(
         compute_noise_persistence(time), east, north, heading, ahead, aside, turned, *LEVER, bias, gains, roots, out
     )
@@ -60,8 +69,11 @@ def test_the_first_gains_by_hand() -> None:
     assert gains[0, [0, 2]] == pytest.approx(crossed @ np.linalg.inv(spread), rel=1e-6)
 
 
-def textbook(time: Array, seen: Array, move: Array, bias: float) -> Array:
-    """Whitened innovations by plain matrices: x = F x + u, P = F P F' + Q, K = P H' / S."""
+def textbook(time: Array, seen: Array, move: Array, bias: float, unknown: Array) -> Array:
+    """Whitened innovations by plain matrices: x = F x + u, P = F P F' + Q, K = P H' / S.
+
+    A tractor turns about its rear axle: an unknown turn moves the centre of mass, ahead of it, to the side.
+    """
     state, spread = np.zeros(7), np.diag([100.0 + NOISE.position**2] * 2 + [0.01, *(
         one**2 for one in (NOISE.soil, NOISE.heading_drift, NOISE.position_drift, NOISE.position_drift)
     )])  # fmt: skip
@@ -94,6 +106,8 @@ def textbook(time: Array, seen: Array, move: Array, bias: float) -> Array:
         fresh = [1.0 - soil * soil] + [1.0 - slow * slow] * 3
         sizes = [NOISE.soil, NOISE.heading_drift, NOISE.position_drift, NOISE.position_drift]
         pushes[range(3, 7), range(3, 7)] = [new * size**2 for new, size in zip(fresh, sizes, strict=True)]
+        about_axle = np.array([-AXLE_BEHIND_M * math.sin(facing), AXLE_BEHIND_M * math.cos(facing), 1.0, 0, 0, 0, 0])
+        pushes += unknown[k] * np.outer(about_axle, about_axle)
         state, spread = step @ state, step @ spread @ step.T + pushes
         state[:2] += way
         state[2] += turned - (seen[k + 1, 2] - facing)
@@ -107,7 +121,9 @@ def test_every_row_is_the_textbooks(seed: int) -> None:
     facing = rng.uniform(-3.0, 3.0) + rng.normal(0.0, 0.1, 6)
     seen = np.column_stack([0.5 * np.arange(6.0), rng.normal(0.0, 0.1, 6), facing])
     move = np.column_stack([rng.uniform(0.1, 0.6, 5), rng.normal(0.0, 0.02, 5), rng.normal(0.0, 0.1, 5)])
-    assert filtered(time, seen, move, 0.02)[2] == pytest.approx(textbook(time, seen, move, 0.02), rel=1e-6, abs=1e-7)
+    unknown = rng.choice([0.0, 0.03**2], 5)
+    expected = textbook(time, seen, move, 0.02, unknown)
+    assert filtered(time, seen, move, 0.02, unknown=unknown)[2] == pytest.approx(expected, rel=1e-6, abs=1e-7)
 
 
 def test_increments_are_in_the_tractors_frame() -> None:

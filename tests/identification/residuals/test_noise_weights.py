@@ -9,19 +9,34 @@ import pytest
 
 from tests.identification.analytic_drives import QUIET, circle, course, course_of, measured, rig
 from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.residuals.noise_floor import add_instrument_noise, add_soil_noise, draw_coloured_noise
+from vehicle.identification.residuals.noise_floor import (
+    _draw_unknown_turns,
+    add_instrument_noise,
+    add_soil_noise,
+    draw_coloured_noise,
+)
 from vehicle.identification.residuals.noise_weights import (
     DROWNED_SHARE,
-    LEAST_UNKNOWN_SHARE,
+    FEWEST_DIFFERENCES,
     SpanEstimate,
+    _estimate_soil,
+    _find_known_turns,
     _select_least,
-    compute_unknown_turns,
     estimate_first_noise,
     estimate_soil_and_speed_noise,
-    estimate_unknown_turns,
     estimate_white_noise,
 )
+from vehicle.identification.residuals.unknown_turns import (
+    ANGLE_FIRST,
+    COMMAND_FIRST,
+    LEAST_UNKNOWN_SHARE,
+    compute_integrated_variance,
+    compute_most_unknown_turns,
+    compute_unknown_turns,
+    estimate_unknown_turns,
+)
 
+SOIL_TURNS_SHARE = 0.3  # of the most that is unknown
 LONG = ((150.0, 0.0, 1.0, 0.0),)
 
 
@@ -130,7 +145,8 @@ def knotted(every: int) -> tuple[DriveSegment, np.ndarray, list[tuple[int, int]]
     knots = np.flatnonzero(is_knot)
     rates = np.interp(np.arange(shown.rows), knots, 0.05 * (-1.0) ** np.arange(len(knots)))
     gaps = [(int(first), int(last)) for first, last in pairwise(knots)]
-    return replace(shown, measured_rows={"angle": is_knot}), rates[:-1] * np.diff(shown.time), gaps
+    shown = replace(shown, wheel=rates.copy(), measured_rows={"angle": is_knot})
+    return shown, rates[:-1] * np.diff(shown.time), gaps
 
 
 def test_turns_are_unknown_as_if_wheels_move_at_any_time_between_two_measured_angles() -> None:
@@ -154,4 +170,72 @@ def test_headings_tell_how_evenly_wheels_moved(is_even: bool) -> None:
     (found,) = estimate_unknown_turns(course_of(shown), [turns], QUIET, ("angle", "command"))
     assert found == pytest.approx((LEAST_UNKNOWN_SHARE if is_even else 1.0) * most, rel=1e-6)
     every_row = replace(shown, measured_rows={})
+    both = estimate_unknown_turns(course_of(shown, every_row), [turns] * 2, QUIET, ANGLE_FIRST)
+    assert np.array_equal(both[0], found) and not both[1].any()
     assert not estimate_unknown_turns(course_of(every_row), [turns], QUIET, ("angle", "command"))[0].any()
+
+
+def test_what_the_soil_turns_is_not_unknown_as_well() -> None:
+    """Headings missed by no more than the soil turns leave nothing unknown of the wheels."""
+    segment, turns, gaps = knotted(10)
+    most, rng = compute_unknown_turns(segment, turns, gaps), np.random.default_rng(6)
+    pushes = np.sqrt(most.mean() * SOIL_TURNS_SHARE) * rng.standard_normal(len(turns))
+    shown = replace(segment, heading=np.append(0.0, np.cumsum(turns + pushes)))
+    runs = course_of(shown)
+    soil = math.sqrt(SOIL_TURNS_SHARE * float(most[:10].sum()) / compute_integrated_variance(1.0))
+    without, known = (
+        estimate_unknown_turns(runs, [turns], replace(QUIET, soil=one), ANGLE_FIRST)[0][0] / most[0]
+        for one in (0.0, soil)
+    )
+    assert without == pytest.approx(SOIL_TURNS_SHARE, rel=0.5) and known < 0.5 * without
+
+
+def test_a_column_that_stands_still_leaves_nothing_unknown_however_long() -> None:
+    segment, turns, _ = knotted(10)
+    rows = np.arange(segment.rows)
+    standing = replace(
+        segment, wheel=np.where(rows < 100, 0.0, 0.1), measured_rows={"angle": np.isin(rows, (0, 99, 109, 299))}
+    )
+    (variances,) = compute_most_unknown_turns(course_of(standing), [turns * (1.0 + rows[:-1])], ANGLE_FIRST)
+    assert np.flatnonzero(variances).tolist() == [*range(99, 109)]
+
+
+def test_what_a_slow_column_leaves_unknown_is_no_soil() -> None:
+    """Second differences in which wheels move by guess do not count; where wheels always move, the least unknown do."""
+    rng = np.random.default_rng(7)
+    unknown = np.where(np.arange(900) % 3 == 0, 0.0, 4e-4)
+    turn = 0.005 * rng.standard_normal(900) + np.sqrt(unknown) * rng.standard_normal(900)
+    pace = np.full(900, 1.2)
+    alone = _estimate_soil(turn[unknown == 0.0], unknown[unknown == 0.0], pace[unknown == 0.0], 0.001, 2.0)
+    assert _estimate_soil(turn, unknown, pace, 0.001, 2.0) == alone
+    assert alone.value < 0.5 * _estimate_soil(turn, np.zeros(900), pace, 0.001, 2.0).value
+    assert len(_find_known_turns(turn, unknown + 1.0)) == FEWEST_DIFFERENCES
+
+
+def test_wheels_that_follow_later_miss_a_part_of_the_turn_in_the_next_gap() -> None:
+    """A command that was seen to change in one gap, and wheels that turn the tractor in the one after."""
+    segment = knotted(10)[0]
+    rates = np.where(np.arange(segment.rows) < 110, 0.0, 0.1)
+    obeyed = np.interp(np.arange(segment.rows), (99, 109), (0.0, 0.1))[:-1] * np.diff(segment.time)
+    late = rates[:-1] * np.diff(segment.time)
+    command = np.interp(np.arange(segment.rows), (99, 109), (0.0, 0.1))
+    readings = np.isin(np.arange(segment.rows), (0, 99, 109, 119, segment.rows - 1))
+    heading = np.append(0.0, np.cumsum(obeyed))
+    shown = replace(segment, command=command, heading=heading, measured_rows={"command": readings})
+    runs = course_of(shown)
+    (found,) = estimate_unknown_turns(runs, [late], QUIET, COMMAND_FIRST, [obeyed])
+    (unseen,) = estimate_unknown_turns(runs, [late], QUIET, COMMAND_FIRST)
+    assert found[99:109].sum() == pytest.approx((heading[119] - late[:119].sum()) ** 2, rel=0.1)
+    assert np.flatnonzero(found).tolist() == [*range(99, 109)] and not unseen.any()
+
+
+def test_each_gap_turns_by_its_standard_deviation_to_a_drawn_side() -> None:
+    """Two gaps of 1 s, the second begins with uneven rows, and then a column that stands still."""
+    steps_s = np.array([0.1] * 10 + [0.05, 0.15] + [0.1] * 8 + [0.1] * 5)
+    variances = np.array([4e-4] * 10 + [9e-4] * 10 + [0.0] * 5) * steps_s
+    ends = np.array([_draw_unknown_turns(variances, steps_s, np.random.default_rng(seed)) for seed in range(40)])
+    first, second, last = (np.diff(ends[:, [0, 10, 20, 25]], axis=1)).T
+    assert np.abs(first) == pytest.approx(np.full(40, 0.02)) and np.abs(second) == pytest.approx(np.full(40, 0.03))
+    assert not last.any() and len({*np.sign(first)}) == len({*np.sign(first * second)}) == 2
+    assert np.abs(ends[:, 5]) == pytest.approx(np.full(40, 0.01))
+    assert not _draw_unknown_turns(np.zeros(25), steps_s, np.random.default_rng(1)).any()

@@ -8,7 +8,8 @@ import pytest
 
 from tests.identification.analytic_drives import QUIET, circle, course, course_of, measured, rig
 from vehicle.identification.replay.drive_segments import WINDOW_S
-from vehicle.identification.replay.state_cache import ReplayCache
+from vehicle.identification.replay.rig import replay_segment
+from vehicle.identification.replay.state_cache import STEERING_COLUMN, ReplayCache
 from vehicle.identification.residuals.innovations import NoiseLevels
 from vehicle.identification.residuals.noise_floor import compute_noise_floor
 from vehicle.identification.residuals.noise_weights import (
@@ -67,6 +68,21 @@ def test_every_entry_knows_its_run_and_its_block(residual_model: ResidualModel) 
     assert np.bincount(residual_model.residual_blocks[-(one + two) :]).tolist() == [100, 100, 150, 100, 100, 150]
     assert WINDOW_S == 20.0 and residual_model.block_halves.tolist() == [0, 0, 1, 0, 0, 1]
     assert residual_model.row_interval_s == pytest.approx(0.1) and residual_model.has_measured_wheel_angle
+
+
+def test_slow_commands_leave_the_times_of_the_steering_open(residual_model: ResidualModel) -> None:
+    """Commands read every 2 s, of which those that stand still tell nothing of how often they were read."""
+    assert residual_model.get_interval_s("steering_lag") == residual_model.row_interval_s
+    segments = []
+    for segment in residual_model.dataset.segments:
+        readings = np.arange(segment.rows) % 20 == 0
+        readings[200:] = np.arange(segment.rows - 200) == segment.rows - 201
+        command = np.interp(segment.time, [0.0, 20.0], [0.0, 0.2])
+        segments.append(replace(segment, command=command, measured_rows={"command": readings}))
+    dataset = replace(residual_model.dataset, segments=tuple(segments))
+    slow = replace(residual_model, dataset=dataset)
+    assert slow.get_interval_s("steering_dead_time") == pytest.approx(2.0)
+    assert slow.get_interval_s("speed_lag") == slow.get_interval_s("gnss_latency") == pytest.approx(0.1)
 
 
 def test_only_channels_that_an_effect_reaches_are_made_anew(residual_model: ResidualModel) -> None:
@@ -171,3 +187,26 @@ def test_residuals_of_a_true_model_are_of_size_one_and_a_wrong_one_adds_to_them(
     true, wrong = (residual_model.compute_residuals(settings)[:rows] for settings in ({}, OFFSET))
     assert true.std() == pytest.approx(1.0, abs=0.15)
     assert float(wrong @ wrong) > float(true @ true) + 100.0
+
+
+def test_a_slow_command_may_have_changed_at_any_time_between_its_readings(residual_model: ResidualModel) -> None:
+    """Wheel angles count less as far from a change as it may have come, not only in the half second beside it."""
+    times = []
+    for every in (1, 20):
+        segments = []
+        for segment in residual_model.dataset.segments:
+            readings = np.arange(segment.rows) % every == 0
+            command = np.interp(segment.time, segment.time[readings], (segment.time[readings] > 12.0) * 0.2)
+            grid = np.interp(segment.steps_s, segment.time, command)
+            rows = {"command": readings} if every > 1 else {}
+            driven = replace(segment, command=command, grids=segment.grids | {"command": grid}, measured_rows=rows)
+            states = replay_segment(residual_model.rig, driven, {}, from_sensor=False, from_speed=False)
+            wheel = np.interp(segment.time, segment.steps_s, states[:, STEERING_COLUMN])
+            segments.append(replace(driven, wheel=wheel))
+        dataset = replace(residual_model.dataset, segments=tuple(segments))
+        channel = build_channels(dataset, residual_model.rig, {})[0][0]
+        assert channel is not None
+        time = residual_model.dataset.segments[0].time
+        times.append(time[(channel.sigma > 2.0 * channel.sigma.min()) & (time > 5.0)])
+    (fast, slow) = times
+    assert fast.min() > 11.0 and fast.max() < 14.0 and slow.min() < 10.5 and slow.max() > fast.max() + 1.0

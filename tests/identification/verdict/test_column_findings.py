@@ -76,6 +76,17 @@ def test_each_held_column_of_the_receiver_is_told(
         assert one.stale_share == pytest.approx(1.0 - 1.0 / holds[name], abs=0.05)
 
 
+def test_how_often_a_column_is_read_is_told_by_the_logs_in_which_it_changes() -> None:
+    """On lines a command hardly changes, which says little of how often it was read."""
+    frames = clean_frames()
+    held = {name: hold(frame, ("steering_deg", "steering_command_deg"), 15) for name, frame in frames.items()}
+    for frame in held.values():
+        frame["steering_deg"] = frame["steering_deg"].round(0)
+    logs = mark_stale_columns_of_set([build_log(frame, name) for name, frame in held.items()])
+    told = {one.column: one.hold_s for one in describe_columns(logs, [])}
+    assert told["steering_command"] == pytest.approx(1.5, abs=0.2)
+
+
 def test_a_heading_of_every_row_is_no_held_one() -> None:
     logs = [build_log(frame, name) for name, frame in clean_frames().items()]
     assert describe_columns(mark_stale_columns_of_set(logs), []) == ()

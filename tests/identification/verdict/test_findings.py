@@ -158,6 +158,7 @@ def stub(
     return SimpleNamespace(
         residual_model=SimpleNamespace(
             row_interval_s=row_s,
+            get_interval_s=lambda _: row_s,
             has_measured_wheel_angle=True,
             dataset=SimpleNamespace(seconds=seconds, segments=()),
         ),

@@ -71,7 +71,7 @@ def test_what_is_likely_is_clearly_not_neutral_helps_runs_held_out_and_is_clearl
 ) -> None:
     """The tolerance of an offset is 0.12 degrees, and half as much again has to be reached."""
     case: Any = SimpleNamespace(
-        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1),
+        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1, get_interval_s=lambda _: 0.1),
         tractor=eg105(),
         compute_held_out_gain=lambda name: (gain, (gain, gain)),
         main_terms={"steering_offset": ModelTerm(get_parameters("steering_offset"), np.array([at]))},
@@ -89,7 +89,7 @@ def test_what_is_likely_of_the_steering_shows_at_the_wheel_harms_no_path_and_is_
     at: float, worth: float, gain: float, likely: bool
 ) -> None:
     case: Any = SimpleNamespace(
-        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1),
+        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1, get_interval_s=lambda _: 0.1),
         tractor=eg105(),
         compute_gain_where_visible=lambda name: worth,
         compute_held_out_gain=lambda name: (gain, (gain, gain)),
@@ -109,7 +109,7 @@ def test_what_the_residuals_show_surely_need_be_no_larger_than_a_name_and_may_co
 ) -> None:
     """The tolerance of an offset is 0.12 degrees."""
     case: Any = SimpleNamespace(
-        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1),
+        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1, get_interval_s=lambda _: 0.1),
         tractor=eg105(),
         compute_held_out_gain=lambda name: (gain, (gain, gain)),
         main_terms={"steering_offset": ModelTerm(get_parameters("steering_offset"), np.array([at]))},
@@ -126,7 +126,7 @@ def test_the_path_speaks_against_a_sure_cause_of_the_steering_where_runs_agree(
 ) -> None:
     """The tolerance of a dead band is 0.25 degrees, a tenth of a degree is neutral."""
     case: Any = SimpleNamespace(
-        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1),
+        residual_model=SimpleNamespace(has_measured_wheel_angle=True, row_interval_s=0.1, get_interval_s=lambda _: 0.1),
         tractor=eg105(),
         compute_gain_where_visible=lambda name: wheel,
         compute_held_out_gain=lambda name: (-5.0, (-12.0, at_best)),

@@ -35,7 +35,7 @@ def build_case() -> Any:
     return SimpleNamespace(
         tractor=load_tractor("eg105"),
         extension=SimpleNamespace(term_ids=frozenset(), terms=()),
-        residual_model=SimpleNamespace(row_interval_s=0.1),
+        residual_model=SimpleNamespace(row_interval_s=0.1, get_interval_s=lambda _: 0.1),
         final_errors=np.zeros(1),
     )
 

@@ -254,7 +254,7 @@ def is_significant_alone(residual_model: ResidualModel, fit: EffectFit, name: st
     parameters, coordinates = next(part for part in fit.parts if part[0].id == name)
     neutral, finest = (
         np.array(parameters.neutral),
-        find_finest_size(residual_model.rig.tractor, name, residual_model.row_interval_s),
+        find_finest_size(residual_model.rig.tractor, name, residual_model.get_interval_s(name)),
     )
     for other_name in fit.settings:
         if (

@@ -162,7 +162,7 @@ def list_nameable_parts(residual_model: ResidualModel, fit: EffectFit, tractor: 
         parameters.id
         for parameters, coordinates in fit.parts
         if parameters.compute_deviation(coordinates)
-        > find_finest_size(tractor, parameters.id, residual_model.row_interval_s)
+        > find_finest_size(tractor, parameters.id, residual_model.get_interval_s(parameters.id))
         and _compute_sigmas_from_neutral(parameters, coordinates, covariance, fit.find_columns(parameters.id))
         > CLEAR_SIGMAS
     ]

@@ -66,7 +66,27 @@ def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
         if holds:
             hold_s = float(np.median(holds))
             marked_logs = [_mark_like_others(log, name, hold_s) for log in marked_logs]
-    return marked_logs
+    return [_share_readings(log, marked) for log, marked in zip(logs, marked_logs, strict=True)]
+
+
+def _share_readings(log: Log, marked: Log) -> Log:
+    """Mark a held command of the log where the wheel angle was measured, if the two were logged together.
+
+    Noise of the wheel angle shows every reading, also those of a command that stands still.
+    """
+    wheel_rows, command = marked.measured_rows.get("steering_deg"), log.steering_command_deg
+    if wheel_rows is None or command is None or "steering_command_deg" not in marked.measured_rows:
+        return marked
+    rows = np.flatnonzero(log.used)
+    changed = rows[1:][np.diff(command[rows]) != 0.0]
+    if not len(changed) or float(np.mean(wheel_rows[changed])) < _SAME_KNOTS_SHARE:
+        return marked
+    readings = wheel_rows.copy()
+    readings[changed] = True
+    knots = np.flatnonzero(readings[rows])
+    drawn = _draw_lines(command, log.time_s[rows], rows, knots)
+    measured_rows = {**marked.measured_rows, "steering_command_deg": readings}
+    return replace(marked, measured_rows=measured_rows, steering_command_deg=drawn)
 
 
 def _mark_like_others(log: Log, name: str, hold_s: float) -> Log:
@@ -178,29 +198,38 @@ def _find_bends(time: Array, values: Array) -> Rows:
 
 
 def _is_command_stale(log: Log, rows: Rows, knots: Rows, measured: dict[str, Mask], changed: dict[str, Any]) -> bool:
-    """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does."""
+    """Whether a held command was only logged late: with the wheel angle, or because the wheels move before it does.
+
+    A slower wheel angle shows that as well, in the rows in which it was measured.
+    """
     wheel = changed.get("steering_deg", log.steering_deg)
     if wheel is None or log.steering_command_deg is None:
         return False
+    shown = np.ones(len(rows), dtype=np.bool_)
     if "steering_deg" in measured:
-        return float(np.mean(measured["steering_deg"][rows[knots]])) >= _SAME_KNOTS_SHARE
+        shown = measured["steering_deg"][rows]
+        if float(np.mean(shown[knots])) >= _SAME_KNOTS_SHARE:
+            return True
     time, command = log.time_s[rows], log.steering_command_deg[rows]
-    drawn = np.interp(time, time[knots], command[knots])
-    return _measure_misfit(time, drawn, wheel[rows]) < _BETTER_SHARE * _measure_misfit(time, command, wheel[rows])
+    shown = shown & (time >= time[0] + _LAGS_S[-1])
+    if np.count_nonzero(shown) < _FEWEST_KNOTS:
+        return False
+    drawn, readings = np.interp(time, time[knots], command[knots]), (time[shown], wheel[rows][shown])
+    return _measure_misfit(time, drawn, *readings) < _BETTER_SHARE * _measure_misfit(time, command, *readings)
 
 
-def _measure_misfit(time: Array, command: Array, wheel: Array) -> float:
-    """Return the least variance of a wheel angle (k,) that a delayed and low-passed command leaves."""
-    grid = np.arange(time[0], time[-1], _LAGS_S[1])
-    angle, left = np.interp(grid, time, wheel), np.inf
+def _measure_misfit(time: Array, command: Array, shown_s: Array, angle: Array) -> float:
+    """Return the least variance of wheel angles (j,) measured at `shown_s` (j, s) that a delayed and low-passed command
+    (k,) leaves."""
+    grid, left = np.arange(time[0], time[-1], _LAGS_S[1]), np.inf
     held = command[np.minimum(np.searchsorted(time, grid, side="right") - 1, len(time) - 1)]
     for filter_s in _FILTERS_S:
         share = 1.0 - np.exp(-_LAGS_S[1] / filter_s) if filter_s > 0.0 else 1.0
         smoothed = _smooth_values(held, share)
-        for lag in range(len(_LAGS_S)):
-            late, seen = smoothed[: len(grid) - lag], angle[lag:]
-            slope, level = np.polyfit(late, seen, 1) if float(np.ptp(late)) > 0.0 else (0.0, float(seen.mean()))
-            left = min(left, float(np.var(seen - slope * late - level)))
+        for lag_s in _LAGS_S:
+            late = np.interp(shown_s - lag_s, grid, smoothed)
+            slope, level = np.polyfit(late, angle, 1) if float(np.ptp(late)) > 0.0 else (0.0, float(angle.mean()))
+            left = min(left, float(np.var(angle - slope * late - level)))
     return left
 
 

@@ -99,7 +99,7 @@ def list_targets(residual_model: ResidualModel, fit: EffectFit) -> list[LawTarge
         if not np.isfinite(value):
             continue
         per_step = _compute_unit_per_coordinate(parameters, at) if name in parts else 1.0
-        finest = find_finest_size(tractor, name, residual_model.row_interval_s)
+        finest = find_finest_size(tractor, name, residual_model.get_interval_s(name))
         if finest <= 0.0:
             continue  # a limit has no small size of which laws could be multiples
         targets.append(LawTarget(name, value, finest, per_step, name in parts))

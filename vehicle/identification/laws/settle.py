@@ -80,8 +80,11 @@ def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) ->
         parts = (*parts, (parameters, np.array(parameters.neutral)))
     settled = _fit_with_law(selection, outcome.base_fit, parts, found)
     settled, score = _refine_law(drop_superfluous(settled), found)
-    assert isinstance(settled.residual_model, LawResidualModel)
-    if is_shadow_of_covariates(settled) or is_contradicted_by_headings(settled.residual_model, settled.fit.settings):
+    model = settled.residual_model
+    is_in_headings = not isinstance(model, LawResidualModel) or not is_contradicted_by_headings(
+        model, settled.fit.settings
+    )
+    if is_shadow_of_covariates(settled) or not is_in_headings:
         return LawSelection(selection, (), outcome)
     slack = LOOK_ALIKE_LOSS + LOOK_ALIKE_SHARE * found.score.gain
     competitors = tuple(name for name in STAND_INS if name in selection.effect_ids)

@@ -140,7 +140,7 @@ def is_beyond_tolerance(loop: OpenLoopErrors, term: ModelTerm, times: float = 1.
         return True
     tractor = residual_model.rig.tractor
     return term.parameters.compute_deviation(term.coordinates) > times * find_finest_size(
-        tractor, name, residual_model.row_interval_s
+        tractor, name, residual_model.get_interval_s(name)
     )
 
 

@@ -240,7 +240,9 @@ def get_tolerance(residual_model: ResidualModel, term: ModelTerm) -> float:
     return (
         0.0
         if term.parameters.id in TERMS_BY_NAME
-        else find_finest_size(residual_model.rig.tractor, term.parameters.id, residual_model.row_interval_s)
+        else find_finest_size(
+            residual_model.rig.tractor, term.parameters.id, residual_model.get_interval_s(term.parameters.id)
+        )
     )
 
 
@@ -253,10 +255,10 @@ def _compute_open_loop_uncertainty(residual_model: ResidualModel, term: ModelTer
 def compute_shared_error(residual_model: ResidualModel, term: ModelTerm, open_loop: bool = False) -> float:
     """Return the error (95 %) of a value that all runs share, however small its scatter.
 
-    Commands take effect somewhere between two rows, and drive lines differ. The way a steering valve stops and starts
-    differs between makes, and noise of the wheel sensor pushes a play from both sides. Other differences between
-    tractors are part of the fit to the residuals and leave a share of the tolerance; the open-loop error does not
-    contain them.
+    Commands take effect somewhere between two rows in which they were measured, and drive lines differ. The way a
+    steering valve stops and starts differs between makes, and noise of the wheel sensor pushes a play from both sides.
+    Other differences between tractors are part of the fit to the residuals and leave a share of the tolerance; the
+    open-loop error does not contain them.
     """
     if term.parameters.id in TERMS_BY_NAME:
         return 0.0
@@ -266,7 +268,7 @@ def compute_shared_error(residual_model: ResidualModel, term: ModelTerm, open_lo
         return INTERVAL_SIGMAS * SENSOR_TIMING_S * (1.0 if open_loop else 1.0 / math.sqrt(3.0))
     if entry.size.unit == "s":
         sigma = DRIVE_LINE_S if entry.block == SPEED else TIMING_S
-        return INTERVAL_SIGMAS * math.hypot(sigma, residual_model.row_interval_s / math.sqrt(12.0))
+        return INTERVAL_SIGMAS * math.hypot(sigma, residual_model.get_interval_s(entry.id) / math.sqrt(12.0))
     is_whole_tolerance = open_loop or entry.block == STEERING or STEERING_SPEED in entry.plot
     return get_tolerance(residual_model, term) * (1.0 if is_whole_tolerance else TOLERANCE_SHARE)
 

@@ -378,23 +378,39 @@ def _build_segment(
 def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:
     """Return the rows of a segment in which its slower columns were measured, or the next ones with a position.
 
-    A wheel angle is compared with commands, so it counts (`wheel`) where those were measured as well; `angle` are the
+    A wheel angle is compared with commands, so it counts (`wheel`) in the rows of find_compared_rows; `angle` are the
     rows in which it was measured itself.
     """
-    names = {
-        "wheel": ("steering_deg", "steering_command_deg"),
-        "angle": ("steering_deg",),
-        "command": ("steering_command_deg",),
-        "speed": ("speed_mps",),
-    }
-    positions = np.arange(len(rows))[fresh]
-    out = {}
-    for name, columns in names.items():
-        masks = [log.measured_rows[column][rows] for column in columns if column in log.measured_rows]
-        if masks:
-            next_rows = np.searchsorted(positions, np.flatnonzero(np.logical_and.reduce(masks)))
-            out[name] = np.zeros(len(positions), dtype=np.bool_)
-            out[name][next_rows[next_rows < len(positions)]] = True
+    names = {"angle": "steering_deg", "command": "steering_command_deg", "speed": "speed_mps"}
+    measured = {name: log.measured_rows[column][rows] for name, column in names.items() if column in log.measured_rows}
+    if ("angle" in measured or "command" in measured) and log.steering_command_deg is not None:
+        all_rows = np.ones(len(rows), dtype=np.bool_)
+        measured["wheel"] = find_compared_rows(
+            measured.get("angle", all_rows), measured.get("command", all_rows), log.steering_command_deg[rows]
+        )
+    positions, out = np.arange(len(rows))[fresh], {}
+    for name, mask in measured.items():
+        next_rows = np.searchsorted(positions, np.flatnonzero(mask))
+        out[name] = np.zeros(len(positions), dtype=np.bool_)
+        out[name][next_rows[next_rows < len(positions)]] = True
+    return out
+
+
+def find_compared_rows(angle: Mask, commanded: Mask, command: Array) -> Mask:
+    """Return the rows (k,) in which a wheel angle says something of its own about the commands (k,), from the rows in
+    which either was measured.
+
+    That is every angle while the command stands still, and the last one between two that differ: all of those depend on
+    the same guess of what was commanded in between.
+    """
+    rows, knots = np.flatnonzero(angle), np.flatnonzero(commanded)
+    next_knots = np.searchsorted(knots, rows)
+    is_known = (next_knots > 0) & (next_knots < len(knots))
+    before, after = (knots[np.clip(next_knots + shift, 0, len(knots) - 1)] for shift in (-1, 0))
+    is_still = is_known & ((command[before] == command[after]) | (after - before == 1))
+    is_last = np.append(np.diff(next_knots) > 0, True) & (is_known | np.isin(rows, knots))
+    out = np.zeros(len(angle), dtype=np.bool_)
+    out[rows[is_still | is_last]] = True
     return out
 
 

@@ -56,12 +56,13 @@ class NoiseLevels:
 
 @compile_function
 def compute_kalman_gains(  # type: ignore[no-untyped-def]
-    time, reference, ahead, aside, lever_ahead, lever_aside, noise, unknown_turns, gains, roots
+    time, reference, ahead, aside, lever_ahead, lever_aside, noise, unknown_turns, axle_behind, gains, roots
 ) -> None:
     """Compute Kalman gains (k, 7, 3) and inverse Cholesky roots (k, 3, 3) of the innovation covariance.
 
     `ahead`, `aside` (k - 1,) are simulated displacements between rows in the tractor's frame, `noise` (6,) the fields
-    of NoiseLevels in order, `unknown_turns` (k - 1,) variances (rad2) of simulated turns whose wheel angle is a guess.
+    of NoiseLevels in order, `unknown_turns` (k - 1,) variances (rad2) of simulated turns whose wheel angle is a guess;
+    they are about the rear axle, so far behind the centre of mass (m).
     """
     cov = _make_first_covariance(noise)
     cross_cov, root, innovation_cov = (
@@ -107,7 +108,17 @@ def compute_kalman_gains(  # type: ignore[no-untyped-def]
         if k + 1 == len(time):
             break
         _propagate_covariance(cov, ahead[k], aside[k], cosine, sine, time[k + 1] - time[k], noise)
+        pushed_east, pushed_north = -axle_behind * sine, axle_behind * cosine  # by a turn of 1 rad
+        cov[0, 0] += pushed_east * pushed_east * unknown_turns[k]
+        cov[1, 1] += pushed_north * pushed_north * unknown_turns[k]
         cov[2, 2] += unknown_turns[k]
+        for i, j, product in (
+            (0, 1, pushed_east * pushed_north),
+            (0, 2, pushed_east),
+            (1, 2, pushed_north),
+        ):
+            cov[i, j] += product * unknown_turns[k]
+            cov[j, i] += product * unknown_turns[k]
 
 
 @compile_function

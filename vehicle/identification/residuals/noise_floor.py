@@ -21,11 +21,18 @@ from vehicle.identification.replay.horizon_errors import (
 )
 from vehicle.identification.replay.rig import ReplayRig, replay_segment, simulate_logged_values
 from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, X_COLUMN, Y_COLUMN
-from vehicle.identification.residuals.innovations import DRIFT_MEMORY_S, SOIL_MEMORY_S, NoiseLevels
-from vehicle.identification.residuals.noise_weights import estimate_unknown_turns
+from vehicle.identification.residuals.innovations import (
+    DRIFT_MEMORY_S,
+    SOIL_MEMORY_S,
+    NoiseLevels,
+    simulate_segment_increments,
+)
 from vehicle.identification.residuals.residual_model import ResidualModel
+from vehicle.identification.residuals.unknown_turns import COMMAND_FIRST, estimate_unknown_turns
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
+
+_SAME_GAP_SHARE = 1e-9  # of a variance per second: rows of one gap differ by rounding alone
 
 
 def add_instrument_noise(
@@ -130,7 +137,7 @@ def _simulate_noisy_segment(
         grids[name] = np.interp(grid, segment.time, simulated + scatter)
     noisy_segment = replace(segment, grids=grids, wheel=simulated_columns[2])
     states = replay_segment(residual_model.rig, noisy_segment, settings, True, True)
-    turns = np.interp(grid, segment.time, _draw_unknown_turns(turn_variances, rng))
+    turns = np.interp(grid, segment.time, _draw_unknown_turns(turn_variances, np.diff(segment.time), rng))
     states = add_soil_noise(residual_model.noise, states, rng, turns)
     return add_instrument_noise(residual_model.rig, residual_model.noise, segment, states, settings, rng)[0]
 
@@ -138,12 +145,35 @@ def _simulate_noisy_segment(
 def _estimate_unknown_turns(residual_model: ResidualModel, settings: Mapping[int, Settings]) -> list[Array]:
     """Return the variances (k - 1,) of turns for lack of commands, or of wheel angles without any, per segment."""
     dataset, rig = residual_model.dataset, residual_model.rig
+    if not any(segment.measured_rows for segment in dataset.segments):
+        return [np.zeros(segment.rows - 1) for segment in dataset.segments]
     turned = [np.diff(simulate_instruments(rig, segment, settings[segment.run])[1]) for segment in dataset.segments]
-    return estimate_unknown_turns(dataset, turned, residual_model.noise, ("command", "angle"))
+    obeyed = [
+        simulate_segment_increments(rig, _obey_commands(segment), settings[segment.run]).turned
+        for segment in dataset.segments
+    ]
+    return estimate_unknown_turns(dataset, turned, residual_model.noise, COMMAND_FIRST, obeyed)
 
 
-def _draw_unknown_turns(variances: Array, rng: np.random.Generator) -> Array:
-    """Draw the sums (k,) of turns with these variances (k - 1, rad2)."""
+def _obey_commands(segment: DriveSegment) -> DriveSegment:
+    """Return the segment with wheels that are at once where they are commanded; as it is without commands."""
+    if segment.command is None:
+        return segment
+    grids = {**segment.grids, "wheel": segment.grids["command"]}
+    return replace(segment, grids=grids, wheel=segment.command, logged_wheel=None)
+
+
+def _draw_unknown_turns(variances: Array, steps_s: Array, rng: np.random.Generator) -> Array:
+    """Draw the sums (k,) of turns with these variances (k - 1, rad2) in rows of so many seconds (k - 1).
+
+    Each gap between two readings, in which the variance grows evenly, turns by its standard deviation to a side that is
+    drawn: of the few large gaps of a run, sizes drawn as well would make the floor a matter of luck.
+    """
     if not variances.any():
         return np.zeros(len(variances) + 1)
-    return np.append(0.0, np.cumsum(np.sqrt(variances) * rng.standard_normal(len(variances))))
+    per_second = variances / steps_s
+    begins = np.abs(np.diff(per_second, prepend=-1.0)) > _SAME_GAP_SHARE * per_second
+    gaps = np.cumsum(begins) - 1
+    sums, seconds = np.bincount(gaps, variances), np.bincount(gaps, steps_s)
+    turns = np.where(rng.random(len(sums)) < 0.5, -1.0, 1.0) * np.sqrt(sums)
+    return np.append(0.0, np.cumsum(turns[gaps] / seconds[gaps] * steps_s))

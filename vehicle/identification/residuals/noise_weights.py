@@ -11,11 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.logs.schema import Array, Mask, Rows
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
 from vehicle.identification.replay.rig import (
     ReplayRig,
@@ -26,11 +25,16 @@ from vehicle.identification.replay.rig import (
 )
 from vehicle.identification.replay.state_cache import FORWARD_COLUMN
 from vehicle.identification.residuals.innovations import (
-    SOIL_MEMORY_S,
     NoiseLevels,
     compute_kalman_gains,
     compute_noise_persistence,
     simulate_segment_increments,
+)
+from vehicle.identification.residuals.unknown_turns import (
+    ANGLE_FIRST,
+    compute_integrated_variance,
+    compute_most_unknown_turns,
+    estimate_unknown_turns,
 )
 from vehicle.identification.thresholds import (
     DRIVE_LINE_S,
@@ -48,7 +52,7 @@ from vehicle.model.tractor import Settings
 
 DIFFERENCE_SPANS_S = (1.0, 2.0, 4.0)  # longer than the memory of the soil, shorter than any steady cause
 DROWNED_SHARE = 0.6  # chosen, of the spread of second differences: with more instrument noise the remainder says little
-LEAST_UNKNOWN_SHARE = 0.02  # chosen, of the variance of steps: between measured angles nothing is known exactly
+MOST_UNKNOWN_SHARE = 0.25  # chosen, of the spread: the soil is seen while little else may have turned the tractor
 FEWEST_DIFFERENCES = 30  # second differences: with fewer, the median deviation is off by a fifth or more
 
 
@@ -96,13 +100,17 @@ def estimate_soil_and_speed_noise(
 
     Without a measured heading the soil is not changed. The least of three spans counts: disturbances with the period of
     one span drop out of another. Where the instruments make up most of the spread, the remainder is only the error of
-    their own noise.
+    their own noise. What a slow column leaves unknown between its rows is no soil, which is seen while wheels are
+    steady.
     """
     deviations = [_measure_deviation(rig, segment, settings) for segment in dataset.segments]
+    unknown_turns = compute_most_unknown_turns(
+        dataset, [deviation.simulated_turns for deviation in deviations], ANGLE_FIRST
+    )
     span_estimates = [
         estimate
         for span in DIFFERENCE_SPANS_S
-        if (estimate := _estimate_at_span(dataset, deviations, noise, span)) is not None
+        if (estimate := _estimate_at_span(dataset, deviations, noise, span, unknown_turns)) is not None
     ]
     if not span_estimates:
         return noise
@@ -124,12 +132,16 @@ def _select_least(span_estimates: Sequence[SpanEstimate]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _PoseDeviation:
-    """Measured minus simulated pose of a segment, per row (k,): turn (rad), way (m); the pace, and whether it moves."""
+    """Measured minus simulated pose of a segment, per row (k,): turn (rad), way (m); the pace, and whether it moves.
+
+    `simulated_turns` (k - 1, rad) are those between rows.
+    """
 
     turn: Array
     distance: Array
     pace: Array
     moving: Mask
+    simulated_turns: Array
 
 
 def _measure_deviation(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> _PoseDeviation:
@@ -138,18 +150,23 @@ def _measure_deviation(rig: ReplayRig, segment: DriveSegment, settings: Settings
     antenna, heading = simulate_logged_antenna(rig, segment, states, settings)
     pace = np.interp(segment.time, segment.steps_s, np.abs(states[:, FORWARD_COLUMN]))
     moving = pace > 0.3 * max(float(np.median(pace)), 0.05)
-    return _PoseDeviation(segment.heading - heading, _compute_along_path_lead(segment, antenna, heading), pace, moving)
+    lead = _compute_along_path_lead(segment, antenna, heading)
+    return _PoseDeviation(segment.heading - heading, lead, pace, moving, np.diff(heading))
 
 
 def _estimate_at_span(
-    dataset: DriveDataset, deviations: Sequence[_PoseDeviation], noise: NoiseLevels, span: float
+    dataset: DriveDataset,
+    deviations: Sequence[_PoseDeviation],
+    noise: NoiseLevels,
+    span: float,
+    unknown_turns: Sequence[Array],
 ) -> tuple[SpanEstimate | None, SpanEstimate] | None:
     """Estimate soil (rad per metre) and scatter along the path at one span; None with too few second differences.
 
     A heading derived from positions has their noise and shows no soil.
     """
-    turn_differences, distance_differences, speeds = [], [], []
-    for segment, deviation in zip(dataset.segments, deviations, strict=True):
+    turn_differences, distance_differences, speeds, unknown = [], [], [], []
+    for segment, deviation, variances in zip(dataset.segments, deviations, unknown_turns, strict=True):
         if segment.time[-1] < 4.0 * span:
             continue
         differences, keep = _compute_second_differences(segment, deviation.distance, deviation.moving, span)
@@ -158,17 +175,18 @@ def _estimate_at_span(
             turn_differences.append(
                 _compute_second_differences(segment, deviation.turn, deviation.moving, span)[0][keep]
             )
-            speeds.append(
-                np.interp(np.arange(len(differences)) * 0.25 * span + span, segment.time, deviation.pace)[keep]
-            )
+            middles = np.arange(len(differences)) * 0.25 * span + span
+            speeds.append(np.interp(middles, segment.time, deviation.pace)[keep])
+            summed = np.append(0.0, np.cumsum(variances))
+            before, after = (np.interp(middles + side * span, segment.time, summed) for side in (-1.0, 1.0))
+            unknown.append((after - before)[keep])
     if sum(map(len, distance_differences)) < FEWEST_DIFFERENCES:
         return None
     distance_estimate = _estimate_distance_scatter(np.concatenate(distance_differences), noise.position, span)
     if sum(map(len, turn_differences)) < FEWEST_DIFFERENCES:
         return None, distance_estimate
-    return _estimate_soil(
-        np.concatenate(turn_differences), np.concatenate(speeds), noise.heading, span
-    ), distance_estimate
+    turns = np.concatenate(turn_differences), np.concatenate(unknown)
+    return _estimate_soil(*turns, np.concatenate(speeds), noise.heading, span), distance_estimate
 
 
 def _compute_second_differences(segment: DriveSegment, values: Array, moving: Mask, span: float) -> tuple[Array, Mask]:
@@ -193,12 +211,14 @@ def _compute_along_path_lead(segment: DriveSegment, antenna: Array, heading: Arr
     return out
 
 
-def _estimate_soil(turn: Array, pace: Array, heading_noise: float, span: float) -> SpanEstimate:
+def _estimate_soil(turn: Array, unknown: Array, pace: Array, heading_noise: float, span: float) -> SpanEstimate:
     """Return the soil (rad per metre) whose coloured disturbance has the measured spread of second differences at these
-    paces."""
+    paces; those with `unknown` variances (rad2) of turns that matter do not count."""
+    known = _find_known_turns(turn, unknown)
+    turn, pace = turn[known], pace[known]
     total_variance, instrument = _compute_robust_sigma(turn) ** 2, 6.0 * min(heading_noise, 1.0) ** 2
     spread = total_variance - instrument
-    variance_once, variance_twice = _compute_integrated_variance(span), _compute_integrated_variance(2.0 * span)
+    variance_once, variance_twice = compute_integrated_variance(span), compute_integrated_variance(2.0 * span)
     # Var(second difference) = 2 V(T) - 2 C with C = (V(2 T) - 2 V(T)) / 2 the covariance of neighbouring spans.
     unit = 2.0 * variance_once - (variance_twice - 2.0 * variance_once)
     soil = math.sqrt(max(spread, 0.0) / (unit * float(np.mean(pace**2)) + 1e-12))
@@ -207,10 +227,18 @@ def _estimate_soil(turn: Array, pace: Array, heading_noise: float, span: float) 
     )
 
 
-def _compute_integrated_variance(span: float) -> float:
-    """Variance of the integral of unit noise with a memory over a span: 2 m^2 (T / m - 1 + exp(-T / m))."""
-    memory = SOIL_MEMORY_S
-    return 2.0 * memory * memory * (span / memory - 1.0 + math.exp(-span / memory))
+def _find_known_turns(turn: Array, unknown: Array) -> Rows:
+    """Return the second differences (k,) whose unknown variances (k, rad2) are a small share of their spread, or those
+    of which most is known, where these are few."""
+    order = np.argsort(unknown, kind="stable")
+    count = len(order)
+    while count > FEWEST_DIFFERENCES:
+        limit = MOST_UNKNOWN_SHARE * _compute_robust_sigma(turn[order[:count]]) ** 2
+        fewer = max(int(np.searchsorted(unknown[order[:count]], limit, side="right")), FEWEST_DIFFERENCES)
+        if fewer == count:
+            break
+        count = fewer
+    return np.sort(order[:count])
 
 
 def _estimate_distance_scatter(differences: Array, position_noise: float, span: float) -> SpanEstimate:
@@ -274,7 +302,7 @@ def build_filters(
     lever = compute_antenna_lever(rig, compute_effect_fields(settings))
     path_filters = []
     moves = [simulate_segment_increments(rig, segment, settings) for segment in dataset.segments]
-    turns = estimate_unknown_turns(dataset, [move.turned for move in moves], noise, ("angle", "command"))
+    turns = estimate_unknown_turns(dataset, [move.turned for move in moves], noise, ANGLE_FIRST)
     for segment, increments, unknown_turns in zip(dataset.segments, moves, turns, strict=True):
         gains, roots = np.empty((segment.rows, 7, 3)), np.empty((segment.rows, 3, 3))
         compute_kalman_gains(
@@ -285,59 +313,13 @@ def build_filters(
             *lever,
             convert_noise_to_array(noise, segment.heading_measured),
             unknown_turns,
+            rig.tractor.rear_axle_m,
             gains,
             roots,
         )
         memory_shares = compute_noise_persistence(segment.time)
         path_filters.append(PathFilter(gains, roots, lever, memory_shares, unknown_turns))
     return tuple(path_filters)
-
-
-def estimate_unknown_turns(
-    dataset: DriveDataset, turned: Sequence[Array], noise: NoiseLevels, columns: tuple[str, str]
-) -> list[Array]:
-    """Return the variances (k - 1, rad2) of turns between rows for lack of a measured steering angle, per segment.
-
-    The turns were simulated with the first of the `columns` (angle or command) that a segment has. Those of
-    compute_unknown_turns hold for wheels that move in steps; where measured headings are nearer to the simulated turns
-    (k - 1, rad), the wheels move more evenly, and all variances are less by one factor.
-    """
-    gaps = [_list_gaps(segment, columns) for segment in dataset.segments]
-    variances = [compute_unknown_turns(*each) for each in zip(dataset.segments, turned, gaps, strict=True)]
-    most = sum(float(part.sum()) for part in variances)
-    if most == 0.0 or not all(segment.heading_measured for segment in dataset.segments):
-        return variances
-    squares = 0.0
-    for segment, turns, part, pairs in zip(dataset.segments, turned, variances, gaps, strict=True):
-        for first, last in pairs:
-            if part[first] > 0.0:
-                missed = segment.heading[last] - segment.heading[first] - float(turns[first:last].sum())
-                squares += min(missed**2, OUTLIER_SIGMAS**2 * float(part[first:last].sum())) - 2.0 * noise.heading**2
-    share = min(max(squares / most, LEAST_UNKNOWN_SHARE), 1.0)
-    return [share * part for part in variances]
-
-
-def compute_unknown_turns(segment: DriveSegment, turned: Array, gaps: Sequence[tuple[int, int]]) -> Array:
-    """Return the variance (k - 1, rad2) of simulated turns (k - 1, rad) between rows for lack of a steering angle in
-    gaps, pairs of rows in which it was measured.
-
-    Between two measured angles the wheels are taken to move evenly, and may have moved at once at any time: a turn of
-    rates that differ by r over T s is off by r T / sqrt(12), the standard deviation of a uniform distribution.
-    """
-    out, steps = np.zeros(len(turned)), np.diff(segment.time)
-    rates = turned / steps
-    for first, last in gaps:
-        change = rates[min(last, len(rates) - 1)] - rates[first]
-        out[first:last] = change**2 * (segment.time[last] - segment.time[first]) * steps[first:last] / 12.0
-    return out
-
-
-def _list_gaps(segment: DriveSegment, columns: tuple[str, str]) -> list[tuple[int, int]]:
-    """Return pairs of rows with a measured steering angle, and rows without one in between."""
-    has_column = {"angle": segment.wheel is not None, "command": segment.command is not None}
-    measured = segment.measured_rows.get(columns[0] if has_column[columns[0]] else columns[1])
-    knots = np.arange(segment.rows) if measured is None else np.flatnonzero(measured)
-    return [(int(first), int(last)) for first, last in pairwise(knots) if last > first + 1]
 
 
 def convert_noise_to_array(noise: NoiseLevels, heading_measured: bool) -> Array:
@@ -356,11 +338,12 @@ def build_channels(
     for segment in dataset.segments:
         states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=False)
         _, _, angle, pace = simulate_logged_values(rig, segment, states, settings)
-        jitter = TIMING_S + _measure_command_interval(segment) / np.sqrt(12.0)
+        interval_s = measure_command_interval(segment)
+        jitter, reach_s = TIMING_S + interval_s / np.sqrt(12.0), max(0.5, interval_s)
         wheel.append(
             _ChannelErrors(
                 segment.wheel - angle,
-                jitter * _compute_largest_rate(segment.time, angle),
+                jitter * _compute_largest_rate(segment.time, angle, reach_s),
                 segment.measured_rows.get("wheel"),
             )
             if segment.wheel is not None and segment.command is not None
@@ -391,16 +374,20 @@ class _ChannelErrors:
         return values if self.measured is None else values[self.measured]
 
 
-def _measure_command_interval(segment: DriveSegment) -> float:
-    """Return the median time (s) between rows with a measured command."""
-    measured = segment.measured_rows.get("command", np.ones(segment.rows, dtype=np.bool_))
-    return float(np.median(np.diff(segment.time[measured] if np.count_nonzero(measured) > 1 else segment.time)))
+def measure_command_interval(segment: DriveSegment) -> float:
+    """Return the median time (s) between rows with a measured command, of a slow one between those that differ."""
+    measured = segment.measured_rows.get("command")
+    if measured is None or segment.command is None:
+        return float(np.median(np.diff(segment.time)))
+    knots = np.flatnonzero(measured)
+    changes = np.diff(segment.time[knots])[np.diff(segment.command[knots]) != 0.0]
+    return float(np.median(changes if len(changes) else np.diff(segment.time)))
 
 
-def _compute_largest_rate(time: Array, values: Array) -> Array:
-    """Return the largest rate within half a second of each row."""
+def _compute_largest_rate(time: Array, values: Array, reach_s: float = 0.5) -> Array:
+    """Return the largest rate within so many seconds of each row."""
     rate = np.abs(np.gradient(values, time))
-    width = max(1, round(0.5 / float(np.median(np.diff(time)))))
+    width = max(1, round(reach_s / float(np.median(np.diff(time)))))
     padded = np.pad(rate, width, mode="edge")
     out: Array = np.lib.stride_tricks.sliding_window_view(padded, 2 * width + 1).max(axis=1)
     return out

@@ -45,8 +45,9 @@ from vehicle.identification.residuals.noise_weights import (
     build_channels,
     build_filters,
     estimate_first_noise,
+    measure_command_interval,
 )
-from vehicle.model.effects import PATH, POSITION, SPEED, STEERING, compute_effect_fields
+from vehicle.model.effects import PATH, POSITION, SPEED, STEERING, compute_effect_fields, get_effect
 from vehicle.model.tractor import Settings
 
 RESIDUAL_BLOCK_S = 10.0  # half a window: soil noise decays within it, a slow cause does not
@@ -204,6 +205,17 @@ class ResidualModel:
     def row_interval_s(self) -> float:
         """Median time between rows (s)."""
         return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.dataset.segments])))
+
+    @cached_property
+    def command_interval_s(self) -> float:
+        """Median time between two rows with a measured steering command (s), of a slow one while it changes."""
+        if not any("command" in segment.measured_rows for segment in self.dataset.segments):
+            return self.row_interval_s
+        return float(np.median([measure_command_interval(segment) for segment in self.dataset.segments]))
+
+    def get_interval_s(self, name: str) -> float:
+        """Return the time (s) within which logs cannot tell when an effect acts: between rows, or between commands."""
+        return self.command_interval_s if get_effect(name).block == STEERING else self.row_interval_s
 
     @cached_property
     def residual_runs(self) -> npt.NDArray[np.int64]:

@@ -213,7 +213,7 @@ def _is_supported(case: DiagnosisCase, entry: Effect) -> bool:
     """Whether the residuals support the effect, beyond its tolerance."""
     if entry.id in case.refused_effects:
         return True
-    tractor, row_s = case.tractor, case.residual_model.row_interval_s
+    tractor, row_s = case.tractor, case.residual_model.get_interval_s(entry.id)
     sizes = [
         parameters.compute_deviation(coordinates)
         for parameters, coordinates in case.fit.parts

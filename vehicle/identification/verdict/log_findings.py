@@ -9,7 +9,6 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from vehicle.identification.columns.staleness import measure_hold
 from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.faults.unlike_runs import RunDifference
 from vehicle.identification.logs.position_jumps import POSITION_JUMP
@@ -125,17 +124,21 @@ def _collect_ages(findings: Sequence[Finding]) -> dict[str, dict[str, tuple[floa
 
 
 def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float, float] | None:
-    """Return medians over the logs of hold, 90 % quantile of the hold (s) and share of stale rows."""
-    holds, having = [], 0
+    """Return median and 90 % quantile of the hold (s) over the readings of all logs, and the share of stale rows.
+
+    A value that stands still in one log says less of how often it was read than those that change in others.
+    """
+    gaps, stale, having = [], [], 0
     for log in logs:
         having += column == "position" or getattr(log, _LOG_COLUMNS[column]) is not None
         measured = _get_measured_rows(log, column)
         if measured is not None and np.count_nonzero(measured & log.used) > 2:
-            holds.append(measure_hold(log.time_s[log.used], measured[log.used]))
-    if not holds or len(holds) < _OFTEN * having:
+            gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
+            stale.append(~measured[log.used])
+    if not gaps or len(gaps) < _OFTEN * having:
         return None
-    hold_s, rare_s, share = np.median(np.array(holds), axis=0)
-    return float(hold_s), float(rare_s), float(share)
+    all_gaps = np.concatenate(gaps)
+    return float(np.median(all_gaps)), float(np.quantile(all_gaps, 0.9)), float(np.mean(np.concatenate(stale)))
 
 
 def _get_measured_rows(log: Log, column: str) -> Mask | None:

@@ -111,7 +111,7 @@ def is_likely(case: DiagnosisCase, name: str, sure_ids: Collection[str] = ()) ->
     ):
         return False
     term, is_sure = case.main_terms[name], name in sure_ids
-    finest = find_finest_size(case.tractor, name, case.residual_model.row_interval_s)
+    finest = find_finest_size(case.tractor, name, case.residual_model.get_interval_s(name))
     if term.parameters.compute_deviation(term.coordinates) <= (1.0 if is_sure else CLEARLY_BEYOND_FACTOR) * finest:
         return False
     of_wheel = get_effect(name).block == STEERING and case.residual_model.has_measured_wheel_angle
@@ -163,7 +163,7 @@ def is_supported_by_residuals(selection: CauseSelection, term: ModelTerm) -> boo
         coordinates = candidate.coordinates if candidate.gain > LEAST_GAIN else neutral_at
     is_same_side = float((coordinates - neutral_at) @ (term.coordinates - neutral_at)) > 0.0
     return is_same_side and parameters.compute_deviation(coordinates) > find_finest_size(
-        residual_model.rig.tractor, parameters.id, residual_model.row_interval_s
+        residual_model.rig.tractor, parameters.id, residual_model.get_interval_s(parameters.id)
     )
 
 
@@ -297,7 +297,7 @@ def find_agreeing_effects(open_loop_fit: OpenLoopFit, tractor: Tractor) -> set[s
         name, neutral = term.parameters.id, np.array(term.parameters.neutral)
         is_same_side = float((free_coordinates[name] - neutral) @ (term.coordinates - neutral)) > 0.0
         if is_same_side and term.parameters.compute_deviation(free_coordinates[name]) > find_finest_size(
-            tractor, name, loop.residual_model.row_interval_s
+            tractor, name, loop.residual_model.get_interval_s(name)
         ):
             agreeing.add(name)
     return agreeing

@@ -49,7 +49,7 @@ def _is_unclear_term(case: DiagnosisCase, name: str) -> bool:
     intervals, term = case.extension.intervals[name], case.main_terms[name]
     if PER_SLOPE in intervals:
         return intervals[PER_SLOPE][0] <= 0.0 <= intervals[PER_SLOPE][1]
-    finest = find_finest_size(case.tractor, name, case.residual_model.row_interval_s)
+    finest = find_finest_size(case.tractor, name, case.residual_model.get_interval_s(name))
     return (
         _holds_neutral(case, name, intervals[get_effect(name).size.name])
         or term.parameters.compute_deviation(term.coordinates) <= finest
@@ -138,7 +138,7 @@ def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
     if finding.id in case.extension.term_ids:
         return _is_unclear_term(case, finding.id)
     size = get_effect(finding.id).size.name
-    finest = find_finest_size(case.tractor, finding.id, case.residual_model.row_interval_s)
+    finest = find_finest_size(case.tractor, finding.id, case.residual_model.get_interval_s(finding.id))
     deviation = abs(finding.value[size] - get_neutral_values(finding.id, case.tractor.steering)[size])
     return deviation <= finest or _holds_neutral(case, finding.id, finding.interval[size])
 
@@ -160,7 +160,7 @@ def _is_hardly_there(finding: Finding, case: DiagnosisCase) -> bool:
         near, far = sorted(abs(end - neutral) for end in ends)
     finest = 0.0
     if key == size:
-        finest = find_finest_size(case.tractor, finding.id, case.residual_model.row_interval_s)
+        finest = find_finest_size(case.tractor, finding.id, case.residual_model.get_interval_s(finding.id))
     return near < NEAR_NEUTRAL_SHARE * finest or far > WIDEST_NAMED_SPAN * near
 
 
