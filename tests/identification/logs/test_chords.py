@@ -53,6 +53,11 @@ def test_columns_that_contradict_each_other_are_refused() -> None:
     wave = 10.0 * np.sin(np.arange(200) / 10.0)
     opposite = log(circle(0.1), steering_deg=wave, steering_command_deg=-wave)
     assert "opposite signs" in refusal(lambda: select_chord_steering(opposite))
+    # Wheels that stood at their commands before they ran to the other end are no other sign.
+    command, wheel = np.full(200, -18.0), np.full(200, 35.0)
+    command[:40], wheel[:40] = -8.0, -8.0
+    ran_away = log(circle(0.1), steering_deg=wheel, steering_command_deg=command)
+    assert (select_chord_steering(ran_away) == wheel).all()
     radians = log(circle(0.1), steering_deg=wave, steering_command_deg=np.radians(wave))
     assert "one is in radians" in refusal(lambda: select_chord_steering(radians))
     assert find_largest_steering(log(joined(circle(0.0), circle(0.1)))) == pytest.approx(10.0)

@@ -89,6 +89,17 @@ def test_a_lost_fix_is_found_at_any_onset(
     assert_one(found(degrade(clean_frames()[name], from_s, to_s, size_m, seed)), "position_lost", from_s, to_s)
 
 
+@pytest.mark.parametrize("name", ["there", "right", "waves"])
+@pytest.mark.parametrize("to_s", [None, 34.0])
+def test_a_fix_that_wanders_smoothly_from_row_to_row_is_lost(name: str, to_s: float | None) -> None:
+    frame, rng = clean_frames()[name].copy(), np.random.default_rng(8)
+    rows = rows_of(frame, 20.0, to_s)
+    for axis in ("easting_m", "northing_m"):
+        knots = rng.normal(0.0, 0.9, len(rows) // 5 + 2)
+        frame.loc[rows, axis] += np.interp(np.arange(len(rows)) / 5.0, np.arange(len(knots)), knots)
+    assert_one(found(frame), "position_lost", 20.0, to_s)
+
+
 def test_a_fault_from_the_first_row_and_one_that_comes_and_goes() -> None:
     frame = clean_frames()["lines"]
     (first,) = found(freeze(frame, POSITION, 0.0, 20.0))

@@ -25,6 +25,7 @@ _LEAST_PACE_MPS = 0.4  # slower, the noise of positions and headings bends the p
 TURN_S = 1.0  # over which curvature is taken
 _COURSE_TURN_S = 2.0  # chosen: the course of the antenna is noisier
 _HOLD_QUANTILE = 0.95
+_HISTORY_S = 8.0  # chosen: until wheels have followed any command
 _SHORTEST_S = 10.0  # chosen, of a segment: shorter ones do not show whether a command is followed
 _MOST_HOLD_S = 20.0  # chosen: columns that change more rarely show no fault
 _FEWEST_BENDS, _LEAST_SPREAD_DEG, _LEAST_CORRELATION = 100, 1.5, 0.7
@@ -95,27 +96,48 @@ def _build_segment(log: Log, rows: Rows, locks: tuple[float, float]) -> Steering
     row_time = log.time_s[rows]
     time = np.arange(row_time[0], row_time[-1] + 1e-9, STEP_S)
     wheel = None if log.steering_deg is None else np.interp(time, row_time, log.steering_deg[rows])
-    command = None
-    if log.steering_command_deg is not None:
-        nearest = np.searchsorted(0.5 * (row_time[1:] + row_time[:-1]), time)
-        command = np.clip(log.steering_command_deg[rows][nearest], -locks[0], locks[1])
-    source = wheel if command is None else command
-    assert source is not None
+    # What was commanded just before is followed still, also where other columns are not usable.
+    history = _list_rows_before(log, int(rows[0]))
+    steps_before = math.ceil((row_time[0] - log.time_s[history[0]]) / STEP_S) if len(history) else 0
+    long_time = np.concatenate([time[0] - STEP_S * np.arange(steps_before, 0, -1), time])
+    long_rows = np.concatenate([history, rows])
+    if log.steering_command_deg is None:
+        assert log.steering_deg is not None
+        source = np.interp(long_time, log.time_s[long_rows], log.steering_deg[long_rows])
+    else:
+        long_row_time = log.time_s[long_rows]
+        nearest = np.searchsorted(0.5 * (long_row_time[1:] + long_row_time[:-1]), long_time)
+        source = np.clip(log.steering_command_deg[long_rows][nearest], -locks[0], locks[1])
+    command = None if log.steering_command_deg is None else source[steps_before:]
     hold_s = max(
         _measure_hold_s(log.time_s[log.used], values[log.used])
         for values in (log.steering_deg, log.steering_command_deg)
         if values is not None
     )
-    slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S)
+    start_deg = None if wheel is None or steps_before else float(wheel[0])
+    slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S, start_deg)[steps_before:]
+    usual = follow_command(source, _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S, start_deg)[steps_before:]
+    source = source[steps_before:]
     reach = round((_EITHER_WAY_S + hold_s) / STEP_S)
     pace, curvature = _measure_path(log, rows, time)
     course_curvature, heading_error = _compare_heading_and_course(log, rows, time)
     return SteeringEvidence(
         time, pace, curvature, command, wheel,
         _slide_minimum(np.minimum(source, slow), reach), -_slide_minimum(-np.maximum(source, slow), reach),
-        follow_command(source, _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S), hold_s, log.heading_deg is not None,
-        course_curvature, heading_error,
+        usual, hold_s, log.heading_deg is not None, course_curvature, heading_error,
     )  # fmt: skip
+
+
+def _list_rows_before(log: Log, row: int) -> Rows:
+    """Return the rows just before a row in which the steering columns are known, used or not."""
+    with np.errstate(invalid="ignore"):
+        known = (log.time_s[:row] >= log.time_s[row] - _HISTORY_S) & (log.time_s[:row] < log.time_s[row])
+    for values in (log.steering_deg, log.steering_command_deg):
+        if values is not None:
+            known &= np.isfinite(values[:row])
+    rows = np.flatnonzero(known)
+    time = log.time_s[rows]
+    return rows[time > np.maximum.accumulate(np.append(-np.inf, time[:-1]))] if len(rows) else rows
 
 
 def _measure_hold_s(time: Array, values: Array) -> float:
@@ -179,15 +201,22 @@ def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Arra
 
 @compile_function
 def _follow_steps(source, late, most_step, share, out) -> None:  # type: ignore[no-untyped-def]
-    """Write what follows `source` (k,) `late` steps later, by a share of the gap and at most so far, per step."""
-    out[0] = source[0]
+    """Write what follows `source` (k,) `late` steps later from out[0] on, by a share of the gap and at most so far, per
+    step."""
     for k in range(1, len(source)):
         step = share * (source[max(k - late, 0)] - out[k - 1])
         out[k] = out[k - 1] + min(max(step, -most_step), most_step)
 
 
-def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: float) -> Array:
+def follow_command(
+    source: Array, late_s: float, rate_deg_per_s: float, lag_s: float, start_deg: float | None = None
+) -> Array:
+    """Return what follows commands (k, deg) so late, at such a rate (deg/s), with such a time constant.
+
+    It starts at the first command where `start_deg` is None.
+    """
     out = np.empty(len(source))
+    out[0] = source[0] if start_deg is None else start_deg
     share = 1.0 - math.exp(-STEP_S / lag_s)
     _follow_steps(np.ascontiguousarray(source), round(late_s / STEP_S), rate_deg_per_s * STEP_S, share, out)
     return out

@@ -13,6 +13,7 @@ import numpy as np
 
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
+    TURN_S,
     PathScale,
     SteeringEvidence,
     build_evidence_segments,
@@ -20,6 +21,7 @@ from vehicle.identification.faults.steering_evidence import (
     fit_path_scale,
 )
 from vehicle.identification.faults.vanishing_gain import PathSpan, find_spans_by_law, measure_path_shares
+from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills
 from vehicle.identification.logs.column_faults import POSITION_LOST, WHEEL_SENSOR_FROZEN
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
 from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
@@ -40,6 +42,7 @@ _END_S = 2.0  # chosen: a fault that ends so near to the end of the log lasts un
 # Chosen, deg and share of the largest angle: wheels that run away from their command to the end of their travel.
 _RUN_AWAY_DEG, _AT_LOCK_SHARE = 5.0, 0.85
 _MOVE_DEG, _MOVE_S = 1.5, 2.0  # chosen: commands that move this far within this time show whether wheels follow
+_CLEAR_SHARE_ERROR = 0.2  # chosen: half is followed or not by two and a half standard errors
 _STILL_DEG = 1.5  # chosen: a sensor that hardly moves
 _MOST_FAULTY_SHARE = 0.6  # of the driving time of a set: more is no fault of some runs, but what these columns hold
 # Chosen: share of a departure by the heading that the course confirms where it is clear, and below which it denies it,
@@ -77,7 +80,11 @@ def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
     locks, lock = find_largest_angles(logs), _find_largest_command(logs)
     segments = [build_evidence_segments(log, locks) for log in logs]
     scale = fit_path_scale([segment for parts in segments for segment in parts])
-    spans = [[_find_faults(segment, scale, lock) for segment in parts] for parts in segments]
+    standstills = find_faulty_standstills(segments)
+    spans = [
+        [_find_faults(*row, scale, lock) for row in zip(parts, stills, strict=True)]
+        for parts, stills in zip(segments, standstills, strict=True)
+    ]
     if scale is not None:
         spans = _drop_spans_by_law(logs, segments, spans, scale)
     seconds = sum(float(np.ptp(segment.time_s)) for parts in segments for segment in parts)
@@ -138,7 +145,9 @@ def _find_largest_command(logs: Sequence[Log]) -> float:
     )  # fmt: skip
 
 
-def _find_faults(segment: SteeringEvidence, scale: PathScale | None, lock: float) -> list[_Span]:
+def _find_faults(
+    segment: SteeringEvidence, standstills: Sequence[Standstill], scale: PathScale | None, lock: float
+) -> list[_Span]:
     """Return the faults of a segment: of the wheel angle against the commands, and of the path against both.
 
     Columns that change every few seconds do not say what was commanded in between.
@@ -153,7 +162,7 @@ def _find_faults(segment: SteeringEvidence, scale: PathScale | None, lock: float
     following = np.abs(segment.wheel - segment.usual) < _FOLLOWING_DEG
     spans = [
         replace(span, id=_name_wheel_fault(segment, span, scale, lock))
-        for span in _find_spans(beyond > 0.0, following, segment.usual)
+        for span in _join_standstills(_find_spans(beyond > 0.0, following, segment.usual, segment.wheel), standstills)
     ]
     path_spans = [
         span
@@ -163,8 +172,28 @@ def _find_faults(segment: SteeringEvidence, scale: PathScale | None, lock: float
     return [*[span for span in spans if span.id], *path_spans]
 
 
-def _find_spans(bad: Mask, following: Mask, expected: Array) -> list[_Span]:
-    """Return spans of bad rows, those near each other as one, from and to rows that follow `expected` (k, deg)."""
+def _join_standstills(spans: Sequence[_Span], standstills: Sequence[Standstill]) -> list[_Span]:
+    """Return the spans with those of standing wheels: these know better when it ended, and when it began, unless a
+    wheel that moved by itself showed it before."""
+    joined = list(spans)
+    for still in standstills:
+        # Wheels that nobody saw move are not known to have followed before.
+        earliest = still.first if still.first > 0 else still.shown
+        window = (earliest, still.shown) if earliest < still.shown else (None, None)
+        span = _Span(STEERING_LOOSE, (earliest + still.shown) // 2, still.last, *window)
+        overlapping = [other for other in joined if other.first <= still.last and still.first <= other.last]
+        ran_away = any((other.first if other.shown is None else other.shown) < still.first for other in overlapping)
+        if overlapping:
+            before = min(overlapping, key=lambda other: other.first)
+            last = max(still.last, max(other.last for other in overlapping))
+            span = replace(before, last=last) if ran_away else replace(span, last=last)
+        joined = [*[other for other in joined if other not in overlapping], span]
+    return joined
+
+
+def _find_spans(bad: Mask, following: Mask, expected: Array, angle: Array) -> list[_Span]:
+    """Return spans of bad rows, those near each other as one, from and to rows whose `angle` (k, deg) follows what is
+    `expected`."""
     rows = np.flatnonzero(bad)
     if not len(rows):
         return []
@@ -175,7 +204,7 @@ def _find_spans(bad: Mask, following: Mask, expected: Array) -> list[_Span]:
             continue
         before, after = np.flatnonzero(following[: group[0]]), np.flatnonzero(following[group[-1] :])
         shown = int(before[-1]) + 1 if len(before) else 0
-        earliest = _find_earliest_onset(following, expected, shown) if len(before) else 0
+        earliest = _find_earliest_onset(following, expected, angle, shown) if len(before) else 0
         last = int(group[-1] + after[0]) if len(after) else len(bad) - 1
         # The middle is the best guess.
         window = (earliest, shown) if earliest < shown else (None, None)
@@ -183,12 +212,20 @@ def _find_spans(bad: Mask, following: Mask, expected: Array) -> list[_Span]:
     return spans
 
 
-def _find_earliest_onset(following: Mask, expected: Array, first: int) -> int:
+def _find_earliest_onset(following: Mask, expected: Array, angle: Array, first: int) -> int:
     """Return the earliest row of an onset that shows at row `first`.
 
     Where only a new command shows that nothing follows, it broke at any time since the last command that was followed.
+    Wheels that move away by themselves show when.
     """
     reach = round(_MOVE_S / STEP_S)
+    end = min(first + reach, len(angle) - 1)
+    demand_deg, moved_deg = expected[end] - expected[first], angle[end] - angle[first]
+    if (
+        abs(moved_deg) > _MOVE_DEG
+        and moved_deg * (demand_deg if abs(demand_deg) > _MOVE_DEG else expected[end] - angle[end]) < 0
+    ):
+        return first
     moved = np.zeros(len(expected))
     moved[reach:] = np.abs(expected[reach:] - expected[:-reach])
     if float(np.max(moved[first : first + 2 * reach])) < _MOVE_DEG:
@@ -209,12 +246,33 @@ def _name_wheel_fault(segment: SteeringEvidence, span: _Span, scale: PathScale |
         needed = scale.compute_needed_angle(segment.curvature[rows])
         known = np.isfinite(needed)
         if known.any():
-            by_wheel = float(np.median(np.abs(needed - segment.wheel[rows])[known]))
-            by_command = float(np.median(np.abs(needed - segment.usual[rows])[known]))
-            if by_command < by_wheel:
-                low, high = np.quantile(segment.wheel[rows], (0.05, 0.95))
+            low, high = np.quantile(segment.wheel[rows], (0.05, 0.95))
+            share = _measure_followed_share(segment, span, scale) if high - low < _STILL_DEG else None
+            if share is None:
+                by_wheel = float(np.median(np.abs(needed - segment.wheel[rows])[known]))
+                by_command = float(np.median(np.abs(needed - segment.usual[rows])[known]))
+                share = 1.0 if by_command < by_wheel else 0.0
+            if share > 0.5:
                 return WHEEL_SENSOR_FROZEN if high - low < _STILL_DEG else ""
     return STEERING_STUCK if _is_run_away(segment.wheel[rows], segment.usual[rows], lock) else STEERING_LOOSE
+
+
+def _measure_followed_share(segment: SteeringEvidence, span: _Span, scale: PathScale) -> float | None:
+    """Return the share of the commands' changes in a span that the path follows; None where that is not clear.
+
+    Levels say less: small angles bend a path by another share than large ones.
+    """
+    rows = np.arange(span.first if span.earliest is None else span.earliest, span.last + 1)
+    needed = scale.compute_needed_angle(segment.curvature[rows])
+    known = np.isfinite(needed)
+    columns = np.column_stack([segment.usual[rows], np.ones(len(rows))])[known]
+    squares = float(np.sum((columns[:, 0] - columns[:, 0].mean()) ** 2)) if known.any() else 0.0
+    if squares <= 0.0:
+        return None
+    theta = np.linalg.lstsq(columns, needed[known], rcond=None)[0]
+    # Curvature is an average over TURN_S, so only so many rows are independent.
+    variance = float(np.mean((needed[known] - columns @ theta) ** 2)) * TURN_S / STEP_S
+    return float(theta[0]) if variance / squares < _CLEAR_SHARE_ERROR**2 else None
 
 
 def _is_run_away(angle: Array, expected: Array, lock: float) -> bool:
@@ -252,7 +310,7 @@ def _find_path_faults(segment: SteeringEvidence, scale: PathScale | None, lock: 
     bad = beyond & ~sliding
     spans = [
         replace(checked, by_path=True)
-        for span in _find_spans(bad, following, expected)
+        for span in _find_spans(bad, following, expected, needed)
         if (checked := _check_by_course(segment, scale, span, bad, needed - expected)) is not None
     ]
     if segment.wheel is not None:

@@ -87,6 +87,7 @@ _FEWEST_ROWS = 20  # needed to find that two columns contradict each other
 _MIRRORED_SHARE = 0.8  # of the clear bends: some are misjudged where the steering is changing
 
 
+_ALIKE_SHARE, _ALIKE_S = 0.3, 3.0  # chosen: of an angle, and for how long, two columns show the same one
 _CLEAR_CORRELATION, _PARTS = 0.7, 5  # chosen: of two columns that hold one angle, and parts of a run to look at
 
 
@@ -110,7 +111,7 @@ def select_chord_steering(log: Log) -> Array:
     if len(commanded) < _FEWEST_ROWS:
         return sensor
     correlation = _correlate(commanded, measured)
-    if correlation < -_CLEAR_CORRELATION and float(np.std(commanded)) > 0.03:
+    if correlation < -_CLEAR_CORRELATION and float(np.std(commanded)) > 0.03 and not _stand_alike(log):
         # Wheels that stop following during a run follow before or after.
         parts = zip(np.array_split(commanded, _PARTS), np.array_split(measured, _PARTS), strict=True)
         if not any(_correlate(*part) > _CLEAR_CORRELATION for part in parts):
@@ -126,6 +127,17 @@ def select_chord_steering(log: Log) -> Array:
                 "write both in degrees."
             )
     return sensor
+
+
+def _stand_alike(log: Log) -> bool:
+    """Whether the wheels stand at their command for seconds, to a side: those of opposite signs only pass by."""
+    assert log.steering_command_deg is not None and log.steering_deg is not None
+    command, wheel = log.steering_command_deg[log.used], log.steering_deg[log.used]
+    apart, away = np.abs(command - wheel), np.minimum(command * np.sign(wheel), np.abs(wheel))
+    alike = apart < _ALIKE_SHARE * away
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], alike, [False]])))
+    time = log.time_s[log.used]
+    return any(time[end - 1] - time[first] > _ALIKE_S for first, end in zip(edges[::2], edges[1::2], strict=True))
 
 
 def find_largest_steering(log: Log) -> float:

@@ -23,7 +23,7 @@ POSITION_LOST, POSITION_FROZEN, HEADING_FROZEN = "position_lost", "position_froz
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
-_CHORD_S, _NOISE_LENGTHS = 1.0, 20.0  # chosen: three degrees of course by noise
+_CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
 _LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
 _LEAST_TURN_RAD = math.radians(12.0)  # chosen, of the course: four times its noise
 # Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
@@ -134,10 +134,11 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
     changed[1:] = steps != 0.0
     turned[1:-1] = steps[1:] * steps[:-1] < 0.0
     width = motion.count_rows(_FROZEN_S)
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], outside, [False]])))
     windows = [
         slice(start, start + width)
-        for start in range(0, len(outside) - width + 1, width)
-        if outside[start : start + width].all()
+        for first, end in zip(edges[::2], edges[1::2], strict=True)
+        for start in range(int(first), int(end) - width + 1, width)
     ]
     is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
     if len(windows) < (_FEWEST_WINDOWS if is_long else _USUAL_WINDOWS) or width < _FEWEST_WINDOW_ROWS:
@@ -157,34 +158,55 @@ _LEAST_JUMP_M, _LARGEST_ACCELERATION_MPS2 = 0.25, 3.0
 _USUAL_FACTOR, _USUAL_QUANTILE, _MEDIAN_OF_QUANTILE = 8.0, 0.15, 2.07
 # Chosen: jumps are one fault up to here from each other (s); a fault has this many in at least this time (s).
 _SAME_FAULT_S, _FEWEST_JUMPS, _LEAST_LOST_S = 16.0, 4, 2.0
+_WANDER_S = 0.5  # chosen: in which a tractor turns and brakes little, and a receiver without a fix moves far
 
 
 def _find_lost_positions(motion: RawMotion) -> list[Span]:
-    """Return spans in which positions are far from the middle of their neighbours again and again."""
+    """Return spans in which positions are far from the middle of their neighbours again and again.
+
+    A receiver may wander smoothly from row to row; half a second shows that no tractor drives so.
+    """
+    near, wide = find_scattered_rows(motion, 1), find_scattered_rows(motion, motion.count_rows(_WANDER_S))
+    rows = np.union1d(near, wide)
+    if not len(rows):
+        return []
+    groups = np.split(rows, np.flatnonzero(np.diff(motion.time_s[rows]) > _SAME_FAULT_S) + 1)
     return [
         _extend_to_end(motion, (int(group[0]), int(group[-1])))
-        for group in find_scattered_groups(motion)
-        if len(group) >= _FEWEST_JUMPS and motion.time_s[group[-1]] - motion.time_s[group[0]] >= _LEAST_LOST_S
+        for group in groups
+        if _is_lost(motion, group[np.isin(group, near)]) or _is_lost(motion, group[np.isin(group, wide)])
     ]
+
+
+def _is_lost(motion: RawMotion, rows: Rows) -> bool:
+    if len(rows) < _FEWEST_JUMPS:
+        return False
+    return float(motion.time_s[rows[-1]] - motion.time_s[rows[0]]) >= _LEAST_LOST_S
 
 
 def find_scattered_groups(motion: RawMotion) -> list[Rows]:
     """Return the rows whose position is far from the middle of its neighbours, those near each other in one group."""
-    fresh = motion.find_fresh_positions()
-    if len(fresh) < _FEWEST_ROWS:
-        return []
-    time, place = motion.time_s[fresh], motion.positions[:, fresh]
-    weight = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
-    middle = place[:, :-2] + weight * (place[:, 2:] - place[:, :-2])
-    apart = np.hypot(*(place[:, 1:-1] - middle))
-    step_s = 0.5 * (time[2:] - time[:-2])
-    usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _USUAL_QUANTILE))
-    limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _USUAL_FACTOR * usual)
-    # Across a gap any bend is far from the middle of its neighbours.
-    bad = fresh[1:-1][(apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))]
+    bad = find_scattered_rows(motion, 1)
     if not len(bad):
         return []
     return np.split(bad, np.flatnonzero(np.diff(motion.time_s[bad]) > _SAME_FAULT_S) + 1)
+
+
+def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
+    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it."""
+    fresh = motion.find_fresh_positions()
+    if len(fresh) < max(_FEWEST_ROWS, 4 * lag):
+        return np.empty(0, dtype=np.int64)
+    time, place = motion.time_s[fresh], motion.positions[:, fresh]
+    weight = (time[lag:-lag] - time[: -2 * lag]) / (time[2 * lag :] - time[: -2 * lag])
+    middle = place[:, : -2 * lag] + weight * (place[:, 2 * lag :] - place[:, : -2 * lag])
+    apart = np.hypot(*(place[:, lag:-lag] - middle))
+    step_s = 0.5 * (time[2 * lag :] - time[: -2 * lag])
+    usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _USUAL_QUANTILE))
+    limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _USUAL_FACTOR * usual)
+    # Across a gap any bend is far from the middle of its neighbours.
+    rows: Rows = fresh[lag:-lag][(apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))]
+    return rows
 
 
 def _extend_to_end(motion: RawMotion, span: Span) -> Span:
@@ -200,7 +222,7 @@ def _extend_to_end(motion: RawMotion, span: Span) -> Span:
 class RawMotion:
     """Columns of the rows in use (k,), angles in degrees, and what they show: chords of the path and motion.
 
-    `turning` is the curvature (rad/m) by the heading, or by the course without one; NaN where it is not known.
+    `pace` and `course` are those of chords that take `chord_s`, NaN where they are not known.
     """
 
     time_s: Array
@@ -212,6 +234,7 @@ class RawMotion:
     pace: Array
     course: Array
     moving: Mask
+    chord_s: float
 
     @property
     def total_s(self) -> float:
@@ -239,12 +262,21 @@ class RawMotion:
 
     def without_positions(self, spans: Sequence[tuple[int, int]]) -> RawMotion:
         """Return the motion without what the positions of these spans seem to show."""
-        pace, course = self.pace.copy(), self.course.copy()
-        margin = self.count_rows(_CHORD_S)
+        if not spans:
+            return self
+        known = np.ones(len(self.time_s), dtype=np.bool_)
+        for first, last in spans:
+            known[first : last + 1] = False
+        if np.count_nonzero(known) < _FEWEST_ROWS:
+            known[:] = True
+        # The noise of a receiver that lost its fix asks for longer chords than the rest needs.
+        pace, course, chord_s = _compute_chord_motion(self.time_s, self.positions, known)
+        margin = self.count_rows(0.5 * chord_s) + 1
         for first, last in spans:
             pace[max(first - margin, 0) : last + margin + 1] = np.nan
             course[max(first - margin, 0) : last + margin + 1] = np.nan
-        return replace(self, pace=pace, course=course)
+        moving = _find_moving_rows(pace, self.stated_speed)
+        return replace(self, pace=pace, course=course, moving=moving, chord_s=chord_s)
 
     def find_fresh_positions(self) -> Rows:
         """Return the rows in which the position is a new one."""
@@ -318,12 +350,15 @@ def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
     heading, speed, wheel, target = (
         _fill_column(columns, name, rows) for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps")
     )
-    pace, course = _compute_chord_motion(time, positions)
+    pace, course, chord_s = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
     stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
-    moving = np.nan_to_num(pace) > MOVING_MPS
-    if stated is not None:
-        moving |= stated > MOVING_MPS
-    return RawMotion(time, positions, heading, speed, wheel, stated, pace, course, moving)
+    moving = _find_moving_rows(pace, stated)
+    return RawMotion(time, positions, heading, speed, wheel, stated, pace, course, moving, chord_s)
+
+
+def _find_moving_rows(pace: Array, stated_speed: Array | None) -> Mask:
+    moving: Mask = np.nan_to_num(pace) > MOVING_MPS
+    return moving if stated_speed is None else moving | (stated_speed > MOVING_MPS)
 
 
 def _fill_column(columns: Columns, name: str, rows: Rows) -> Array | None:
@@ -335,17 +370,16 @@ def _fill_column(columns: Columns, name: str, rows: Rows) -> Array | None:
     return values[finite[place]] if len(finite) else None
 
 
-def _compute_chord_motion(time: Array, positions: Array) -> tuple[Array, Array]:
-    """Return pace (m/s) and course (rad, clockwise from north) per row, NaN where the path is too short for one."""
-    noise = 1.4826 * float(np.median(np.abs(np.diff(positions, 2, axis=1)))) / math.sqrt(6.0)
-    span_s = _CHORD_S
-    for _ in range(4):
+def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:
+    """Return pace (m/s) and course (rad, clockwise from north) per row, NaN where the path is too short for one, and
+    the time (s) that chords take by the noise of the `known` rows."""
+    noise = 1.4826 * float(np.median(np.abs(np.diff(positions[:, known], 2, axis=1)))) / math.sqrt(6.0)
+    for span_s in _CHORDS_S:
         before, after = np.maximum(time - 0.5 * span_s, time[0]), np.minimum(time + 0.5 * span_s, time[-1])
         step = np.stack([np.interp(after, time, axis) - np.interp(before, time, axis) for axis in positions])
         length = np.hypot(*step)
-        if float(np.median(length)) >= _NOISE_LENGTHS * noise:
+        if float(np.median(length[known])) >= _NOISE_LENGTHS * noise:
             break
-        span_s *= 2.0
     course = np.arctan2(step[0], step[1])
     course[length < max(_NOISE_LENGTHS * noise, 0.5 * MOVING_MPS * span_s)] = np.nan
-    return length / (after - before), course
+    return length / (after - before), course, span_s
