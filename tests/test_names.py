@@ -5,9 +5,10 @@ from __future__ import annotations
 import ast
 import re
 from collections import defaultdict
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
+
+import pytest
 
 from tests.test_structure import ROOT, list_modules
 
@@ -29,32 +30,45 @@ class FunctionName(NamedTuple):
     name: str
 
 
-def iter_functions() -> Iterator[FunctionName]:
-    """All functions and methods of the source, without properties, constructors and special methods."""
-    for module, path in list_modules().items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not node.name.startswith("__"):
-                decorators = " ".join(ast.unparse(decorator) for decorator in node.decorator_list)
-                if "property" not in decorators and "setter" not in decorators:
-                    yield FunctionName(f"{module}:{node.lineno}", node.name.lstrip("_"))
+class SourceNames(NamedTuple):
+    """Names of the source: functions and methods without properties, constructors and special methods; whatever gets a
+    name (modules, classes, functions, parameters, fields and variables); and the modules of each class name."""
+
+    functions: list[FunctionName]
+    identifiers: list[FunctionName]
+    class_homes: dict[str, set[str]]
 
 
-def iter_identifiers() -> Iterator[FunctionName]:
-    """Every name that the source gives to something: modules, classes, functions, parameters, fields and variables."""
+@pytest.fixture(scope="module")
+def names() -> SourceNames:
+    """Read once: to parse the source takes seconds."""
+    found = SourceNames([], [], defaultdict(set))
     for module, path in list_modules().items():
-        yield FunctionName(module, module.rsplit(".", 1)[-1])
+        found.identifiers.append(FunctionName(module, module.rsplit(".", 1)[-1]))
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            name = ""
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-                name = node.name
-            elif isinstance(node, ast.arg):
-                name = node.arg
-            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
-                name = node.id
-            elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
-                name = node.attr
-            if name:
-                yield FunctionName(f"{module}:{getattr(node, 'lineno', 0)}", name)
+            add_names(found, module, node)
+    return found
+
+
+def add_names(found: SourceNames, module: str, node: ast.AST) -> None:
+    """Add what a node of a module's tree names."""
+    name = ""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        name = node.name
+        decorators = " ".join(ast.unparse(decorator) for decorator in node.decorator_list)
+        if not name.startswith("__") and "property" not in decorators and "setter" not in decorators:
+            found.functions.append(FunctionName(f"{module}:{node.lineno}", name.lstrip("_")))
+    elif isinstance(node, ast.ClassDef):
+        name = node.name
+        found.class_homes[name].add(module)
+    elif isinstance(node, ast.arg):
+        name = node.arg
+    elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+        name = node.id
+    elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+        name = node.attr
+    if name:
+        found.identifiers.append(FunctionName(f"{module}:{getattr(node, 'lineno', 0)}", name))
 
 
 def split_words(name: str) -> list[str]:
@@ -68,30 +82,27 @@ def test_words_are_split() -> None:
     assert not VERBS & {"driven", "told", "scenario", "tractor", "speed", "mended", "known"}
 
 
-def test_functions_begin_with_a_verb() -> None:
-    functions = list(iter_functions())
+def test_functions_begin_with_a_verb(names: SourceNames) -> None:
+    functions = names.functions
     without = [function for function in functions if split_words(function.name)[0] not in VERBS]
     assert len(functions) > 3000
     assert len(without) <= (1 - MIN_VERB_SHARE) * len(functions), without
 
 
-def test_no_bare_participle_names_a_function() -> None:
-    functions = list(iter_functions())
+def test_no_bare_participle_names_a_function(names: SourceNames) -> None:
+    functions = names.functions
     bare = [each for each in functions if PARTICIPLE.fullmatch(each.name) and each.name not in VERBS]
     assert len(bare) <= MAX_PARTICIPLE_SHARE * len(functions), bare
 
 
-def test_a_class_name_has_one_home() -> None:
-    homes: dict[str, set[str]] = defaultdict(set)
-    for module, path in list_modules().items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ClassDef):
-                homes[node.name].add(module)
-    assert sum(len(places) > 1 for places in homes.values()) <= MAX_SHARED_CLASS_NAMES
+def test_a_class_name_has_one_home(names: SourceNames) -> None:
+    assert len(names.class_homes) > 500
+    assert sum(len(places) > 1 for places in names.class_homes.values()) <= MAX_SHARED_CLASS_NAMES
 
 
-def test_words_that_the_glossary_replaced_name_nothing() -> None:
-    found = [each for each in iter_identifiers() if set(split_words(each.name)) & set(REPLACED)]
+def test_words_that_the_glossary_replaced_name_nothing(names: SourceNames) -> None:
+    assert len(names.identifiers) > 30_000
+    found = [each for each in names.identifiers if set(split_words(each.name)) & set(REPLACED)]
     assert found == []
 
 

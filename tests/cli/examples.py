@@ -35,8 +35,9 @@ def list_guide_commands() -> list[str]:
     return [line for line in dict.fromkeys(lines) if line not in list_readme_commands()]
 
 
-def run_as_written(line: str, folder: Path, headland: Callable[..., Any]) -> None:
-    """Run a line in the folder that is the current one: it succeeds, prints, and writes the files it names."""
+def run_as_written(line: str, folder: Path, headland: Callable[..., Any]) -> str:
+    """Run a line in the folder that is the current one: it succeeds, prints what is returned, and writes the files it
+    names."""
     words: list[str] = []
     for word in line.split()[1:]:
         words += sorted(str(path.relative_to(folder)) for path in folder.glob(word)) if "*" in word else [word]
@@ -46,3 +47,4 @@ def run_as_written(line: str, folder: Path, headland: Callable[..., Any]) -> Non
     for option in ("--html", "--png", "--save"):
         if option in words:
             assert (folder / words[words.index(option) + 1]).stat().st_size > 1000
+    return str(done.out)

@@ -46,7 +46,7 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> PlanRequest:
     import json
 
     place = tmp_path_factory.mktemp("field") / "small.geojson"
-    ring = [[0, 0], [60, 0], [60, 80], [0, 80], [0, 0]]
+    ring = [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]]
     place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
     return PlanRequest(str(place), local=True, tractors=(1, 2, 3), seed=7)
 

@@ -349,3 +349,13 @@ def test_refusals_name_the_folder_to_those_who_may_know_it(app: FastAPI, client:
     proxied = create_app(ServiceSettings(data=folder.parent / "far", workers=0, public_url="https://farm.example"))
     assert proxied.state.settings.is_own_machine is False
     proxied.state.store.close()
+
+
+def test_services_of_one_process_share_nothing_but_their_routes(tmp_path: Path) -> None:
+    one, other = (
+        create_app(ServiceSettings(data=tmp_path / name, workers=0), reads_inline=True) for name in ("one", "other")
+    )
+    header = bearer(one, BOTH)
+    for app, status in ((other, 401), (one, 200)):
+        with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
+            assert client.get("/api/v1/fleets", headers=header).status_code == status

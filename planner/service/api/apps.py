@@ -15,7 +15,7 @@ import socket
 import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import AbstractAsyncContextManager
-from functools import partial
+from functools import cache, partial
 from importlib import resources
 from multiprocessing.connection import Connection, wait
 from typing import Any
@@ -23,6 +23,7 @@ from typing import Any
 import uvicorn
 from fastapi import APIRouter, Depends, FastAPI, Response
 from sqlalchemy.exc import DBAPIError
+from starlette.routing import BaseRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from planner.request.parameter_names import strip_unit
@@ -111,10 +112,9 @@ def create_app(settings: ServiceSettings, *, reads_inline: bool = False) -> Fast
     app = _build_app(settings, _run_whole_lifespan)
     _set_up_control_state(app, reads_inline=reads_inline)
     _set_up_back_office_state(app)
-    control, office = list_control_routers(), list_back_office_routers()
-    _add_routers(app, [*control, *office])
+    app.router.routes.extend(_build_routes())
     mount_pages(app)
-    _add_middleware(app, control, office)
+    _add_middleware(app, list_control_routers(), list_back_office_routers())
     return app
 
 
@@ -124,8 +124,7 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
     _set_up_control_state(app, reads_inline=False)
     app.state.office = office
     app.state.metrics.registry.register(ConnectionMetrics(connections))
-    control = list_control_routers()
-    _add_routers(app, control)
+    app.router.routes.extend(_build_routes(has_office=False))
 
     async def flush_recordings(path: str) -> None:
         await fleet_routes.save_recording_before_read(app.state.hub, path)
@@ -136,7 +135,7 @@ def create_control_app(settings: ServiceSettings, office: BackOffice, connection
 
     forward = app.state.forward = OfficeForwarder(office, flush_recordings, refresh_tokens)
     app.router.default = _build_forwarding_app(forward)
-    _add_middleware(app, control, list_back_office_routers())
+    _add_middleware(app, list_control_routers(), list_back_office_routers())
     return app
 
 
@@ -145,7 +144,8 @@ def create_back_office_app(settings: ServiceSettings, secret: str) -> FastAPI:
     app = _build_app(settings, _run_office_lifespan)
     app.state.reader = FileReader(settings, app.state.store)
     _set_up_back_office_state(app)
-    _add_routers(app, list_back_office_routers(), documented_routers=list_control_routers())
+    app.router.routes.extend(_build_routes(has_control=False))
+    _add_documentation_of_control(app)
     mount_pages(app)
     app.add_middleware(SharedSecretMiddleware, secret=secret)
     app.add_middleware(RequestIdMiddleware, trusts_header=True)
@@ -163,11 +163,16 @@ def list_control_routers() -> list[APIRouter]:
     ]
 
 
+@cache
+def _build_kind_routers() -> tuple[APIRouter, ...]:
+    """The routers of each kind of file and of job; like those of modules they belong to no app and are made once."""
+    return *map(build_files_router, FILE_KIND_BY_PATH), *map(build_jobs_router, JOB_KIND_BY_PATH)
+
+
 def list_back_office_routers() -> list[APIRouter]:
     """All other routers."""
     parts = [
-        *map(build_files_router, FILE_KIND_BY_PATH),
-        *map(build_jobs_router, JOB_KIND_BY_PATH),
+        *_build_kind_routers(),
         job_routes.exports_router,
         form_router,
         all_jobs_router,
@@ -225,13 +230,21 @@ def _set_up_back_office_state(app: FastAPI) -> None:
     app.state.background = MapBackground(app.state.settings)
 
 
-def _add_routers(app: FastAPI, routers: Sequence[APIRouter], documented_routers: Sequence[APIRouter] = ()) -> None:
-    """Add routes below /api/v1; `documented_routers` are only documented here, another process answers them."""
-    app.include_router(_combine_routers(routers))
-    if documented_routers:
-        documented = FastAPI(title=app.title, version=app.version, description=app.description)
-        documented.include_router(_combine_routers([*documented_routers, *routers]))
-        app.openapi = documented.openapi  # type: ignore[method-assign]
+def _add_documentation_of_control(app: FastAPI) -> None:
+    """Document the routes of the control process too, which answers them itself."""
+    documented = FastAPI(title=app.title, version=app.version, description=app.description)
+    documented.router.routes.extend(_build_routes())
+    app.openapi = documented.openapi  # type: ignore[method-assign]
+
+
+@cache
+def _build_routes(*, has_control: bool = True, has_office: bool = True) -> tuple[BaseRoute, ...]:
+    """Routes below /api/v1, with their models of parameters and answers: made once, as that takes half a second, and
+    shared by all apps of a process."""
+    control, office = list_control_routers() if has_control else [], list_back_office_routers() if has_office else []
+    whole = APIRouter()
+    whole.include_router(_combine_routers([*control, *office]))
+    return tuple(whole.routes)
 
 
 def _combine_routers(routers: Sequence[APIRouter]) -> APIRouter:

@@ -10,7 +10,6 @@ from tests.truth.cases import TruthCase
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import Second
 from tests.truth.third import Third, make_third_logs
-from tests.truth.third_draw import draw_third_cases
 from tests.truth.third_drives import PROGRAMMES
 from vehicle.identification.faults.run_groups import OwnValues, find_split, rank_runs
 from vehicle.identification.faults.unlike_runs import RunDifference, describe_groups, find_unlike_runs
@@ -99,10 +98,3 @@ def test_two_tractors_are_told_apart(programme: str, name: str, value: dict[str,
         group, differences = tell_group(logs)
         assert group and (group <= set(runs) or group <= set(range(8)) - set(runs))
         assert differences[0].quantity == quantity
-
-
-@pytest.mark.slow
-def test_sets_of_one_tractor_are_one_group() -> None:
-    for case in draw_third_cases(61, ["clean", "effect", "closed_loop", "column", "law", "outside", "one_speed"]):
-        logs = [build_log(frame, frame.attrs["name"]) for frame in make_third_logs(case)]
-        assert tell_group(logs)[0] == set(), case

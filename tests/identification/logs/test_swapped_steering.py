@@ -8,7 +8,6 @@ from tests.identification.fault_logs import clean_frames
 from tests.identification.log_tables import refusal
 from tests.truth.cases import ColumnClock, TruthCase
 from tests.truth.third import make_third_logs
-from tests.truth.third_draw import draw_third_cases
 from vehicle.identification.logs.reader import build_log, read_logs
 from vehicle.identification.logs.schema import LogConvention
 from vehicle.identification.logs.swapped_steering import find_swapped_steering
@@ -81,9 +80,3 @@ def test_clocks_and_sparse_columns_are_no_swap(columns: dict[str, ColumnClock]) 
     for programme in ("three_speeds", "mixed", "closed", "default"):
         frames = make_third_logs(TruthCase("clean", 53, columns=columns, programme=programme))
         assert not any(is_doubted(frame) for frame in frames)
-
-
-@pytest.mark.slow
-def test_causes_and_faults_are_no_swap() -> None:
-    for case in draw_third_cases(54):
-        assert not any(is_doubted(frame) for frame in make_third_logs(case)), case

@@ -62,5 +62,5 @@ def test_wheel_angles_are_those_of_the_whole_replay() -> None:
     one = course(frame).segments[0]
     for settings in ({}, LATE, {"steering_rate": {"rate_deg_per_s": 5.0}, **OFFSET}):
         whole = replay_segment(rig(), one, settings, from_sensor=False, from_speed=True)[:, STEERING_COLUMN]
-        alone = simulate_wheel_angles(rig(), one, settings)
+        alone = simulate_wheel_angles(rig(), [one], settings)[0]
         assert np.array_equal(alone, whole) and np.ptp(alone) > 0.1

@@ -168,7 +168,7 @@ def test_wheel_angles_that_are_kept_are_of_the_type_of_measured_ones(sensed: boo
     for asked in _build_requests(tractor, [(one, {}), (one, BENT)], sensed, True):
         _, turned = _compute_wheel_angles(tractor, asked, asked.acting_settings.model)
         assert turned.flags.writeable and turned.flags.c_contiguous
-    assert not simulate_wheel_angles(tractor, one, {}).flags.writeable
+    assert not simulate_wheel_angles(tractor, [one], {})[0].flags.writeable
 
 
 def test_what_is_asked_for_twice_at_once_takes_room_once() -> None:

@@ -269,7 +269,8 @@ def _build_requests(
 ) -> list[_ReplayRequest]:
     """Build the replay requests with their keys; settings that many segments share are processed once."""
     ranges, acting_by_place = tuple(rig.ranges.items()), dict[tuple[int, bool, bool], _ActingSettings]()
-    timing_by_settings = {id(settings): compute_timing(settings) for _, settings in pairs}
+    unique_settings = {id(settings): settings for _, settings in pairs}
+    timing_by_settings = {place: compute_timing(settings) for place, settings in unique_settings.items()}
     requests = []
     for segment, settings in pairs:
         from_sensor_angle, at_measured_speed = (
@@ -363,13 +364,15 @@ def _compute_wheel_angles(rig: ReplayRig, request: _ReplayRequest, model: Any) -
     """Return wheel angles (n,) on the grid: before each step, and behind the play in it."""
     segment = request.segment
     if request.from_sensor:
-        wheel, steady = segment.grids["wheel"], segment.denoised_wheel_angle
-        before, first = np.concatenate([wheel[:1], wheel[:-1]]), steady[0]
+        wheel = segment.grids["wheel"]
+        before = np.concatenate([wheel[:1], wheel[:-1]])
     else:
         steered = _simulate_steering(rig, segment, request.acting_settings)
-        before, wheel, steady, first = steered[:-1], steered[1:], steered[1:], steered[0]
+        before, wheel = steered[:-1], steered[1:]
     if model["half_play"] == 0.0:
         return before, wheel.copy()  # a read-only array is another type for numba and would be compiled for again
+    steady = segment.denoised_wheel_angle if request.from_sensor else wheel
+    first = steady[0] if request.from_sensor else before[0]
     played_angle = np.empty(len(wheel))
     apply_play_steps(wheel, steady, first, request.from_sensor, model, played_angle)
     return before, played_angle
@@ -414,11 +417,14 @@ def _extract_measured_slope_drift(rig: ReplayRig, request: _ReplayRequest) -> tu
     ), share * across
 
 
-def simulate_wheel_angles(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
-    """Return the wheel angle (n,) that the commands of a segment produce on the grid, as in a replay but without
+def simulate_wheel_angles(rig: ReplayRig, segments: Sequence[DriveSegment], settings: Settings) -> list[Array]:
+    """Return the wheel angles (n,) that the commands of each segment produce on the grid, as in a replay but without
     driving."""
-    true_segment = rig.segments.get_true_segment(segment, compute_timing(settings))
-    return _simulate_steering(rig, true_segment, _ActingSettings(rig, settings))[:-1]
+    timing, acting_settings = compute_timing(settings), _ActingSettings(rig, settings)
+    return [
+        _simulate_steering(rig, rig.segments.get_true_segment(segment, timing), acting_settings)[:-1]
+        for segment in segments
+    ]
 
 
 def _simulate_steering(rig: ReplayRig, segment: DriveSegment, acting_settings: _ActingSettings) -> Array:

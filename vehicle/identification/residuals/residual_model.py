@@ -26,7 +26,7 @@ from vehicle.identification.replay.instrument_timing import (
 from vehicle.identification.replay.rig import (
     ReplayRig,
     compute_antenna_lever,
-    replay_segment,
+    replay_segments,
     simulate_wheel_angles,
 )
 from vehicle.identification.replay.state_cache import FORWARD_COLUMN
@@ -53,6 +53,7 @@ from vehicle.model.tractor import Settings
 RESIDUAL_BLOCK_S = 10.0  # half a window: soil noise decays within it, a slow cause does not
 ChannelResiduals = dict[str, Array]
 SettingsChange = tuple[Settings, frozenset[str]]  # settings, and the blocks whose channels they change
+SimulateColumn = Callable[[Sequence[DriveSegment]], list[Array]]
 Item = TypeVar("Item")
 
 
@@ -118,36 +119,48 @@ class ResidualModel:
         """Return residuals of the wheel angle given the commands."""
         settings = self._add_fixed(settings)
         timing = compute_timing(settings)
-        return self._compute_channel_residuals(
-            self.wheel,
-            "wheel",
-            lambda segment: simulate_logged_wheel_angles(
-                segment, simulate_wheel_angles(self.rig, segment, settings), timing
-            ),
-        )
+
+        def simulate(segments: Sequence[DriveSegment]) -> list[Array]:
+            angles = simulate_wheel_angles(self.rig, segments, settings)
+            return [
+                simulate_logged_wheel_angles(segment, shown, timing)
+                for segment, shown in zip(segments, angles, strict=True)
+            ]
+
+        return self._compute_channel_residuals(self.wheel, "wheel", simulate)
 
     def compute_speed_residuals(self, settings: Settings) -> Array:
         """Return residuals of the speed given the commands."""
         settings = self._add_fixed(settings)
         timing = compute_timing(settings)
 
-        def simulate_speed(segment: DriveSegment) -> Array:
-            states = replay_segment(self.rig, segment, settings, from_sensor=False, from_speed=False)
-            return simulate_logged_speeds(segment, states[:, FORWARD_COLUMN], timing)
+        def simulate(segments: Sequence[DriveSegment]) -> list[Array]:
+            pairs = [(segment, settings) for segment in segments]
+            states = replay_segments(self.rig, pairs, from_sensor=False, from_speed=False)
+            return [
+                simulate_logged_speeds(segment, one[:, FORWARD_COLUMN], timing)
+                for segment, one in zip(segments, states, strict=True)
+            ]
 
-        return self._compute_channel_residuals(self.speed, "speed", simulate_speed)
+        return self._compute_channel_residuals(self.speed, "speed", simulate)
 
     def _compute_channel_residuals(
-        self, weights: tuple[ResidualChannel | None, ...], column: str, simulate: Callable[[DriveSegment], Array]
+        self, weights: tuple[ResidualChannel | None, ...], column: str, simulate: SimulateColumn
     ) -> Array:
-        """Return residuals of one column of all segments, against what the simulation would log (k,)."""
+        """Return residuals of one column of all segments, against what the simulation would log (k,); 0 where it was
+        not measured."""
+        channels = list(zip(self.dataset.segments, weights, strict=True))
+        weighed = [
+            (segment, channel) for segment, channel in channels if getattr(segment, column) is not None and channel
+        ]
+        simulated = iter(simulate([segment for segment, _ in weighed]))
         parts = []
-        for segment, channel in zip(self.dataset.segments, weights, strict=True):
+        for segment, channel in channels:
             measured = getattr(segment, column)
             if measured is None or channel is None:
                 parts.append(np.zeros(segment.rows))
                 continue
-            parts.append(_whiten(measured, simulate(segment), channel))
+            parts.append(_whiten(measured, next(simulated), channel))
         return np.concatenate(parts)
 
     def compute_residuals(self, settings: Settings) -> Array:
