@@ -1,0 +1,186 @@
+"""The fifth reference: a rolling body on TMeasy tyres with a drawn implement, driven by three kinds of drivers.
+
+The tractor is tests.truth.fifth_body, the drivers and their runs fifth_drivers, instruments fifth_sensors, the cases of
+a seed fifth_cases. It shares with others the measured radii of the tractor, the tables of effects and laws and the
+forms of cases. Imports nothing of the project it tests.
+
+| cause outside, of the body | values | what it is |
+|---|---|---|
+| weight_shift | share | a heavy draft lifts the front axle by this share of itself |
+| tyre_leak | per_minute | the left tyres soften over the day |
+| axle_lock | from_s | the rear wheels are locked together from some time on |
+| crab_axle | run, angle_deg | the rear axle stands askew in one run |
+| boom_wind | moment_nm, bearing_deg | wind turns the unfolded boom |
+| furrow_walls | side_n | wheels are led by furrows that run north, while the implement works |
+| weak_pump | deg_per_s | oil is short at low engine speed |
+| leaky_valve | per_s | the wheels creep to the middle, and are brought back late |
+| pushed_tank | mass_kg | a tank without a brake pulls and pushes |
+| soft_springs | ratio | the tractor leans so many times as far |
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+import pandas as pd
+
+from tests.truth import fifth_body as body
+from tests.truth.cases import TruthCase
+from tests.truth.effects import complete
+from tests.truth.fifth_drivers import build_programme, lay_parts
+from tests.truth.fifth_sensors import (
+    EXACT,
+    INSTRUMENTS,
+    NOMINAL_M,
+    ROW_S,
+    Instruments,
+    draw_markov,
+    draw_receiver_error,
+    read_log,
+)
+from tests.truth.fourth_laws import encode_law, stack_laws
+
+Array = npt.NDArray[np.float64]
+MAP_SPEED_MPS, MARGIN_S, DRAFT_N, HEAVY_N, OIL_DEG_S = 5.0 / 3.6, 2.5, 1500.0, 6000.0, 60.0
+RUT_RAD, TILT_RAD, WAVES, PULSES = 0.003, 0.005, 16, 0.25
+PARAMETERS = {
+    "steering_offset": (body.P_OFFSET, "angle_deg"), "steering_gain": (body.P_GAIN, "ratio"),
+    "steering_asymmetry": (body.P_LEFT, "ratio"), "steering_dead_time": (body.P_DEAD_TIME, "time_s"),
+    "steering_lag": (body.P_LAG, "time_s"), "steering_rate": (body.P_RATE, "rate_deg_per_s"),
+    "steering_deadband": (body.P_DEAD_BAND, "angle_deg"), "steering_backlash": (body.P_PLAY, "angle_deg"),
+    "side_slip": (body.P_LIMIT, "limit_g"), "understeer": (body.P_UNDERSTEER, "deg_per_mps2"),
+    "cross_slope_drift": (body.P_SLOPE, "ratio"), "implement_side_draft": (body.P_DRAFT, "curvature_per_m"),
+    "wheel_slip": (body.P_SLIP, "ratio"), "implement_slip": (body.P_TOOL_SLIP, "ratio"),
+    "speed_lag": (body.P_SPEED_LAG, "time_s"), "grip_patch": (body.P_PATCH, "ratio"),
+    "grip_drift": (body.P_DRIFT, "per_minute"),
+}  # fmt: skip
+OUTSIDE_BODY = {
+    "weight_shift": (body.P_LIFT, "share"), "tyre_leak": (body.P_TYRE, "per_minute"),
+    "axle_lock": (body.P_LOCK, "from_s"), "crab_axle": (body.P_CRAB, "angle_deg"),
+    "boom_wind": (body.P_WIND, "moment_nm"), "furrow_walls": (body.P_FURROW, "side_n"),
+    "weak_pump": (body.P_PUMP, "deg_per_s"), "leaky_valve": (body.P_LEAK, "per_s"),
+    "pushed_tank": (body.P_TANK, "mass_kg"), "soft_springs": (body.P_SOFT, "ratio"),
+}  # fmt: skip
+OUTSIDE_SENSORS = ("gyro_scale", "wheel_hysteresis", "mast_spring", "roll_lever", "magnet", "kalman_lag", "grid_scale",
+                   "baseline_flex", "rim_speed", "stamp_jitter", "course_heading")  # fmt: skip
+
+
+def build_parameters(case: TruthCase, index: int = 0) -> tuple[Array, Array]:
+    """Parameters of the body in a run (33,) and laws (n, 7). Raises ValueError for an unknown cause outside."""
+    values, base = complete(case.effects), np.zeros(body.PARAMETERS)
+    for name, (place, key) in PARAMETERS.items():
+        base[place] = values[name][key]
+    base[body.P_LIMIT] = min(base[body.P_LIMIT], 1e3)
+    base[body.P_SLOPE_TO] = math.radians(values["cross_slope_drift"]["bearing_deg"])
+    for place, key in ((body.P_PATCH_E, "east_m"), (body.P_PATCH_N, "north_m"), (body.P_PATCH_R, "radius_m")):
+        base[place] = values["grip_patch"][key]
+    base[body.P_PUMP], base[body.P_LEAK], base[body.P_SOFT] = OIL_DEG_S, 0.001, 1.0
+    base[body.P_PULL] = HEAVY_N if "weight_shift" in case.outside else DRAFT_N
+    for name, numbers in case.outside.items():
+        if name in OUTSIDE_BODY and numbers.get("run", index) == index:
+            place, key = OUTSIDE_BODY[name]
+            base[place] = math.radians(numbers[key]) if name == "crab_axle" else numbers[key]
+        elif name not in (*OUTSIDE_SENSORS, *OUTSIDE_BODY):
+            raise ValueError(f"The cause {name!r} is unknown.")
+    base[body.P_WIND_TO] = math.radians(case.outside.get("boom_wind", {}).get("bearing_deg", 0.0))
+    if "leaky_valve" in case.outside:
+        base[body.P_DEAD_BAND] = max(base[body.P_DEAD_BAND], 0.5)
+    laws = [encode_law(law, PARAMETERS[law.effect][0]) for law in case.laws if law.effect in PARAMETERS]
+    return base, stack_laws(laws)
+
+
+def draw_waves(rng: np.random.Generator, size: float) -> Array:
+    """Plane waves (n, 4) of a frozen field with this standard deviation, 1.5 to 20 m long."""
+    length, way = np.exp(rng.uniform(math.log(1.5), math.log(20.0), WAVES)), rng.uniform(0.0, 2.0 * math.pi, WAVES)
+    height = np.full(WAVES, size * math.sqrt(2.0 / WAVES))
+    return np.column_stack([height, 2.0 * math.pi / length * np.sin(way), 2.0 * math.pi / length * np.cos(way),
+                            rng.uniform(0.0, 2.0 * math.pi, WAVES)])  # fmt: skip
+
+
+def drive_alone(mech: float, speed: float, seconds: float, side: float = 0.0) -> Array:
+    """Rows on even ground without a fault at one mean angle of the front wheels (rad), or with a side force (N)."""
+    base, laws = build_parameters(TruthCase("clean", 0))
+    base[body.P_DRAFT] = 1.0 if side else 0.0
+    rows, still = int(seconds / ROW_S), np.zeros((1, 4))
+    parts = lay_parts((0.0, seconds, 0.0, 0.0, speed, float(side != 0.0)))
+    return body.drive_tractor(
+        np.zeros(3), parts, np.zeros((rows, 2)), np.zeros(rows), np.zeros((rows, 2)), still, still, 0.0, 0, base, laws,
+        np.zeros((rows, 2)), np.zeros(6), np.array([-1.0, 1.0]), np.full(2, mech), side,
+    )  # fmt: skip
+
+
+def measure_curvature(rows: Array, from_s: float) -> float:
+    """Mean curvature (1/m, positive right) of the path of the centre of mass once a drive is steady."""
+    steady = rows[int(from_s / ROW_S) :]
+    heading = steady[:, body.HEADING]
+    east = steady[:, body.EAST] + body.REAR * np.sin(heading)
+    north = steady[:, body.NORTH] + body.REAR * np.cos(heading)
+    return float(heading[-1] - heading[0]) / float(np.sum(np.hypot(np.diff(east), np.diff(north))))
+
+
+@lru_cache(maxsize=1)
+def calibrate_tractor() -> tuple[Array, Array, float]:
+    """Curvatures, the angles (rad) that drive them at 5 km/h, and the hitch's side force (N) per curvature."""
+    angles = np.radians(np.array([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0]))
+    bends = np.array([measure_curvature(drive_alone(angle, MAP_SPEED_MPS, 14.0), 9.0) for angle in angles])
+    curve = np.concatenate([-bends[::-1], [0.0], bends]), np.concatenate([-angles[::-1], [0.0], angles])
+    trial = -1500.0
+    return *curve, trial / measure_curvature(drive_alone(0.0, MAP_SPEED_MPS, 16.0, trial), 9.0)
+
+
+def drive_run(case: TruthCase, parts: Array, bearing_deg: float, index: int, quiet: bool = False) -> Array:
+    """Rows of a run every 5 ms before any instrument sees it; `quiet` is even ground and a perfect receiver."""
+    rows, tool = int((parts[-1, 1] + MARGIN_S) / ROW_S), EXACT if quiet else INSTRUMENTS
+    rng, field = np.random.default_rng([case.seed, index, 54]), np.random.default_rng([case.seed, 55])
+    loud = 0.0 if quiet else 1.0
+    ruts, tilts = draw_waves(field, loud * RUT_RAD), draw_waves(field, loud * TILT_RAD)
+    pulses = loud * PULSES * np.column_stack([draw_markov(rng, rows, 0.4) for _ in range(2)])
+    base, laws = build_parameters(case, index)
+    start = np.array([*rng.uniform(-8.0, 8.0, 2), math.radians(bearing_deg)])
+    return body.drive_tractor(
+        start, parts, draw_receiver_error(case, index, rows, tool), loud * rng.standard_normal(rows), pulses, ruts,
+        tilts, index * find_gap(case), index, base, laws, mark_broken(case, index, rows), guide_driver(case),
+        *calibrate_tractor(),
+    )  # fmt: skip
+
+
+def find_gap(case: TruthCase) -> float:
+    """Seconds from the start of one run to that of the next: hours where something moves with the day."""
+    return 700.0 if any(law.kind == "over_day" for law in case.laws) or "tyre_leak" in case.outside else 180.0
+
+
+def mark_broken(case: TruthCase, index: int, rows: int) -> Array:
+    """Per row: whether commands no longer reach the valve, and the side to which it stays open."""
+    broken, time = np.zeros((rows, 2)), ROW_S * np.arange(rows)
+    for fault in case.faults:
+        if fault.run == index and fault.id in ("steering_loose", "steering_stuck"):
+            during = (time >= fault.from_s) & (time < (fault.to_s or math.inf))
+            broken[during, 0 if fault.id == "steering_loose" else 1] = fault.detail.get("side", 1.0)
+    return broken
+
+
+def guide_driver(case: TruthCase) -> Array:
+    """What a driver's receiver does: rows that it is late, true and assumed antenna, heading bias (rad)."""
+    values, late = complete(case.effects), complete(case.effects)["gnss_latency"]["time_s"] + INSTRUMENTS.receiver_s
+    ages = {name: late + clock.delay_s + clock.filter_s + 0.5 * clock.hold_s for name, clock in case.columns.items()}
+    return np.array([round(ages.get("position", late) / ROW_S), round(ages.get("heading", late) / ROW_S),
+                     NOMINAL_M + values["antenna_forward"]["distance_m"], values["antenna_right"]["distance_m"],
+                     NOMINAL_M, math.radians(values["heading_bias"]["angle_deg"])])  # fmt: skip
+
+
+def log_run(case: TruthCase, name: str, parts: Array, bearing_deg: float, index: int,
+            tool: Instruments = INSTRUMENTS) -> pd.DataFrame:  # fmt: skip
+    """A run as its loggers have it, its name in `attrs`."""
+    rows = drive_run(case, parts, bearing_deg, index, quiet=tool is EXACT)
+    frame = read_log(case, index, rows, index * find_gap(case), draw_receiver_error(case, index, len(rows), tool), tool)
+    frame.attrs["name"] = name
+    return frame
+
+
+def make_fifth_logs(case: TruthCase) -> list[pd.DataFrame]:
+    """The logs of a case: one frame per run of its programme, in the columns of a log."""
+    runs = build_programme(case.programme, case.seed)
+    return [log_run(case, *run, index) for index, run in enumerate(runs)]

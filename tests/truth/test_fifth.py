@@ -1,0 +1,205 @@
+"""The fifth reference against closed forms, its drivers against arcs, its instruments against what they add."""
+
+import ast
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from tests.truth import fifth, fifth_body, fifth_cases
+from tests.truth.cases import KINDS, ColumnClock, Fault, Law, TruthCase
+from tests.truth.effects import NEUTRAL
+from tests.truth.fifth_drivers import HOLD, PERSON, PURSUE, STANLEY, compute_law_curvature, lay_parts
+from tests.truth.fifth_sensors import EXACT, draw_markov, follow_play, swing_rows
+
+Part = tuple[float, float, float, float, float, float]
+KNOWN = {"numpy", "pandas", "numba", "math", "dataclasses", "collections", "typing", "functools", "__future__"}
+PACE = 1.4
+
+
+def hold(angle_deg: float, speed: float = PACE, tool: float = 0.0) -> Part:
+    return (HOLD, 22.0, angle_deg, 0.0, speed, tool)
+
+
+def drive(effects: dict[str, dict[str, float]], *parts: Part, **fields: object) -> np.ndarray:
+    case = TruthCase("clean", 3, effects, **fields)  # type: ignore[arg-type]
+    return fifth.drive_run(case, lay_parts(*parts), 70.0, 0, quiet=True)
+
+
+def find_bend(effects: dict[str, dict[str, float]], *parts: Part) -> float:
+    return fifth.measure_curvature(drive(effects, *parts), 12.0)
+
+
+def log_exact(*parts: Part, **fields: object) -> pd.DataFrame:
+    return fifth.log_run(TruthCase("clean", 4, **fields), "run", lay_parts(*parts), 70.0, 0, EXACT)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("angle_deg", [2.0, 8.0, 20.0])
+def test_a_slow_circle_has_the_radius_of_its_geometry(angle_deg: float) -> None:
+    """Ackermann: the rear axle's middle at wheelbase / tan(angle), the centre of mass a little further out."""
+    rows = fifth.drive_alone(math.radians(angle_deg), 0.4, 26.0)
+    radius = math.hypot(fifth_body.BASE / math.tan(math.radians(angle_deg)), fifth_body.REAR)
+    assert fifth.measure_curvature(rows, 12.0) * radius == pytest.approx(1.0, rel=2e-3)
+
+
+def test_a_drive_of_half_as_fast_a_circle_slips_a_quarter() -> None:
+    """What tyres lose grows with the square of speed: alike in front and behind, it stays below a hundredth."""
+    bends = [fifth.measure_curvature(fifth.drive_alone(0.2, speed, 30.0), 16.0) for speed in (0.3, 1.1, 2.2)]
+    slow, fast = (1.0 - bend / bends[0] for bend in bends[1:])
+    assert 0.0 < fast < 0.01 and slow / fast == pytest.approx(0.25, abs=0.06)
+
+
+@pytest.mark.parametrize("angle_deg", [-24.0, -10.0, 4.0, 16.0])
+def test_circles_have_the_measured_radius(angle_deg: float) -> None:
+    wheel = drive({}, hold(angle_deg))[-1, fifth_body.MOTOR]
+    assert abs(wheel - angle_deg) < 0.12  # the dead band
+    assert find_bend({}, hold(angle_deg)) == pytest.approx(compute_law_curvature(wheel), rel=5e-3)
+    back = find_bend({}, hold(angle_deg, -0.85))
+    assert -back == pytest.approx(compute_law_curvature(wheel), rel=1e-2)
+
+
+def test_energy_and_speed_are_sane() -> None:
+    """No speed beyond the command, none gained while the drive is at rest, and none left at a halt."""
+    rows = drive({}, hold(0.0), (HOLD, 10.0, 15.0, 0.0, 0.0, 0.0))
+    speed = rows[:, fifth_body.SPEED]
+    assert speed.max() < 1.03 * PACE and speed[4300] == pytest.approx(PACE, rel=5e-3)
+    assert np.all(np.diff(speed[4400:4900:20]) < 1e-3) and abs(speed[-1]) < 0.01
+    assert np.isfinite(rows).all() and np.abs(rows[:, fifth_body.ROLL]).max() < 0.05
+
+
+def test_effects_have_their_sizes() -> None:
+    offset = find_bend({"steering_offset": {"angle_deg": -2.0}}, hold(0.0))
+    assert offset == pytest.approx(compute_law_curvature(-2.0), rel=0.01)
+    plain = find_bend({}, hold(-12.0))
+    assert find_bend({"steering_gain": {"ratio": 1.1}}, hold(-12.0)) == pytest.approx(1.1 * plain, rel=5e-3)
+    assert find_bend({"steering_asymmetry": {"ratio": 0.9}}, hold(-12.0)) == pytest.approx(0.9 * plain, rel=5e-3)
+    for speed in (0.85, 2.2):
+        draft = find_bend({"implement_side_draft": {"curvature_per_m": -0.006}}, hold(0.0, speed, 1.0))
+        assert draft == pytest.approx(-0.006, rel=0.03)
+    soft = find_bend({"understeer": {"deg_per_mps2": 2.0}}, hold(14.0, 2.2))
+    assert soft == pytest.approx(compute_law_curvature(13.9 - 2.0 * soft * 2.2**2), rel=0.02)
+    slid = drive({"side_slip": {"limit_g": 0.08}}, hold(26.0, 2.2))[3000:]
+    aside = np.abs(slid[:, fifth_body.SPEED] * slid[:, fifth_body.YAW]).mean()
+    assert aside == pytest.approx(0.08 * 9.81, rel=0.04)
+    lost = drive({"wheel_slip": {"ratio": 0.08}}, hold(0.0))[-1, fifth_body.SPEED]
+    assert lost == pytest.approx(0.92 * PACE, rel=5e-3)
+
+
+def test_the_valve_has_a_lag_a_rate_a_dead_band_and_play() -> None:
+    def turn(effects: dict[str, dict[str, float]], size: float) -> np.ndarray:
+        return drive(effects, (HOLD, 3.0, 0.0, 0.0, PACE, 0.0), (HOLD, 6.0, size, 0.0, PACE, 0.0))[600:]
+
+    for lag in (0.1, 0.4):
+        wheel = turn({"steering_lag": {"time_s": lag}}, 3.0)[:, fifth_body.MOTOR]
+        assert 0.005 * np.flatnonzero(wheel >= 3.0 * (1.0 - math.exp(-1.0)))[0] == pytest.approx(lag, abs=0.03)
+    for rate in (16.0, 8.0):
+        wheel = turn({"steering_rate": {"rate_deg_per_s": rate}}, 24.0)[:, fifth_body.MOTOR]
+        low, high = (0.005 * np.flatnonzero(wheel >= angle)[0] for angle in (4.0, 20.0))
+        assert 16.0 / (high - low) == pytest.approx(rate, rel=0.04)
+    assert np.abs(turn({"steering_deadband": {"angle_deg": 1.0}}, 0.8)[:, fifth_body.MOTOR]).max() == 0.0
+    loose = turn({"steering_backlash": {"angle_deg": 1.5}}, 8.0)
+    assert np.max(loose[:, fifth_body.MOTOR] - loose[:, fifth_body.WHEEL]) == pytest.approx(0.75, abs=1e-6)
+    assert turn({}, 24.0)[:, fifth_body.MOTOR].max() < 24.3  # no overshoot to speak of
+
+
+@pytest.mark.parametrize("driver", [PURSUE, STANLEY, PERSON])
+@pytest.mark.parametrize("bend", [0.0, 0.02, -0.02])
+def test_drivers_come_to_their_arc(driver: float, bend: float) -> None:
+    parts = lay_parts((HOLD, 1.0, 0.0, 0.0, 0.0, 0.0), (driver, 30.0, 0.5, bend, PACE, 0.0))
+    rows = fifth.drive_run(TruthCase("clean", 3), parts, 90.0, 0)[200:]
+    x, y = rows[:, fifth_body.EAST] - rows[0, fifth_body.EAST], rows[0, fifth_body.NORTH] - rows[:, fifth_body.NORTH]
+    off = 1.0 / bend - np.copysign(np.hypot(x, y - 1.0 / bend), bend) if bend else y
+    assert np.abs(off[3000:-600] - 0.5).max() < (0.25 if driver == PERSON else 0.12)
+
+
+def test_the_ground_and_an_axle_that_stands_askew_carry_the_tractor_aside() -> None:
+    rows = drive({"cross_slope_drift": {"ratio": 0.03, "bearing_deg": 160.0}}, hold(0.0))[2000:]
+    east, north = (rows[-1, k] - rows[0, k] for k in (fifth_body.EAST, fifth_body.NORTH))
+    way = math.atan2(east, north) - math.radians(70.0)
+    assert math.tan(way) == pytest.approx(0.03, rel=0.03)
+    askew = (
+        find_bend({}, hold(0.0)),
+        fifth.measure_curvature(drive({}, hold(0.0), outside={"crab_axle": {"run": 0.0, "angle_deg": 1.0}}), 12.0),
+    )
+    assert askew[1] - askew[0] == pytest.approx(-math.radians(1.0) / fifth_body.BASE, rel=0.03)
+
+
+def test_columns_have_clocks_of_their_own() -> None:
+    parts = ((HOLD, 12.0, 8.0, 0.0, PACE, 0.0), (HOLD, 12.0, -8.0, 0.0, 2.0, 0.0))
+    plain = log_exact(*parts)
+    late = log_exact(*parts, columns={"position": ColumnClock(delay_s=0.3)})
+    shifted = late["easting_m"].to_numpy()[33:200] - plain["easting_m"].to_numpy()[30:197]
+    assert np.abs(shifted).max() < 0.02 and late["heading_deg"].equals(plain["heading_deg"])
+    held = log_exact(*parts, columns={"steering": ColumnClock(hold_s=1.0)})["steering_deg"].to_numpy()
+    assert np.mean(np.diff(held) == 0.0) > 0.85
+    scaled = log_exact(*parts, columns={"speed": ColumnClock(scale=1.07)})["speed_mps"]
+    assert np.abs(scaled - 1.07 * plain["speed_mps"]).max() < 0.01
+
+
+def test_faults_begin_and_laws_govern() -> None:
+    parts = ((HOLD, 12.0, 8.0, 0.0, PACE, 0.0), (HOLD, 12.0, -8.0, 0.0, PACE, 0.0))
+    wheel = drive({}, *parts, faults=(Fault("steering_loose", 0, 11.0),))[:, fifth_body.MOTOR]
+    assert wheel[-1] > 7.0
+    stuck = drive({}, *parts, faults=(Fault("steering_stuck", 0, 5.0, None, {"side": -1.0}),))
+    assert stuck[-1, fifth_body.MOTOR] == -fifth_body.LOCK_DEG
+    frozen = log_exact(*parts, faults=(Fault("position_frozen", 0, 8.0, 12.0),))["easting_m"].to_numpy()
+    assert np.ptp(frozen[82:119]) == 0.0 and np.ptp(frozen[125:140]) > 0.5
+    law = Law("steering_gain", "by_side", {"left": 0.8, "right": 1.0})
+    left = fifth.measure_curvature(drive({}, hold(-12.0), laws=(law,)), 12.0)
+    assert left == pytest.approx(0.8 * find_bend({}, hold(-12.0)), rel=0.01)
+
+
+def test_instruments_swing_stick_and_wander_as_their_formulas() -> None:
+    step = np.concatenate([np.zeros(10), np.ones(6000)])
+    swung = swing_rows(step, 0.6, 0.1)
+    assert swung.max() == pytest.approx(1.0 + math.exp(-math.pi * 0.1 / math.sqrt(0.99)), abs=0.02)
+    assert follow_play(np.array([0.0, 2.0, 1.5, 0.0]), 1.0).tolist() == [0.0, 1.5, 1.5, 0.5]
+    walk = draw_markov(np.random.default_rng(1), 4_000_000, 60.0)
+    assert walk.std() == pytest.approx(1.0, abs=0.15)
+    assert np.corrcoef(walk[:-12000], walk[12000:])[0, 1] == pytest.approx(math.exp(-1.0), abs=0.15)
+
+
+def test_logs_are_decided_by_their_seed() -> None:
+    case = TruthCase("clean", 11, programme="right_only", rate_hz=4.0)
+    one, two, other = (fifth.make_fifth_logs(one) for one in (case, case, replace(case, seed=12)))
+    assert all(a.equals(b) for a, b in zip(one, two, strict=True))
+    assert not any(a.equals(b) for a, b in zip(one, other, strict=True))
+    assert one[0].attrs["name"] == "right_0" and np.isfinite(one[0].to_numpy(float)).all()
+
+
+def test_every_cause_outside_changes_a_log() -> None:
+    parts = lay_parts(
+        (HOLD, 8.0, 0.0, 0.0, PACE, 0.0), (HOLD, 8.0, 20.0, 0.0, 0.85, 1.0), (HOLD, 8.0, -9.0, 0, 2.2, 1.0)
+    )
+    assert set(fifth_cases.OUTSIDE) == {*fifth.OUTSIDE_BODY, *fifth.OUTSIDE_SENSORS} and len(fifth_cases.OUTSIDE) >= 12
+    for name in fifth_cases.OUTSIDE:
+        drawn = fifth_cases.draw_outside_case(name, np.random.default_rng(2), 4)
+        spoilt = {key: {**values, "run": 3.0} if "run" in values else values for key, values in drawn.outside.items()}
+        cases = (replace(drawn, outside={}, rate_hz=10.0), replace(drawn, outside=spoilt, rate_hz=10.0))
+        plain, other = (fifth.log_run(case, "run", parts, 70.0, 3).to_numpy(float) for case in cases)
+        assert other.shape == plain.shape and np.abs(other - plain).max() > 0.02, name
+
+
+def test_a_seed_has_all_kinds_and_three_have_all_causes() -> None:
+    cases = [case for seed in range(6) for case in fifth_cases.draw_fifth_cases(seed)]
+    assert {case.kind for case in cases} == set(KINDS) and len({case.seed for case in cases}) == len(cases)
+    assert {name for case in cases[: len(cases) // 2] for name in case.outside} == set(fifth_cases.OUTSIDE)
+    effects = [case for seed in range(20) for case in fifth_cases.draw_fifth_cases(seed, ["effect"])]
+    assert {name for case in effects for name in case.effects} == set(NEUTRAL)
+    assert cases[: len(cases) // 6] == fifth_cases.draw_fifth_cases(0)
+    assert all(case.wanted <= case.allowed for case in cases)
+    for case in cases:
+        fifth.build_parameters(case)
+    with pytest.raises(ValueError, match="unknown"):
+        fifth.build_parameters(TruthCase("outside", 1, outside={"gremlins": {}}))
+
+
+def test_the_reference_imports_nothing_that_it_tests() -> None:
+    for file in Path(fifth.__file__).parent.glob("fifth*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            assert all(name.split(".")[0] in KNOWN or name.startswith("tests.truth") for name in names), file
