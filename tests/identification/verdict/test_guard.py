@@ -17,7 +17,14 @@ from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.identification.thresholds import HARM_FACTOR
 from vehicle.identification.verdict import guard
 from vehicle.identification.verdict.cross_fit import choose_balanced_half, select_runs, split_in_halves
-from vehicle.identification.verdict.guard import drop_harm, grant_chance, is_harmful, is_helpful, measure_harm
+from vehicle.identification.verdict.guard import (
+    drop_harm,
+    grant_chance,
+    is_harmful,
+    is_helpful,
+    list_unjudged,
+    measure_harm,
+)
 
 PLAIN = HorizonError(2.0, 4.0, 1.0)
 
@@ -201,3 +208,16 @@ def _repeat(segment: Any, times: int) -> Any:
     names = ("east", "north", "heading", "speed", "working", "wheel", "command", "target")
     columns = {name: np.tile(getattr(segment, name), times) for name in names if getattr(segment, name) is not None}
     return replace(segment, time=time, **columns)
+
+
+@pytest.mark.parametrize(
+    ("halves", "unjudged"),
+    [
+        ([{"steering_gain"}, set()], set()),
+        ([set(), set()], set()),  # too short to show anything
+        ([{"grip_patch"}, set()], {"steering_gain"}),
+        ([{"grip_patch"}, {"steering_gain"}], set()),
+    ],
+)
+def test_halves_do_not_judge_what_neither_of_them_found(halves: list[set[str]], unjudged: set[str]) -> None:
+    assert list_unjudged({"steering_gain"}, halves) == unjudged

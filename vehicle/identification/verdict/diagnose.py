@@ -65,7 +65,7 @@ from vehicle.identification.verdict.findings import (
     build_findings,
     choose_next_drive,
 )
-from vehicle.identification.verdict.guard import GuardedCase, guard_case
+from vehicle.identification.verdict.guard import GuardedCase, guard_case, guard_groups
 from vehicle.identification.verdict.held_out_case import (
     ERROR_PIECE_S,
     DiagnosisCase,
@@ -227,6 +227,7 @@ def diagnose_logs(
         explained_case = keep_terms(selection, explained_case, explained_case.case.extension.term_ids - {DRIFT_ACROSS})
     file_model = build_rig_and_corrections(tractor, ground, dataset.origin)
     guarded = guard_case(agreeing, subset, selection, explained_case, file_model, count.count_step)
+    guarded = guard_groups(guarded, dataset, subset, selection, file_model) if searched.left_out else guarded
     explained_case = guarded.explained
     competitors = _collect_competitors(selection, explained_case)
     turning = find_other_turning(logs, tractor)

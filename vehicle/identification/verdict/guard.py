@@ -1,14 +1,15 @@
 """The guard of a verdict: nothing is named or saved that raises the error on runs held out.
 
 Judged are all horizons and kinds of error, twice: on every run with values from the other runs, and on each half of the
-runs with what was selected and fitted on the other half alone (see cross_fit). Where something does harm, terms without
+runs with what was selected and fitted on the other half alone (see cross_fit). What neither half found is not judged by
+them, and not saved where one of them found something else instead. Where something does harm, terms without
 a name go first, then what is only likely, then the names, each time the one without which the harm is least.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
 
 from vehicle.identification.cause_selection.selection import CauseSelection
@@ -42,6 +43,14 @@ from vehicle.model.tractor import Settings
 KINDS = ("cross_cm", "along_cm", "heading_deg")
 SLOW_MPS = 1.0  # chosen: at this pace a heading moves the path by what it is worth
 NOTHING_LEFT = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
+UNJUDGED = (
+    "What all of these logs show together, no half of them shows alone, and one half shows something else instead; so "
+    "nothing is saved."
+)
+RAISED_ELSEWHERE = (
+    "These logs are of two groups of runs, and what one of them says raises the error of all runs together; diagnose "
+    "the groups apart and save what each of them says."
+)
 HELPED = "Each half of the logs was driven with what was found on the other half alone, and errors fall."
 HELPED_BY_RUNS = (
     "Each half of the logs was driven with what was found on the other half alone, and no error changes much; the "
@@ -107,7 +116,8 @@ class GuardedCase:
     `explained` harms no run held out over the horizons of a verdict, `saved` over no horizon at all: small errors of
     shape, as of how tyres begin to slide, add up over longer ones. `unsaved_names` are what would have a name without
     that; they are likely. `shown_names` are not saved either, but keep their names: a sensor shows them apart from the
-    path, whose error over 20 s may have any other cause. `is_reduced` is whether anything was taken out.
+    path, whose error over 20 s may have any other cause. `is_reduced` is whether anything was taken out, and `reason`
+    why nothing is saved if nothing is left.
     """
 
     explained: ExplainedCase
@@ -116,11 +126,12 @@ class GuardedCase:
     holdout: HoldoutResult | None = None
     unsaved_names: tuple[str, ...] = ()
     shown_names: tuple[str, ...] = ()
+    reason: str = NOTHING_LEFT
 
     @property
     def unsaved_reason(self) -> str:
         """Why nothing is left to save; empty where something is left, or nothing was found."""
-        return NOTHING_LEFT if self.is_reduced and not self.saved.case.extension.term_ids else ""
+        return self.reason if self.is_reduced and not self.saved.case.extension.term_ids else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +157,10 @@ class _Judge:
         yield before, sum_squared_errors_by_run(self.dataset, self.selection.residual_model.rig, held_out)
         if self.halves:
             yield self.list_half_tables(explained.case.extension.term_ids)
+
+    def list_half_ids(self) -> list[frozenset[str]]:
+        """Return the terms that each half found by itself."""
+        return [half.explained.case.extension.term_ids for half in self.halves]
 
     def list_half_tables(self, names: Collection[str]) -> tuple[Table, Table]:
         """Squared errors of the unseen runs of both halves, before and after."""
@@ -186,9 +201,43 @@ def guard_case(
     shown = tuple(name for name in unsaved if get_effect(name).block in separate_blocks)
     names = [name for name in kept.names if name not in unsaved or name in shown]
     kept = replace(kept, names=names, case=replace(kept.case, refused_effects=kept.case.refused_effects | dropped))
-    is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
     unsaved_names = tuple(name for name in unsaved if name not in shown)
-    return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), unsaved_names, shown)
+    unjudged_ids = list_unjudged(saved.case.extension.term_ids, judge.list_half_ids())
+    if unjudged_ids:
+        saved = _keep(judge, saved, saved.case.extension.term_ids - unjudged_ids)
+    is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
+    reason = UNJUDGED if unjudged_ids else NOTHING_LEFT
+    return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), unsaved_names, shown, reason)
+
+
+def list_unjudged(kept_ids: Collection[str], half_ids: Sequence[Collection[str]]) -> frozenset[str]:
+    """Return the terms that no half found by itself, where a half found something else: the halves do not judge them.
+
+    Where the halves found nothing at all, they were only too short.
+    """
+    found = frozenset[str]().union(*half_ids)
+    return frozenset(kept_ids) - found if found - frozenset(kept_ids) else frozenset()
+
+
+def guard_groups(
+    guarded: GuardedCase,
+    dataset: DriveDataset,
+    subset: DataSubset,
+    selection: CauseSelection,
+    file_model: tuple[ReplayRig, Settings],
+) -> GuardedCase:
+    """Return the case with nothing to save where it raises the error of all runs, with those that are unlike the ones
+    it was found in."""
+    file_rig, file_settings = file_model
+    runs, rig = range(len(dataset.names)), selection.residual_model.rig
+    before = sum_squared_errors_by_run(dataset, file_rig, dict.fromkeys(runs, file_settings))
+    settings = collect_whole_settings(dataset, subset, guarded.saved.case)[1]
+    after = sum_squared_errors_by_run(dataset, rig, settings)
+    with_along = selection.residual_model.has_measured_speed
+    if not is_harmful(compute_horizon_errors(before), compute_horizon_errors(after), with_along):
+        return guarded
+    saved = keep_terms(selection, guarded.saved, ())
+    return replace(guarded, saved=saved, is_reduced=True, holdout=None, reason=RAISED_ELSEWHERE)
 
 
 def drop_harm(judge: _Judge, explained: ExplainedCase, longest_s: float) -> ExplainedCase:
