@@ -64,6 +64,13 @@ def test_slow_columns_are_told_with_sizes(column: str, every_s: float, uneven: f
     assert ("a tenth of the time" in told.words) is (uneven > 0.0)
 
 
+def test_an_angle_that_looks_held_in_one_log_alone_is_a_wheel_that_was_held() -> None:
+    """In the other logs of the same instrument it changes from row to row."""
+    held, moving = read(refresh(frame_of("waves"), "steering_deg", 1.0), "held"), read(frame_of("waves"), "moving")
+    assert "steering_deg" in mark_stale_columns_of_set([held])[0].measured_rows
+    assert all("steering_deg" not in log.measured_rows for log in mark_stale_columns_of_set([held, moving, moving]))
+
+
 def test_a_held_column_is_nearer_to_the_truth_than_before() -> None:
     frame = frame_of("waves")
     held = refresh(frame, "steering_deg", 1.0)

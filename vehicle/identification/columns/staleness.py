@@ -30,15 +30,19 @@ MEASURED_COLUMNS = ("steering_deg", "speed_mps")
 PLACE_COLUMNS = ("easting_m", "northing_m", "heading_deg")
 
 
-def mark_stale_columns(log: Log) -> Log:
-    """Return the log with slower columns interpolated between their measured rows, which `measured_rows` marks."""
+def mark_stale_columns(log: Log, moving: frozenset[str] = frozenset()) -> Log:
+    """Return the log with slower columns interpolated between their measured rows, which `measured_rows` marks.
+
+    Columns of `moving` change from row to row in other logs of the set, so that none of them is held.
+    """
     rows = np.flatnonzero(log.used)
     if len(rows) < 2 * _FEWEST_KNOTS:
         return log
     time, measured, changed = log.time_s[rows], dict(log.measured_rows), dict[str, Any]()
     for name in MEASURED_COLUMNS:
         values = getattr(log, name)
-        knots = None if values is None else find_knots(time, values[rows])
+        find = find_line_knots if name in moving else find_knots
+        knots = None if values is None else find(time, values[rows])
         if knots is not None:
             measured[name], changed[name] = _mark_rows(log, rows[knots]), _draw_lines(values, time, rows, knots)
     command = log.steering_command_deg
@@ -54,9 +58,10 @@ def mark_stale_columns(log: Log) -> Log:
 def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
     """Return the logs of mark_stale_columns; what is stale in some logs is so in those whose few changes cannot tell.
 
-    One instrument logged them all.
+    One instrument logged them all. A wheel that a person holds between quick turns looks held in one log alone.
     """
-    marked_logs = [mark_stale_columns(log) for log in logs]
+    moving = frozenset(name for name in MEASURED_COLUMNS if not _is_held_in_set(logs, name))
+    marked_logs = [mark_stale_columns(log, moving) for log in logs]
     for name in (*MEASURED_COLUMNS, "steering_command_deg"):
         holds = [
             measure_hold(log.time_s[log.used], log.measured_rows[name][log.used])[0]
@@ -67,6 +72,25 @@ def mark_stale_columns_of_set(logs: Sequence[Log]) -> list[Log]:
             hold_s = float(np.median(holds))
             marked_logs = [_mark_like_others(log, name, hold_s) for log in marked_logs]
     return [_share_readings(log, marked) for log, marked in zip(logs, marked_logs, strict=True)]
+
+
+def _is_held_in_set(logs: Sequence[Log], name: str) -> bool:
+    """Whether most of the clear changes of a column, in all logs together, are of values that were held before."""
+    columns = [getattr(log, name)[log.used] for log in logs if getattr(log, name) is not None]
+    counts = np.concatenate([np.zeros(0, dtype=np.int64), *map(_count_rows_before_clear_changes, columns)])
+    return bool(np.count_nonzero(counts >= 2) >= _HELD_SHARE * len(counts))
+
+
+def _count_rows_before_clear_changes(values: Array) -> Rows:
+    """Return for every clear change of values (k,) in how many rows the value before it stands."""
+    steps = np.diff(values)
+    new_rows = np.append(0, np.flatnonzero(steps != 0.0) + 1)
+    if len(new_rows) < 2:
+        return np.zeros(0, dtype=np.int64)
+    sizes = np.abs(steps[new_rows[1:] - 1])
+    unique = np.unique(np.round(sizes, _DIGITS))
+    least = float(np.quantile(np.concatenate([unique, np.diff(unique)]), _LEAST_CHANGE_QUANTILE))
+    return np.diff(new_rows)[sizes > _CLEAR_CHANGE_FACTOR * least]
 
 
 def _share_readings(log: Log, marked: Log) -> Log:
@@ -149,19 +173,12 @@ def find_knots(time: Array, values: Array) -> Rows | None:
 
 def find_held_knots(values: Array) -> Rows | None:
     """Return the indices at which held values (k,) change; None where they are not held between changes."""
-    steps = np.diff(values)
-    new_rows = np.append(0, np.flatnonzero(steps != 0.0) + 1)
-    if len(new_rows) <= _FEWEST_KNOTS:
+    new_rows = np.append(0, np.flatnonzero(np.diff(values) != 0.0) + 1)
+    counts = _count_rows_before_clear_changes(values)
+    if len(new_rows) <= _FEWEST_KNOTS or len(counts) < _FEWEST_KNOTS:
         return None
-    sizes, counts = np.abs(steps[new_rows[1:] - 1]), np.diff(new_rows)
-    unique = np.unique(np.round(sizes, _DIGITS))
-    least = float(np.quantile(np.concatenate([unique, np.diff(unique)]), _LEAST_CHANGE_QUANTILE))
-    is_clear = sizes > _CLEAR_CHANGE_FACTOR * least
-    if np.count_nonzero(is_clear) < _FEWEST_KNOTS:
-        return None
-    usual = float(np.median(counts[is_clear]))
-    is_held = is_clear & (counts >= 2)
-    if usual < 2.0 or np.count_nonzero(is_held) < _HELD_SHARE * np.count_nonzero(is_clear):
+    usual = float(np.median(counts))
+    if usual < 2.0 or np.count_nonzero(counts >= 2) < _HELD_SHARE * len(counts):
         return None
     return _add_last_known_rows(new_rows, len(values), round(usual))
 
