@@ -39,7 +39,6 @@ from reports.common.wording import (
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
 LEAST_COST = 0.005  # less reads as nothing
-LEAST_GAP_PCT = 0.05  # less reads as nothing
 LEAST_UNWORKED_M2 = 0.5  # less reads as nothing
 UNWORKED_HELP = (
     "Unworked: ground that no implement worked; ranks include the time to finish it at each plan's own rate."
@@ -173,27 +172,6 @@ def _format_grouped_remark(members: Sequence[tuple[PlanResult, str]]) -> str:
     return f"{len(members)} plans{example}: {remark}."
 
 
-def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
-    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
-    groups: dict[str, dict[str, list[int]]] = {}
-    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
-        if plan.order_gap_pct is not None:
-            gaps = groups.setdefault(plan.strategy, {})
-            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
-    parts = [
-        f"{name} {join_list(f'{gap} with {join_list(sorted(set(counts)))}' for gap, counts in gaps.items())}"
-        for name, gaps in groups.items()
-    ]
-    return f"Order of tracks, by the driving between them: {'; '.join(parts)}." if parts else None
-
-
-def format_order_optimality(pct: float) -> str:
-    """``optimal`` or ``within 1.2 % of optimal``."""
-    if pct < LEAST_GAP_PCT:
-        return translate("optimal")
-    return translate("within {share} % of optimal", share=format_number(pct, 1))
-
-
 def describe_machines(ranking: PlanRanking) -> str | None:
     """Tractor, implement (by its name in the farm file) and width; None if unknown."""
     scenario = ranking.scenario
@@ -251,9 +229,7 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     elif best.meets_deadline is False:
         lateness = "" if ranking.missed_by_s is None else f" misses it by {format_duration(ranking.missed_by_s)}"
         clock = _format_deadline_clock(ranking)
-        missed = (
-            translate("No plan meets the deadline ({clock}).", clock=clock) if clock else "No plan meets the deadline."
-        )
+        missed = f"No plan meets the deadline ({clock})." if clock else "No plan meets the deadline."
         sentences = [missed, *_list_advice(ranking)]
         sentences += [f"The {name_best_late_plan(ranking)}{lateness}: {result}.", *details]
     else:
@@ -494,20 +470,16 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
     late = sorted({plan.tractors for plan in judged} - set(meeting))
     missed = translate(", not with {counts}", counts=join_list(late, "or")) if late else ""
-    one = meeting == [1]
-    enough = format_tractor_count(1) if one else translate("{counts} tractors", counts=join_list(meeting, "or"))
-    who = {"name": name, "tractors": enough, "missed": missed}
+    counts = translate("{counts} tractors", counts=join_list(meeting, "or"))
+    who = {"name": name, "tractors": format_tractor_count(1) if meeting == [1] else counts, "missed": missed}
+    text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of them."
     if ranking.chosen is not None:
-        return [translate("{name} can be met with {tractors}{missed}, in half of the samples or more.", **who)]
-    least_cost = min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline)
-    if get_finished_field_cost(best) > least_cost:
-        return [
-            translate(
-                "{name} can be met with {tractors}{missed}; the best plan is the cheapest that could finish the field "
-                "by then.",
-                **who,
-            )
-        ]
-    if best_is_cheapest:
-        return [translate("{name} can be met with {tractors}{missed}; the best plan is the cheapest of all.", **who)]
-    return [translate("{name} can be met with {tractors}{missed}; the best plan is the cheapest of them.", **who)]
+        text = "{name} can be met with {tractors}{missed}, in half of the samples or more."
+    elif get_finished_field_cost(best) > min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline):
+        text = (
+            "{name} can be met with {tractors}{missed}; the best plan is the cheapest that could finish the field by "
+            "then."
+        )
+    elif best_is_cheapest:
+        text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of all."
+    return [translate(text, **who)]

@@ -45,11 +45,9 @@ from reports.plan.plan_wording import (
     COLUMN_HELP,
     UNWORKED_HELP,
     describe_machines,
-    describe_order_optimality,
     describe_ranking,
     describe_simulated_effects,
     format_in_time_probability,
-    format_order_optimality,
     format_unworked,
     get_charged_traffic_m2,
     get_clearance_m,
@@ -60,6 +58,7 @@ from reports.plan.plan_wording import (
     list_refused,
     name_refused_plans,
 )
+from reports.plan.ranking_table import describe_order_optimality, format_order_optimality
 
 _SOFT_HYPHENATION = {
     "Collisions": "Colli|sions",

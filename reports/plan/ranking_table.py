@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from rich.console import Group, RenderableType
@@ -30,7 +30,6 @@ from reports.plan.plan_wording import (
     BY_COUNT_HELP,
     COLUMN_HELP,
     UNWORKED_HELP,
-    describe_order_optimality,
     describe_ranking,
     describe_simulated_effects,
     format_in_time_probability,
@@ -45,6 +44,7 @@ from reports.plan.plan_wording import (
 )
 
 _MORE_HINT = "a wider window or --json shows all"
+LEAST_GAP_PCT = 0.05  # less reads as nothing
 
 
 @dataclass(frozen=True)
@@ -318,3 +318,24 @@ def _build_bullet(text: str) -> RenderableType:
     grid.add_column(overflow="fold")
     grid.add_row(Text("-"), Padding(format_sentence(text), 0))
     return grid
+
+
+def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
+    """How near the orders of tracks are to the optimum, a sentence; None where none is proven."""
+    groups: dict[str, dict[str, list[int]]] = {}
+    for plan in sorted(plans, key=lambda plan: (plan.order_gap_pct or 0.0, plan.tractors)):
+        if plan.order_gap_pct is not None:
+            gaps = groups.setdefault(plan.strategy, {})
+            gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
+    parts = [
+        f"{name} {join_list(f'{gap} with {join_list(sorted(set(counts)))}' for gap, counts in gaps.items())}"
+        for name, gaps in groups.items()
+    ]
+    return f"Order of tracks, by the driving between them: {'; '.join(parts)}." if parts else None
+
+
+def format_order_optimality(pct: float) -> str:
+    """``optimal`` or ``within 1.2 % of optimal``."""
+    if pct < LEAST_GAP_PCT:
+        return translate("optimal")
+    return translate("within {share} % of optimal", share=format_number(pct, 1))
