@@ -22,6 +22,7 @@ from vehicle.identification.verdict.guard import (
     grant_chance,
     is_harmful,
     is_helpful,
+    list_doubtful_circles,
     list_unjudged,
     measure_harm,
 )
@@ -221,3 +222,12 @@ def _repeat(segment: Any, times: int) -> Any:
 )
 def test_halves_do_not_judge_what_neither_of_them_found(halves: list[set[str]], unjudged: set[str]) -> None:
     assert list_unjudged({"steering_gain"}, halves) == unjudged
+
+
+@pytest.mark.parametrize(("low", "is_doubtful"), [(-0.01, True), (19.0, False)])
+def test_a_circle_that_may_help_no_run_held_out_is_not_saved(low: float, is_doubtful: bool) -> None:
+    case: Any = SimpleNamespace(
+        extension=SimpleNamespace(term_ids={"grip_patch", "steering_gain", "grip_by_angle"}),
+        compute_held_out_gain=lambda _: (1.0, (low, 90.0)),
+    )
+    assert list_doubtful_circles(case) == ({"grip_patch"} if is_doubtful else frozenset())

@@ -132,3 +132,10 @@ def test_a_speed_as_late_as_the_receiver_has_no_clock_of_its_own(
 def test_a_file_of_another_kind_of_vehicle_gives_no_names() -> None:
     findings = [build_finding(1.2, 1.1, 1.3), build_finding(1.2, 1.1, 1.3, EQUIVALENT)]
     assert [finding.status for finding in doubt_names(findings)] == [LIKELY, EQUIVALENT]
+
+
+@pytest.mark.parametrize(("low", "status"), [(-0.01, LIKELY), (19.0, NAMED)])
+def test_a_circle_that_may_help_no_run_held_out_is_only_likely(low: float, status: str) -> None:
+    circle = replace(build_finding(0.7, 0.66, 0.74), id="grip_patch", gain_interval=(low, 90.0))
+    (out,) = withdraw_unclear([circle], build_case())
+    assert out.status == status

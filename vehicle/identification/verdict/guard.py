@@ -43,10 +43,7 @@ from vehicle.model.tractor import Settings
 KINDS = ("cross_cm", "along_cm", "heading_deg")
 SLOW_MPS = 1.0  # chosen: at this pace a heading moves the path by what it is worth
 NOTHING_LEFT = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
-UNJUDGED = (
-    "What all of these logs show together, no half of them shows alone, and one half shows something else instead; so "
-    "nothing is saved."
-)
+UNJUDGED = "The halves of these logs do not show by themselves what all of them show together, so nothing is saved."
 RAISED_ELSEWHERE = (
     "These logs are of two groups of runs, and what one of them says raises the error of all runs together; diagnose "
     "the groups apart and save what each of them says."
@@ -203,6 +200,7 @@ def guard_case(
     kept = replace(kept, names=names, case=replace(kept.case, refused_effects=kept.case.refused_effects | dropped))
     unsaved_names = tuple(name for name in unsaved if name not in shown)
     unjudged_ids = list_unjudged(saved.case.extension.term_ids, judge.list_half_ids())
+    unjudged_ids |= list_doubtful_circles(saved.case)
     if unjudged_ids:
         saved = _keep(judge, saved, saved.case.extension.term_ids - unjudged_ids)
     is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
@@ -217,6 +215,14 @@ def list_unjudged(kept_ids: Collection[str], half_ids: Sequence[Collection[str]]
     """
     found = frozenset[str]().union(*half_ids)
     return frozenset(kept_ids) - found if found - frozenset(kept_ids) else frozenset()
+
+
+def list_doubtful_circles(case: DiagnosisCase) -> frozenset[str]:
+    """Return effects in a circle, which is searched for all over the field, that may help no run held out."""
+    circles = {
+        name for name in case.extension.term_ids if name not in TERMS_BY_NAME and get_effect(name).kind.is_searched
+    }
+    return frozenset(name for name in circles if case.compute_held_out_gain(name)[1][0] <= 0.0)
 
 
 def guard_groups(

@@ -150,6 +150,8 @@ def _is_hardly_there(finding: Finding, case: DiagnosisCase) -> bool:
     """
     if finding.status != NAMED or finding.interval is None or _is_changing(finding) or _has_levels(case, finding.id):
         return False
+    if get_effect(finding.id).kind.is_searched and finding.gain_interval is not None and finding.gain_interval[0] <= 0:
+        return True  # a circle somewhere in the field that helps hardly more runs than it harms
     size = get_effect(finding.id).size.name
     key = PER_SLOPE if PER_SLOPE in finding.interval else size
     neutral = 0.0 if key == PER_SLOPE else get_neutral_values(finding.id, case.tractor.steering)[size]
