@@ -27,6 +27,7 @@ from vehicle.identification.verdict.cross_fit import Half, add_squares, cross_fi
 from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
 from vehicle.identification.verdict.held_out_case import (
     ERROR_PIECE_S,
+    DiagnosisCase,
     collect_whole_settings,
     compute_small_sample_spread,
 )
