@@ -90,8 +90,8 @@ def _count_rows_before_clear_changes(values: Array) -> Rows:
     sizes = np.abs(steps[new_rows[1:] - 1])
     unique = np.unique(np.round(sizes, _DIGITS))
     least = float(np.quantile(np.concatenate([unique, np.diff(unique)]), _LEAST_CHANGE_QUANTILE))
-    counts: Rows = np.diff(new_rows)
-    return counts[sizes > _CLEAR_CHANGE_FACTOR * least]
+    counts: Rows = np.diff(new_rows)[sizes > _CLEAR_CHANGE_FACTOR * least]
+    return counts
 
 
 def _share_readings(log: Log, marked: Log) -> Log:
