@@ -65,7 +65,7 @@ def describe_hints(diagnosis: Diagnosis) -> list[str]:
     return [
         end_sentence(hint.words)
         for hint in diagnosis.hints
-        if not any(clause in hint.words for clause in verdict_clauses) and hint.words != diagnosis.known_outside
+        if not any(clause in hint.words for clause in verdict_clauses) and hint.words not in diagnosis.causes_sentence
     ]
 
 

@@ -187,7 +187,8 @@ def describe_remaining_error(diagnosis: Diagnosis) -> list[str]:
         return lines
     if diagnosis.unexplained_share == 0.0:
         return [*lines, *_describe_remaining_in_plan(diagnosis)]
-    depends = "; ".join(diagnosis.depends_on) or "none of the quantities examined"
+    hinted = dict.fromkeys(hint.depends_on for hint in diagnosis.hints if hint.depends_on)
+    depends = "; ".join(diagnosis.depends_on or hinted) or "none of the quantities examined"
     return [*lines, *_describe_remaining_in_plan(diagnosis), f"It depends on: {depends}."]
 
 

@@ -32,6 +32,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     Diagnosis,
     Finding,
     GroundLevel,
+    Hint,
     NextDrive,
     PlanGain,
     ResidualPlot,
@@ -307,6 +308,12 @@ class TestWords:
             )
             places = [text.index(part) for part in (*parts, said)]
             assert places == sorted(places)
+
+    def test_what_a_hint_names_is_a_quantity_that_was_examined(self) -> None:
+        wrong = {h: HorizonError(h, 2.0 * h, 0.1 * h) for h in (1.0, 5.0)}
+        hint = Hint("the wheel angle", "heading", None, "Errors of the headings go together with the wheel angle.")
+        for text in both(diagnosis(unexplained_share=0.3, depends_on=(), hints=(hint,), after=wrong, pace_mps=0.5)):
+            assert "It depends on: the wheel angle." in text and "none of the quantities" not in text
 
     def test_what_is_left_is_driven_where_a_rest_was_fitted_to_it(self) -> None:
         plan = replace(PLAN, discrepancy_s=12.4, discrepancy_cm=1.36)

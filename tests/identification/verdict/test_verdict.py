@@ -28,6 +28,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     NOT_VISIBLE,
     Diagnosis,
     Finding,
+    Hint,
     convert_nonfinite_to_none,
     join_clauses,
 )
@@ -62,6 +63,8 @@ def test_the_headline_says_the_most_that_is_known() -> None:
     assert answer(one, other).headline == "Several causes fit these logs equally well: This. Or: That."
     assert answer(depends_on=("a", "b", "c")).headline.endswith("the simulation misses a; b; and c.")
     assert answer(unexplained_share=0.4).headline.endswith("depends on none of the quantities examined.")
+    hint = Hint("speed", "heading", None, "Errors of the headings go together with speed.")
+    assert answer(unexplained_share=0.4, hints=(hint,)).headline.endswith(f"explains these logs. {hint.words}")
     assert answer(calibration={"wheel_slip": {"ratio": 0.1}}).headline.startswith("No cause found")
     assert answer(notes=("The tractor file already has x; ...",)).headline.startswith("Nothing found beyond")
     assert answer().headline.startswith("Nothing found: ")

@@ -415,6 +415,8 @@ class Diagnosis:
             return "Beside that no cause is found."
         if self.depends_on:
             return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."
+        if self.unexplained_share > 0.0 and self.hints:
+            return f"No known cause explains these logs. {self.hints[0].words}"
         if self.unexplained_share > 0.0:
             return "No known cause explains these logs, and the error depends on none of the quantities examined."
         if self.hints:
