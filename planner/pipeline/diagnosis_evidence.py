@@ -16,8 +16,8 @@ from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     compute_piece_errors,
-    find_piece_bounds,
     fit_rigid_motion,
+    list_covering_bounds,
     simulate_instruments,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
@@ -73,21 +73,20 @@ def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gro
 def _measure_segment(
     segment: DriveSegment, rigs: Sequence[tuple[ReplayRig, Settings]], piece_s: float, driven_s: float
 ) -> _ErrorRows:
-    bounds = find_piece_bounds(segment.time, piece_s)
-    errors = []
-    for rig, settings in rigs:
-        antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
-        errors.append(100.0 * compute_piece_errors(segment, antenna, heading, bounds)[:, :2])
-    squares = np.column_stack([errors[0][:, 0], errors[1][:, 0], errors[0][:, 1], errors[1][:, 1]]) ** 2
+    poses = [simulate_instruments(rig, segment, settings)[:2] for rig, settings in rigs]
     angle = segment.wheel if segment.wheel is not None else segment.command
     steering = np.zeros(segment.rows) if angle is None else np.degrees(angle)
-    used = np.zeros(segment.rows, dtype=np.bool_)
-    for first, end in zip(*bounds, strict=True):
-        used[first:end] = True
     place = np.column_stack([segment.east, segment.north])
-    return _ErrorRows(
-        driven_s + segment.time[used], segment.speed_in_gear[used], steering[used], place[used], squares[used]
-    )
+    columns = (driven_s + segment.time, segment.speed_in_gear, steering, place)
+    parts = []
+    for bounds in list_covering_bounds(segment.time, piece_s):
+        old, new = (100.0 * compute_piece_errors(segment, *pose, bounds)[:, :2] for pose in poses)
+        squares = np.column_stack([old[:, 0], new[:, 0], old[:, 1], new[:, 1]]) ** 2
+        used = np.zeros(segment.rows, dtype=np.bool_)
+        for first, end in zip(*bounds, strict=True):
+            used[first:end] = True
+        parts.append([column[used] for column in (*columns, squares)])
+    return _ErrorRows(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def choose_edges(values: Array) -> Array:

@@ -42,7 +42,8 @@ def test_a_cause_is_told_from_a_part_and_errors_of_all_logs(monkeypatch: pytest.
     assert found.before == whole.before, "errors are of all logs"
     for seconds, error in found.after.items():
         assert error.cross_cm == pytest.approx(whole.after[seconds].cross_cm, rel=0.05)
-        assert found.noise_floor[seconds].cross_cm == pytest.approx(whole.noise_floor[seconds].cross_cm, rel=0.15)
+        # A floor is drawn: over 48 pieces of 10 s it scatters by a tenth.
+        assert found.noise_floor[seconds].cross_cm == pytest.approx(whole.noise_floor[seconds].cross_cm, rel=0.25)
     assert found.unexplained_share == whole.unexplained_share == 0.0
     logs_told = found.tractor.effects["steering_offset"].logs
     assert set(logs_told) < set(whole.names), "the file has the logs that told it"
