@@ -91,8 +91,8 @@ def find_compass_hint(logs: Sequence[Log], found_values: Mapping[str, Mapping[st
     wrong_deg = math.degrees(share * drift["ratio"])
     words = (
         f"The headings are wrong by up to {abs(wrong_deg):.1f} degrees, depending on the direction of travel, as of a "
-        "compass near iron: they turn by as much more or less than the wheels turn the "
-        "vehicle. Positions alone would show a drift across a slope."
+        "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks "
+        "like a drift across a slope."
     )
     return Hint("the direction of travel", "heading", None, words)
 
