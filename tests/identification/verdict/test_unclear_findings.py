@@ -15,6 +15,7 @@ from vehicle.identification.verdict.unclear_findings import (
     doubt_names,
     doubt_shared_lateness,
     doubt_turning_centre,
+    withdraw_cancelling_delays,
     withdraw_unclear,
 )
 from vehicle.model.tractor import load_tractor
@@ -139,3 +140,15 @@ def test_a_circle_that_may_help_no_run_held_out_is_only_likely(low: float, statu
     circle = replace(build_finding(0.7, 0.66, 0.74), id="grip_patch", gain_interval=(low, 90.0))
     (out,) = withdraw_unclear([circle], build_case())
     assert out.status == status
+
+
+@pytest.mark.parametrize(("clock_s", "is_told"), [(0.22, False), (0.05, True), (-0.22, True)])
+def test_a_dead_time_and_a_clock_of_commands_that_cancel_are_none(clock_s: float, is_told: bool) -> None:
+    times = {"steering_dead_time": 0.23, "clock_offset_steering_command": clock_s}
+    findings = [
+        replace(build_finding(1.0, 0.0, 2.0), id=name, value={"time_s": s}, interval={"time_s": (s - 0.06, s + 0.06)})
+        for name, s in times.items()
+    ]
+    assert [finding.status for finding in withdraw_cancelling_delays(findings)] == [
+        NAMED if is_told else NOT_VISIBLE
+    ] * 2

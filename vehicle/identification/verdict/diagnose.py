@@ -92,6 +92,7 @@ from vehicle.identification.verdict.unclear_findings import (
     doubt_shared_lateness,
     doubt_turning_centre,
     drop_unclear_terms,
+    withdraw_cancelling_delays,
     withdraw_faked,
     withdraw_unclear,
 )
@@ -236,7 +237,8 @@ def diagnose_logs(
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case.sure_ids)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
-    findings = doubt_turning_centre(doubt_shared_lateness(findings), tractor.wheelbase_m)
+    findings = doubt_shared_lateness(withdraw_cancelling_delays(findings))
+    findings = doubt_turning_centre(findings, tractor.wheelbase_m)
     findings = doubt_names(findings) if turning is not None and turning.kind == ARTICULATED else findings
     findings = mark_one_sided(findings, subset.dataset)
     names = [name for name in explained_case.names if name not in faked_ids]

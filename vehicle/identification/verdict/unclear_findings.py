@@ -25,6 +25,7 @@ from vehicle.model.effects import get_effect, get_neutral_values
 
 GAIN, ANTENNA = "steering_gain", "antenna_forward"
 RECEIVER_DELAY, SPEED_CLOCK = "gnss_latency", "clock_offset_speed"
+DEAD_TIME, COMMAND_CLOCK = "steering_dead_time", "clock_offset_steering_command"
 
 
 def drop_unclear_terms(
@@ -124,6 +125,23 @@ def doubt_shared_lateness(findings: Sequence[Finding]) -> list[Finding]:
     doubtful = replace(late, status=LIKELY) if is_usual else late
     kept = {RECEIVER_DELAY: doubtful, SPEED_CLOCK: _withdraw(clock)}
     return [kept.get(finding.id, finding) for finding in findings]
+
+
+def withdraw_cancelling_delays(findings: Sequence[Finding]) -> list[Finding]:
+    """Return the findings without a dead time of the steering and a clock of its commands that cancel each other.
+
+    The wheels then follow the commands of the log without delay: both stand in for a wheel angle that is wrong in
+    another way, such as a sensor with play.
+    """
+    found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
+    dead, clock = found.get(DEAD_TIME), found.get(COMMAND_CLOCK)
+    if dead is None or clock is None or not (dead.interval and clock.interval and dead.value and clock.value):
+        return list(findings)
+    left_s = abs(dead.value["time_s"] - clock.value["time_s"])
+    halves = (0.5 * (one.interval["time_s"][1] - one.interval["time_s"][0]) for one in (dead, clock) if one.interval)
+    if left_s > math.hypot(*halves):
+        return list(findings)
+    return [_withdraw(finding) if finding in (dead, clock) else finding for finding in findings]
 
 
 def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
