@@ -44,6 +44,7 @@ from vehicle.identification.logs.sensor_checks import correct_sensors
 from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
 from vehicle.identification.logs.table import Columns, extract_columns, read_table
 from vehicle.identification.logs.terrain import STEEPEST_DEG
+from vehicle.identification.logs.time_stamps import even_time_stamps
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -220,6 +221,7 @@ def build_log(
     if LogConvention.POSITION_DEGREES in fix_set and reference is None:
         reference = find_first_place(convert_columns(raw_columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
     converted = convert_columns(raw_columns, fix_set, reference)
+    converted, stamps = even_time_stamps(converted)
     converted, jumps = correct_position_jumps(converted, name)
     column_faults = [*jumps, *find_column_faults(converted, name), *find_sparse_steering_faults(converted, name)]
     converted, gaps = _drop_command_with_gaps(converted)
@@ -232,7 +234,7 @@ def build_log(
         _assemble_log(columns, rules, name, ignored),
         fresh=fresh,
         place_rows=place_rows,
-        corrections=(*gaps, *doubts),
+        corrections=(*stamps, *gaps, *doubts),
         faults=faults,
         origin_deg=reference if LogConvention.POSITION_DEGREES in fix_set else None,
     )

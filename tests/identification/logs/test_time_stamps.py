@@ -1,0 +1,59 @@
+"""Time stamps that jitter are evened; rows that were really taken unevenly keep theirs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.identification.log_tables import runs
+from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.time_stamps import even_time_stamps, measure_followed_share
+
+STEP_S, PACE_MPS = 0.1, 1.4
+
+
+def drive(stamps_are_wrong: bool, jitter_s: float, noise_m: float = 0.01) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """True times, and columns of a straight drive with stamps about even ones, wrong or as the rows were taken."""
+    rng, even = np.random.default_rng(5), STEP_S * np.arange(400)
+    stamps = np.sort(even + jitter_s * rng.uniform(-1.0, 1.0, len(even)))
+    taken = even if stamps_are_wrong else stamps
+    east, north = PACE_MPS * taken + noise_m * rng.standard_normal((2, len(even)))
+    return taken, {"time_s": stamps, "easting_m": east, "northing_m": north}
+
+
+@pytest.mark.parametrize("jitter_s", [0.03, 0.05])
+def test_stamps_that_jitter_are_evened(jitter_s: float) -> None:
+    taken, columns = drive(True, jitter_s)
+    evened, (sentence,) = even_time_stamps(columns)
+    before, after = (float(np.std(one["time_s"] - taken)) for one in (columns, evened))
+    assert after < 0.4 * before and "rows were taken every 0.1 s" in sentence
+    assert evened["easting_m"] is columns["easting_m"]
+
+
+@pytest.mark.parametrize(("stamps_are_wrong", "jitter_s"), [(False, 0.03), (False, 0.05), (True, 0.002)])
+def test_rows_that_were_taken_unevenly_and_small_jitter_are_left_alone(stamps_are_wrong: bool, jitter_s: float) -> None:
+    _, columns = drive(stamps_are_wrong, jitter_s)
+    assert even_time_stamps(columns) == (columns, ())
+
+
+def test_held_positions_and_standing_tractors_say_nothing() -> None:
+    even, stamps = STEP_S * np.arange(300), STEP_S * np.arange(300) + 0.03 * np.sin(np.arange(300))
+    held = np.where(np.arange(299) % 5 == 0, 0.7, 0.0)
+    assert measure_followed_share(stamps, even, held)[1] == np.inf
+    assert measure_followed_share(stamps, even, np.full(299, 0.01))[1] == np.inf
+
+
+def test_rows_lost_between_are_no_jitter() -> None:
+    _, columns = drive(True, 0.0)
+    kept = np.delete(np.arange(400), np.arange(7, 400, 29))
+    thinned = {name: values[kept] for name, values in columns.items()}
+    assert even_time_stamps(thinned) == (thinned, ())
+
+
+def test_a_log_says_that_its_stamps_were_evened() -> None:
+    frame = runs()["steps"]
+    rng = np.random.default_rng(2)
+    step_s = float(np.median(np.diff(frame["time_s"])))
+    wrong = frame.assign(time_s=np.sort(frame["time_s"] + 0.4 * step_s * rng.uniform(-1.0, 1.0, len(frame))))
+    assert any("time_s jitters by" in each for each in build_log(wrong, "steps").corrections)
+    assert build_log(frame, "steps").corrections == ()
