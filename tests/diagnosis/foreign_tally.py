@@ -1,4 +1,4 @@
-"""Counts of what diagnoses made of the third and the fourth reference."""
+"""Counts of what diagnoses made of references that share nothing with the simulator."""
 
 from __future__ import annotations
 

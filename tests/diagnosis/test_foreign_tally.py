@@ -1,4 +1,4 @@
-"""How answers to the third and fourth reference are counted, by hand; and how logs are varied."""
+"""How answers to the references of others are counted, by hand; and how logs are varied."""
 
 import json
 from pathlib import Path
