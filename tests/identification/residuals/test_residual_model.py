@@ -85,6 +85,20 @@ def test_slow_commands_leave_the_times_of_the_steering_open(residual_model: Resi
     assert slow.get_interval_s("speed_lag") == slow.get_interval_s("gnss_latency") == pytest.approx(0.1)
 
 
+def test_slow_wheel_angles_leave_the_time_of_the_receiver_open(residual_model: ResidualModel) -> None:
+    segments = [
+        replace(
+            segment,
+            wheel=np.interp(segment.time, [0.0, 20.0], [0.0, 0.2]),
+            measured_rows={"angle": np.arange(segment.rows) % 10 == 0},
+        )
+        for segment in residual_model.dataset.segments
+    ]
+    slow = replace(residual_model, dataset=replace(residual_model.dataset, segments=tuple(segments)))
+    assert slow.get_interval_s("gnss_latency") == pytest.approx(1.0)
+    assert slow.get_interval_s("position_delay") == slow.get_interval_s("steering_lag") == pytest.approx(0.1)
+
+
 def test_only_channels_that_an_effect_reaches_are_made_anew(residual_model: ResidualModel) -> None:
     rows, base = residual_model.dataset.rows, np.full(5 * residual_model.dataset.rows, 7.0)
     path = residual_model.compute_change(OFFSET, base, frozenset({PATH}))

@@ -338,7 +338,7 @@ def build_channels(
     for segment in dataset.segments:
         states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=False)
         _, _, angle, pace = simulate_logged_values(rig, segment, states, settings)
-        interval_s = measure_command_interval(segment)
+        interval_s = measure_reading_interval(segment)
         jitter, reach_s = TIMING_S + interval_s / np.sqrt(12.0), max(0.5, interval_s)
         wheel.append(
             _ChannelErrors(
@@ -374,13 +374,14 @@ class _ChannelErrors:
         return values if self.measured is None else values[self.measured]
 
 
-def measure_command_interval(segment: DriveSegment) -> float:
-    """Return the median time (s) between rows with a measured command, of a slow one between those that differ."""
-    measured = segment.measured_rows.get("command")
-    if measured is None or segment.command is None:
+def measure_reading_interval(segment: DriveSegment, column: str = "command") -> float:
+    """Return the median time (s) between rows with a measured command or wheel `angle`, of a slow one between those
+    that differ."""
+    measured, values = segment.measured_rows.get(column), segment.wheel if column == "angle" else segment.command
+    if measured is None or values is None:
         return float(np.median(np.diff(segment.time)))
     knots = np.flatnonzero(measured)
-    changes = np.diff(segment.time[knots])[np.diff(segment.command[knots]) != 0.0]
+    changes = np.diff(segment.time[knots])[np.diff(values[knots]) != 0.0]
     return float(np.median(changes if len(changes) else np.diff(segment.time)))
 
 

@@ -45,11 +45,12 @@ from vehicle.identification.residuals.noise_weights import (
     build_channels,
     build_filters,
     estimate_first_noise,
-    measure_command_interval,
+    measure_reading_interval,
 )
 from vehicle.model.effects import PATH, POSITION, SPEED, STEERING, compute_effect_fields, get_effect
 from vehicle.model.tractor import Settings
 
+RECEIVER_DELAY = "gnss_latency"
 RESIDUAL_BLOCK_S = 10.0  # half a window: soil noise decays within it, a slow cause does not
 ChannelResiduals = dict[str, Array]
 SettingsChange = tuple[Settings, frozenset[str]]  # settings, and the blocks whose channels they change
@@ -222,12 +223,25 @@ class ResidualModel:
     @cached_property
     def command_interval_s(self) -> float:
         """Median time between two rows with a measured steering command (s), of a slow one while it changes."""
-        if not any("command" in segment.measured_rows for segment in self.dataset.segments):
+        return self._measure_interval("command")
+
+    @cached_property
+    def wheel_interval_s(self) -> float:
+        """Median time between two rows with a measured wheel angle (s), of a slow one while it changes."""
+        return self._measure_interval("angle")
+
+    def _measure_interval(self, column: str) -> float:
+        if not any(column in segment.measured_rows for segment in self.dataset.segments):
             return self.row_interval_s
-        return float(np.median([measure_command_interval(segment) for segment in self.dataset.segments]))
+        return float(np.median([measure_reading_interval(segment, column) for segment in self.dataset.segments]))
 
     def get_interval_s(self, name: str) -> float:
-        """Return the time (s) within which logs cannot tell when an effect acts: between rows, or between commands."""
+        """Return the time (s) within which logs cannot tell when an effect acts: between rows, or between readings.
+
+        A receiver is late beside the turns that wheel angles say.
+        """
+        if name == RECEIVER_DELAY:
+            return self.wheel_interval_s
         return self.command_interval_s if get_effect(name).block == STEERING else self.row_interval_s
 
     @cached_property
