@@ -7,7 +7,6 @@ time between them, it is the stamps that are wrong, by centimetres along the pat
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from vehicle.identification.logs.schema import Array, Rows
 from vehicle.identification.logs.table import Columns
@@ -52,8 +51,16 @@ def _smooth_stamps(time: Array, step_s: float) -> Array:
     for part in _split_at_gaps(time, step_s):
         if len(part) >= _WINDOW_ROWS:
             even = step_s * np.arange(len(part))
-            evened[part] = even + savgol_filter(time[part] - even, _WINDOW_ROWS, 1)
+            evened[part] = even + _fit_lines(time[part] - even)
     return evened
+
+
+def _fit_lines(values: Array) -> Array:
+    """Return values (k,) on the line through the window about each of them; at the ends through the first or last."""
+    half, rows = _WINDOW_ROWS // 2, np.arange(_WINDOW_ROWS)
+    middle = np.convolve(values, np.full(_WINDOW_ROWS, 1.0 / _WINDOW_ROWS), mode="valid")
+    first, last = (np.polyval(np.polyfit(rows, end, 1), rows) for end in (values[: len(rows)], values[-len(rows) :]))
+    return np.concatenate([first[:half], middle, last[half + 1 :]])
 
 
 def _split_at_gaps(time: Array, step_s: float) -> list[Rows]:
