@@ -178,20 +178,11 @@ def measure_compass_share(logs: Sequence[Log], ratio: float, bearing_deg: float)
         return 0.0, math.inf
     sensed = all(one.part.wheel is not None for one in rows)
     turn = np.concatenate([one.turn for one in rows])
+    swings = np.concatenate([np.column_stack(_list_swings(one, ratio, math.radians(bearing_deg))) for one in rows])
     best: tuple[float, float, float] | None = None
     for steering in _list_steerings(sensed):
-        columns = np.concatenate(
-            [
-                np.column_stack(
-                    [
-                        *_list_swings(one, ratio, math.radians(bearing_deg)),
-                        _list_columns(one, _find_angle(one.part, sensed, *steering)),
-                    ]
-                )
-                for one in rows
-            ]
-        )
-        value, error, loss = _fit_robustly(columns, turn)
+        turned = np.concatenate([_list_columns(one, _find_angle(one.part, sensed, *steering)) for one in rows])
+        value, error, loss = _fit_robustly(np.column_stack([swings, turned]), turn)
         if best is None or loss < best[0]:
             best = loss, float(value[0]), float(error[0])
     assert best is not None

@@ -8,8 +8,10 @@ from collections.abc import Collection, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import replace
 
+from vehicle.identification.cause_selection.merging import COMMAND_CLOCK, DEAD_TIME
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.effect_parameters import find_finest_size
+from vehicle.identification.residuals.residual_model import RECEIVER_DELAY
 from vehicle.identification.thresholds import (
     MOST_USUAL_DIFFERENCES,
     NEAR_NEUTRAL_SHARE,
@@ -24,8 +26,7 @@ from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import get_effect, get_neutral_values
 
 GAIN, ANTENNA = "steering_gain", "antenna_forward"
-RECEIVER_DELAY, SPEED_CLOCK = "gnss_latency", "clock_offset_speed"
-DEAD_TIME, COMMAND_CLOCK = "steering_dead_time", "clock_offset_steering_command"
+SPEED_CLOCK = "clock_offset_speed"
 
 
 def drop_unclear_terms(
