@@ -50,7 +50,7 @@ class _ErrorRows:
 
 def build_evidence(logs: Sequence[Log], tractor: Tractor, extended: Tractor, ground: str) -> ReplayEvidence:
     """Replay logs with a tractor file and with the extended one; raises LogError where no segment can be replayed."""
-    dataset = build_dataset(correct_logs(logs), (tractor.antenna_forward_m, tractor.antenna_right_m))
+    dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
     rigs = [build_rig_and_corrections(machine, ground, dataset.origin) for machine in (tractor, extended)]
     longest = max(float(segment.time[-1]) for segment in dataset.segments)
     piece_s = next((length for length in PIECES_S if longest >= length), PIECES_S[-1])

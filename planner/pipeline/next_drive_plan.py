@@ -38,7 +38,7 @@ FIELD_NAME = "drive to do next"
 def build_next_drive_plan(drive: NextDrive, logs: Sequence[Log], tractor: Tractor, ground: str) -> str:
     """Return the saved plan of a drive for a tractor as its logs have made it known."""
     programme = next(each for each in DRIVE_PROGRAMMES if each.id == drive.id)
-    dataset = build_dataset(correct_logs(logs), (tractor.antenna_forward_m, tractor.antenna_right_m))
+    dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
     heading, pace = find_usual_heading_and_speed(dataset.segments)
     rig, settings = build_rig_and_corrections(tractor, ground, (0.0, 0.0))
     passes = simulate_programme(rig, programme, heading, pace, settings).segments

@@ -3,12 +3,18 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tests.identification.analytic_drives import circle, joined, log
 from vehicle.identification.logs.chords import compute_path_chords
-from vehicle.identification.logs.directions import compute_heading_agreements, find_direction_errors, find_wrong_gear
-from vehicle.identification.logs.schema import LogConvention
+from vehicle.identification.logs.directions import (
+    compute_heading_agreements,
+    drop_course_heading,
+    find_direction_errors,
+    find_wrong_gear,
+)
+from vehicle.identification.logs.schema import LogConvention, Mask
 
 ROUND = joined(circle(0.1), circle(-0.1), circle(0.05))
 
@@ -70,3 +76,28 @@ def test_forward_where_the_tractor_drives_in_reverse() -> None:
     wrong = find_wrong_gear(log(frame))
     assert wrong is not None and wrong[1] is None and "write -1" in wrong[0].advice
     assert find_wrong_gear(log(frame, shuttle=np.where(back, -1.0, 1.0))) is None
+
+
+def drive_back_and_forth() -> tuple[pd.DataFrame, Mask]:
+    """The circles with the first two driven in reverse, headings where the tractor points; and the rows in reverse."""
+    back = np.arange(len(ROUND)) < 400
+    frame = ROUND.assign(
+        heading_deg=np.where(back, np.mod(ROUND.heading_deg + 180.0, 360.0), ROUND.heading_deg),
+        steering_deg=np.where(back, -ROUND.steering_deg, ROUND.steering_deg),
+    )
+    return frame, back
+
+
+def test_a_heading_that_is_the_course_in_both_gears_is_left_out_and_told() -> None:
+    frame, back = drive_back_and_forth()
+    gear = np.where(back, -1.0, 1.0)
+    right = log(frame, shuttle=gear)
+    assert drop_course_heading(right) is right
+    left_out = drop_course_heading(log(frame, shuttle=gear, heading_deg=ROUND.heading_deg))
+    assert left_out.heading_deg is None and "course over ground" in left_out.corrections[0]
+
+
+def test_a_wrong_gear_is_no_course() -> None:
+    """The tractor drives forward with headings and steering as they are; only the column says reverse."""
+    wrong = log(ROUND, shuttle=np.where(np.arange(len(ROUND)) < 400, -1.0, 1.0))
+    assert drop_course_heading(wrong) is wrong and find_wrong_gear(wrong) is not None

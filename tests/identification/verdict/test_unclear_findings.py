@@ -143,8 +143,14 @@ def test_a_circle_that_may_help_no_run_held_out_is_only_likely(low: float, statu
 
 
 @pytest.mark.parametrize(("clock_s", "is_told"), [(0.22, False), (0.05, True), (-0.22, True)])
-def test_a_dead_time_and_a_clock_of_commands_that_cancel_are_none(clock_s: float, is_told: bool) -> None:
-    times = {"steering_dead_time": 0.23, "clock_offset_steering_command": clock_s}
+@pytest.mark.parametrize(
+    ("delay", "clock", "sign"),
+    [("steering_dead_time", "clock_offset_steering_command", 1.0), ("heading_filter", "clock_offset_heading", -1.0)],
+)
+def test_two_delays_of_a_column_that_cancel_are_none(
+    delay: str, clock: str, sign: float, clock_s: float, is_told: bool
+) -> None:
+    times = {delay: 0.23, clock: sign * clock_s}
     findings = [
         replace(build_finding(1.0, 0.0, 2.0), id=name, value={"time_s": s}, interval={"time_s": (s - 0.06, s + 0.06)})
         for name, s in times.items()

@@ -21,9 +21,9 @@ _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S = 0.6, 5.0, 0.6
 # As the simulation steers by default; later by what valves usually are.
 _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S = 0.1, 16.0, 0.15
 _EITHER_WAY_S = 0.6  # chosen: clocks of two columns, with what stands still in them
-_LEAST_PACE_MPS = 0.4  # slower, the noise of positions and headings bends the path
+LEAST_PACE_MPS = 0.4  # slower, the noise of positions and headings bends the path
 TURN_S = 1.0  # over which curvature is taken
-_COURSE_TURN_S = 2.0  # chosen: the course of the antenna is noisier
+COURSE_TURN_S = 2.0  # chosen: the course of the antenna is noisier
 _HOLD_QUANTILE = 0.95
 _HISTORY_S = 8.0  # chosen: until wheels have followed any command
 _SHORTEST_S = 10.0  # chosen, of a segment: shorter ones do not show whether a command is followed
@@ -170,14 +170,14 @@ def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
         course = np.unwrap(np.arctan2(*step))
         turn = np.interp(after, time, course) - np.interp(before, time, course)
     curvature = np.full(len(time), np.nan)
-    clear = (pace > _LEAST_PACE_MPS) & (after - before > 0.9 * TURN_S)
+    clear = (pace > LEAST_PACE_MPS) & (after - before > 0.9 * TURN_S)
     curvature[clear] = turn[clear] / (pace * (after - before))[clear]
     return pace, curvature
 
 
 def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
     """Return the curvature (1/m) of the course, and heading minus course (deg) about its median; NaN at low pace."""
-    row_time, half = log.time_s[rows], 0.5 * _COURSE_TURN_S
+    row_time, half = log.time_s[rows], 0.5 * COURSE_TURN_S
     middle = np.array([np.interp(time, row_time, axis[rows]) for axis in (log.easting_m, log.northing_m)])
     ahead, behind = (
         np.array([np.interp(time + shift, row_time, axis[rows]) for axis in (log.easting_m, log.northing_m)])
@@ -185,7 +185,7 @@ def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Arra
     )
     first, second = middle - behind, ahead - middle
     length = 0.5 * (np.hypot(*first) + np.hypot(*second))
-    clear = (length > _LEAST_PACE_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
+    clear = (length > LEAST_PACE_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
     turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
     curvature, error = np.full(len(time), np.nan), np.full(len(time), np.nan)
     gear = float(np.sign(log.shuttle[rows[0]]))

@@ -38,12 +38,12 @@ from vehicle.model.tractor import Tractor
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
 # Chosen: 142 sets of two references without a joint show at most 0.04 rad per rad, and 2 errors where one speed shows
 # little; joints show 0.35 to 0.65.
-_LEAST_JOINT_SHARE, _MOST_JOINT_SHARE, _CLEAR_SIGMAS = 0.2, 0.85, 6.0
+_LEAST_JOINT_SHARE, _MOST_JOINT_SHARE, CLEAR_SIGMAS = 0.2, 0.85, 6.0
 _LEAST_JOINT_GAIN = 1.15  # chosen: sets without a joint gain 1 %, those of the third reference with one 40 to 50 %
 # Chosen: in so many wheelbases the path forgets the change of an angle.
 _MOST_WHEELBASES = 3.0
 # Chosen, of the wheelbase: how near the still axle is to the front axle of the file, and how well that is known.
-_NEAR_SHARE, _KNOWN_SHARE = 0.15, 0.1
+_NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1
 _WINDOW_S, _THIN_S = 1.0, 0.3  # over which changes are taken, and between them
 _FEWEST_ROWS, _MOST_ROWS = 100, 10_000  # more show the same
 _LEAST_MOVED_DEG = 40.0  # chosen: the root of the sum of squared changes of the angle that show how heading follows
@@ -107,7 +107,7 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
         return None
     if (
         share is not None
-        and max(_LEAST_JOINT_SHARE, _CLEAR_SIGMAS * measure.joint_error) < abs(share) < _MOST_JOINT_SHARE
+        and max(_LEAST_JOINT_SHARE, CLEAR_SIGMAS * measure.joint_error) < abs(share) < _MOST_JOINT_SHARE
         and measure.joint_gain > _LEAST_JOINT_GAIN
     ):
         words = (
@@ -116,7 +116,7 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
             "wheels, so causes between the wheels and the positions are not named."
         )
         return OtherTurning(ARTICULATED, words, _list_faked_by_joint(logs))
-    if antenna is None or measure.antenna_error_m > _KNOWN_SHARE * base:
+    if antenna is None or measure.antenna_error_m > KNOWN_SHARE * base:
         return None
     further_m = antenna - tractor.antenna_forward_m
     if abs(further_m + base) > _NEAR_SHARE * base:
@@ -182,7 +182,7 @@ def measure_compass_share(logs: Sequence[Log], ratio: float, bearing_deg: float)
     best: tuple[float, float, float] | None = None
     for steering in _list_steerings(sensed):
         turned = np.concatenate([_list_columns(one, _find_angle(one.part, sensed, *steering)) for one in rows])
-        value, error, loss = _fit_robustly(np.column_stack([swings, turned]), turn)
+        value, error, loss = fit_robustly(np.column_stack([swings, turned]), turn)
         if best is None or loss < best[0]:
             best = loss, float(value[0]), float(error[0])
     assert best is not None
@@ -245,8 +245,8 @@ def _fit_joint(rows: Sequence[_Rows]) -> tuple[float | None, float, float]:
         if best is None and _measure_movement(rows, angles) < math.radians(_LEAST_MOVED_DEG):
             return None, math.inf, 1.0
         columns = np.concatenate([_list_columns(one, angle) for one, angle in zip(rows, angles, strict=True)])
-        fit = _fit_robustly(columns, turn)
-        least_without = min(least_without, _fit_robustly(columns[:, 1:], turn)[2])
+        fit = fit_robustly(columns, turn)
+        least_without = min(least_without, fit_robustly(columns[:, 1:], turn)[2])
         if fit[2] < least:
             best, least = fit, fit[2]
     assert best is not None
@@ -292,11 +292,11 @@ def _fit_antenna(rows: Sequence[_Rows]) -> tuple[float | None, float]:
         return None, math.inf
     columns = np.stack([turn, ahead, speed * turn, speed * np.abs(speed) * turn], axis=1)
     # One speed does not separate them: no position is later by more than tenths of a second, or tyres so soft.
-    value, error, _ = _fit_robustly(columns, aside, np.array([100.0, 1.0, 0.3, 0.05]))
+    value, error, _ = fit_robustly(columns, aside, np.array([100.0, 1.0, 0.3, 0.05]))
     return float(value[0]), float(error[0])
 
 
-def _fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -> tuple[Array, Array, float]:
+def fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -> tuple[Array, Array, float]:
     """Return coefficients (n,), their standard errors (n,) and the mean squared residual, with outliers cut off."""
     kept, sigma = np.ones(len(values), dtype=np.bool_), 1.0
     prior = np.zeros(columns.shape[1]) if prior_sd is None else prior_sd**-2.0

@@ -21,6 +21,8 @@ _FEWEST_GEAR_CHORDS = 5  # chords: fewer may be one change of gear
 _AGREEING_COSINE = 0.7  # cosine between heading and course from which they agree
 # Shares that count as all chords, and as too many for moments of gear change.
 _MOST_CHORDS_SHARE, _SOME_CHORDS_SHARE = 0.8, 0.1
+COURSE_HEADING = "heading_deg is the course over ground, not where the tractor points; it is not used"
+_OR_COURSE = ", or leave heading_deg out if it is the course over ground"
 _ONE_LINE_RESULTANT = 0.95  # mean resultant of heading plus course: driven along one line only
 
 
@@ -47,9 +49,34 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
     rows = chords.row[wrong & (gear != 0.0)]
     if reverse_share is not None and reverse_share >= _MOST_CHORDS_SHARE:
         return _build_reverse_rows_suspicion(
-            rows, f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows"
+            rows, f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows", _OR_COURSE
         ), _set_forward(log)
     return _build_forward_rows_suspicion(rows), None
+
+
+def drop_course_heading(log: Log) -> Log:
+    """Return the log without a heading that is the course over ground: in reverse it points where the tractor goes.
+
+    The bends say that the tractor does reverse there: with the steering to the right its front swings to the right,
+    in either gear.
+    """
+    chords = compute_path_chords(log) if log.heading_deg is not None else None
+    if chords is None or log.heading_deg is None:
+        return log
+    backwards = log.shuttle[chords.row] < 0.0
+    agreement = np.cos(np.radians(log.heading_deg[chords.row]) - chords.course)
+    if min(_count_agreeing(agreement[backwards]), _count_agreeing(agreement[~backwards])) < _MOST_CHORDS_SHARE:
+        return log
+    for gear in (-1.0, 1.0):
+        angle, curvature = select_clear_bends([log], gear)
+        if not is_steering_mirrored(-angle, curvature):
+            return log
+    return replace(log, heading_deg=None, corrections=(*log.corrections, COURSE_HEADING))
+
+
+def _count_agreeing(agreement: Array) -> float:
+    """Return the share of chords along which heading and course agree, 0 with too few chords."""
+    return float(np.mean(agreement > _AGREEING_COSINE)) if len(agreement) >= _FEWEST_GEAR_CHORDS else 0.0
 
 
 def _compute_wrong_share(wrong: Mask) -> float | None:
@@ -91,9 +118,10 @@ def _set_forward(log: Log) -> Log:
     return replace(log, shuttle=np.abs(log.shuttle))
 
 
-def _build_reverse_rows_suspicion(rows: Rows, why: str) -> Suspicion:
+def _build_reverse_rows_suspicion(rows: Rows, why: str, other_reading: str = "") -> Suspicion:
     suspected = "shuttle is -1 where the tractor drives forward"
-    return Suspicion(None, f"{why}, first in line {_get_first_file_line(rows)}", suspected, "write 1 in those rows")
+    advice = f"write 1 in those rows{other_reading}"
+    return Suspicion(None, f"{why}, first in line {_get_first_file_line(rows)}", suspected, advice)
 
 
 def _build_forward_rows_suspicion(rows: Rows) -> Suspicion:

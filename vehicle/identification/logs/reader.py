@@ -28,6 +28,7 @@ from vehicle.identification.logs.conventions import (
     find_convention_errors,
     find_first_place,
 )
+from vehicle.identification.logs.directions import drop_course_heading
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
 from vehicle.identification.logs.log_sets import is_parked, leave_out_useless_logs, merge_copies
 from vehicle.identification.logs.position_jumps import correct_position_jumps
@@ -240,7 +241,7 @@ def build_log(
     )
     log = drop_coarse_columns(log)
     if log.step_s < SLOWEST_STEP_S and not is_parked(log):
-        log = drop_constant_columns(log)
+        log = drop_course_heading(drop_constant_columns(log))
     if not check:
         return log
     _check_log(log, fix_set, wheelbase_m)

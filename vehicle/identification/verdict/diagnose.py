@@ -16,6 +16,7 @@ from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.columns.staleness import mark_stale_columns_of_set
 from vehicle.identification.columns.wheel_scale import correct_wheel_scale
 from vehicle.identification.errors import LogError
+from vehicle.identification.faults.heading_kind import drop_course_headings
 from vehicle.identification.faults.steering_faults import mark_steering_faults
 from vehicle.identification.faults.turning_kind import ARTICULATED, find_other_turning
 from vehicle.identification.faults.unlike_runs import describe_groups, find_unlike_runs
@@ -73,7 +74,7 @@ from vehicle.identification.verdict.held_out_case import (
     collect_whole_settings,
     restore_real_noise,
 )
-from vehicle.identification.verdict.hints import DRIFT_ACROSS, find_compass_hint, list_hints
+from vehicle.identification.verdict.hints import find_wrong_heading, list_hints
 from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
 from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins, mark_one_sided
 from vehicle.identification.verdict.log_findings import (
@@ -202,7 +203,7 @@ def diagnose_logs(
     or none has enough positions for an error, unless faults are to be told, and VehicleError for an unknown ground.
     """
     count = _ProgressCounter(progress)
-    logs = correct_wheel_scale(correct_logs(logs), tractor, ground)
+    logs = correct_wheel_scale(correct_logs(logs, tractor), tractor, ground)
     try:
         dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
         _refuse_sparse(dataset)
@@ -223,16 +224,17 @@ def diagnose_logs(
         explained_case = leave_out_stand_ins(explained_case, law_selection)
     changing_ids = [law.found.effect_id for law in law_selection.laws]
     explained_case = drop_unclear_terms(selection, explained_case, changing_ids)
-    compass = find_compass_hint(logs, explained_case.case.found_values)
-    if compass is not None:
-        explained_case = keep_terms(selection, explained_case, explained_case.case.extension.term_ids - {DRIFT_ACROSS})
+    wrong_heading = find_wrong_heading(logs, explained_case.case.found_values)
+    faked_ids = wrong_heading.faked_ids if wrong_heading is not None else frozenset[str]()
+    if faked_ids & explained_case.case.extension.term_ids:
+        explained_case = keep_terms(selection, explained_case, explained_case.case.extension.term_ids - faked_ids)
     file_model = build_rig_and_corrections(tractor, ground, dataset.origin)
     guarded = guard_case(agreeing, subset, selection, explained_case, file_model, count.count_step)
     guarded = guard_groups(guarded, dataset, subset, selection, file_model) if searched.left_out else guarded
     explained_case = guarded.explained
     competitors = _collect_competitors(selection, explained_case)
     turning = find_other_turning(logs, tractor)
-    faked_ids = turning.faked_ids if turning is not None else frozenset[str]()
+    faked_ids |= turning.faked_ids if turning is not None else frozenset[str]()
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case.sure_ids)
@@ -251,8 +253,9 @@ def diagnose_logs(
     if diagnosis.unexplained_share > 0.0:
         hints = list_hints(law_selection, explained_case.case, clock)
         diagnosis = replace(diagnosis, hints=(*diagnosis.hints, *hints))
-    if compass is not None:
-        diagnosis = replace(diagnosis, known_outside=compass.words, hints=(compass, *diagnosis.hints))
+    if wrong_heading is not None:
+        hint = wrong_heading.hint
+        diagnosis = replace(diagnosis, known_outside=hint.words, hints=(hint, *diagnosis.hints))
     drive = diagnosis.next_drive or choose_law_drive(law_selection) or choose_side_drive(selection, findings)
     diagnosis = replace(diagnosis, runs=mark_unlike_runs(diagnosis.runs, searched.left_out), next_drive=drive)
     diagnosis = diagnosis if turning is None else mark_other_turning(diagnosis, turning)
@@ -271,12 +274,12 @@ def diagnose_logs(
     )
 
 
-def correct_logs(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs as they are replayed: each drive once, without coarse columns and without rows of faults that
-    begin, with sensors and commanded speeds corrected."""
+def correct_logs(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
+    """Return the logs as they are replayed: each drive once, without coarse columns, courses for headings and rows of
+    faults that begin, with sensors and commanded speeds corrected."""
     logs = drop_commands_not_logged(drop_columns_coarse_elsewhere(merge_copies(logs)))
-    logs = correct_sensors_like_others(mark_steering_faults(logs))
-    return mark_stale_columns_of_set(correct_commanded_speeds(logs))
+    logs = mark_steering_faults(drop_course_headings(logs, tractor))
+    return mark_stale_columns_of_set(correct_commanded_speeds(correct_sensors_like_others(logs)))
 
 
 def _list_competitors_of_likely(selection: CauseSelection, explained_case: ExplainedCase) -> CompetitorsByName:

@@ -23,6 +23,7 @@ from vehicle.identification.cause_selection.covariates import (
     ErrorCovariate,
     score_covariates,
 )
+from vehicle.identification.faults.heading_kind import find_heading_scale
 from vehicle.identification.faults.turning_kind import measure_compass_share
 from vehicle.identification.fit.open_loop import collect_run_settings
 from vehicle.identification.fit.residual_fit import EffectFit
@@ -50,6 +51,7 @@ AT_STARTS = "starts and stops"
 STEADY_MPS2 = 0.1  # chosen: slower changes are drift of a controller
 SETTLING_S = 2.0  # chosen: a drive line of any make has reached its speed so long after the simulated one
 DRIFT_ACROSS = "cross_slope_drift"
+_FAKED_BY_GYROSCOPE = frozenset({"heading_bias", "heading_delay", "heading_filter", "clock_offset_heading"})
 LEAST_COMPASS_SHARE = 0.5  # between a drift (0) and a compass (1)
 MOST_HINTS = 4  # chosen: a longer list is of no use to a reader
 INSTRUMENT_WORDS = {
@@ -77,7 +79,20 @@ def list_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock
     return tuple(hints[:MOST_HINTS])
 
 
-def find_compass_hint(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, float]]) -> Hint | None:
+@dataclass(frozen=True)
+class WrongHeading:
+    """A hint on an instrument that measures headings wrongly, and the effects that only stand in for that."""
+
+    hint: Hint
+    faked_ids: frozenset[str]
+
+
+def find_wrong_heading(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, float]]) -> WrongHeading | None:
+    """Return what is wrong with the headings in a way that no effect describes: those of a compass or a gyroscope."""
+    return _find_compass(logs, found_values) or _find_gyroscope(logs)
+
+
+def _find_compass(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, float]]) -> WrongHeading | None:
     """Return a hint where what looks like a drift across a slope is in the headings, as of a compass near iron.
 
     A drift that follows the measured slope of the ground is one.
@@ -94,7 +109,19 @@ def find_compass_hint(logs: Sequence[Log], found_values: Mapping[str, Mapping[st
         "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks "
         "like a drift across a slope."
     )
-    return Hint("the direction of travel", "heading", None, words)
+    return WrongHeading(Hint("the direction of travel", "heading", None, words), frozenset({DRIFT_ACROSS}))
+
+
+def _find_gyroscope(logs: Sequence[Log]) -> WrongHeading | None:
+    """Return a hint where headings turn by another amount than the path, as of a gyroscope whose scale is off."""
+    scale = find_heading_scale(logs)
+    if scale is None:
+        return None
+    words = (
+        f"The headings turn by about {100.0 * abs(scale):.1f} % {'more' if scale > 0.0 else 'less'} than the path "
+        "does, as of a gyroscope whose scale is off, so they are wrong after every turn."
+    )
+    return WrongHeading(Hint("turns of the heading", "heading", None, words), _FAKED_BY_GYROSCOPE)
 
 
 def _generate_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> Iterator[Hint]:

@@ -38,7 +38,7 @@ def measure_holdout(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gr
 
     Raises LogError where no segment can be replayed.
     """
-    dataset = build_dataset(correct_logs(logs), (tractor.antenna_forward_m, tractor.antenna_right_m))
+    dataset = build_dataset(correct_logs(logs, tractor), (tractor.antenna_forward_m, tractor.antenna_right_m))
     old, new = (_measure_pieces(dataset, machine, ground) for machine in (tractor, extended))
     has_speed = all(segment.speed_measured for segment in dataset.segments)
     by_run = tuple(

@@ -27,6 +27,7 @@ from vehicle.model.effects import get_effect, get_neutral_values
 
 GAIN, ANTENNA = "steering_gain", "antenna_forward"
 SPEED_CLOCK = "clock_offset_speed"
+HEADING_FILTER, HEADING_CLOCK = "heading_filter", "clock_offset_heading"
 
 
 def drop_unclear_terms(
@@ -129,20 +130,29 @@ def doubt_shared_lateness(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def withdraw_cancelling_delays(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings without a dead time of the steering and a clock of its commands that cancel each other.
+    """Return the findings without two delays of one column that cancel each other.
 
-    The wheels then follow the commands of the log without delay: both stand in for a wheel angle that is wrong in
-    another way, such as a sensor with play.
+    A dead time of the steering and a clock of its commands leave wheels that follow the commands of the log without
+    delay; a smoothed heading that is stamped too early by as much is not late. Both stand in for a column that is wrong
+    in another way, such as a wheel sensor with play, or an antenna that sways.
     """
     found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
-    dead, clock = found.get(DEAD_TIME), found.get(COMMAND_CLOCK)
-    if dead is None or clock is None or not (dead.interval and clock.interval and dead.value and clock.value):
-        return list(findings)
-    left_s = abs(dead.value["time_s"] - clock.value["time_s"])
-    halves = (0.5 * (one.interval["time_s"][1] - one.interval["time_s"][0]) for one in (dead, clock) if one.interval)
-    if left_s > math.hypot(*halves):
-        return list(findings)
-    return [_withdraw(finding) if finding in (dead, clock) else finding for finding in findings]
+    withdrawn = [
+        finding
+        for name, other, sign in ((DEAD_TIME, COMMAND_CLOCK, 1.0), (HEADING_FILTER, HEADING_CLOCK, -1.0))
+        if name in found and other in found and _cancel_each_other(found[name], found[other], sign)
+        for finding in (found[name], found[other])
+    ]
+    return [_withdraw(finding) if finding in withdrawn else finding for finding in findings]
+
+
+def _cancel_each_other(delay: Finding, clock: Finding, sign: float) -> bool:
+    """Whether a delay (s) is `sign` times that of a clock, within the intervals of both."""
+    if not (delay.interval and clock.interval and delay.value and clock.value):
+        return False
+    left_s = abs(delay.value["time_s"] - sign * clock.value["time_s"])
+    halves = (0.5 * (one.interval["time_s"][1] - one.interval["time_s"][0]) for one in (delay, clock) if one.interval)
+    return left_s <= math.hypot(*halves)
 
 
 def _is_unclear(finding: Finding, case: DiagnosisCase) -> bool:
