@@ -160,3 +160,17 @@ def test_headings_in_steps_are_not_frozen(digit_deg: float) -> None:
     for name, clean in clean_frames().items():
         stepped = clean.assign(heading_deg=(clean.heading_deg / digit_deg).round() * digit_deg)
         assert not [one for one in found(stepped) if one[0] == "heading_frozen"], name
+
+
+def test_a_speed_of_0_below_a_threshold_is_a_limit_of_the_sensor_and_no_fault() -> None:
+    """A radar shows nothing below 0.9 m/s; the same zeros at any pace are a sensor that lost its wire."""
+    time = np.arange(0.0, 90.0, 0.1)
+    pace = np.where((time > 30.0) & (time < 50.0), 0.6, 1.6) + 0.01 * np.sin(40.0 * time)
+    columns = {"time_s": time, "easting_m": np.cumsum(0.1 * pace), "northing_m": 0.0 * time}
+    (limit,) = find_column_faults({**columns, "speed_mps": np.where(pace < 0.9, 0.0, pace)}, "run")
+    (rule,) = collect_fault_rows([limit])
+    assert limit.is_limit and rule.startswith("speed threshold: speed_mps is 0 while")
+    assert limit.rows == pytest.approx(np.flatnonzero(pace < 0.9), abs=2)
+    lost = np.where((time > 40.0) & (time < 60.0), 0.0, pace)
+    (fault,) = find_column_faults({**columns, "speed_mps": lost}, "run")
+    assert fault.fault.id == "speed_frozen" and not fault.is_limit

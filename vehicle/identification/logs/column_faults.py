@@ -20,7 +20,7 @@ from vehicle.identification.logs.schema import Array, LogFault, Mask, Rows
 from vehicle.identification.logs.table import Columns
 
 POSITION_LOST, POSITION_FROZEN, HEADING_FROZEN = "position_lost", "position_frozen", "heading_frozen"
-SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
+SPEED_FROZEN, WHEEL_SENSOR_FROZEN, SPEED_THRESHOLD = "speed_frozen", "wheel_sensor_frozen", "speed_threshold"
 
 MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
 _CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
@@ -46,10 +46,14 @@ _FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
 
 @dataclass(frozen=True, eq=False)
 class ColumnFault:
-    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it."""
+    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it.
+
+    A limit of the instrument is no fault that began (`is_limit`), though its rows show as little.
+    """
 
     fault: LogFault
     rows: Rows
+    is_limit: bool = False
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -69,7 +73,22 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     ]
     for column, fault_id in (("heading", HEADING_FROZEN), ("speed", SPEED_FROZEN), ("wheel", WHEEL_SENSOR_FROZEN)):
         faults += [_build_fault(name, motion, rows, span, fault_id) for span in _find_frozen_spans(motion, column)]
-    return faults
+    return [_limit_speed(each, motion, rows) if each.fault.id == SPEED_FROZEN else each for each in faults]
+
+
+def _limit_speed(column_fault: ColumnFault, motion: RawMotion, rows: Rows) -> ColumnFault:
+    """Return a speed of 0 at a pace at which the sensor never shows any as its threshold, as radars have one."""
+    assert motion.speed is not None
+    inside = np.searchsorted(rows, column_fault.rows)
+    shown = motion.pace[(motion.speed > 0.0) & np.isfinite(motion.pace)]
+    hidden = motion.pace[inside][np.isfinite(motion.pace[inside])]
+    if np.any(motion.speed[inside] > 0.0) or len(shown) < _FEWEST_ROWS or not len(hidden):
+        return column_fault
+    if float(np.quantile(hidden, 0.95)) > float(np.quantile(shown, 0.05)):
+        return column_fault
+    words = "speed_mps is 0 while the tractor creeps, slower than its sensor shows"
+    fault = replace(column_fault.fault, id=SPEED_THRESHOLD, words=words)
+    return replace(column_fault, fault=fault, is_limit=True)
 
 
 _WORDS = {

@@ -230,7 +230,7 @@ def build_log(
     rules = gate_rows(columns, collect_fault_rows(column_faults))
     columns = _clip_negative_speeds(columns)
     _refuse_unusable_rows(columns, rules, name)
-    faults = tuple(column_fault.fault for column_fault in column_faults)
+    faults = tuple(column_fault.fault for column_fault in column_faults if not column_fault.is_limit)
     log = replace(
         _assemble_log(columns, rules, name, ignored),
         fresh=fresh,
