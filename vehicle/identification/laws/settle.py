@@ -72,8 +72,11 @@ def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) ->
     if not outcome.laws or outcome.base_fit is None or _is_own_effect(selection, outcome.laws[0]):
         return LawSelection(selection, (), outcome)
     found = outcome.laws[0]
+    size = get_effect(found.effect_id).size.scale_to_wheelbase(tractor.wheelbase_m)
     if not found.score.target.moves_path:
-        return LawSelection(selection, (_read_row_law(found),), outcome)
+        row_law = _read_row_law(found)
+        is_possible = size.low < row_law.low and row_law.high < size.high
+        return LawSelection(selection, (row_law,) if is_possible else (), outcome)
     parts = outcome.base_fit.parts
     if found.effect_id not in outcome.base_fit.settings:
         parameters = build_parameters(tractor, found.effect_id)
@@ -90,7 +93,6 @@ def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) ->
     competitors = tuple(name for name in STAND_INS if name in selection.effect_ids)
     is_undecided = selection.fit.loss - slack < settled.fit.loss
     law = _read_law(settled, found, score, competitors if is_undecided else ())
-    size = get_effect(found.effect_id).size.scale_to_wheelbase(tractor.wheelbase_m)
     is_possible = size.low < law.low and law.high < size.high
     if law.high - law.low <= LAW_SPREAD_FACTOR * score.target.finest or not is_possible:
         return LawSelection(selection, (), outcome)
