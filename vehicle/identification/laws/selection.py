@@ -47,6 +47,7 @@ DRIFT, PATCH, UNDERSTEER = "grip_drift", "grip_patch", "understeer"
 STAND_INS = (DRIFT, PATCH)
 # Chosen, deg: less is straight ahead; and of the rows that turn, those that turn to the side of the group of their run.
 LEAST_TURNING_DEG, SIDE_OF_RUNS_SHARE = 1.0, 0.8
+OUTER_SHARE = 0.05  # chosen, of the rows at either end of the range of a law: a few rows are no range
 LEAST_RUN_INFORMATION = 0.01  # of the best informed run: chosen, a tenth of its precision still tells groups apart
 
 
@@ -230,12 +231,22 @@ def _list_supported(
 
 
 def _compute_range(residual_model: ResidualModel, score: LawScore, weights: Array) -> tuple[float, float]:
-    """Return the 5 and 95 % quantiles of the changing part of a parameter over rows, by how much they show of it."""
     rows = np.concatenate([score.basis.compute_rows(segment) for segment in residual_model.dataset.segments])
-    change = rows @ score.amounts
-    order = np.argsort(change)
+    return compute_law_range(rows @ score.amounts, weights, OUTER_SHARE)
+
+
+def compute_law_range(values: Array, weights: Array, outer_share: float) -> tuple[float, float]:
+    """Return the range of the values of a parameter per row (k,) without its outer shares, by how much rows show of it.
+
+    Of two values, such as those of a lifted and a working implement, both count however few rows have one of them.
+    """
+    order = np.argsort(values)
     shares = np.cumsum(weights[order])
     if shares[-1] <= 0.0:
         return 0.0, 0.0
-    low, high = np.interp((0.05, 0.95), shares / shares[-1], change[order])
+    shown = values[weights > 0.0]
+    middle = 0.5 * (shown.min() + shown.max())
+    if np.all(np.isclose(shown, np.where(shown < middle, shown.min(), shown.max()))):
+        return float(shown.min()), float(shown.max())
+    low, high = np.interp((outer_share, 1.0 - outer_share), shares / shares[-1], values[order])
     return float(low), float(high)

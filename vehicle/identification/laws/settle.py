@@ -15,7 +15,15 @@ from vehicle.identification.fit.residual_fit import EffectFit, FitPart
 from vehicle.identification.laws.bases import BY_PLACE, OVER_MINUTES, LawBasis, RunClock
 from vehicle.identification.laws.columns import GAIN, LawColumns, list_targets, scale_increments
 from vehicle.identification.laws.scores import LawScore, LawScorer
-from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, FoundLaw, LawOutcome, find_laws
+from vehicle.identification.laws.selection import (
+    DRIFT,
+    PATCH,
+    STAND_INS,
+    FoundLaw,
+    LawOutcome,
+    compute_law_range,
+    find_laws,
+)
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.innovations import PoseIncrements
@@ -31,6 +39,7 @@ LAW_STEPS, STEP_SHARES = 3, (1.0, 0.4)
 # Chosen: soil forgets within such a window; headings that clearly show less than this share of a law contradict it.
 HEADING_WINDOW_S, LEAST_HEADING_SHARE = 2.0, 0.5
 FEWEST_HEADING_WINDOWS = 10
+OUTER_SHARE_OF_FIT = 0.02  # chosen: nearly all that the logs show must be possible
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,9 +219,7 @@ def _read_law(selection: CauseSelection, found: FoundLaw, score: LawScore, compe
     amounts = model.law.amounts
     rows = np.concatenate([found.score.basis.compute_rows(segment) for segment in model.dataset.segments])
     change = value + (rows - model.law.centre) @ amounts
-    weights = LawColumns(model, fit).compute_weights(target)
-    order = np.argsort(change)
-    low, high = np.interp((0.02, 0.98), np.cumsum(weights[order]) / weights.sum(), change[order])
+    low, high = compute_law_range(change, LawColumns(model, fit).compute_weights(target), OUTER_SHARE_OF_FIT)
     mean_error = target.finest
     if target.is_in_fit:
         covariance = estimate_robust_covariance(model, fit, widen_for_few=True)
@@ -224,8 +231,8 @@ def _read_law(selection: CauseSelection, found: FoundLaw, score: LawScore, compe
         INTERVAL_SIGMAS * score.sigmas,
         float(value),
         mean_error,
-        float(low),
-        float(high),
+        low,
+        high,
         competitors,
     )
 
