@@ -174,3 +174,14 @@ def test_a_speed_of_0_below_a_threshold_is_a_limit_of_the_sensor_and_no_fault() 
     lost = np.where((time > 40.0) & (time < 60.0), 0.0, pace)
     (fault,) = find_column_faults({**columns, "speed_mps": lost}, "run")
     assert fault.fault.id == "speed_frozen" and not fault.is_limit
+
+
+def test_a_fast_tight_bend_that_speed_and_heading_show_too_is_no_lost_fix() -> None:
+    """A model car at 2.4 m/s on a circle of 0.6 m: 9.6 m/s2, more than any tractor; without its heading it is lost."""
+    time = np.arange(0.0, 60.0, 0.05)
+    angle = np.cumsum(0.05 * np.where(np.sin(0.2 * time) > 0.0, 4.0, 0.1))
+    east, north = (np.cumsum(0.05 * 2.4 * swing) for swing in (np.sin(angle), np.cos(angle)))
+    columns = {"time_s": time, "easting_m": east, "northing_m": north, "speed_mps": 2.4 + 0.0 * time}
+    headings = {"heading_deg": np.mod(np.degrees(angle), 360.0)}
+    assert find_column_faults({**columns, **headings}, "run") == []
+    assert find_column_faults({**columns, "heading_deg": 0.0 * time}, "run") != []

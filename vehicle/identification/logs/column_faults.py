@@ -212,20 +212,41 @@ def find_scattered_groups(motion: RawMotion) -> list[Rows]:
 
 
 def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
-    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it."""
+    """Return the rows whose position is far from the middle of the ones `lag` new positions before and after it.
+
+    A bend that speed and heading show as well is driven, however tight and fast, as by a model car.
+    """
     fresh = motion.find_fresh_positions()
     if len(fresh) < max(_FEWEST_ROWS, 4 * lag):
         return np.empty(0, dtype=np.int64)
     time, place = motion.time_s[fresh], motion.positions[:, fresh]
     weight = (time[lag:-lag] - time[: -2 * lag]) / (time[2 * lag :] - time[: -2 * lag])
     middle = place[:, : -2 * lag] + weight * (place[:, 2 * lag :] - place[:, : -2 * lag])
-    apart = np.hypot(*(place[:, lag:-lag] - middle))
+    aside = place[:, lag:-lag] - middle
+    apart = np.hypot(*aside)
     step_s = 0.5 * (time[2 * lag :] - time[: -2 * lag])
     usual = _MEDIAN_OF_QUANTILE * float(np.quantile(apart, _USUAL_QUANTILE))
     limit = np.maximum(_LEAST_JUMP_M + 0.5 * _LARGEST_ACCELERATION_MPS2 * step_s**2, _USUAL_FACTOR * usual)
     # Across a gap any bend is far from the middle of its neighbours.
-    rows: Rows = fresh[lag:-lag][(apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))]
+    far = (apart > limit) & (step_s <= 2.5 * float(np.median(step_s)))
+    if far.any():
+        far &= _measure_undriven(motion, fresh, lag, weight, aside) > limit
+    rows: Rows = fresh[lag:-lag][far]
     return rows
+
+
+def _measure_undriven(motion: RawMotion, fresh: Rows, lag: int, weight: Array, aside: Array) -> Array:
+    """Return how far (m) positions are `aside` (2, k) of the middle of their neighbours beyond what speed and heading
+    show, in either gear; all of it without these columns."""
+    if motion.speed is None or motion.heading is None:
+        return np.asarray(np.hypot(*aside))
+    heading, time = np.radians(motion.heading[fresh]), motion.time_s[fresh]
+    pace = motion.speed[fresh] * np.array([np.sin(heading), np.cos(heading)])
+    steps = 0.5 * (pace[:, 1:] + pace[:, :-1]) * np.diff(time)
+    driven = np.concatenate([np.zeros((2, 1)), np.cumsum(steps, axis=1)], axis=1)
+    middle = driven[:, : -2 * lag] + weight * (driven[:, 2 * lag :] - driven[:, : -2 * lag])
+    shown = driven[:, lag:-lag] - middle
+    return np.asarray(np.fmin(np.hypot(*(aside - shown)), np.hypot(*(aside + shown))))
 
 
 def _extend_to_end(motion: RawMotion, span: Span) -> Span:
