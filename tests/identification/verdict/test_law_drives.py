@@ -45,3 +45,12 @@ def test_other_findings_need_no_side(right_hand: CauseSelection) -> None:
     assert choose_side_drive(right_hand, others) is None
     both = build_programme_model("circles", {})
     assert mark_one_sided([build_finding(NAMED)], both.dataset) == [build_finding(NAMED)]
+
+
+def test_bends_to_one_side_leave_the_antenna_as_uncertain_as_a_leaning_body(right_hand: CauseSelection) -> None:
+    finding = build_finding(NAMED, "antenna_right")
+    finding = replace(finding, value={"distance_m": 0.2}, interval={"distance_m": (0.18, 0.22)})
+    (told,) = mark_one_sided([finding], right_hand.residual_model.dataset)
+    assert told.interval == {"distance_m": pytest.approx((0.165, 0.235))}
+    both = build_programme_model("circles", {})
+    assert mark_one_sided([finding], both.dataset) == [finding]

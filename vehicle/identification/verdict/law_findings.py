@@ -36,7 +36,8 @@ from vehicle.identification.verdict.named_causes import ExplainedCase
 from vehicle.model.effects import get_effect, get_neutral_values
 from vehicle.model.tractor import Tractor
 
-ASYMMETRY = "steering_asymmetry"
+ASYMMETRY, ANTENNA_RIGHT = "steering_asymmetry", "antenna_right"
+LEANING_M = 0.015  # chosen: as far as a body that rolls by half a degree carries an antenna of 1.7 m outwards in a bend
 STAND_IN_KINDS = {DRIFT: OVER_MINUTES, PATCH: BY_PLACE}
 # Terms of the discrepancy model that are laws of the steering gain.
 GAIN_TERMS = {BY_ANGLE: "grip_by_angle", BY_SPEED: "grip_by_speed", BY_IMPLEMENT: "grip_by_implement"}
@@ -194,13 +195,21 @@ def _tell_sides(finding: Finding, law: SideLaw, sure_ids: Collection[str]) -> Fi
 
 
 def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:
-    """Return the findings, with a word on a gain of the steering that bends to one side alone have shown."""
+    """Return the findings, with a word on a gain of the steering that bends to one side alone have shown, and with the
+    place of the antenna as uncertain as a body that leans in these bends makes it."""
     side = find_only_side(dataset)
     if side is None:
         return list(findings)
-    return [
-        _describe_one_side(finding, side) if is_gain_of_one_side(finding, side) else finding for finding in findings
-    ]
+    out = [_describe_one_side(finding, side) if is_gain_of_one_side(finding, side) else finding for finding in findings]
+    return [_widen_by_leaning(finding) if finding.id == ANTENNA_RIGHT else finding for finding in out]
+
+
+def _widen_by_leaning(finding: Finding) -> Finding:
+    """Return the place of the antenna to the right as a body that leans in bends to one side leaves it uncertain."""
+    if finding.interval is None:
+        return finding
+    low, high = finding.interval["distance_m"]
+    return replace(finding, interval={"distance_m": (low - LEANING_M, high + LEANING_M)})
 
 
 def is_gain_of_one_side(finding: Finding, side: int | None) -> bool:
