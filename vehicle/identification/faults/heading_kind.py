@@ -39,8 +39,12 @@ _LEAST_SCALE, _SCALE_SIGMAS = 0.008, 4.0
 
 
 def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
-    """Return the logs without headings that are the course of the antenna, which `corrections` tell."""
-    if not _has_course_headings(logs, tractor):
+    """Return the logs without headings that are the course of the antenna, which `corrections` tell.
+
+    What a drive in reverse has shown of one log holds for all of a set.
+    """
+    is_known = any(COURSE_HEADING in log.corrections for log in logs)
+    if not is_known and not _has_course_headings(logs, tractor):
         return list(logs)
     return [
         log

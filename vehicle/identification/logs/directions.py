@@ -23,6 +23,7 @@ _AGREEING_COSINE = 0.7  # cosine between heading and course from which they agre
 _MOST_CHORDS_SHARE, _SOME_CHORDS_SHARE = 0.8, 0.1
 COURSE_HEADING = "heading_deg is the course over ground, not where the tractor points; it is not used"
 _OR_COURSE = ", or leave heading_deg out if it is the course over ground"
+_FOLLOWING_SHARE = 0.65  # chosen: short legs between changes of gear misjudge a quarter of the bends
 _ONE_LINE_RESULTANT = 0.95  # mean resultant of heading plus course: driven along one line only
 
 
@@ -67,11 +68,14 @@ def drop_course_heading(log: Log) -> Log:
     agreement = np.cos(np.radians(log.heading_deg[chords.row]) - chords.course)
     if min(_count_agreeing(agreement[backwards]), _count_agreeing(agreement[~backwards])) < _MOST_CHORDS_SHARE:
         return log
-    for gear in (-1.0, 1.0):
-        angle, curvature = select_clear_bends([log], gear)
-        if not is_steering_mirrored(-angle, curvature):
-            return log
+    if not all(_follows_steering(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0)):
+        return log
     return replace(log, heading_deg=None, corrections=(*log.corrections, COURSE_HEADING))
+
+
+def _follows_steering(angle: Array, curvature: Array) -> bool:
+    """Whether the path bends to the side of the steering in most clear bends; in a wrong gear hardly any do."""
+    return len(angle) >= _FEWEST_GEAR_CHORDS and float(np.mean(angle * curvature > 0.0)) >= _FOLLOWING_SHARE
 
 
 def _count_agreeing(agreement: Array) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.faults.unlike_runs import RunDifference
+from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.position_jumps import POSITION_JUMP
 from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
 from vehicle.identification.logs.schema import Log, LogFault, Mask
@@ -57,6 +58,7 @@ _CORRECTED_COLUMNS = {
     "the positions get": "position",
     "the positions and headings get": "position",
     "heading_deg changes only": "heading",
+    COURSE_HEADING: "heading",
     "speed_mps reads": "speed",
     "steering_deg reads": "steering",
 }
@@ -97,9 +99,10 @@ def describe_columns(logs: Sequence[Log], findings: Sequence[Finding]) -> tuple[
 def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
     """Return what was corrected in a column, as it was in the first of the logs concerned."""
     for start in (start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column):
-        for log in logs:
-            for sentence in (sentence for sentence in log.corrections if sentence.startswith(start)):
-                return [f"{log.name}: {sentence}."]
+        sentences = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
+        if sentences:
+            more = f" and {len(sentences) - 1} more" if len(sentences) > 1 else ""
+            return [f"{sentences[0][0]}{more}: {sentences[0][1]}."]
     return []
 
 
