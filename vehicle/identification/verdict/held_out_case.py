@@ -305,11 +305,15 @@ def build_whole_dataset_case(dataset: DriveDataset, subset: DataSubset, case: Di
 def collect_whole_settings(
     dataset: DriveDataset, subset: DataSubset, case: DiagnosisCase
 ) -> tuple[dict[int, Settings], dict[int, HalfSettings]]:
-    """Return the settings of every run of the whole dataset, and those for its held-out windows."""
+    """Return the settings of every run of the whole dataset, and those for its held-out windows.
+
+    A run whose rows are all left out has no window.
+    """
     unseen = _choose_unseen_settings(dataset, subset, case)
     settings = {run: collect_run_settings(case.extension.terms, number) for number, run in enumerate(subset.runs)}
     held_out: dict[int, HalfSettings] = {
-        run: case.extension.held_out_settings[number] for number, run in enumerate(subset.runs)
+        run: case.extension.held_out_settings.get(number, (settings[run], settings[run]))
+        for number, run in enumerate(subset.runs)
     }
     return {**settings, **unseen}, {**held_out, **{run: (one, one) for run, one in unseen.items()}}
 
