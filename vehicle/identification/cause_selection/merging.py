@@ -3,6 +3,8 @@ columns share is that of no instrument, but of the clock of the log. Delays that
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from vehicle.identification.fit.effect_parameters import build_parameters, collect_settings, find_finest_size
@@ -14,6 +16,7 @@ PARTS, WHOLE = ("position_delay", "heading_delay"), "gnss_latency"
 DEAD_TIME, WHEEL_CLOCK, COMMAND_CLOCK = "steering_dead_time", "clock_offset_steering", "clock_offset_steering_command"
 _COLUMNS = ("position", "heading", "speed", "steering", "steering_command")
 SAME_CLOCK_FACTOR = 3.0  # chosen, times what may be claimed: errors of delays that are fitted together
+SMALLEST_AGE_S = 0.01  # chosen: less is no age in logs of any rate
 ONE_CLOCK_SHARE = 0.1  # chosen, of the gain of several clocks: clocks alike by chance are rarer than one that is off
 # Columns by effect: what is older by its size.
 _AGED_COLUMNS = {
@@ -65,25 +68,29 @@ def _collect_ages(fit: EffectFit) -> tuple[dict[str, float], dict[str, float]]:
 def choose_reference_clock(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:
     """Return the fit in which the clock that most columns share is the right one, where fewer delays explain as much.
 
-    Only differences between clocks show: four columns that are late by as much are one that is early.
+    Only differences between clocks show: four columns that are late by as much are one that is early. What is left of
+    their differences, each too small to mean anything, is kept where the fit is worse without it.
     """
     sizes, ages = _collect_ages(fit)
     if len(sizes) < 2:
         return fit
     tractor, common = residual_model.rig.tractor, float(np.median(list(ages.values())))
     finest = {column: find_finest_size(tractor, f"clock_offset_{column}") for column in _COLUMNS}
-    apart = {
-        column: age - common for column, age in ages.items() if abs(age - common) >= SAME_CLOCK_FACTOR * finest[column]
-    }
-    fewer = len(sizes) - len(apart)
+    apart = {column: age - common for column, age in ages.items()}
+    clear = {column: age for column, age in apart.items() if abs(age) >= SAME_CLOCK_FACTOR * finest[column]}
+    fewer = len(sizes) - len(clear)
     if abs(common) < min(finest.values()) or fewer < 1:
         return fit
-    replaced = [(build_parameters(tractor, f"clock_offset_{column}"), np.array([age])) for column, age in apart.items()]
-    parts = (*(part for part in fit.parts if part[0].id not in sizes), *replaced)
-    simpler = _refit_parts(residual_model, fit, parts)
     others = tuple(part for part in fit.parts if part[0].id not in sizes)
     gain = _refit_parts(residual_model, fit, others).loss - fit.loss
-    return simpler if simpler.loss < fit.loss + max(fewer * LEAST_GAIN, ONE_CLOCK_SHARE * gain) else fit
+    for kept in (clear, {column: age for column, age in apart.items() if abs(age) >= SMALLEST_AGE_S}):
+        clocks = [
+            (build_parameters(tractor, f"clock_offset_{column}"), np.array([age])) for column, age in kept.items()
+        ]
+        simpler = _refit_parts(residual_model, fit, (*others, *clocks))
+        if simpler.loss < fit.loss + max(fewer * LEAST_GAIN, ONE_CLOCK_SHARE * gain):
+            return simpler
+    return fit
 
 
 def _refit_parts(residual_model: ResidualModel, fit: EffectFit, parts: tuple[FitPart, ...]) -> EffectFit:
@@ -106,12 +113,17 @@ def share_out_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit
     wheel, command = sizes.get(WHEEL_CLOCK, 0.0), sizes.get(COMMAND_CLOCK, 0.0)
     if (wheel == 0.0 and command == 0.0) or DEAD_TIME not in sizes:
         return fit
-    shared = {
-        DEAD_TIME: sizes[DEAD_TIME] + wheel - command,
-        WHOLE: sizes.get(WHOLE, 0.0) - wheel,
-        WHEEL_CLOCK: 0.0,
-        COMMAND_CLOCK: 0.0,
-    }
+    by_commands = {DEAD_TIME: sizes[DEAD_TIME] - command, COMMAND_CLOCK: 0.0}
+    by_wheels = {**by_commands, DEAD_TIME: by_commands[DEAD_TIME] + wheel, WHOLE: sizes.get(WHOLE, 0.0) - wheel}
+    for shared in ({**by_wheels, WHEEL_CLOCK: 0.0}, by_commands if command else {}):
+        simpler = _share_out(residual_model, fit, shared)
+        if simpler is not None:
+            return simpler
+    return fit
+
+
+def _share_out(residual_model: ResidualModel, fit: EffectFit, shared: Mapping[str, float]) -> EffectFit | None:
+    """Return the fit with these sizes (s) of delays where they are fewer, possible, and explain as much; else None."""
     tractor = residual_model.rig.tractor
     replaced = [
         (build_parameters(tractor, name), np.array([size]))
@@ -121,9 +133,9 @@ def share_out_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit
     parts = (*(part for part in fit.parts if part[0].id not in shared), *replaced)
     fewer = len(fit.parts) - len(parts)
     if fewer < 1 or min(shared.values()) < -find_finest_size(tractor, WHOLE):
-        return fit
+        return None
     simpler = _refit_parts(residual_model, fit, parts)
-    return simpler if simpler.loss < fit.loss + fewer * LEAST_GAIN else fit
+    return simpler if simpler.loss < fit.loss + fewer * LEAST_GAIN else None
 
 
 def merge_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:

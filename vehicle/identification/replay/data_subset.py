@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import WINDOW_S, DriveDataset, DriveSegment, resample_on_grid
-from vehicle.records import DT_S
+from vehicle.records import DT_S, HISTORY_STEPS
 
 MOST_SUBSET_S = 3600.0  # chosen: four times the driving that shows every effect of usual size; time grows in proportion
 # Chosen: longer than the period of any covariate; whole pairs of windows, so that halves stay the same.
@@ -88,8 +88,15 @@ def _extract_piece(segment: DriveSegment, rows: slice) -> DriveSegment:
         time=time,
         grids=resample_on_grid(time, columns),
         measured_rows={name: mask[rows] for name, mask in segment.measured_rows.items()},
+        earlier_commands=_select_earlier_commands(segment, first),
         **{name: columns[name] for name in names},
     )
+
+
+def _select_earlier_commands(segment: DriveSegment, first_s: float) -> Array:
+    """Return the commands (m,) on the grid before a time of a segment, as far back as a delay reaches."""
+    within = segment.grids.get("command", np.empty(0))[: round(first_s / DT_S)]
+    return np.concatenate([segment.earlier_commands, within])[-HISTORY_STEPS:]
 
 
 def _classify_pieces(pieces: list[DriveSegment]) -> PieceClasses:

@@ -22,11 +22,12 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
+from vehicle.identification.logs.gating import GAP_SAMPLES
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows, split_drive_segments
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
 from vehicle.jit import compile_function
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ
-from vehicle.records import DT_S
+from vehicle.records import DT_S, HISTORY_STEPS
 
 WIDEST_WINDOW_S = 4.0  # chosen: noise averaged over this long is below any last digit
 WINDOW_GROWTH, WINDOW_COUNT = 1.5, 20  # chosen: ratio of the widths of windows; up to 2000 rows
@@ -148,7 +149,8 @@ class DriveSegment:
     times and wheel angles are `logged_wheel`. `start_s` is the time since the start of the run at the first row. `gear`
     is 1, or -1 in reverse, where `speed` and `target` are negative and the heading is opposite to the direction of
     travel. `measured_rows` are the rows (k,) in which columns were measured that are slower than the log; see
-    _select_measured_rows.
+    _select_measured_rows. `earlier_commands` (m,) are those of the steps of the grid before the first row, as far back
+    as a delay reaches, which a delayed steering still follows.
     """
 
     run: int
@@ -168,6 +170,7 @@ class DriveSegment:
     gear: float = 1.0
     logged_wheel: tuple[Array, Array] | None = None
     measured_rows: Mapping[str, Mask] = field(default_factory=dict)
+    earlier_commands: Array = field(default_factory=lambda: np.empty(0))
 
     @cached_property
     def heading_cosine_sine(self) -> tuple[Array, Array]:
@@ -372,7 +375,23 @@ def _build_segment(
         gear,
         None if log.fresh is None or wheel is None else (time, wheel),
         _select_measured_rows(log, rows, fresh),
+        _select_earlier_commands(log, int(rows[0])),
     )
+
+
+def _select_earlier_commands(log: Log, row: int) -> Array:
+    """Return the commands (m, rad) on the grid before a row, used for a replay or not, up to the last gap."""
+    if log.steering_command_deg is None or row == 0:
+        return np.empty(0)
+    time, command = log.time_s[: row + 1] - log.time_s[row], log.steering_command_deg[: row + 1]
+    with np.errstate(invalid="ignore"):
+        steps = np.diff(time)
+        known = (steps > 0.0) & (steps <= GAP_SAMPLES * log.step_s) & np.isfinite(command[:-1])
+        known &= time[:-1] >= -HISTORY_STEPS * DT_S
+    first = row - (int(np.argmin(known[::-1])) if not known.all() else row)
+    time, command = time[first:], command[first:]
+    grid = -DT_S * np.arange(math.floor(-time[0] / DT_S), 0, -1)
+    return np.asarray(np.radians(command)[np.searchsorted(0.5 * (time[1:] + time[:-1]), grid)])
 
 
 def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:

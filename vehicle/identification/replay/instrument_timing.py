@@ -67,7 +67,9 @@ def restore_true_inputs(segment: DriveSegment, timing: InstrumentTiming) -> Driv
 
     A replay at commanded speeds begins with the first speed that was logged, whatever its clock.
     """
-    grids, steps_s = dict(segment.grids), segment.steps_s
+    grids, steps_s, earlier = dict(segment.grids), segment.steps_s, segment.earlier_commands
+    if timing.command_s != 0.0 and "command" in grids:
+        earlier = _shift_earlier_commands(segment, timing.command_s)
     for name, late_s in (("speed", timing.speed_s), ("wheel", timing.steering_s), ("command", timing.command_s)):
         if name in grids and late_s != 0.0:
             first = grids[name][0]
@@ -79,7 +81,15 @@ def restore_true_inputs(segment: DriveSegment, timing: InstrumentTiming) -> Driv
     if timing.steering_s != 0.0 and segment.wheel is not None:
         time, wheel = logged_wheel or (segment.time, segment.wheel)
         logged_wheel = (time - timing.steering_s, wheel)
-    return replace(segment, grids=grids, logged_wheel=logged_wheel)
+    return replace(segment, grids=grids, logged_wheel=logged_wheel, earlier_commands=earlier)
+
+
+def _shift_earlier_commands(segment: DriveSegment, late_s: float) -> Array:
+    """Return the commands (m,) before the first row as they were at their times, where their clock is late."""
+    known = np.concatenate([segment.earlier_commands, segment.grids["command"]])
+    steps_s = DT_S * (np.arange(len(known)) - len(segment.earlier_commands))
+    shifted: Array = np.interp(steps_s + late_s, steps_s, known)
+    return shifted[: len(segment.earlier_commands)]
 
 
 MOST_CACHED_STEPS = 2_000_000  # chosen: a quarter of an hour with forty clocks, at most 50 MB

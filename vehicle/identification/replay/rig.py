@@ -36,6 +36,7 @@ from vehicle.identification.replay.state_cache import (
     make_settings_key,
     split_settings_by_block,
 )
+from vehicle.identification.replay.steering_steps import apply_play_steps, make_settled_state, simulate_steering_steps
 from vehicle.identification.replay.vectorised import (
     LANES,
     compute_tangents_and_drift,
@@ -59,8 +60,8 @@ from vehicle.model.tractor import (
 from vehicle.records import DT_S, STATE
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
-from vehicle.sim.dynamics import step_body, step_speed_control, step_steering_system
-from vehicle.sim.effect_terms import apply_play, compute_affected_tangent, compute_ground_drift
+from vehicle.sim.dynamics import step_body, step_speed_control
+from vehicle.sim.effect_terms import compute_affected_tangent, compute_ground_drift
 
 VECTORISED_STEPS = 100_000  # chosen, per batch of segments driven side by side: they fit in the processor's cache
 MOST_CACHED_MODELS = 16  # chosen: the segments of a dataset use the same model in turn
@@ -107,32 +108,6 @@ def drive_at_commanded_speed(  # type: ignore[no-untyped-def]
         y += ((forward + along) * sine - right * cosine) * dt
         angle -= spin * dt
         forward, right, spin = new_forward, new_right + slide, new_spin
-
-
-@compile_function
-def simulate_steering_steps(command, first, dt, state, model, out) -> None:  # type: ignore[no-untyped-def]
-    """Steer through one command per step from wheel angle `first`; `out` (n + 1,) gets the wheel angle before each step
-    and after the last."""
-    state.steering = state.play = state.commands[-1] = first
-    for i in range(len(command)):
-        state.command = command[i]
-        out[i] = state.steering
-        step_steering_system(state, model, dt)
-        state.clock += 1
-    out[len(command)] = state.steering
-
-
-@compile_function
-def apply_play_steps(wheel, steady, first, noisy, model, out) -> None:  # type: ignore[no-untyped-def]
-    """Write wheel angles behind the play to `out` (n,), from those before it (n,) and without noise, `steady` (n,).
-
-    The play begins at `first` and follows the denoised angles: extremes of noise would take up part of it. Angles that
-    are not `noisy` are their own `steady` ones.
-    """
-    play = first
-    for i in range(len(wheel)):
-        play = apply_play(play, steady[i], model)
-        out[i] = wheel[i] + (play - steady[i]) if noisy else play
 
 
 @dataclass(frozen=True, eq=False)
@@ -437,7 +412,7 @@ def _simulate_steering(rig: ReplayRig, segment: DriveSegment, acting_settings: _
             command,
             wheel[0],
             DT_S,
-            _make_settled_state(command)[0],
+            make_settled_state(command, segment.earlier_commands)[0],
             rig.get_effective_model(acting_settings.steering),
             out,
         )
@@ -452,13 +427,6 @@ def _select_steering_inputs(segment: DriveSegment) -> tuple[Array, Array]:
     wheel = segment.grids.get("wheel", command)
     assert command is not None and wheel is not None
     return command, wheel
-
-
-def _make_settled_state(command: Array) -> Any:
-    """Return the state of a tractor whose wheels have settled at the first command."""
-    state = np.zeros(1, dtype=STATE)
-    state["commands"] = command[0]
-    return state
 
 
 def compute_antenna_lever(rig: ReplayRig, fields: Mapping[str, float]) -> tuple[float, float]:
