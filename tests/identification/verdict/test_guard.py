@@ -13,7 +13,7 @@ import pytest
 
 from tests.identification.residual_models import build_programme_model, get_parameters
 from vehicle.identification.fit.residual_fit import EffectFit
-from vehicle.identification.replay.horizon_errors import HorizonError
+from vehicle.identification.replay.horizon_errors import HorizonError, HorizonSquares, compute_horizon_errors
 from vehicle.identification.thresholds import HARM_FACTOR
 from vehicle.identification.verdict import guard
 from vehicle.identification.verdict.cross_fit import choose_balanced_half, select_runs, split_in_halves
@@ -25,6 +25,7 @@ from vehicle.identification.verdict.guard import (
     list_doubtful_circles,
     list_unjudged,
     measure_harm,
+    measure_harm_of_runs,
 )
 
 PLAIN = HorizonError(2.0, 4.0, 1.0)
@@ -231,3 +232,26 @@ def test_a_circle_that_may_help_no_run_held_out_is_not_saved(low: float, is_doub
         compute_held_out_gain=lambda _: (1.0, (low, 90.0)),
     )
     assert list_doubtful_circles(case) == ({"grip_patch"} if is_doubtful else frozenset())
+
+
+def build_squares(cross_cm: float, rows: float = 100.0) -> HorizonSquares:
+    """Sums of squares of a run (m2, m2, rad2, rows) with this error across over each horizon."""
+    return {horizon: np.array([rows * (0.01 * cross_cm) ** 2, 0.0, 0.0, rows]) for horizon in (1.0, 5.0, 10.0, 20.0)}
+
+
+def test_what_helps_the_one_run_with_most_of_the_error_and_harms_the_others_is_harm() -> None:
+    """From 40 and three times 2 cm to 20 and three times 4: the error of all falls by half, most runs double theirs."""
+    noise = {horizon: HorizonError(0.5, 0.5, 0.1) for horizon in (1.0, 5.0, 10.0, 20.0)}
+    before, after = (
+        [build_squares(size) for size in sizes] for sizes in ((40.0, 2.0, 2.0, 2.0), (20.0, 4.0, 4.0, 4.0))
+    )
+    pooled = measure_harm(compute_horizon_errors(before), compute_horizon_errors(after), True, math.inf, noise)
+    assert pooled == 1.0
+    assert measure_harm_of_runs(before, after, True, math.inf, noise) == pytest.approx(2.0**0.5)
+    assert measure_harm_of_runs(before, before, True, math.inf, noise) == 1.0
+
+
+def test_runs_below_noise_are_neither_harmed_nor_helped() -> None:
+    noise = {5.0: HorizonError(5.0, 5.0, 5.0)}
+    before, after = [build_squares(1.0), build_squares(20.0)], [build_squares(4.0), build_squares(10.0)]
+    assert measure_harm_of_runs(before, after, True, math.inf, noise) == pytest.approx(1.0)

@@ -80,6 +80,39 @@ def measure_harm(
     return worst
 
 
+def measure_harm_of_runs(
+    before: Sequence[HorizonSquares],
+    after: Sequence[HorizonSquares],
+    with_along: bool,
+    longest_s: float,
+    noise_floor: ErrorsByHorizon,
+) -> float:
+    """Return the largest rise of an error over all horizons and kinds as the geometric mean of its factors in runs; 1
+    where none rises.
+
+    One run that goes wrong as no other does may have most of the error of all of them, and what helps it alone may harm
+    the others. The arguments are those of measure_harm, per run.
+    """
+    errors = [[compute_horizon_errors([squares]) for squares in table] for table in (before, after)]
+    kinds = [kind for kind in KINDS if with_along or kind != "along_cm"]
+    rises = (
+        math.exp(sum(_find_log_factor(*run, horizon, kind, noise_floor) for run in pairs) / len(pairs))
+        for horizon in noise_floor
+        if horizon <= longest_s and (pairs := [run for run in zip(*errors, strict=True) if horizon in run[0]])
+        for kind in kinds
+    )
+    return max(1.0, *rises)
+
+
+def _find_log_factor(
+    before: ErrorsByHorizon, after: ErrorsByHorizon, horizon: float, kind: str, noise_floor: ErrorsByHorizon
+) -> float:
+    """Return the logarithm of the factor of an error in a run; 0 where it hardly changes. Below noise all is chance."""
+    least, noise = _find_least_harm(kind, horizon), getattr(noise_floor[horizon], kind)
+    old, new = (max(getattr(errors[horizon], kind), noise, least) for errors in (before, after))
+    return math.log(new / old) if abs(new - old) > least else 0.0
+
+
 def grant_chance(noise_floor: ErrorsByHorizon, seconds: float) -> dict[float, HorizonError]:
     """Return the errors that noise alone may leave in this much driving: few pieces scatter about the noise floor."""
     granted = {}
@@ -168,14 +201,15 @@ class _Judge:
 
     def measure_harm(self, explained: ExplainedCase, longest_s: float) -> float:
         """Return the largest rise of an error in any table."""
-        noise_floor = grant_chance(
-            compute_horizon_errors(explained.case.noise_floor), explained.case.residual_model.dataset.seconds
-        )
+        noise, seconds = compute_horizon_errors(explained.case.noise_floor), self.dataset.seconds
+        noise_floor = grant_chance(noise, explained.case.residual_model.dataset.seconds)
+        noise_of_run = grant_chance(noise, seconds / len(self.dataset.names))
         return max(
-            measure_harm(
-                compute_horizon_errors(before), compute_horizon_errors(after), self.with_along, longest_s, noise_floor
+            max(
+                measure_harm(*map(compute_horizon_errors, table), self.with_along, longest_s, noise_floor),
+                measure_harm_of_runs(*table, self.with_along, longest_s, noise_of_run),
             )
-            for before, after in self.list_tables(explained)
+            for table in self.list_tables(explained)
         )
 
 
@@ -204,6 +238,7 @@ def guard_case(
     unjudged_ids |= list_doubtful_circles(saved.case)
     if unjudged_ids:
         saved = _keep(judge, saved, saved.case.extension.term_ids - unjudged_ids)
+        kept = replace(kept, names=[name for name in kept.names if name not in unjudged_ids])
     is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
     reason = UNJUDGED if unjudged_ids else NOTHING_LEFT
     return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), unsaved_names, shown, reason)
