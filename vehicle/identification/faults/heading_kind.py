@@ -1,7 +1,8 @@
 """What a heading column is where it is no heading: the course of the positions, or the sum of a gyroscope.
 
 The course of an antenna a ahead of the axle leaves the heading by atan(a tan(angle) / base). Logged as a heading it
-turns with the wheel angle itself, by a / base, and to it the antenna never moves sideways.
+turns with the wheel angle itself, by a / base, and to it the antenna never moves sideways. A vehicle that bends in its
+middle with its antenna above its front axle has such headings too, and its positions are those of such a tractor.
 
 A gyroscope whose scale is off turns by a share more, or less, than the course does. A compass that is wrong by the
 direction it points to does so too where a field is driven in loops of one kind; its own columns take that.
@@ -23,14 +24,17 @@ from vehicle.identification.faults.steering_evidence import (
     build_evidence_segments,
     find_largest_angles,
 )
-from vehicle.identification.faults.turning_kind import CLEAR_SIGMAS, KNOWN_SHARE, fit_robustly, measure_turning
+from vehicle.identification.faults.turning_kind import KNOWN_SHARE, fit_robustly, measure_turning
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.model.tractor import Tractor
 
 # Chosen, of the wheelbase: an antenna nearer to the axle goes where the tractor points. Of the turn that the course of
 # an antenna should have: the mean of a second or two lowers it; headings of 60 other sets reach a seventh.
-_LEAST_LEVER_SHARE, _COURSE_SHARES, _STILL_SHARE = 0.1, (0.4, 1.5), 0.15
+_LEAST_LEVER_SHARE, _COURSE_SHARES = 0.1, (0.4, 1.5)
+# Chosen, of the lever and times its standard error: a jointed vehicle has its antenna so near to its front axle only by
+# chance.
+_STILL_SHARE, _STILL_SIGMAS, _TURNING_SIGMAS = 0.03, 2.0, 4.0
 # Chosen: a U-turn fits in, and a heading that a receiver holds in the long run forgets little.
 _WINDOW_S, _THIN_S = 12.0, 0.3
 # Chosen: 75 sets of three references without such a gyroscope show at most 0.5 %; scales of 1.6 to 2.9 % show 0.9 to
@@ -63,8 +67,8 @@ def _has_course_headings(logs: Sequence[Log], tractor: Tractor) -> bool:
     if measure.joint_share is None or measure.antenna_m is None or measure.antenna_error_m > KNOWN_SHARE * ahead_m:
         return False
     low, high = (share * ahead_m / tractor.wheelbase_m for share in _COURSE_SHARES)
-    turns_alike = max(low, CLEAR_SIGMAS * measure.joint_error) < measure.joint_share < high
-    return turns_alike and abs(measure.antenna_m) < _STILL_SHARE * ahead_m
+    turns_alike = max(low, _TURNING_SIGMAS * measure.joint_error) < measure.joint_share < high
+    return turns_alike and abs(measure.antenna_m) < _STILL_SHARE * ahead_m + _STILL_SIGMAS * measure.antenna_error_m
 
 
 def find_heading_scale(logs: Sequence[Log]) -> float | None:

@@ -32,6 +32,7 @@ from vehicle.identification.faults.steering_evidence import (
     follow_command,
 )
 from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.jit import compile_function
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING
 from vehicle.model.tractor import Tractor
 
@@ -49,6 +50,8 @@ _FEWEST_ROWS, _MOST_ROWS = 100, 10_000  # more show the same
 _LEAST_MOVED_DEG = 40.0  # chosen: the root of the sum of squared changes of the angle that show how heading follows
 _MOST_HOLD_S = 0.5  # chosen: steering columns that change more rarely do not show when the angle moved
 _PASSES, _OUTLIER_SIGMAS = 4, 4.0
+# Chosen, m: drawbars of drawn implements, which push the tractor until they have swung out behind it.
+_TRAILS_M = (2.5, 6.0)
 # Of the angle that the heading follows: later or earlier by clocks, and low-passed by tyres.
 _SHIFTS_S = tuple(0.1 * step for step in range(-6, 11))
 _FILTERS_S = (0.0, 0.2, 0.4)
@@ -273,12 +276,23 @@ def _list_columns(rows: _Rows, angle: Array) -> Array:
     """Return what the turn of windows depends on (k, n): first the change of the angle, then the path by the angle."""
     reach = round(0.5 * _WINDOW_S / STEP_S)
     pace, moved = rows.pace, angle[rows.chosen + reach] - angle[rows.chosen - reach]
+    trails = [_follow_way(angle, np.abs(pace) * STEP_S, length_m) for length_m in _TRAILS_M]
+    shapes = (angle, np.abs(angle), angle**3, angle * np.abs(angle), pace**2 * angle, np.ones(len(angle)), *trails)
     bends = [
         np.convolve(pace * shape, np.full(2 * reach + 1, _WINDOW_S / (2 * reach + 1)), mode="same")[rows.chosen]
-        for shape in (angle, np.abs(angle), angle**3, angle * np.abs(angle), pace**2 * angle, np.ones(len(angle)))
+        for shape in shapes
     ]
     speed = rows.ahead / _WINDOW_S
     return np.stack([moved, *bends, speed * moved], axis=1)
+
+
+@compile_function
+def _follow_way(angle, steps_m, length_m) -> Array:  # type: ignore[no-untyped-def]
+    """Return what follows an angle (k, rad) over a way of `length_m`, as a drawn implement does."""
+    out = angle.copy()
+    for k in range(1, len(angle)):
+        out[k] = out[k - 1] + min(steps_m[k] / length_m, 1.0) * (angle[k - 1] - out[k - 1])
+    return out
 
 
 def _fit_antenna(rows: Sequence[_Rows]) -> tuple[float | None, float]:

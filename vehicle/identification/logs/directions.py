@@ -21,7 +21,10 @@ _FEWEST_GEAR_CHORDS = 5  # chords: fewer may be one change of gear
 _AGREEING_COSINE = 0.7  # cosine between heading and course from which they agree
 # Shares that count as all chords, and as too many for moments of gear change.
 _MOST_CHORDS_SHARE, _SOME_CHORDS_SHARE = 0.8, 0.1
-COURSE_HEADING = "heading_deg is the course over ground, not where the tractor points; it is not used"
+COURSE_HEADING = (
+    "heading_deg is the course over ground of the antenna, not where a tractor with steered front wheels points; it is "
+    "not used"
+)
 _OR_COURSE = ", or leave heading_deg out if it is the course over ground"
 _FOLLOWING_SHARE = 0.65  # chosen: short legs between changes of gear misjudge a quarter of the bends
 _ONE_LINE_RESULTANT = 0.95  # mean resultant of heading plus course: driven along one line only
