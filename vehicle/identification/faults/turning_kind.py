@@ -39,7 +39,7 @@ from vehicle.model.tractor import Tractor
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
 # Chosen: 142 sets of two references without a joint show at most 0.04 rad per rad, and 2 errors where one speed shows
 # little; joints show 0.35 to 0.65.
-_LEAST_JOINT_SHARE, _MOST_JOINT_SHARE, CLEAR_SIGMAS = 0.2, 0.85, 6.0
+_LEAST_JOINT_SHARE, _MOST_JOINT_SHARE, _CLEAR_SIGMAS = 0.2, 0.85, 6.0
 _LEAST_JOINT_GAIN = 1.15  # chosen: sets without a joint gain 1 %, those of the third reference with one 40 to 50 %
 # Chosen: in so many wheelbases the path forgets the change of an angle.
 _MOST_WHEELBASES = 3.0
@@ -110,7 +110,7 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
         return None
     if (
         share is not None
-        and max(_LEAST_JOINT_SHARE, CLEAR_SIGMAS * measure.joint_error) < abs(share) < _MOST_JOINT_SHARE
+        and max(_LEAST_JOINT_SHARE, _CLEAR_SIGMAS * measure.joint_error) < abs(share) < _MOST_JOINT_SHARE
         and measure.joint_gain > _LEAST_JOINT_GAIN
     ):
         words = (
