@@ -41,6 +41,7 @@ from vehicle.identification.thresholds import (
     LOOK_ALIKE_LOSS,
     LOOK_ALIKE_SHARE,
     MATERIAL_SHARE,
+    ROW_LAW_SPREAD_FACTOR,
 )
 
 DRIFT, PATCH, UNDERSTEER = "grip_drift", "grip_patch", "understeer"
@@ -215,6 +216,7 @@ def _list_supported(
     """Return the laws that are beyond chance, material, wider than the tolerance, and help held-out runs."""
     least = max(LEAST_STRENGTH, MATERIAL_SHARE * 3.0 * residual_model.dataset.rows)
     weights = LawColumns(residual_model, fit).compute_weights(target)
+    spread_factor = LAW_SPREAD_FACTOR if target.moves_path else ROW_LAW_SPREAD_FACTOR
     supported = []
     for score in scores:
         found = FoundLaw(score, *_compute_range(residual_model, score, weights))
@@ -222,7 +224,7 @@ def _list_supported(
         if (
             _compute_net_gain(score) - score.constant_gain > least
             and score.strength > _compute_random_gain(score.freedoms) + LEAST_STRENGTH
-            and found.high - found.low > LAW_SPREAD_FACTOR * target.finest
+            and found.high - found.low > spread_factor * target.finest
             and float(score.held_out.sum()) > HELD_OUT_LAW_SHARE * score.gain
             and np.count_nonzero(score.held_out[concerned] > 0.0) >= LEAST_HELPED_SHARE * np.count_nonzero(concerned)
         ):
