@@ -205,7 +205,7 @@ SHORTEST_HALF_S, SHORTEST_PIECE_S, MOST_PIECES = 60.0, 40.0, 12
 LAW_SHARE = 0.7
 # Chosen, times the tolerance of the tractor file: a parameter that changes less is constant as far as anyone can tell.
 LAW_SPREAD_FACTOR = 2.0
-# The same of what does not move the path, as timing: swings of a row and a half are what differs from run to run anyway.
+# The same of what does not move the path, such as timing: a row and a half differs from run to run anyway.
 ROW_LAW_SPREAD_FACTOR = 3.0
 # Chosen, of the gain of a law: runs without a part in it must confirm this much.
 HELD_OUT_LAW_SHARE = 0.3
