@@ -115,20 +115,27 @@ def share_out_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit
         return fit
     by_commands = {DEAD_TIME: sizes[DEAD_TIME] - command, COMMAND_CLOCK: 0.0}
     by_wheels = {**by_commands, DEAD_TIME: by_commands[DEAD_TIME] + wheel, WHOLE: sizes.get(WHOLE, 0.0) - wheel}
-    for shared in ({**by_wheels, WHEEL_CLOCK: 0.0}, by_commands if command else {}):
-        simpler = _share_out(residual_model, fit, shared)
-        if simpler is not None:
-            return simpler
-    return fit
+    simpler = _share_out(residual_model, fit, {**by_wheels, WHEEL_CLOCK: 0.0})
+    if simpler is None and command:
+        simpler = _share_out(residual_model, fit, by_commands) or _share_out(
+            residual_model, fit, by_commands, SMALLEST_AGE_S
+        )
+    return fit if simpler is None else simpler
 
 
-def _share_out(residual_model: ResidualModel, fit: EffectFit, shared: Mapping[str, float]) -> EffectFit | None:
-    """Return the fit with these sizes (s) of delays where they are fewer, possible, and explain as much; else None."""
+def _share_out(
+    residual_model: ResidualModel, fit: EffectFit, shared: Mapping[str, float], least_s: float | None = None
+) -> EffectFit | None:
+    """Return the fit with these sizes (s) of delays where they are fewer, possible, and explain as much; else None.
+
+    Those below `least_s`, or below what may be claimed, are left out: commands are known to half a row, and a fit may
+    need the rest of it.
+    """
     tractor = residual_model.rig.tractor
     replaced = [
         (build_parameters(tractor, name), np.array([size]))
         for name, size in shared.items()
-        if size >= find_finest_size(tractor, name)
+        if size >= (find_finest_size(tractor, name) if least_s is None else least_s)
     ]
     parts = (*(part for part in fit.parts if part[0].id not in shared), *replaced)
     fewer = len(fit.parts) - len(parts)
