@@ -7,16 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, course, rig
+from tests.identification.analytic_drives import SPEED_MPS, backwards, circle, course, log, rig
 from vehicle.errors import VehicleError
 from vehicle.identification.replay.drive_programmes import build_command_segment
-from vehicle.identification.replay.drive_segments import DriveSegment
+from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.rig import (
     build_rig,
     build_rig_and_corrections,
     compute_antenna_lever,
     replay_segment,
     simulate_logged_values,
+    simulate_wheel_angles,
 )
 from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
 from vehicle.model.effects import compute_effect_fields
@@ -156,3 +157,23 @@ def test_commands_drive_where_sensors_are_left_out() -> None:
     moving = math.degrees(states[150, STEERING_COLUMN])
     assert moving == pytest.approx(EG105.steering.rate_deg_per_s * (150 - 120) * DT_S, abs=0.3)
     assert math.degrees(states[-1, STEERING_COLUMN]) == pytest.approx(20.0, abs=0.11)
+
+
+def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None:
+    """The command steps 0.2 s before a change of gear: wheels late by 0.6 s stand for the first 0.4 s after it."""
+    frame = circle(0.0, 20.0)
+    time = frame.time_s.to_numpy()
+    commands = np.where(time < 8.05, 0.0, 10.0)
+    steered = log(
+        frame, steering_deg=0.0 * time, steering_command_deg=commands, shuttle=np.where(time < 8.25, 1.0, -1.0)
+    )
+    first, second = build_dataset([steered]).segments
+    assert np.degrees(second.earlier_commands[[0, -1]]) == pytest.approx([0.0, 10.0]) and not len(
+        first.earlier_commands
+    )
+    (angles,) = simulate_wheel_angles(rig(), [second], {"steering_dead_time": {"time_s": 0.6}})
+    begun_s = DT_S * int(np.argmax(np.abs(angles) > 1e-6))
+    assert begun_s == pytest.approx(0.4, abs=0.06)
+    without = replace(second, earlier_commands=np.empty(0))
+    (early,) = simulate_wheel_angles(rig(), [without], {"steering_dead_time": {"time_s": 0.6}})
+    assert DT_S * int(np.argmax(np.abs(early) > 1e-6)) < 0.1
