@@ -7,7 +7,8 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from planner.service.sandbox.reader_processes import (
 from tests.fields.strangers import SECRET, listening
 from tests.service.conftest import SMALL
 
+Attempt = Callable[..., dict[str, Any]]
 MEGABYTE = 2**20
 LINUX = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="forks readings, as Linux alone does")
 FILES = pytest.mark.skipif(get_landlock_version() == 0, reason="this system has no Landlock")
@@ -37,19 +39,29 @@ CLOSED_IN = """
 import ctypes, json, os, signal, socket, subprocess, sys, time
 from pathlib import Path
 from planner.service.sandbox.confinement import confine_process, list_library_folders
-told = json.loads(sys.argv[1])
-libraries, channel, parent = list_library_folders(), os.dup(1), os.getppid()
-libc = ctypes.CDLL(None, use_errno=True)
-while time.process_time() < told["before"]:
-    pass
-confine_process(Path(told["folder"]), libraries, told["memory"], told["seconds"], channel)
-try:
-    said = {"value": str(eval(told["code"]))}
-except BaseException as error:
-    said = {"error": type(error).__name__}
-os.write(channel, json.dumps(said).encode())
-os._exit(0)
+libraries, libc = list_library_folders(), ctypes.CDLL(None, use_errno=True)
+for line in sys.stdin:
+    told, (answers, channel) = json.loads(line), os.pipe()
+    pid = os.fork()
+    if pid == 0:
+        parent = os.getppid()
+        while time.process_time() < told["before"]:
+            pass
+        confine_process(Path(told["folder"]), libraries, told["memory"], told["seconds"], channel)
+        try:
+            said = {"value": str(eval(told["code"]))}
+        except BaseException as error:
+            said = {"error": type(error).__name__}
+        os.write(channel, json.dumps(said).encode())
+        os._exit(0)
+    os.close(channel)
+    with os.fdopen(answers) as file:
+        said = file.read()
+    code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+    print(said or json.dumps({"code": code}), flush=True)
 """
+"""Forks a process for each attempt, as the fork server does for each reading."""
+LONGEST_S = 120.0
 READ = "__import__('fields.documents.reader').documents.reader.read_field('own.geojson', local=True).area_ha"
 WEB = "'EPSG:4326', 'EPSG:3857'"
 PROJECT = f"__import__('fields.geometry.geodesy').geometry.geodesy.project(__import__('numpy').ones((1, 2)), {WEB})"
@@ -71,17 +83,34 @@ def canary(tmp_path: Path) -> Path:
     return tmp_path / "headland.db"
 
 
-def attempt(
-    folder: Path, code: str, memory: int = 256 * MEGABYTE, seconds: float = 60.0, before: float = 0.0
-) -> dict[str, Any]:
-    """What becomes of an expression in a process that is closed in, after so many seconds of computing."""
-    told = {"folder": str(folder), "code": code, "memory": memory, "seconds": seconds, "before": before}
-    command = [sys.executable, "-c", CLOSED_IN, json.dumps(told)]
-    done = subprocess.run(
-        command, capture_output=True, timeout=120, env=dict(os.environ) | reader_processes.SINGLE_THREAD_VARIABLES
-    )
-    assert done.stdout or done.returncode, done.stderr.decode()
-    return json.loads(done.stdout) if done.stdout else {"code": done.returncode}
+@pytest.fixture(scope="module")
+def attempts() -> Iterator[subprocess.Popen[str]]:
+    """The process that starts those that are closed in."""
+    environment = dict(os.environ) | reader_processes.SINGLE_THREAD_VARIABLES
+    command = [sys.executable, "-c", CLOSED_IN]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, bufsize=1, env=environment
+    ) as process:
+        yield process
+
+
+@pytest.fixture
+def attempt(attempts: subprocess.Popen[str], here: Path) -> Attempt:
+    """Tells what becomes of an expression in a process that is closed in, after so many seconds of computing."""
+
+    def start(code: str, memory: int = 256 * MEGABYTE, seconds: float = 60.0, before: float = 0.0) -> dict[str, Any]:
+        told = {"folder": str(here), "code": code, "memory": memory, "seconds": seconds, "before": before}
+        assert attempts.stdin is not None and attempts.stdout is not None
+        late = threading.Timer(LONGEST_S, attempts.kill)
+        late.start()
+        print(json.dumps(told), file=attempts.stdin, flush=True)
+        said = attempts.stdout.readline()
+        late.cancel()
+        assert said, "it has ended, or took too long"
+        answer: dict[str, Any] = json.loads(said)
+        return answer
+
+    return start
 
 
 @FILES
@@ -93,8 +122,8 @@ def attempt(
         "open(f'/proc/{{parent}}/mem', 'r+b')", "open('/proc/self/root/etc/passwd').read()", "os.listdir('/dev')",
     ],
 )  # fmt: skip
-def test_other_files_are_closed(code: str, here: Path, canary: Path) -> None:
-    assert attempt(here, code.format(canary=str(canary))) == {"error": "PermissionError"}
+def test_other_files_are_closed(code: str, attempt: Attempt, canary: Path) -> None:
+    assert attempt(code.format(canary=str(canary))) == {"error": "PermissionError"}
 
 
 @CALLS
@@ -107,8 +136,8 @@ def test_other_files_are_closed(code: str, here: Path, canary: Path) -> None:
         "os.utime('own.geojson')", "os.memfd_create('a')",
     ],
 )  # fmt: skip
-def test_nothing_is_written(code: str, here: Path) -> None:
-    said = attempt(here, code)
+def test_nothing_is_written(code: str, attempt: Attempt, here: Path) -> None:
+    said = attempt(code)
     assert said["error"] in ("PermissionError", "OSError"), said
     assert [one.name for one in here.iterdir()] == ["own.geojson"] and (here / "own.geojson").read_bytes() == SMALL
 
@@ -124,8 +153,8 @@ def test_nothing_is_written(code: str, here: Path) -> None:
         "__import__('fcntl').fcntl(0, __import__('fcntl').F_SETOWN, parent)",
     ],
 )  # fmt: skip
-def test_no_processes_and_no_signals(code: str, here: Path) -> None:
-    said = attempt(here, code)
+def test_no_processes_and_no_signals(code: str, attempt: Attempt) -> None:
+    said = attempt(code)
     assert said.get("error") in ("PermissionError", "OSError", "ValueError") or said.get("value") == "False", said
 
 
@@ -138,9 +167,9 @@ def test_no_processes_and_no_signals(code: str, here: Path) -> None:
         "__import__('urllib.request').request.urlopen('http://127.0.0.1:{port}/')",
     ],
 )  # fmt: skip
-def test_no_connections(code: str, here: Path) -> None:
+def test_no_connections(code: str, attempt: Attempt) -> None:
     with listening() as (port, calls):
-        assert attempt(here, code.format(port=port))["error"] in ("PermissionError", "URLError")
+        assert attempt(code.format(port=port))["error"] in ("PermissionError", "URLError")
         assert calls == []
 
 
@@ -151,33 +180,34 @@ def test_no_connections(code: str, here: Path) -> None:
     ids=lambda number: f"call {number}",
 )
 @pytest.mark.skipif("x86_64" not in os.uname().machine if hasattr(os, "uname") else True, reason="numbers of x86_64")
-def test_calls_that_no_reader_needs(call: int, here: Path) -> None:
+def test_calls_that_no_reader_needs(call: int, attempt: Attempt) -> None:
     """ptrace, process_vm_*, io_uring, pidfd_*, prctl, mount, unshare, perf, bpf, userfaultfd, and sockets of x32."""
-    assert attempt(here, f"(libc.syscall({call}, 0, 0, 0, 0, 0, 0), ctypes.get_errno())") == {"value": "(-1, 13)"}
+    assert attempt(f"(libc.syscall({call}, 0, 0, 0, 0, 0, 0), ctypes.get_errno())") == {"value": "(-1, 13)"}
 
 
 @POSIX
-def test_memory_has_an_end(here: Path) -> None:
-    assert attempt(here, "len(bytearray(1 << 30))") == {"error": "MemoryError"}
-    assert attempt(here, "len(bytearray(1 << 26))") == {"value": str(1 << 26)}
+def test_memory_has_an_end(attempt: Attempt) -> None:
+    assert attempt("len(bytearray(1 << 30))") == {"error": "MemoryError"}
+    assert attempt("len(bytearray(1 << 26))") == {"value": str(1 << 26)}
 
 
 @POSIX
-def test_computing_has_an_end(here: Path) -> None:
-    assert attempt(here, "[None for _ in iter(int, 1)] if False else sum(iter(int, 1))", seconds=0.5) in (
+def test_computing_has_an_end(attempt: Attempt) -> None:
+    assert attempt("[None for _ in iter(int, 1)] if False else sum(iter(int, 1))", seconds=0.5) in (
         {"code": -signal.SIGXCPU}, {"code": -signal.SIGKILL},
     )  # fmt: skip
 
 
 @POSIX
-def test_computing_counts_from_the_moment_of_being_closed_in(here: Path) -> None:
-    assert attempt(here, "sum(range(10**7))", seconds=0.5, before=2.2) == {"value": "49999995000000"}
+def test_computing_counts_from_the_moment_of_being_closed_in(attempt: Attempt) -> None:
+    assert attempt("sum(range(10**7))", seconds=0.5, before=2.2) == {"value": "49999995000000"}
 
 
-def test_what_reading_takes_is_open(here: Path) -> None:
-    assert attempt(here, "open('own.geojson').read()") == {"value": SMALL.decode()}
-    assert attempt(here, READ, 2**30) == {"value": "0.36"}
-    assert "111319" in attempt(here, PROJECT, 2**30)["value"]
+@POSIX
+def test_what_reading_takes_is_open(attempt: Attempt) -> None:
+    assert attempt("open('own.geojson').read()") == {"value": SMALL.decode()}
+    assert attempt(READ, 2**30) == {"value": "0.36"}
+    assert "111319" in attempt(PROJECT, 2**30)["value"]
 
 
 def test_only_folders_of_packages_and_libraries_are_open(here: Path) -> None:
