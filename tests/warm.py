@@ -1,8 +1,8 @@
 """Compiles the simulator once, before tests start that would each compile it at the same time.
 
-Two processes share the work: one compiles the world, trials, and what plans with every strategy need; the other twins,
-diagnosis, and the searches for routes and loads. Neither starts further processes. If everything is compiled already
-they take some seconds.
+Two processes share the work about evenly: one compiles the world, trials, the searches for routes, and what plans with
+every strategy need; the other twins, diagnosis, and the search for loads. Neither starts further processes or looks for
+garbage, of which compilers leave little. If everything is compiled already they take some seconds.
 """
 
 from __future__ import annotations
@@ -12,6 +12,10 @@ import sys
 import tempfile
 
 LONGEST_S = 600.0
+UNCOLLECTED = """
+import gc
+gc.disable()
+"""
 ROUTES = """
 import numpy as np
 import shapely
@@ -21,7 +25,7 @@ costs = TurnCosts(1.5, 1.0, 4.0)
 routes, onward = Connector(free, 4.3, costs), Connector(free, 4.3, costs, ("u", "omega"))
 begin, end = (10.0, 30.0, 0.0), (80.0, 30.0, 0.0)
 """
-PLANS = f"""{ROUTES}
+PLANS = f"""{UNCOLLECTED}{ROUTES}
 import sys
 from planner.cli.main import main
 from planner.pipeline.worker_tasks import warm_up_simulation
@@ -37,13 +41,17 @@ RobotTractor(mission, load_tractor("eg105"), Implement()).advance(1.0)
 run_experiments(("fixed", "zigzag"))
 seconds = np.ones((12, 12))
 bound_by_pass_prices(seconds, seconds[0], seconds[0], 1e9)
+routes.connect(begin, end)
+onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
+routes._find_lattice_route(begin, end)
 words = "plan netherlands --width 6 --tractors 1-2 --all --processes 1 --json"
 sys.argv = ["headland", *words.split()]
 main()
 """
-DRIVES = f"""{ROUTES}
+DRIVES = f"""{UNCOLLECTED}
 import sys
 from pathlib import Path
+import numpy as np
 from planner.cli.main import main
 from planner.fleet.session.fleet_twins import warm_up
 from strategies.service_stops.load_search import LoadOrderingTask, order_in_loads
@@ -53,9 +61,6 @@ from tests.truth.second import second_logs
 warm_up()
 seconds = np.ones((12, 12))
 order_in_loads(LoadOrderingTask(seconds, seconds, seconds[0], seconds[0], np.ones(6), 2.0, 2.0), [range(6)])
-routes.connect(begin, end)
-onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
-routes._find_lattice_route(begin, end)
 second_logs({{}}, 3, three_speeds_programme()[:1], "mr1000a")
 here = Path.cwd()
 for number, log in enumerate(make_logs({{"steering_offset": {{"angle_deg": 1.0}}}}, seed=3)[:8]):

@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy import stats
 
 from fields.geometry.field import Field
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
@@ -136,6 +135,8 @@ def spread(errors: Array) -> float:
 
     Deviation and mean are known from n others only: the interval of a new value is wider by both.
     """
+    from scipy import stats
+
     count, (_, high) = len(errors), CENTRAL
     widened = math.sqrt(1.0 + 1.0 / count) * float(stats.t.ppf(high, count - 1) / stats.norm.ppf(high))
     return float(np.std(errors, ddof=1)) * widened

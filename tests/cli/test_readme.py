@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from fields.geometry.field import Field
 from planner.guide.guide_pages import read_page
@@ -62,15 +64,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     place = tmp_path_factory.mktemp("readme")
     os.environ["HEADLAND_DATA"] = str(place / "data")
-    write_field(read_field("netherlands"), place / "myfarm.geojson")
-    write_hill(read_field("netherlands"), place / "dtm.tif")
+    parcel = read_field("netherlands")
+    part = shapely.box(-60.0, -180.0, 60.0, -60.0)  # chosen: commands take all words, not all tracks, of a farm
+    write_field(replace(parcel, boundary=parcel.boundary & part), place / "myfarm.geojson")
+    write_hill(parcel, place / "dtm.tif")
     battery = BatteryParameters(capacity_kwh=30.0)
     electric = load_tractor("eg105").model_copy(update={"drive": "electric", "battery": battery})
     (place / "electric.toml").write_text(format_tractor_toml(electric), encoding="utf-8")
     (place / "runs").mkdir()
     hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
-    origin = read_field("netherlands").origin_m
-    for number, log in enumerate(make_logs(hidden, seed=3, origin=origin)[:8]):
+    for number, log in enumerate(make_logs(hidden, seed=3, origin=parcel.origin_m)[:5]):
         log.to_csv(place / "runs" / f"{number}.csv", index=False)
         log.to_csv(place / "run.csv", index=False)
     return place

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
-import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from html import escape, unescape
 from pathlib import Path
@@ -14,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from playwright.sync_api import Page, sync_playwright
 
 from reports.common.plan_results import PlanDrive, PlanRanking
 from reports.plan.ranking_page import render_plan_page
@@ -23,44 +22,42 @@ from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisCompar
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
-FLAGS = (
-    "--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking",
-    "--disable-component-update", "--disable-sync", "--no-pdf-header-footer", "--virtual-time-budget=3000",
-)  # fmt: skip
 Ask = Callable[[str, int, str], Any]
 
 
-def browse(folder: Path, page: Path, *flags: str) -> str:
-    command = [str(BROWSER), *FLAGS, f"--user-data-dir={folder / 'profile'}", *flags, page.as_uri()]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
+@pytest.fixture(scope="module")
+def tab() -> Iterator[Page]:
+    """A page of a browser without a window."""
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        yield browser.new_page()
+        browser.close()
 
 
 @pytest.fixture
-def ask(tmp_path: Path) -> Ask:
+def ask(tab: Page, tmp_path: Path) -> Ask:
     """What an expression comes to in a page shown `width` points wide; the page is its `doc`."""
 
     def answer(page: str, width: int, expression: str) -> Any:
         frame = tmp_path / "frame.html"
         frame.write_text(
-            f'<!doctype html><iframe style="border:0;width:{width}px;height:900px" srcdoc="{escape(page)}"></iframe>'
-            '<pre id="out"></pre><script>onload = () => { const frame = document.querySelector("iframe"), doc = '
-            "frame.contentDocument, view = frame.contentWindow; document.getElementById('out').textContent = "
-            f"JSON.stringify((() => {{ {expression} }})()); }};</script>",
+            f'<!doctype html><iframe style="border:0;width:{width}px;height:900px" srcdoc="{escape(page)}"></iframe>',
             encoding="utf-8",
         )
-        dom = browse(tmp_path, frame, "--dump-dom")
-        out = re.search(r'<pre id="out">(.*?)</pre>', dom, flags=re.S)
-        assert out and out.group(1), dom[-500:]
-        return json.loads(unescape(out.group(1)))
+        tab.goto(frame.as_uri())
+        return tab.evaluate(
+            "() => { const shown = document.querySelector('iframe'), doc = shown.contentDocument, "
+            f"view = shown.contentWindow; return (() => {{ {expression} }})(); }}"
+        )
 
     return answer
 
 
-def pages_on_paper(tmp_path: Path, page: str) -> int:
-    source, paper = tmp_path / "page.html", tmp_path / "page.pdf"
+def pages_on_paper(tab: Page, tmp_path: Path, page: str) -> int:
+    source = tmp_path / "page.html"
     source.write_text(page, encoding="utf-8")
-    browse(tmp_path, source, f"--print-to-pdf={paper}")
-    return len(re.findall(rb"/Type\s*/Page\b", paper.read_bytes()))
+    tab.goto(source.as_uri())
+    return len(re.findall(rb"/Type\s*/Page\b", tab.pdf(prefer_css_page_size=True)))
 
 
 @pytest.fixture
@@ -76,8 +73,10 @@ def usual(ranking: PlanRanking) -> PlanRanking:
 
 
 class TestPlan:
-    def test_a_usual_plan_prints_on_two_pages(self, usual: PlanRanking, drive: PlanDrive, tmp_path: Path) -> None:
-        assert pages_on_paper(tmp_path, render_plan_page(usual, drive)) <= 2
+    def test_a_usual_plan_prints_on_two_pages(
+        self, usual: PlanRanking, drive: PlanDrive, tab: Page, tmp_path: Path
+    ) -> None:
+        assert pages_on_paper(tab, tmp_path, render_plan_page(usual, drive)) <= 2
 
     def test_a_small_screen_scrolls_inside_and_has_a_large_map(
         self, usual: PlanRanking, drive: PlanDrive, ask: Ask
@@ -196,9 +195,9 @@ class TestPlan:
         assert max(read) <= 725
 
     def test_every_tractor_has_a_sheet_of_its_own(
-        self, usual: PlanRanking, listed_drive: PlanDrive, tmp_path: Path
+        self, usual: PlanRanking, listed_drive: PlanDrive, tab: Page, tmp_path: Path
     ) -> None:
-        assert pages_on_paper(tmp_path, render_plan_page(usual, listed_drive)) == 2 + len(listed_drive.steps)
+        assert pages_on_paper(tab, tmp_path, render_plan_page(usual, listed_drive)) == 2 + len(listed_drive.steps)
 
     def test_the_hatching_is_that_of_the_plan_shown(
         self, leaving: PlanRanking, open_drive: PlanDrive, drive: PlanDrive, ask: Ask

@@ -36,6 +36,7 @@ def load_libraries() -> None:
     """Load the libraries for reading, by summarising a sample field."""
     import pandas  # noqa: F401
     import pyogrio.raw  # noqa: F401
+    import scipy.interpolate  # noqa: F401
     import tomlkit  # noqa: F401
 
     with suppress(ImportError):  # an extra, for GeoTIFFs

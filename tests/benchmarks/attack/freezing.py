@@ -21,7 +21,7 @@ ARRIVES_S, COLLECT_S = 0.7, 120.0
 
 def attack_with_bodies(service: Service, short: bool) -> list[Row]:
     """Item 2: large bodies of JSON without a token, of a reader and of a planner."""
-    tractors, seconds = (10, 5.0) if short else (50, 15.0)
+    tractors, seconds = (10, 3.0) if short else (50, 15.0)
     large = 12 * MEGABYTE if short else 57 * MEGABYTE
     forms = (
         ("2a", "10 clients post 1 MB of [], without a token", None, MEGABYTE, 10),
@@ -40,7 +40,7 @@ def attack_with_bodies(service: Service, short: bool) -> list[Row]:
 
 def attack_with_reads(service: Service, short: bool) -> list[Row]:
     """Item 3: slow summaries, without a token and with one."""
-    tractors, clients, seconds = (10, 60, 15.0) if short else (50, 120, 60.0)
+    tractors, clients, seconds = (10, 60, 6.0) if short else (50, 120, 60.0)
     planner = service.token("planner")
     for number in range(3):
         upload(service.port, "fields", f"star{number}.geojson", star_field(SLOW_POINTS + number), planner, local="true")

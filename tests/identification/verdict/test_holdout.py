@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
 
 from tests.identification.log_tables import runs
 from vehicle.identification.logs.reader import build_log
@@ -51,6 +50,8 @@ def test_an_error_has_risen_where_most_pieces_say_so() -> None:
 
 
 def test_the_rise_of_pieces_in_standard_errors_is_that_of_a_paired_t_test() -> None:
+    from scipy import stats
+
     rng = np.random.default_rng(4)
     old, new = (np.column_stack([np.zeros(30), rng.chisquare(3, (30, 3)), np.full(30, 5.0)]) for _ in range(2))
     expected = stats.ttest_rel(new[:, 1:4], old[:, 1:4]).statistic

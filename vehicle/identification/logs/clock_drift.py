@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from vehicle.identification.logs.schema import Array, Log, Rows
 
@@ -183,6 +182,8 @@ def _sum_unexplained_squares(values: Array, regressors: Array) -> float:
 
 def _tabulate_losses(grid: _Motion, compute_loss: Callable[[Rows, int], float]) -> LagTable | None:
     """Tabulate a loss over windows in motion and lags; None with too few windows."""
+    from scipy.interpolate import CubicSpline
+
     width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
     lags = np.arange(-reach, reach + 1)
     pace = np.hypot(grid.east_mps, grid.north_mps)

@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import rankdata
 
 from vehicle.identification.cause_selection.covariates import (
     CovariateScore,
@@ -257,6 +256,8 @@ def _split_squares(residual_model: ResidualModel, fit: EffectFit) -> dict[str, A
 
 def _compute_rank_sigmas(values: Array, energy: Array) -> float:
     """Return how many standard deviations the rank correlation of two columns (b,) is from none."""
+    from scipy.stats import rankdata
+
     share = float(np.corrcoef(rankdata(values), rankdata(energy))[0, 1])
     return math.atanh(min(abs(share), 0.999)) * math.sqrt(len(values) - 3)
 
