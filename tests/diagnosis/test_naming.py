@@ -29,7 +29,9 @@ def test_nothing_hidden_nothing_named(seed: int) -> None:
     assert not found.tractor.effects and found.headline.startswith("Nothing found")
 
 
-@pytest.mark.parametrize("name", ["steering_offset", "steering_rate", "antenna_forward"])
+@pytest.mark.parametrize(
+    "name", ["steering_offset", pytest.param("steering_rate", marks=pytest.mark.matrix), "antenna_forward"]
+)
 def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
     found = diagnosed(hidden([name]), seed, brief_programme())
     verdict = judge(found, hidden([name]))
@@ -60,7 +62,7 @@ def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> N
     assert set(found.next_drive.separates) == {"implement_side_draft", "steering_offset"}
 
 
-@pytest.mark.parametrize("fixed", [503, 506])
+@pytest.mark.parametrize("fixed", [503, pytest.param(506, marks=pytest.mark.matrix)])
 def test_a_simplification_of_the_simulator_is_no_cause(fixed: int) -> None:
     """Seeds in which the end of a steering movement, which the simulator simplifies, once passed for a fault."""
     assert not diagnosed({}, fixed, brief_programme()).named

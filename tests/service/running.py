@@ -16,6 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from planner.service.settings import ServiceSettings
+from planner.service.store.service_store import open_store
+
 COMMAND = (sys.executable, "-c", "from planner.cli.main import main\nif __name__ == '__main__':\n    main()")
 LONGEST_START_S = 240.0
 
@@ -49,13 +52,11 @@ class Running:
         status, _, text = self.ask(method, f"/api/v1{path}", body, {**more, **(headers or {})})
         return status, json.loads(text) if text else None
 
-    def make_token(self, *scopes: str, **more: str) -> dict[str, str]:
-        """The header of a new token, made on the command line."""
-        words = [word for scope in scopes for word in ("--scope", scope)]
-        words += [word for name, value in more.items() for word in (f"--{name}", value)]
-        command = [*COMMAND, "token", "new", "--data", str(self.data), *words]
-        made = subprocess.run(command, capture_output=True, text=True, check=True)
-        return {"authorization": f"Bearer {made.stdout.strip()}"}
+    def make_token(self, *scopes: str, name: str = "", **more: str) -> dict[str, str]:
+        """The header of a new token, made beside the service as the command line makes them."""
+        with open_store(ServiceSettings(data=self.data)) as store:
+            text = store.create_token_text(name or f"a {' '.join(scopes)}", scopes, **more)
+        return {"authorization": f"Bearer {text}"}
 
 
 @contextmanager
