@@ -2,8 +2,8 @@
 
 Several threads only wait for each other on a busy machine, and the first example may have to compile the simulator.
 With HEADLAND_TEST_SEED properties draw the same examples every time, and so fewer of them: what is drawn again in every
-run of CI finds nothing new. Tests started in the background of a shell would
-ignore interrupts, and so would their processes, some of which are interrupted on purpose.
+run of CI finds nothing new. Tests started in the background of a shell would ignore interrupts, and so would their
+processes, some of which are interrupted on purpose.
 
 Files are handed out whole, the long ones first, so that no worker is left with one of them at the end; one worker more
 than processors works while tests of the service wait. All processes use the sources of this folder, even if the package
@@ -27,15 +27,14 @@ from tests.warm import warm
 ROOT = Path(__file__).parents[1]
 
 LONG = (
-    "test_readme", "test_determinism", "test_commands", "test_jobs", "test_invariance", "test_damaged", "test_plan",
-    "test_conventions", "test_whole_field", "test_slope", "test_naming", "test_restarts", "test_replanning",
-    "test_logs", "test_executors", "test_pages", "test_golden_maps", "test_second_reference", "test_many",
-    "test_many_fields", "test_jit",
-    "test_replanned_refills", "test_contract", "test_trials", "test_day", "test_formations", "test_refusals",
-    "test_mending", "test_outputs", "test_headland", "test_service_stops", "test_files", "test_browser",
-    "test_fuzz_logs",
-    "test_layout", "test_learning", "test_solve", "test_fences", "test_grip_patches", "test_access", "test_study",
-    "test_long_logs", "test_pages_live", "test_page", "test_reverse", "test_asking", "test_field", "test_entrance",
+    "test_readme", "test_determinism", "test_attack", "test_commands", "test_jobs", "test_invariance", "test_damaged",
+    "test_plan", "test_conventions", "test_whole_field", "test_slope", "test_naming", "test_restarts",
+    "test_replanning", "test_logs", "test_executors", "test_pages", "test_golden_maps", "test_second_reference",
+    "test_many", "test_many_fields", "test_jit", "test_replanned_refills", "test_contract", "test_trials", "test_day",
+    "test_formations", "test_refusals", "test_mending", "test_outputs", "test_headland", "test_service_stops",
+    "test_files", "test_browser", "test_fuzz_logs", "test_layout", "test_learning", "test_solve", "test_fences",
+    "test_grip_patches", "test_access", "test_study", "test_long_logs", "test_pages_live", "test_page", "test_reverse",
+    "test_asking", "test_field", "test_entrance",
 )  # fmt: skip
 """Names of the slowest files, the slowest first; files that mostly wait come earlier."""
 

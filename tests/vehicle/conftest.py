@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-settings.register_profile("headland", deadline=None, derandomize=True, database=None, max_examples=100)
-settings.load_profile("headland")
+settings.register_profile("same", settings.get_profile("headland"), derandomize=True, database=None)
+settings.load_profile("same")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
