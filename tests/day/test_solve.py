@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from planner.day.optimization.constraint_model import solve_exactly
@@ -12,6 +14,12 @@ from planner.day.optimization.solver import compute_least_costs, search_routes, 
 from tests.day.days import DAY, at_random, by_hand, every_day, least_cost
 
 LINE = [[0, 600, 900], [600, 0, 300], [900, 300, 0]]  # two fields on one road; the last place is the depot
+
+
+def share_seeds(count: int) -> list[Any]:
+    """So many seeds, the second half of them in the matrix."""
+    later = [pytest.param(seed, marks=pytest.mark.matrix) for seed in range(count // 2, count)]
+    return [*range(count // 2), *later]
 
 
 def test_two_fields_and_one_fleet() -> None:
@@ -61,7 +69,7 @@ def test_rain_takes_what_is_not_done() -> None:
     assert solve_day(costs).routes == ((1, 0),)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", share_seeds(12))
 def test_the_proven_day_is_the_best_of_all(seed: int) -> None:
     problem = at_random(seed, fields=3 + seed % 3, fleets=1 + seed % 2)
     best, day = least_cost(problem), solve_day(problem)
@@ -71,7 +79,7 @@ def test_the_proven_day_is_the_best_of_all(seed: int) -> None:
     assert sum(compute_least_costs(problem)) <= best + 1e-9
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", share_seeds(6))
 def test_search_reaches_the_proven_day(seed: int) -> None:
     problem = at_random(100 + seed, fields=7, fleets=2)
     day = solve_day(problem)
@@ -117,7 +125,7 @@ def test_too_many_routes_leave_a_gap_that_holds(monkeypatch: pytest.MonkeyPatch)
     assert rough.gap_pct < 2.0, "prices on fields are near"
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", share_seeds(8))
 def test_prices_on_fields_never_tell_more_than_the_best_day(seed: int) -> None:
     problem = at_random(300 + seed, fields=3 + seed % 3, fleets=1 + seed % 2)
     best, least = least_cost(problem), compute_least_costs(problem)

@@ -7,7 +7,7 @@ from vehicle.identification.verdict.demo_logs import HiddenEffect, simulate_demo
 from vehicle.identification.verdict.diagnose import diagnose_logs
 
 
-@pytest.mark.parametrize("rate_hz", [5.0, 2.0])
+@pytest.mark.parametrize("rate_hz", [pytest.param(5.0, marks=pytest.mark.matrix), 2.0])
 def test_clean_logs_at_low_rates_get_no_name(rate_hz: float) -> None:
     found = diagnose_logs(simulate_demo_logs(None, eg105(), "soil", 41, rate_hz=rate_hz), eg105(), "soil")
     assert not found.named and found.unexplained_share == 0.0

@@ -31,7 +31,7 @@ from reports.plan.ranking_page import render_plan_page
 from vehicle.missions.plan_file import parse_saved_plan
 
 EIGHT_S = 8 * 3600
-SCENARIOS = 20
+SCENARIOS = [*range(10), *(pytest.param(number, marks=pytest.mark.matrix) for number in range(10, 20))]
 SAMPLES = 400
 
 
@@ -85,7 +85,7 @@ def drawn_seed() -> int:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", range(SCENARIOS))
+@pytest.mark.parametrize("number", SCENARIOS)
 def test_every_output_states_the_same(number: int, drawn_seed: int) -> None:
     request, field = draw_request(np.random.default_rng([drawn_seed, number]))
     result = plan(request, field=field, executor=SerialExecutor())
