@@ -65,7 +65,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("readme")
     os.environ["HEADLAND_DATA"] = str(place / "data")
     parcel = read_field("netherlands")
-    part = shapely.box(-60.0, -180.0, 60.0, -60.0)  # chosen: commands take all words, not all tracks, of a farm
+    part = shapely.box(-60.0, -180.0, 60.0, -60.0)  # chosen: 120 m of 360, as sizes are not tested here
     write_field(replace(parcel, boundary=parcel.boundary & part), place / "myfarm.geojson")
     write_hill(parcel, place / "dtm.tif")
     battery = BatteryParameters(capacity_kwh=30.0)
