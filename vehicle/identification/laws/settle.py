@@ -30,7 +30,7 @@ from vehicle.identification.residuals.innovations import PoseIncrements
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import ABOVE_UNNAMED_FACTOR, LAW_SPREAD_FACTOR, LOOK_ALIKE_LOSS, LOOK_ALIKE_SHARE
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
-from vehicle.model.effects import get_effect
+from vehicle.model.effects import POSITION, get_effect
 from vehicle.model.tractor import Settings, Tractor
 
 # Chosen: the motion is linear in a law, and only the treatment of outliers changes from step to step, which may make a
@@ -85,7 +85,8 @@ def settle_laws(selection: CauseSelection, clock: RunClock, tractor: Tractor) ->
     if not found.score.target.moves_path:
         row_law = _read_row_law(found)
         is_possible = size.low < row_law.low and row_law.high < size.high
-        return LawSelection(selection, (row_law,) if is_possible else (), outcome)
+        is_clear = is_possible and not _is_outweighed(found, selection)
+        return LawSelection(selection, (row_law,) if is_clear else (), outcome)
     parts = outcome.base_fit.parts
     if found.effect_id not in outcome.base_fit.settings:
         parameters = build_parameters(tractor, found.effect_id)
@@ -119,6 +120,13 @@ def is_shadow_of_covariates(settled: CauseSelection) -> bool:
     constant = add_law(model, replace(model.law, amounts=np.zeros_like(model.law.amounts)))
     without = refit_with_new_weights(constant, settled.fit.parts, settled.unnamed)
     return without.loss - settled.fit.loss <= ABOVE_UNNAMED_FACTOR * compute_unnamed_gain(settled.fit)
+
+
+def _is_outweighed(found: FoundLaw, selection: CauseSelection) -> bool:
+    """Whether a law of what shows the path explains little beside covariates of the path, as of ground that pushes."""
+    if not selection.unnamed or get_effect(found.effect_id).block != POSITION:
+        return False
+    return found.score.gain <= ABOVE_UNNAMED_FACTOR * compute_unnamed_gain(selection.fit)
 
 
 def _is_own_effect(selection: CauseSelection, law: FoundLaw) -> bool:
