@@ -14,6 +14,7 @@ import numpy as np
 
 from vehicle.identification.logs.chords import PathChords, compute_path_chords, is_steering_mirrored, select_clear_bends
 from vehicle.identification.logs.gating import FIRST_ROW_LINE
+from vehicle.identification.logs.heading_flips import describe_flips
 from vehicle.identification.logs.schema import Array, Log, LogConvention, Mask, Rows, Suspicion, format_fix_option
 from vehicle.model.effects import get_effect
 
@@ -53,9 +54,11 @@ def find_wrong_gear(log: Log) -> tuple[Suspicion, Log | None] | None:
     rows = chords.row[wrong & (gear != 0.0)]
     if reverse_share is not None and reverse_share >= _MOST_CHORDS_SHARE:
         return _build_reverse_rows_suspicion(
-            rows, f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows", _OR_COURSE
+            rows,
+            f"heading and course agree in {100.0 * reverse_share:.0f} % of those rows",
+            _describe_flipped_heading(log) or _OR_COURSE,
         ), _set_forward(log)
-    return _build_forward_rows_suspicion(rows), None
+    return _build_forward_rows_suspicion(rows, _describe_flipped_heading(log)), None
 
 
 def drop_course_heading(log: Log) -> Log:
@@ -131,13 +134,21 @@ def _build_reverse_rows_suspicion(rows: Rows, why: str, other_reading: str = "")
     return Suspicion(None, f"{why}, first in line {_get_first_file_line(rows)}", suspected, advice)
 
 
-def _build_forward_rows_suspicion(rows: Rows) -> Suspicion:
+def _describe_flipped_heading(log: Log) -> str:
+    """Return what else than the gear may be wrong where the heading turns round between rows, "" where it does not."""
+    if log.heading_deg is None:
+        return ""
+    flips = describe_flips(log.time_s, log.heading_deg, np.flatnonzero(log.used))
+    return f", or leave heading_deg out if it is the heading that is wrong: {flips}" if flips else ""
+
+
+def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspicion:
     suspected = "shuttle is 1 (the default without that column) where the tractor drives in reverse"
     return Suspicion(
         None,
         f"heading and course are opposite, first near line {_get_first_file_line(rows)}",
         suspected,
-        "write -1 in those rows",
+        f"write -1 in those rows{other_reading}",
     )
 
 

@@ -30,6 +30,7 @@ from vehicle.identification.logs.conventions import (
 )
 from vehicle.identification.logs.directions import drop_course_heading
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
+from vehicle.identification.logs.heading_flips import HEADING_FLIPPED, find_flipped_headings
 from vehicle.identification.logs.log_sets import is_parked, leave_out_useless_logs, merge_copies
 from vehicle.identification.logs.position_jumps import correct_position_jumps
 from vehicle.identification.logs.schema import (
@@ -227,7 +228,7 @@ def build_log(
     column_faults = [*jumps, *find_column_faults(converted, name), *find_sparse_steering_faults(converted, name)]
     converted, gaps = _drop_command_with_gaps(converted)
     columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
-    rules = gate_rows(columns, collect_fault_rows(column_faults))
+    rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})
     columns = _clip_negative_speeds(columns)
     _refuse_unusable_rows(columns, rules, name)
     faults = tuple(column_fault.fault for column_fault in column_faults if not column_fault.is_limit)
