@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from tests.identification.log_tables import runs
+from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.time_stamps import even_time_stamps, measure_followed_share
 
@@ -57,3 +59,40 @@ def test_a_log_says_that_its_stamps_were_evened() -> None:
     wrong = frame.assign(time_s=np.sort(frame["time_s"] + 0.4 * step_s * rng.uniform(-1.0, 1.0, len(frame))))
     assert any("time_s jitters by" in each for each in build_log(wrong, "steps").corrections)
     assert build_log(frame, "steps").corrections == ()
+
+
+def bundle(columns: dict[str, np.ndarray], at_once_s: float = 0.002) -> dict[str, np.ndarray]:
+    """The columns with rows stamped on arrival, three to seven at once."""
+    time, start = columns["time_s"].copy(), 0
+    for count in np.random.default_rng(3).integers(3, 8, len(time)):
+        rows = np.arange(start, min(start + int(count), len(time)))
+        if len(rows):
+            time[rows] = time[rows[-1]] + at_once_s * np.arange(len(rows))
+        start += int(count)
+    return {**columns, "time_s": time}
+
+
+def test_rows_that_come_in_bundles_are_spread() -> None:
+    taken, columns = drive(True, 0.0)
+    evened, (sentence,) = even_time_stamps(bundle(columns))
+    assert np.max(np.abs(evened["time_s"] - taken)) < 0.02
+    assert "bundles of about 5," in sentence and "rows were taken every 0.1 s" in sentence
+
+
+def test_rows_lost_between_bundles_stay_lost() -> None:
+    taken, columns = drive(True, 0.0)
+    kept = np.delete(np.arange(400), np.arange(180, 230))
+    bundled = bundle({name: values[kept] for name, values in columns.items()})
+    evened, _ = even_time_stamps(bundled)
+    assert np.max(np.abs(evened["time_s"] - taken[kept])) < 0.11
+
+
+def test_rows_that_were_taken_in_bundles_are_refused_for_that() -> None:
+    """Positions stand within a bundle and move on between two of them: each row was taken when it is stamped."""
+    _, columns = drive(True, 0.0)
+    time = bundle(columns)["time_s"]
+    frame = pd.DataFrame({
+        "time_s": time, "easting_m": PACE_MPS * time, "northing_m": 0.5 * time, "steering_deg": np.sin(time),
+    })  # fmt: skip
+    with pytest.raises(LogError, match=r"rows come in bundles, 0.002 s apart within one and 0.099 s on average"):
+        build_log(frame, "run")

@@ -46,7 +46,7 @@ from vehicle.identification.logs.sensor_checks import correct_sensors
 from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
 from vehicle.identification.logs.table import Columns, extract_columns, read_table
 from vehicle.identification.logs.terrain import STEEPEST_DEG
-from vehicle.identification.logs.time_stamps import even_time_stamps
+from vehicle.identification.logs.time_stamps import even_time_stamps, is_bundled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -404,6 +404,12 @@ def _refuse_standing_tractor(log: Log, suspicions: Sequence[Suspicion]) -> None:
 
 
 def _refuse_impossible_rate(log: Log) -> None:
+    if log.step_s < 1.0 / _FASTEST_HZ and is_bundled(log.time_s[log.used]):
+        mean_s = float(np.mean(np.diff(log.time_s[log.used])))
+        raise LogError(
+            f"{log.name}: its rows come in bundles, {log.step_s:g} s apart within one and {mean_s:.2g} s on average, "
+            "as where rows are stamped on arrival; write in time_s when each row was measured."
+        )
     if not 1.0 / _FASTEST_HZ <= log.step_s <= LONGEST_STEP_S:
         raise LogError(
             f"{log.name}: its rows are {log.step_s:g} s apart; logs must have 1 to 100 Hz; check the unit of "

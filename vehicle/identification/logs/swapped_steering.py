@@ -44,6 +44,8 @@ def _measure_following(log: Log, follower: Array, leader: Array) -> float | None
     ahead = max(round(_AHEAD_S / log.step_s), 1)
     start, end = rows[:-ahead], rows[ahead:]
     near = (log.segment[start] == log.segment[end]) & (log.time_s[end] - log.time_s[start] < 2.0 * ahead * log.step_s)
+    if np.count_nonzero(near) < _FEWEST_ROWS:
+        return None
     start, end = start[near], end[near]
     gap, movement = leader[start] - follower[start], follower[end] - follower[start]
     # An offset of the sensor is no gap.
