@@ -170,9 +170,18 @@ def measure_heading_share(model: LawResidualModel, settings: Settings) -> tuple[
     and a constant curvature. The error is infinite where headings show nothing of it.
     """
     bare, full = (one.simulate_increments(settings) for one in (replace(model, law=None), model))
+    extra = [with_law.turned - without.turned for with_law, without in zip(full, bare, strict=True)]
+    return measure_turned_share(model.dataset.segments, bare, extra)
+
+
+def measure_turned_share(
+    segments: Sequence[DriveSegment], bare: Sequence[PoseIncrements], extra: Sequence[Array]
+) -> tuple[float, float]:
+    """Return how much of `extra` turns (k - 1,) between rows, beyond those of `bare`, measured headings show (1: all),
+    and its standard error, infinite where headings show nothing of it."""
     windows = [
-        _sum_turns(segment, without, with_law)
-        for segment, without, with_law in zip(model.dataset.segments, bare, full, strict=True)
+        _sum_turns(segment, without, turned)
+        for segment, without, turned in zip(segments, bare, extra, strict=True)
         if segment.heading_measured
     ]
     turns = np.concatenate([np.zeros((4, 0)), *windows], axis=1)
@@ -187,16 +196,11 @@ def measure_heading_share(model: LawResidualModel, settings: Settings) -> tuple[
     return float(amounts[0]) / unit, float(errors[0]) / unit
 
 
-def _sum_turns(segment: DriveSegment, without: PoseIncrements, with_law: PoseIncrements) -> Array:
-    """Return sums over windows (4, w): what the measured heading turns beyond the simulation without the law, what the
-    law turns, what the simulation turns, and what it drives."""
+def _sum_turns(segment: DriveSegment, without: PoseIncrements, extra: Array) -> Array:
+    """Return sums over windows (4, w): what the measured heading turns beyond the simulation, the `extra` turns, what
+    the simulation turns, and what it drives."""
     edges = np.flatnonzero(np.diff(np.floor((segment.time - segment.time[0]) / HEADING_WINDOW_S), prepend=-1.0))
-    parts = (
-        np.diff(segment.heading) - without.turned,
-        with_law.turned - without.turned,
-        without.turned,
-        without.ahead,
-    )
+    parts = (np.diff(segment.heading) - without.turned, extra, without.turned, without.ahead)
     return np.array([np.add.reduceat(part, edges[:-1]) for part in parts]) if len(edges) > 1 else np.zeros((4, 0))
 
 

@@ -74,7 +74,7 @@ from vehicle.identification.verdict.held_out_case import (
     collect_whole_settings,
     restore_real_noise,
 )
-from vehicle.identification.verdict.hints import find_wrong_heading, list_hints
+from vehicle.identification.verdict.hints import add_hints, find_wrong_heading
 from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
 from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins, mark_one_sided
 from vehicle.identification.verdict.log_findings import (
@@ -251,8 +251,7 @@ def diagnose_logs(
         dataset, selection, guarded, whole_explained, saved_settings, findings, competitors, tractor, ground
     )
     if diagnosis.unexplained_share > 0.0:
-        hints = list_hints(law_selection, explained_case.case, clock)
-        diagnosis = replace(diagnosis, hints=(*diagnosis.hints, *hints))
+        diagnosis = add_hints(diagnosis, law_selection, explained_case.case, clock)
     if wrong_heading is not None:
         hint = wrong_heading.hint
         diagnosis = replace(diagnosis, known_outside=hint.words, hints=(hint, *diagnosis.hints))

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vehicle.identification.cause_selection.covariates import (
     CovariateScore,
     ErrorCovariate,
+    list_covariates,
     score_covariates,
 )
 from vehicle.identification.faults.heading_kind import find_heading_scale
@@ -37,8 +38,9 @@ from vehicle.identification.replay.rig import replay_segment
 from vehicle.identification.replay.state_cache import FORWARD_COLUMN
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import AT_CHANGES_SHARE, CHANCE_SIGMAS, CLUE_SIGMAS, HINT_MISFIT, LEAST_STRENGTH
-from vehicle.identification.verdict.diagnosis_types import Hint
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, Diagnosis, Hint
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
+from vehicle.identification.verdict.wandering import HeadingWitness, describe_wander
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, PER_SLOPE
 from vehicle.model.effects import PATH, SPEED, get_effect
@@ -63,7 +65,29 @@ Quantity = Callable[[DriveSegment], Array]
 """What an error may go together with, per row (k,)."""
 
 
-def list_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> tuple[Hint, ...]:
+def add_hints(diagnosis: Diagnosis, law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> Diagnosis:
+    """Return a diagnosis with hints on an error that the names do not explain, without what headings contradict.
+
+    Where positions alone wander, the first hint says so.
+    """
+    witness = HeadingWitness(case.residual_model, case.fit_without_terms, case.found_values)
+    hints = (*diagnosis.hints, *list_hints(law_selection, case, clock, witness))
+    if witness.wander_m is not None:
+        hints = (describe_wander(witness.wander_m), *hints)
+    missed = [one for one in list_covariates(case.residual_model) if one.description in diagnosis.depends_on]
+    shown = [one for one in missed if witness.wander_m is None and not witness.contradicts(one)]
+    if len(shown) == len(missed):
+        return replace(diagnosis, hints=hints)
+    words = {one.description for one in shown}
+    is_named = diagnosis.named or any(one.status == EQUIVALENT for one in diagnosis.findings)
+    block = diagnosis.guilty_block if is_named else next((one.block for one in shown), None)
+    depends_on = tuple(clause for clause in diagnosis.depends_on if clause in words)
+    return replace(diagnosis, depends_on=depends_on, guilty_block=block, hints=hints)
+
+
+def list_hints(
+    law_selection: LawSelection, case: DiagnosisCase, clock: RunClock, witness: HeadingWitness
+) -> tuple[Hint, ...]:
     """Return hints on an error that the names do not explain; several of one dependence count once.
 
     Without terms and covariates, an error barely above noise calls for none.
@@ -72,7 +96,7 @@ def list_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock
     if not terms and not law_selection.selection.unnamed and case.remaining_misfit < HINT_MISFIT:
         return ()
     hints: list[Hint] = []
-    for hint in _generate_hints(law_selection, case, clock):
+    for hint in _generate_hints(law_selection, case, clock, witness):
         if all(hint.words != other.words for other in hints):
             hints.append(hint)
     return tuple(hints[:MOST_HINTS])
@@ -123,23 +147,29 @@ def _find_gyroscope(logs: Sequence[Log]) -> WrongHeading | None:
     return WrongHeading(Hint("turns of the heading", "heading", None, words), _FAKED_BY_GYROSCOPE)
 
 
-def _generate_hints(law_selection: LawSelection, case: DiagnosisCase, clock: RunClock) -> Iterator[Hint]:
+def _generate_hints(
+    law_selection: LawSelection, case: DiagnosisCase, clock: RunClock, witness: HeadingWitness
+) -> Iterator[Hint]:
     selection = law_selection.selection
     settled = {(law.found.effect_id, law.found.kind) for law in law_selection.laws}
     best: dict[str, FoundLaw] = {}
     for found in sorted(law_selection.outcome.scores, key=lambda one: -one.score.gain):
-        if (found.effect_id, found.kind) not in settled:
+        is_excluded = witness.wander_m is not None and found.score.target.moves_path
+        if (found.effect_id, found.kind) not in settled and not is_excluded:
             best.setdefault(found.effect_id, found)
     for found in list(best.values())[:2] if not law_selection.laws else ():
         yield _describe_law(found)
     for covariate in selection.unnamed[:2]:
-        yield _describe_covariate(covariate)
+        if not witness.contradicts(covariate):
+            yield _describe_covariate(covariate)
+    by_words = {covariate.description: covariate for covariate in list_covariates(case.residual_model)}
     for term in (TERMS_BY_NAME[name] for name in TERMS_BY_NAME if name in case.extension.term_ids):
-        words = f"The error looks like {term.effect} that depends on {term.regressor}."
-        yield Hint(term.regressor, None, PATH, words)
+        clause = f"{term.effect} that depends on {term.regressor}"
+        if clause not in by_words or not witness.contradicts(by_words[clause]):
+            yield Hint(term.regressor, None, PATH, f"The error looks like {clause}.")
     if not selection.unnamed:
         strongest = find_strongest_covariate(selection.residual_model, case.fit_without_terms)
-        if strongest is not None:
+        if strongest is not None and not witness.contradicts(strongest):
             yield _describe_covariate(strongest)
     yield from (_describe_clue(clue) for clue in find_clues(selection.residual_model, case.fit_without_terms, clock))
 
