@@ -32,8 +32,18 @@ def end_sentence(text: str) -> str:
 
 
 def describe_columns(diagnosis: Diagnosis) -> list[str]:
-    """One sentence per column that is late, held, low-passed or stamped by another clock, with sizes."""
-    return [end_sentence(column.words or _describe_timing(column)) for column in diagnosis.columns]
+    """One sentence per column that is late, held, low-passed or stamped by another clock, with sizes.
+
+    What the verdict says already is left out.
+    """
+    told = [finding.sentence for finding in diagnosis.findings if finding.sentence in diagnosis.causes_sentence]
+    sentences = []
+    for column in diagnosis.columns:
+        words = column.words or _describe_timing(column)
+        for sentence in told:
+            words = words.replace(sentence, "").strip()
+        sentences += [end_sentence(words)] if words else []
+    return sentences
 
 
 def _describe_timing(column: ColumnTiming) -> str:

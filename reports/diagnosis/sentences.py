@@ -30,6 +30,7 @@ LIKELY_MEANS = (
 LEVEL_NAMES = ("first", "second")
 ALONG_KEY = "along_cm"
 REMAINING_KINDS = (("cross_cm", "cm across", 1), (ALONG_KEY, "cm along", 1), ("heading_deg", "degrees", 2))
+CLEARLY_MORE = 1.3  # chosen, times the noise: less is the scatter of few pieces
 STATUS_ORDER = (NAMED, EQUIVALENT, LIKELY, REFUTED, NOT_VISIBLE)
 SMALLEST_VISIBLE = (
     "Smallest visible: the smallest change of the value in the tractor file that these logs would have shown; for a "
@@ -207,8 +208,9 @@ def _compare_with_noise(diagnosis: Diagnosis) -> str:
 
 
 def _describe_unexplained_share(diagnosis: Diagnosis) -> str:
+    exceeding = _list_exceeding_kinds(diagnosis)
     if diagnosis.is_noise_only:
-        return " is no more than noise."
+        return f" is above the noise {exceeding}, but not in all together." if exceeding else " is no more than noise."
     if diagnosis.unexplained_share == 0.0:
         return f" is {_describe_noisy_horizons(diagnosis)}."
     share = 100.0 * diagnosis.unexplained_share
@@ -220,9 +222,23 @@ def _describe_noisy_horizons(diagnosis: Diagnosis) -> str:
     """Describe the remaining error where nothing is unexplained over 5 s, but not every horizon is within the noise."""
     above = diagnosis.above_noise_s
     pieces = f"over pieces of {join_list([f'{one:g}' for one in above])} s"
-    return (
-        f"hardly above the noise {pieces}" if SHOWN_HORIZON_S in above else f"no more than noise, but above it {pieces}"
-    )
+    exceeding = _list_exceeding_kinds(diagnosis)
+    if SHOWN_HORIZON_S in above:
+        return f"hardly above the noise {pieces}"
+    if exceeding:
+        return f"above the noise {exceeding}, but in all together only {pieces}"
+    return f"no more than noise, but above it {pieces}"
+
+
+def _list_exceeding_kinds(diagnosis: Diagnosis) -> str:
+    """List the kinds of error that are told as clearly larger than their noise, "" where none is."""
+    if not diagnosis.after:
+        return ""
+    over = SHOWN_HORIZON_S if SHOWN_HORIZON_S in diagnosis.after else min(diagnosis.after)
+    after, noise = diagnosis.after[over], diagnosis.noise_floor[over]
+    words = {"cross_cm": "across", ALONG_KEY: "along", "heading_deg": "in heading"}
+    kinds = [key for key, _, _ in REMAINING_KINDS if diagnosis.along_judged or key != ALONG_KEY]
+    return join_list([words[key] for key in kinds if getattr(after, key) > CLEARLY_MORE * getattr(noise, key)])
 
 
 def _describe_remaining_in_plan(diagnosis: Diagnosis) -> list[str]:

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.identification.analytic_drives import circle
 from tests.identification.log_tables import BENT, HOME, SPOIL, refusal, runs, saved, table, to_degrees
 from tests.truth.drives import default_programme, reversing
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
@@ -19,7 +20,7 @@ from tests.truth.model import Truth, make_logs
 from vehicle.identification.logs.chords import compute_path_chords
 from vehicle.identification.logs.conventions import convert_columns, find_convention_errors
 from vehicle.identification.logs.gating import find_decreasing_entries, find_jumps, gate_rows, number_segments
-from vehicle.identification.logs.reader import build_log, read_log, read_logs
+from vehicle.identification.logs.reader import build_log, count_rows_left_out, read_log, read_logs
 from vehicle.identification.logs.schema import COLUMNS, GatedRows, Log, LogConvention
 from vehicle.identification.logs.table import read_table
 
@@ -454,3 +455,17 @@ def test_an_hour_is_read_quickly(tmp_path: Path) -> None:
     log = build_log(read_table(path), "hour", check=False)
     find_convention_errors(log)
     assert log.rows_used > 60000 and time.perf_counter() - start < 6.0
+
+
+def test_a_jump_back_in_time_is_told_by_its_line_and_a_lost_half_by_its_run() -> None:
+    """The first half goes; its first line is that of the header."""
+    time = 0.1 * np.arange(100.0)
+    time[40:] -= 604800.0
+    still = np.zeros(100)
+    rules = gate_rows({"time_s": time, "easting_m": 0.1 * np.arange(100.0), "northing_m": still})
+    assert [(one.rows, one.first_line) for one in rules.gated] == [(40, 42)]
+    jumped = build_log(
+        circle(0.03, 20.0).assign(time_s=lambda one: one.time_s - 604800.0 * (one.time_s > 8.0)), "jumped"
+    )
+    counts = count_rows_left_out([build_log(circle(0.03, 20.0), "whole"), jumped], jumped.rows_used + 200)
+    assert counts == {"time not increasing, in jumped 40 % of all rows": 81}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -48,7 +49,7 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
     rules.exclude_rows("time missing or not a number", ~np.isfinite(columns["time_s"]))
     east, north = columns["easting_m"], columns["northing_m"]
     rules.exclude_rows("position missing or not a number", ~(np.isfinite(east) & np.isfinite(north)))
-    _gate_used_rows(rules, "time not increasing", find_decreasing_entries(columns["time_s"][rules.used]))
+    _gate_times(rules, columns["time_s"])
     rows = rules.used
     jumping = find_jumps(columns["time_s"][rows], east[rows], north[rows])
     _gate_used_rows(rules, f"position jumps faster than {FASTEST_MPS:g} m/s", jumping)
@@ -63,6 +64,20 @@ def gate_rows(columns: dict[str, Array], faults: Mapping[str, Rows] | None = Non
             rules.exclude_rows(f"{name} above {FASTEST_MPS:g} m/s", columns[name] > FASTEST_MPS)
     _gate_ranges(rules, columns)
     return rules
+
+
+def _gate_times(rules: RowRules, time: Array) -> None:
+    """Exclude the fewest rows without which time increases.
+
+    Where those are many rows before a jump back, its line is told and not theirs.
+    """
+    rows = np.flatnonzero(rules.used)
+    bad = find_decreasing_entries(time[rows])
+    _gate_used_rows(rules, "time not increasing", bad)
+    if bad.any():
+        back = int(np.flatnonzero(np.diff(time[rows]) <= 0.0)[0]) + 1
+        if back > int(np.argmax(bad)) + 1:
+            rules.gated[-1] = replace(rules.gated[-1], first_line=int(rows[back]) + FIRST_ROW_LINE)
 
 
 def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:

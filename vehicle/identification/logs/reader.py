@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 SAMPLE_LOG = "sample"  # made as planner/guide/diagnosis.md says, with an effect to find
 _SHORT_SEGMENTS = f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
 _REPEATED = "positions repeat the row before"
+_LARGE_SHARE = 0.25  # chosen, of the rows of a log: so many are told with its name
 _SHOWN_NAMES = 3  # names of logs with the same remark
 _NEAR_LIKENESS = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
@@ -94,6 +95,8 @@ def count_rows_left_out(logs: Sequence[Log], rows_used: int) -> dict[str, int]:
     for log in logs:
         short = sum(map(len, split_drive_segments(log)[1]))
         for rule, rows in [*((each.rule, each.rows) for each in log.gated), (_SHORT_SEGMENTS, short)]:
+            if len(logs) > 1 and rows > _LARGE_SHARE * len(log.used):
+                rule = f"{rule}, in {log.name} {100.0 * rows / len(log.used):.0f} % of all rows"
             counts[rule] = counts.get(rule, 0) + rows
     counts[_REPEATED] = sum(len(log.used) for log in logs) - rows_used - sum(counts.values())
     return dict(sorted(((rule, rows) for rule, rows in counts.items() if rows > 0), key=lambda pair: -pair[1]))

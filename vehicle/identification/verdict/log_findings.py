@@ -101,8 +101,9 @@ def _list_corrections(logs: Sequence[Log], column: str) -> list[str]:
     for start in (start for start, corrected in _CORRECTED_COLUMNS.items() if corrected == column):
         sentences = [(log.name, said) for log in logs for said in log.corrections if said.startswith(start)]
         if sentences:
-            more = f" and {len(sentences) - 1} more" if len(sentences) > 1 else ""
-            return [f"{sentences[0][0]}{more}: {sentences[0][1]}."]
+            (name, said), count = sentences[0], len(sentences)
+            more = f"{name} and {count - 1} more" if count > 1 else name
+            return [f"{f'all {count} runs' if 1 < count == len(logs) else more}: {said}."]
     return []
 
 

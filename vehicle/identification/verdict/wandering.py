@@ -120,19 +120,26 @@ def do_headings_agree(segments: Sequence[DriveSegment], increments: Sequence[Pos
 def measure_wander(segments: Sequence[DriveSegment], increments: Sequence[PoseIncrements]) -> float | None:
     """Return how far (m) positions stray across the path along which headings and speeds lead; None if by noise alone.
 
-    Straight lines in time are none, nor are an antenna elsewhere, a delay, a heading bias and a scale of the speed.
+    Straight lines in time are none, nor are an antenna elsewhere, a delay, a heading bias and a scale of the speed,
+    each for one run.
     """
-    parts = [_split_windows(segment, moved) for segment, moved in zip(segments, increments, strict=True)]
-    windows = [window for part in parts for window in part]
-    if len(windows) < FEWEST_WINDOWS:
+    windows: dict[int, list[tuple[Array, Array, Array]]] = {}
+    for segment, moved in zip(segments, increments, strict=True):
+        windows.setdefault(segment.run, []).extend(_split_windows(segment, moved))
+    if sum(map(len, windows.values())) < FEWEST_WINDOWS:
         return None
-    strayed, causes, headings = (np.concatenate(columns, axis=0) for columns in zip(*windows, strict=True))
-    amounts = np.linalg.lstsq(causes.reshape(-1, causes.shape[2]), strayed.ravel(), rcond=1e-9)[0]
-    left = strayed - causes @ amounts
-    across = left[:, 1] * np.cos(headings) - left[:, 0] * np.sin(headings)
+    across = np.concatenate([_measure_across(of_run) for of_run in windows.values() if of_run])
     least_m = WANDER_NOISES * _measure_position_noise(segments) + LEAST_WANDER_M
     is_clear = float(np.sqrt(np.mean(across**2))) > least_m
     return float(np.quantile(np.abs(across), SHOWN_QUANTILE)) if is_clear else None
+
+
+def _measure_across(windows: Sequence[tuple[Array, Array, Array]]) -> Array:
+    """Return how far to the left of the path positions of one run stray (k,), without what known causes explain."""
+    strayed, causes, headings = (np.concatenate(columns, axis=0) for columns in zip(*windows, strict=True))
+    amounts = np.linalg.lstsq(causes.reshape(-1, causes.shape[2]), strayed.ravel(), rcond=1e-9)[0]
+    left = strayed - causes @ amounts
+    return np.asarray(left[:, 1] * np.cos(headings) - left[:, 0] * np.sin(headings))
 
 
 def _split_windows(segment: DriveSegment, moved: PoseIncrements) -> list[tuple[Array, Array, Array]]:
