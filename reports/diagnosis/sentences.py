@@ -238,7 +238,8 @@ def _list_exceeding_kinds(diagnosis: Diagnosis) -> str:
     after, noise = diagnosis.after[over], diagnosis.noise_floor[over]
     words = {"cross_cm": "across", ALONG_KEY: "along", "heading_deg": "in heading"}
     kinds = [key for key, _, _ in REMAINING_KINDS if diagnosis.along_judged or key != ALONG_KEY]
-    return join_list([words[key] for key in kinds if getattr(after, key) > CLEARLY_MORE * getattr(noise, key)])
+    exceeding = [words[key] for key in kinds if getattr(after, key) > CLEARLY_MORE * getattr(noise, key)]
+    return join_list(exceeding) if exceeding else ""
 
 
 def _describe_remaining_in_plan(diagnosis: Diagnosis) -> list[str]:

@@ -15,8 +15,9 @@ import pytest
 from rich.console import Console
 
 from reports.diagnosis.first_screen import build_diagnosis_screen
-from reports.diagnosis.log_checks import MOST_RUNS, describe_unsaved
+from reports.diagnosis.log_checks import MOST_RUNS, describe_columns, describe_unsaved
 from reports.diagnosis.notebook import build_diagnosis_view
+from reports.diagnosis.sentences import describe_remaining_error
 from reports.diagnosis.tables import format_diagnosis_json
 from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting
 from vehicle.identification.replay.horizon_errors import HorizonError
@@ -229,3 +230,22 @@ def test_how_intervals_came_about_is_told() -> None:
     what = diagnosis(OFFSET, interval_note="intervals include the error of the model")
     assert all("Intervals include the error of the model." in text for text in both(what))
     assert json.loads(format_diagnosis_json(what))["interval_note"] == what.interval_note
+
+
+def test_a_column_that_the_verdict_tells_is_not_told_twice() -> None:
+    late = in_model("clock_offset_speed", NAMED, 0.16, description="The measured speeds are stamped 0.16 s too late.")
+    column = ColumnTiming("speed", clock_offset_s=0.16, words=f"{late.sentence} run1: speed_mps reads 40 % more.")
+    found = diagnosis(late, columns=(column, replace(STALE, words="steering is late.")))
+    assert describe_columns(found) == ["Run1: speed_mps reads 40 % more.", "Steering is late."]
+    assert flat(printed(found, 100)).count(late.sentence) == 1
+
+
+def test_an_error_above_its_noise_is_not_told_as_noise() -> None:
+    """1.4 cm of 1.2 may be chance; 0.7 degrees of 0.39 are not."""
+    noise, error = HorizonError(1.2, 2.5, 0.39), HorizonError(1.4, 1.8, 0.7)
+    for above, words in (((), "in all together."), ((10.0, 20.0), "in all together only over pieces of 10 and 20 s.")):
+        clear = diagnosis(after={5.0: error}, noise_floor={5.0: noise}, above_noise_s=above)
+        told = " ".join(describe_remaining_error(clear))
+        assert "above the noise in heading, but " in told and words in told
+    quiet = diagnosis(after={5.0: replace(error, heading_deg=0.45)}, noise_floor={5.0: noise})
+    assert describe_remaining_error(quiet)[0].endswith("is no more than noise.")

@@ -90,3 +90,11 @@ def test_how_often_a_column_is_read_is_told_by_the_logs_in_which_it_changes() ->
 def test_a_heading_of_every_row_is_no_held_one() -> None:
     logs = [build_log(frame, name) for name, frame in clean_frames().items()]
     assert describe_columns(mark_stale_columns_of_set(logs), []) == ()
+
+
+def test_a_correction_of_all_runs_is_told_of_all_and_one_of_some_by_the_first() -> None:
+    frame = Second({}, 3).log(straight(90.0, seconds=60.0))
+    fast = [build_log(frame.assign(speed_mps=1.4 * frame.speed_mps), name) for name in ("one", "two")]
+    assert describe_columns(fast, [])[0].words.startswith("all 2 runs: speed_mps reads 40 % more")
+    (told,) = describe_columns([*fast, build_log(frame, "three")], [])
+    assert told.words.startswith("one and 1 more: speed_mps reads 40 % more")
