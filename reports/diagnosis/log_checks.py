@@ -36,11 +36,11 @@ def describe_columns(diagnosis: Diagnosis) -> list[str]:
 
     What the verdict says already is left out.
     """
-    told = [finding.sentence for finding in diagnosis.findings if finding.sentence in diagnosis.causes_sentence]
+    repeated = [finding.sentence for finding in diagnosis.findings if finding.sentence in diagnosis.causes_sentence]
     sentences = []
     for column in diagnosis.columns:
         words = column.words or _describe_timing(column)
-        for sentence in told:
+        for sentence in repeated:
             words = words.replace(sentence, "").strip()
         sentences += [end_sentence(words)] if words else []
     return sentences

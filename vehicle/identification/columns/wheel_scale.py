@@ -193,8 +193,8 @@ def find_sensor_limit(logs: Sequence[Log]) -> float | None:
     top_deg = float(np.quantile(np.concatenate([np.abs(wheel[log.used]) for log, wheel, _ in both]), _TOP_QUANTILE))
     rows = [_find_rows_beyond(log, command, top_deg) for log, _, command in both]
     at_limit = np.concatenate([np.abs(wheel[beyond]) for (_, wheel, _), beyond in zip(both, rows, strict=True)])
-    asked = np.concatenate([np.abs(command[beyond]) for (_, _, command), beyond in zip(both, rows, strict=True)])
-    if len(asked) < _FEWEST_ROWS or float(np.ptp(np.quantile(asked, (0.1, 0.9)))) < _COMMANDS_DIFFER_DEG:
+    commanded = np.concatenate([np.abs(command[beyond]) for (_, _, command), beyond in zip(both, rows, strict=True)])
+    if len(commanded) < _FEWEST_ROWS or float(np.ptp(np.quantile(commanded, (0.1, 0.9)))) < _COMMANDS_DIFFER_DEG:
         return None
     limit_deg = float(np.median(at_limit))
     if float(np.mean(np.abs(at_limit - limit_deg) < _NEAR_LIMIT_DEG)) < _MOST_NEAR_SHARE:
