@@ -35,8 +35,8 @@ WANDER_WINDOW_S, FEWEST_WINDOW_ROWS = 10.0, 8  # chosen: sums of headings and sp
 FEWEST_WINDOWS = 6
 # Chosen, times the noise of headings: on even ground it is 1.8, and with more they do not turn as the wheels say.
 MOST_TURN_NOISES = 2.5
-# Chosen, of positions: times their noise from row to row, and what a receiver with a fix drifts in a window (m).
-WANDER_NOISES, LEAST_WANDER_M = 1.5, 0.005
+# Chosen, m, beyond the noise from row to row and more than it: a receiver with a fix drifts by 1.4 cm in a window.
+LEAST_WANDER_M = 0.017
 SHOWN_QUANTILE = 0.95  # chosen: what positions wander by at most, but for single rows
 
 
@@ -129,8 +129,8 @@ def measure_wander(segments: Sequence[DriveSegment], increments: Sequence[PoseIn
     if sum(map(len, windows.values())) < FEWEST_WINDOWS:
         return None
     across = np.concatenate([_measure_across(of_run) for of_run in windows.values() if of_run])
-    least_m = WANDER_NOISES * _measure_position_noise(segments) + LEAST_WANDER_M
-    is_clear = float(np.sqrt(np.mean(across**2))) > least_m
+    noise_m = _measure_position_noise(segments)
+    is_clear = float(np.mean(across**2)) - noise_m**2 > max(LEAST_WANDER_M, noise_m) ** 2
     return float(np.quantile(np.abs(across), SHOWN_QUANTILE)) if is_clear else None
 
 
