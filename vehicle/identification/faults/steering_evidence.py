@@ -18,6 +18,9 @@ from vehicle.jit import compile_function
 STEP_S = 0.1  # chosen: of the grid on which evidence is compared
 # Slower than any steering of the catalogue: 0.25 s late, 9 deg/s, and clocks of two columns; and its time constant.
 _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S = 0.6, 5.0, 0.6
+# Chosen, between these and the usual steering: where commands swing to and fro, a steering of middling speed is not
+# always between an immediate and a slow one.
+_MIDDLE_LATE_S, _MIDDLE_RATE_DEG_PER_S, _MIDDLE_LAG_S = 0.3, 9.0, 0.3
 # As the simulation steers by default; later by what valves usually are.
 _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S = 0.1, 16.0, 0.15
 _EITHER_WAY_S = 0.6  # chosen: clocks of two columns, with what stands still in them
@@ -116,14 +119,15 @@ def _build_segment(log: Log, rows: Rows, locks: tuple[float, float]) -> Steering
     )
     start_deg = None if wheel is None or steps_before else float(wheel[0])
     slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S, start_deg)[steps_before:]
+    middle = follow_command(source, _MIDDLE_LATE_S, _MIDDLE_RATE_DEG_PER_S, _MIDDLE_LAG_S, start_deg)[steps_before:]
     usual = follow_command(source, _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S, start_deg)[steps_before:]
-    source = source[steps_before:]
+    allowed = np.stack([source[steps_before:], usual, middle, slow])
     reach = round((_EITHER_WAY_S + hold_s) / STEP_S)
     pace, curvature = _measure_path(log, rows, time)
     course_curvature, heading_error = _compare_heading_and_course(log, rows, time)
     return SteeringEvidence(
         time, pace, curvature, command, wheel,
-        _slide_minimum(np.minimum(source, slow), reach), -_slide_minimum(-np.maximum(source, slow), reach),
+        _slide_minimum(allowed.min(axis=0), reach), -_slide_minimum(-allowed.max(axis=0), reach),
         usual, hold_s, log.heading_deg is not None, course_curvature, heading_error,
     )  # fmt: skip
 
