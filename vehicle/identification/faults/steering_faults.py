@@ -21,7 +21,7 @@ from vehicle.identification.faults.steering_evidence import (
     fit_path_scale,
 )
 from vehicle.identification.faults.vanishing_gain import PathSpan, find_spans_by_law, measure_path_shares
-from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills
+from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills, measure_unrest
 from vehicle.identification.logs.column_faults import POSITION_LOST, WHEEL_SENSOR_FROZEN
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
 from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
@@ -80,9 +80,10 @@ def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
     locks, lock = find_largest_angles(logs), _find_largest_command(logs)
     segments = [build_evidence_segments(log, locks) for log in logs]
     scale = fit_path_scale([segment for parts in segments for segment in parts])
-    standstills = find_faulty_standstills(segments)
+    unrest_deg = measure_unrest([segment for parts in segments for segment in parts])
+    standstills = find_faulty_standstills(segments, unrest_deg)
     spans = [
-        [_find_faults(*row, scale, lock) for row in zip(parts, stills, strict=True)]
+        [_find_faults(*row, scale, lock, unrest_deg) for row in zip(parts, stills, strict=True)]
         for parts, stills in zip(segments, standstills, strict=True)
     ]
     if scale is not None:
@@ -146,9 +147,11 @@ def _find_largest_command(logs: Sequence[Log]) -> float:
 
 
 def _find_faults(
-    segment: SteeringEvidence, standstills: Sequence[Standstill], scale: PathScale | None, lock: float
+    segment: SteeringEvidence, standstills: Sequence[Standstill], scale: PathScale | None, lock: float, unrest_deg: float
 ) -> list[_Span]:
     """Return the faults of a segment: of the wheel angle against the commands, and of the path against both.
+
+    Wheels go `unrest_deg` from their commands by themselves.
 
     Columns that change every few seconds do not say what was commanded in between.
     """
@@ -158,8 +161,9 @@ def _find_faults(
         return _find_path_faults(segment, scale, lock)
     if segment.wheel is None:
         return _find_path_faults(segment, scale, lock)
-    beyond = np.maximum(segment.low - segment.wheel, segment.wheel - segment.high) - FAULT_TOLERANCE_DEG
-    following = np.abs(segment.wheel - segment.usual) < _FOLLOWING_DEG
+    beyond = np.maximum(segment.low - segment.wheel, segment.wheel - segment.high)
+    beyond -= max(FAULT_TOLERANCE_DEG, unrest_deg)
+    following = np.abs(segment.wheel - segment.usual) < max(_FOLLOWING_DEG, 0.5 * unrest_deg)
     spans = [
         replace(span, id=_name_wheel_fault(segment, span, scale, lock))
         for span in _join_standstills(_find_spans(beyond > 0.0, following, segment.usual, segment.wheel), standstills)

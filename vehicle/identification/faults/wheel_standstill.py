@@ -28,6 +28,11 @@ _ALIKE_SHARE = 0.5  # chosen: commands that differ from those of a standstill by
 _FOLLOWED_SHARE, _FOLLOWED_IN_RUN_SHARE, _FEWEST_WINDOWS = 0.85, 0.5, 6
 _USUAL_QUANTILE = 0.75  # chosen, of what commands ask for
 _REST_QUANTILE = 0.9  # chosen: faults are less of the time
+# Chosen, s and deg: commands that stay so long within so little are steady.
+_STEADY_S, _STEADY_DEG = 1.0, 1.0
+# Of what wheels miss of steady commands: faults of most of the time do not count, and the same of a normal distribution.
+_UNREST_QUANTILE, _NORMAL_QUANTILE = 0.3, 0.385
+_UNREST_SIGMAS = 4.0  # chosen: in an hour a hand goes no further from where it usually is
 _LEAST_PACE_MPS = 0.25  # most steering is switched off where the tractor stands
 _PASSES, _INLIER_DEG, _LEAST_CORRELATION, _FEWEST_ROWS = 4, 3.0, 0.7, 100
 
@@ -82,8 +87,40 @@ def _measure_demand(low: Array, high: Array, shown: Array) -> Array:
     return demand
 
 
-def find_faulty_standstills(segments: Sequence[Sequence[SteeringEvidence]]) -> list[list[list[Standstill]]]:
-    """Return the standstills that are faults, by run and segment; none without a sensor that follows the commands."""
+def measure_unrest(segments: Sequence[SteeringEvidence]) -> float:
+    """Return how far (deg) wheels go from steady commands now and then, as where a hand disturbs them; 0 without both
+    columns, or without steady commands."""
+    both = [segment for segment in segments if _has_both(segment)]
+    calibration = _calibrate(both) or _Calibration(0.0, 1.0, -math.inf, math.inf)
+    misses = np.concatenate([np.empty(0), *[_measure_steady_misses(segment, calibration) for segment in both]])
+    if len(misses) < _FEWEST_ROWS:
+        return 0.0
+    apart = np.abs(misses - np.median(misses))
+    return _UNREST_SIGMAS * float(np.quantile(apart, _UNREST_QUANTILE)) / _NORMAL_QUANTILE
+
+
+def _measure_steady_misses(segment: SteeringEvidence, calibration: _Calibration) -> Array:
+    """Return what the wheel misses (deg) of a command that has been steady, and followed by a usual steering."""
+    assert segment.wheel is not None and segment.command is not None
+    width = round(_STEADY_S / STEP_S) + 1
+    if len(segment.time_s) < width:
+        return np.empty(0)
+    steady = np.zeros(len(segment.time_s), dtype=np.bool_)
+    steady[width - 1 :] = np.ptp(np.lib.stride_tricks.sliding_window_view(segment.command, width), axis=1) < _STEADY_DEG
+    steady &= (np.abs(segment.usual - segment.command) < _STEADY_DEG) & (segment.pace > _LEAST_PACE_MPS)
+    expected = np.clip(
+        calibration.at_zero + calibration.per_degree * segment.usual, calibration.least, calibration.most
+    )
+    return (segment.wheel - expected)[steady]
+
+
+def find_faulty_standstills(
+    segments: Sequence[Sequence[SteeringEvidence]], unrest_deg: float = 0.0
+) -> list[list[list[Standstill]]]:
+    """Return the standstills that are faults, by run and segment; none without a sensor that follows the commands.
+
+    Wheels that go `unrest_deg` from steady commands by themselves show none by less.
+    """
     calibration = _calibrate([part for parts in segments for part in parts if _has_both(part)])
     if calibration is None:
         return [[[] for _ in parts] for parts in segments]
@@ -93,7 +130,7 @@ def find_faulty_standstills(segments: Sequence[Sequence[SteeringEvidence]]) -> l
             [
                 standstill
                 for standstill in _list_standstills(part, calibration)
-                if _is_fault(standstill, run, number, windows)
+                if standstill.level_deg > unrest_deg and _is_fault(standstill, run, number, windows)
             ]
             for number, part in enumerate(parts)
         ]
