@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from tests.identification.fault_logs import RUNS, START_S, clean_frames, degrade, freeze, rows_of
 from tests.identification.log_tables import runs
-from vehicle.identification.logs.column_faults import build_raw_motion, collect_fault_rows, find_column_faults
+from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
+from vehicle.identification.logs.raw_motion import build_raw_motion
 from vehicle.identification.logs.reader import build_log
 
 POSITION, BENT = ("easting_m", "northing_m"), ("right", "left", "steps")

@@ -147,7 +147,11 @@ def _find_largest_command(logs: Sequence[Log]) -> float:
 
 
 def _find_faults(
-    segment: SteeringEvidence, standstills: Sequence[Standstill], scale: PathScale | None, lock: float, unrest_deg: float
+    segment: SteeringEvidence,
+    standstills: Sequence[Standstill],
+    scale: PathScale | None,
+    lock: float,
+    unrest_deg: float,
 ) -> list[_Span]:
     """Return the faults of a segment: of the wheel angle against the commands, and of the path against both.
 

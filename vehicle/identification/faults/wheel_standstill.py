@@ -30,7 +30,7 @@ _USUAL_QUANTILE = 0.75  # chosen, of what commands ask for
 _REST_QUANTILE = 0.9  # chosen: faults are less of the time
 # Chosen, s and deg: commands that stay so long within so little are steady.
 _STEADY_S, _STEADY_DEG = 1.0, 1.0
-# Of what wheels miss of steady commands: faults of most of the time do not count, and the same of a normal distribution.
+# Chosen, of what wheels miss of steady commands: long faults do not count; and the same of a normal distribution.
 _UNREST_QUANTILE, _NORMAL_QUANTILE = 0.3, 0.385
 _UNREST_SIGMAS = 4.0  # chosen: in an hour a hand goes no further from where it usually is
 _LEAST_PACE_MPS = 0.25  # most steering is switched off where the tractor stands

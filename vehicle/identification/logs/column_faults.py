@@ -9,34 +9,24 @@ second or more, as long as the noise of the receiver asks for.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vehicle.identification.logs.gating import find_decreasing_entries
+from vehicle.identification.logs.raw_motion import FEWEST_ROWS, RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import Array, LogFault, Mask, Rows
+from vehicle.identification.logs.standing_columns import StandingSpan, find_standing_spans
 from vehicle.identification.logs.table import Columns
 
 POSITION_LOST, POSITION_FROZEN, HEADING_FROZEN = "position_lost", "position_frozen", "heading_frozen"
 SPEED_FROZEN, WHEEL_SENSOR_FROZEN, SPEED_THRESHOLD = "speed_frozen", "wheel_sensor_frozen", "speed_threshold"
 
-MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
-_CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
-_LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
-_LEAST_TURN_RAD = math.radians(12.0)  # chosen, of the course: four times its noise
-# Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
-_PACE_CHANGE_MPS, _PACE_CHANGE_SHARE = 0.35, 0.3
-# Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
-_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
-_GAP_STEPS = 2.5  # chosen: longer steps are gaps
-_FEWEST_OUTSIDE = 50  # rows
-_LEAST_FOLLOWING = 0.7  # chosen, correlation of the wheel angle with the bends outside a span
 # Chosen, s and times the usual hold of a column: nothing that drives repeats a noisy value for so long.
 _FROZEN_S, _FROZEN_HOLDS, _HOLD_QUANTILE = 3.0, 4.0, 0.95
+_LEAST_AMBIGUOUS_S = 2.0  # chosen: onsets that are known better are told as one time
 _MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
-_FEWEST_ROWS = 50  # chosen: shorter logs do not show what is usual
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
@@ -61,18 +51,16 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     time, east, north = columns["time_s"], columns["easting_m"], columns["northing_m"]
     rows = np.flatnonzero(np.isfinite(time) & np.isfinite(east) & np.isfinite(north))
     rows = rows[~find_decreasing_entries(time[rows])]
-    if len(rows) < _FEWEST_ROWS or not 0.0 < float(np.median(np.diff(time[rows]))) <= 2.0:
+    if len(rows) < FEWEST_ROWS or not 0.0 < float(np.median(np.diff(time[rows]))) <= 2.0:
         return []
     motion = build_raw_motion(columns, rows)
     lost = _find_lost_positions(motion)
-    frozen = [] if lost else _find_frozen_spans(motion, "position")
-    motion = motion.without_positions([*lost, *frozen])
-    faults = [
-        *[_build_fault(name, motion, rows, span, POSITION_LOST) for span in lost],
-        *[_build_fault(name, motion, rows, span, POSITION_FROZEN) for span in frozen],
-    ]
-    for column, fault_id in (("heading", HEADING_FROZEN), ("speed", SPEED_FROZEN), ("wheel", WHEEL_SENSOR_FROZEN)):
-        faults += [_build_fault(name, motion, rows, span, fault_id) for span in _find_frozen_spans(motion, column)]
+    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, _WORDS[POSITION_LOST]) for span in lost]
+    found = [] if lost else _find_still_faults(name, motion, rows, "position")
+    motion = motion.without_positions([*lost, *_list_spans(found, rows)])
+    faults += found
+    for column in ("heading", "speed", "wheel"):
+        faults += _find_still_faults(name, motion, rows, column)
     return [_limit_speed(each, motion, rows) if each.fault.id == SPEED_FROZEN else each for each in faults]
 
 
@@ -82,7 +70,7 @@ def _limit_speed(column_fault: ColumnFault, motion: RawMotion, rows: Rows) -> Co
     inside = np.searchsorted(rows, column_fault.rows)
     shown = motion.pace[(motion.speed > 0.0) & np.isfinite(motion.pace)]
     hidden = motion.pace[inside][np.isfinite(motion.pace[inside])]
-    if np.any(motion.speed[inside] > 0.0) or len(shown) < _FEWEST_ROWS or not len(hidden):
+    if np.any(motion.speed[inside] > 0.0) or len(shown) < FEWEST_ROWS or not len(hidden):
         return column_fault
     if float(np.quantile(hidden, 0.95)) > float(np.quantile(shown, 0.05)):
         return column_fault
@@ -100,10 +88,49 @@ _WORDS = {
 }
 
 
-def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str) -> ColumnFault:
+_STANDING_WORDS = {
+    POSITION_FROZEN: "the positions stay at one place but for their noise while the tractor drives",
+    HEADING_FROZEN: "heading_deg stays at one value but for its noise while the tractor turns",
+    SPEED_FROZEN: "speed_mps stays at one value but for its noise while the tractor drives on at others",
+}
+_FROZEN_IDS = {
+    "position": POSITION_FROZEN,
+    "heading": HEADING_FROZEN,
+    "speed": SPEED_FROZEN,
+    "wheel": WHEEL_SENSOR_FROZEN,
+}
+
+
+def _find_still_faults(name: str, motion: RawMotion, rows: Rows, column: str) -> list[ColumnFault]:
+    """Return the spans in which a column repeats one value, and else those in which it stands within its noise."""
+    fault_id = _FROZEN_IDS[column]
+    spans = _find_frozen_spans(motion, column)
+    faults = [_build_fault(name, motion, rows, span, fault_id, _WORDS[fault_id]) for span in spans]
+    for still in find_standing_spans(motion, column):
+        if any(still.first <= last and first <= still.last for first, last in spans):
+            continue
+        fault = _build_fault(name, motion, rows, (still.first, still.last), fault_id, _STANDING_WORDS[fault_id])
+        faults.append(replace(fault, fault=_tell_onset(fault.fault, still, motion)))
+    return faults
+
+
+def _tell_onset(fault: LogFault, still: StandingSpan, motion: RawMotion) -> LogFault:
+    """Return a fault with the times between which it began, where a column that stands does not show when."""
+    first_s, shown_s = float(motion.time_s[still.first]), float(motion.time_s[still.shown])
+    if shown_s - first_s < _LEAST_AMBIGUOUS_S:
+        return fault
+    return replace(fault, from_s=0.5 * (first_s + shown_s), between_s=(first_s, shown_s))
+
+
+def _list_spans(faults: Sequence[ColumnFault], rows: Rows) -> list[Span]:
+    ends = [np.searchsorted(rows, fault.rows[[0, -1]]) for fault in faults]
+    return [(int(first), int(last)) for first, last in ends]
+
+
+def _build_fault(name: str, motion: RawMotion, rows: Rows, span: Span, fault_id: str, words: str) -> ColumnFault:
     first, last = span
     end_s = None if last >= len(rows) - 1 - motion.count_rows(_END_S) else float(motion.time_s[last])
-    fault = LogFault(fault_id, name, float(motion.time_s[first]), end_s, _WORDS[fault_id])
+    fault = LogFault(fault_id, name, float(motion.time_s[first]), end_s, words)
     return ColumnFault(fault, rows[first : (len(rows) if end_s is None else last + 1)])
 
 
@@ -217,7 +244,7 @@ def find_scattered_rows(motion: RawMotion, lag: int) -> Rows:
     A bend that speed and heading show as well is driven, however tight and fast, as by a model car.
     """
     fresh = motion.find_fresh_positions()
-    if len(fresh) < max(_FEWEST_ROWS, 4 * lag):
+    if len(fresh) < max(FEWEST_ROWS, 4 * lag):
         return np.empty(0, dtype=np.int64)
     time, place = motion.time_s[fresh], motion.positions[:, fresh]
     weight = (time[lag:-lag] - time[: -2 * lag]) / (time[2 * lag :] - time[: -2 * lag])
@@ -253,173 +280,3 @@ def _extend_to_end(motion: RawMotion, span: Span) -> Span:
     """Return the span up to the end of the log where that is nearer than jumps of one fault are to each other."""
     is_near_end = motion.time_s[-1] - motion.time_s[span[1]] < _SAME_FAULT_S
     return (span[0], len(motion.time_s) - 1) if is_near_end and span[1] > span[0] else span
-
-
-# --- what the other columns show -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class RawMotion:
-    """Columns of the rows in use (k,), angles in degrees, and what they show: chords of the path and motion.
-
-    `pace` and `course` are those of chords that take `chord_s`, NaN where they are not known.
-    """
-
-    time_s: Array
-    positions: Array
-    heading: Array | None
-    speed: Array | None
-    wheel: Array | None
-    stated_speed: Array | None
-    pace: Array
-    course: Array
-    moving: Mask
-    chord_s: float
-
-    @property
-    def total_s(self) -> float:
-        """Time from the first row to the last."""
-        return float(self.time_s[-1] - self.time_s[0])
-
-    def get_column(self, name: str) -> Array | None:
-        """Return the values (c, k) of position, heading, speed or wheel; None for a column that is not logged."""
-        if name == "position":
-            return self.positions
-        values: Array | None = getattr(self, name)
-        return None if values is None else values[None]
-
-    def count_rows(self, seconds: float) -> int:
-        """Return the rows of a time at the usual rate, at least one."""
-        return max(round(seconds / float(np.median(np.diff(self.time_s)))), 1)
-
-    def measure_spans(self, starts: Rows, ends: Rows) -> tuple[Array, Mask]:
-        """Return the time (s) in the rows of spans, without gaps, and whether the tractor moves in most of each."""
-        steps = np.diff(self.time_s)
-        driven_s = np.concatenate([[0.0], np.cumsum(np.minimum(steps, _GAP_STEPS * np.median(steps)))])
-        seconds = driven_s[ends] - driven_s[starts]
-        moved = np.concatenate([[0.0], np.cumsum(self.moving)])
-        return seconds, (moved[ends + 1] - moved[starts]) / (ends + 1 - starts) > 0.5
-
-    def without_positions(self, spans: Sequence[tuple[int, int]]) -> RawMotion:
-        """Return the motion without what the positions of these spans seem to show."""
-        if not spans:
-            return self
-        known = np.ones(len(self.time_s), dtype=np.bool_)
-        for first, last in spans:
-            known[first : last + 1] = False
-        if np.count_nonzero(known) < _FEWEST_ROWS:
-            known[:] = True
-        # The noise of a receiver that lost its fix asks for longer chords than the rest needs.
-        pace, course, chord_s = _compute_chord_motion(self.time_s, self.positions, known)
-        margin = self.count_rows(0.5 * chord_s) + 1
-        for first, last in spans:
-            pace[max(first - margin, 0) : last + margin + 1] = np.nan
-            course[max(first - margin, 0) : last + margin + 1] = np.nan
-        moving = _find_moving_rows(pace, self.stated_speed)
-        return replace(self, pace=pace, course=course, moving=moving, chord_s=chord_s)
-
-    def find_fresh_positions(self) -> Rows:
-        """Return the rows in which the position is a new one."""
-        return np.append(0, np.flatnonzero((np.diff(self.positions, axis=1) != 0.0).any(axis=0)) + 1)
-
-    def is_contradicted(self, column: str, span: tuple[int, int]) -> bool:
-        """Whether other columns show that a column that repeats its value in a span should have changed."""
-        rows = slice(span[0], span[1] + 1)
-        if column == "position":
-            return self._measure_driven_m(rows) > _LEAST_DRIVEN_M
-        if column == "heading":
-            # A gear change turns the course by half a circle and the heading by nothing.
-            course = self.course[rows][np.isfinite(self.course[rows])]
-            return len(course) > 1 and float(np.ptp(0.5 * np.unwrap(2.0 * course))) > _LEAST_TURN_RAD
-        if column == "speed":
-            return self._has_other_pace(rows)
-        return self._needs_other_angle(rows)
-
-    def _measure_driven_m(self, rows: slice) -> float:
-        if self.stated_speed is None:
-            return 0.0
-        speed = self.stated_speed[rows]
-        return float(np.sum(np.where(speed[:-1] > MOVING_MPS, speed[:-1], 0.0) * np.diff(self.time_s[rows])))
-
-    def _has_other_pace(self, rows: slice) -> bool:
-        pace = self.pace[rows][np.isfinite(self.pace[rows])]
-        if self.speed is None or len(pace) < self.count_rows(_OTHER_ANGLE_S):
-            return False
-        slow, middle, fast = np.quantile(pace, (0.05, 0.5, 0.95))
-        if self.speed[rows.start] == 0.0:
-            elsewhere = np.delete(self.speed, np.arange(rows.start, rows.stop))
-            return bool(middle > _PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
-        return bool(fast - slow > max(_PACE_CHANGE_MPS, _PACE_CHANGE_SHARE * middle))
-
-    def _needs_other_angle(self, rows: slice) -> bool:
-        """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""
-        if self.wheel is None:
-            return False
-        curvature = self._compute_curvature()
-        outside = np.isfinite(curvature)
-        outside[rows] = False
-        if np.count_nonzero(outside) < _FEWEST_OUTSIDE or np.std(self.wheel[outside]) == 0.0:
-            return False
-        if np.corrcoef(self.wheel[outside], curvature[outside])[0, 1] ** 2 < _LEAST_FOLLOWING**2:
-            return False
-        slope, at_zero = np.polyfit(self.wheel[outside], curvature[outside], 1)
-        repeated = float(self.wheel[rows.start])
-        needed = (curvature[rows] - at_zero) / slope
-        scatter = float(np.std((curvature[outside] - at_zero) / slope - self.wheel[outside]))
-        excess = np.abs(needed - repeated) - _SLIDING_SHARE * abs(repeated) - 2.0 * scatter
-        return int(np.count_nonzero(excess > _OTHER_ANGLE_DEG)) >= self.count_rows(_OTHER_ANGLE_S)
-
-    def _compute_curvature(self) -> Array:
-        """Return the curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
-        angle = self.course if self.heading is None else np.unwrap(np.radians(self.heading))
-        half = max(self.count_rows(0.5 * _CHORD_S), 1)
-        out = np.full(len(angle), np.nan)
-        turn = angle[2 * half :] - angle[: -2 * half]
-        turn = (turn + math.pi) % (2.0 * math.pi) - math.pi
-        seconds = self.time_s[2 * half :] - self.time_s[: -2 * half]
-        pace = self.pace[half:-half]
-        ok = np.isfinite(pace) & (pace > MOVING_MPS) & np.isfinite(turn)
-        out[half:-half][ok] = turn[ok] / (pace[ok] * seconds[ok])
-        return out
-
-
-def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
-    """Build the motion of the rows in use; missing cells of optional columns are filled with the value before."""
-    time = columns["time_s"][rows]
-    positions = np.stack([columns["easting_m"][rows], columns["northing_m"][rows]])
-    heading, speed, wheel, target = (
-        _fill_column(columns, name, rows) for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps")
-    )
-    pace, course, chord_s = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
-    stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
-    moving = _find_moving_rows(pace, stated)
-    return RawMotion(time, positions, heading, speed, wheel, stated, pace, course, moving, chord_s)
-
-
-def _find_moving_rows(pace: Array, stated_speed: Array | None) -> Mask:
-    moving: Mask = np.nan_to_num(pace) > MOVING_MPS
-    return moving if stated_speed is None else moving | (stated_speed > MOVING_MPS)
-
-
-def _fill_column(columns: Columns, name: str, rows: Rows) -> Array | None:
-    if name not in columns:
-        return None
-    values = columns[name][rows]
-    finite = np.flatnonzero(np.isfinite(values))
-    place = np.maximum(np.searchsorted(finite, np.arange(len(values)), side="right") - 1, 0)
-    return values[finite[place]] if len(finite) else None
-
-
-def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:
-    """Return pace (m/s) and course (rad, clockwise from north) per row, NaN where the path is too short for one, and
-    the time (s) that chords take by the noise of the `known` rows."""
-    noise = 1.4826 * float(np.median(np.abs(np.diff(positions[:, known], 2, axis=1)))) / math.sqrt(6.0)
-    for span_s in _CHORDS_S:
-        before, after = np.maximum(time - 0.5 * span_s, time[0]), np.minimum(time + 0.5 * span_s, time[-1])
-        step = np.stack([np.interp(after, time, axis) - np.interp(before, time, axis) for axis in positions])
-        length = np.hypot(*step)
-        if float(np.median(length[known])) >= _NOISE_LENGTHS * noise:
-            break
-    course = np.arctan2(step[0], step[1])
-    course[length < max(_NOISE_LENGTHS * noise, 0.5 * MOVING_MPS * span_s)] = np.nan
-    return length / (after - before), course, span_s

@@ -7,17 +7,20 @@ moved back, and the rows about the jump are left out, which ends the segment the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.logs.column_faults import ColumnFault, build_raw_motion, find_scattered_groups
+from vehicle.identification.logs.column_faults import POSITION_FROZEN, ColumnFault, find_scattered_groups
 from vehicle.identification.logs.gating import GAP_SAMPLES, find_decreasing_entries
+from vehicle.identification.logs.raw_motion import build_raw_motion
 from vehicle.identification.logs.schema import Array, LogFault, Rows
 from vehicle.identification.logs.table import Columns
 
 POSITION_JUMP = "position_jump"
 _MOST_JUMP_S = 1.0  # chosen: a receiver that takes longer scatters, or drifts
+_MOST_THAW_S = 2.0  # chosen: between the last position that is frozen and the first that is not
 # Chosen: time before and after a jump that shows how the tractor moves, and its fewest positions.
 _WINDOW_S, _FEWEST_SIDE = 1.0, 4
 _LEAST_JUMP_M, _LEAST_NOISES = 0.5, 8.0  # chosen: smaller steps are those of clods and of a poor receiver
@@ -52,6 +55,19 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
         fault = LogFault(POSITION_JUMP, name, float(time[jump.first_after]), None, _describe_jump(jump.size_m))
         faults.append(ColumnFault(fault, _choose_rows(jump, len(time))))
     return moved, faults
+
+
+def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> list[ColumnFault]:
+    """Return jumps and other faults; a jump at the end of frozen positions belongs to these."""
+    left, joined = list(jumps), list[ColumnFault]()
+    for one in faults:
+        is_frozen, to_s = one.fault.id == POSITION_FROZEN, one.fault.to_s
+        thaws = [
+            jump for jump in left if is_frozen and to_s is not None and abs(jump.fault.from_s - to_s) < _MOST_THAW_S
+        ]
+        left = [jump for jump in left if jump not in thaws]
+        joined.append(replace(one, rows=np.unique(np.concatenate([one.rows, *(jump.rows for jump in thaws)]))))
+    return [*left, *joined]
 
 
 def _choose_rows(jump: _Jump, count: int) -> Rows:

@@ -32,7 +32,7 @@ from vehicle.identification.logs.directions import drop_course_heading
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
 from vehicle.identification.logs.heading_flips import HEADING_FLIPPED, find_flipped_headings
 from vehicle.identification.logs.log_sets import is_parked, leave_out_useless_logs, merge_copies
-from vehicle.identification.logs.position_jumps import correct_position_jumps
+from vehicle.identification.logs.position_jumps import correct_position_jumps, join_thaws
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
@@ -228,7 +228,8 @@ def build_log(
     converted = convert_columns(raw_columns, fix_set, reference)
     converted, stamps = even_time_stamps(converted)
     converted, jumps = correct_position_jumps(converted, name)
-    column_faults = [*jumps, *find_column_faults(converted, name), *find_sparse_steering_faults(converted, name)]
+    column_faults = join_thaws(jumps, find_column_faults(converted, name))
+    column_faults += find_sparse_steering_faults(converted, name)
     converted, gaps = _drop_command_with_gaps(converted)
     columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
     rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})

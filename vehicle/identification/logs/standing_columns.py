@@ -1,0 +1,253 @@
+"""Columns that stand within their noise while the others show that they should have changed.
+
+A receiver or a bus that freezes may add noise to the value it repeats. What stands is told by the means of seconds, and
+that it should not by the other columns: a speed that drives away from positions, a course that leaves a heading, a pace
+that leaves a speed. A tractor that stands or drives straight contradicts none of them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.logs.raw_motion import MOVING_MPS, RawMotion
+from vehicle.identification.logs.schema import Array, Mask, Rows
+
+_BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
+_FEWEST_BLOCKS, _LEAST_STANDING_S = 20, 6.0  # chosen, of a log, and of a standstill
+_MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
+_HOLDS, _HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
+# How far means of a value that stands are from each other: by what wanders slowly in the column (chosen: m, deg, m/s),
+# and standard errors of its noise. More than the last is no standstill that could be told.
+_WANDER = {"position": 0.1, "heading": 0.5, "speed": 0.03}
+_NOISE_ERRORS = 6.0
+_MOST_LIMIT = {"position": 0.3, "heading": 3.0, "speed": 0.2}
+# Chosen: a speed sensor drives so far, and the heading turns so far or the target is not 0 for this share of the time,
+# while positions stay; without a target the speed changes so much, at a pace that no sensor shows at rest.
+_LEAST_DRIVEN_M, _LEAST_TURN_DEG, _DRIVEN_SHARE = 5.0, 12.0, 0.8
+_LEAST_SPEED_CHANGE_MPS, _LEAST_SPEED_MPS = 0.35, 1.0
+# Chosen, deg: an antenna swings by half of this; and seconds of it. From the smaller one on a heading is doubted.
+_COURSE_APART_DEG, _COURSE_DOUBT_DEG, _APART_S, _MOST_BIAS_DEG = 20.0, 12.0, 3.0, 10.0
+# Chosen, m/s and share: a pace that differs more than by slip, and how long; wheels slip, but never turn too slowly.
+_PACE_APART_MPS, _PACE_APART_SHARE, _PACE_APART_S = 0.35, 0.3, 3.0
+_STOPPED_MPS, _STOPPED_S = 0.15, 1.5
+_LEAST_AGREEING_SHARE, _FEWEST_AGREEING = 0.8, 10  # chosen, of the blocks outside, and their number
+
+
+@dataclass(frozen=True)
+class StandingSpan:
+    """First and last row of a column that stands, and the first row in which others show it."""
+
+    first: int
+    last: int
+    shown: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Blocks:
+    """Means over seconds (n,): first rows, times, and speed, target, pace (m/s), heading, heading minus course (deg,
+    folded so that gears do not matter), NaN where not known."""
+
+    rows: Rows
+    time_s: Array
+    speed: Array
+    target: Array
+    pace: Array
+    heading: Array
+    apart: Array
+
+
+def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
+    """Return the spans in which position, heading or speed stands within its noise although others change."""
+    values = motion.get_column(column)
+    if values is None or column not in _CHECKS:
+        return []
+    if column == "heading":
+        values = np.degrees(np.unwrap(np.radians(values)))
+    starts = _find_block_starts(motion.time_s)
+    limit, hold_s = _measure_limit(motion, values, column), _measure_hold_s(motion, values)
+    if len(starts) < _FEWEST_BLOCKS or limit > _MOST_LIMIT[column]:
+        return []
+    blocks = _build_blocks(motion, starts)
+    means = np.stack([_average(axis, starts) for axis in values])
+    found = list[StandingSpan]()
+    for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, _HOLDS * hold_s)):
+        if blocks.time_s[last] - blocks.time_s[first] > _MOST_OF_LOG_SHARE * motion.total_s:
+            continue
+        shown = _CHECKS[column](blocks, first, last)
+        if shown is not None:
+            found.append(_find_standing_rows(values, starts, shown, limit))
+    return sorted(found, key=lambda one: one.first)
+
+
+def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int], limit: float) -> StandingSpan:
+    """Return the rows of a span of blocks, with those of the seconds at its ends in which the column stands already."""
+    edges = np.append(starts, values.shape[1])
+    first, end, first_shown = int(edges[shown[0]]), int(edges[shown[1] + 1]), int(edges[shown[2]])
+    level = np.median(values[:, first:end], axis=1)[:, None]
+    still = (np.abs(values - level) <= limit).all(axis=0)
+    before = np.flatnonzero(~still[edges[max(shown[0] - 1, 0)] : first])
+    after = np.flatnonzero(~still[end : edges[min(shown[1] + 2, len(edges) - 1)]])
+    begin = int(edges[max(shown[0] - 1, 0)])
+    start = begin + (int(before[-1]) + 1 if len(before) else 0)
+    stop = end + int(after[0]) if len(after) else int(edges[min(shown[1] + 2, len(edges) - 1)])
+    return StandingSpan(start, stop - 1, start if shown[2] == shown[0] else first_shown)
+
+
+def _find_block_starts(time: Array) -> Rows:
+    """Return the first row of each second that has rows."""
+    number = np.floor((time - time[0]) / _BLOCK_S)
+    return np.append(0, np.flatnonzero(np.diff(number) > 0.0) + 1)
+
+
+def _average(values: Array, starts: Rows) -> Array:
+    counts = np.diff(np.append(starts, len(values)))
+    mean: Array = np.add.reduceat(values, starts) / counts
+    return mean
+
+
+def _measure_limit(motion: RawMotion, values: Array, column: str) -> float:
+    """Return how far means of a value that stands may be from each other."""
+    steps = np.abs(np.diff(values, 2, axis=1))
+    noise = 1.4826 * float(np.median(steps)) / math.sqrt(6.0)
+    return _WANDER[column] + _NOISE_ERRORS * noise / math.sqrt(motion.count_rows(_BLOCK_S))
+
+
+def _measure_hold_s(motion: RawMotion, values: Array) -> float:
+    changes = np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0) & motion.moving[1:])
+    if len(changes) < 2:
+        return math.inf
+    return float(np.quantile(np.diff(motion.time_s[changes]), _HOLD_QUANTILE))
+
+
+def _build_blocks(motion: RawMotion, starts: Rows) -> _Blocks:
+    none = np.full(len(motion.time_s), np.nan)
+    speed, target = (none if values is None else values for values in (motion.speed, motion.target))
+    heading, folded = none, none
+    if motion.heading is not None:
+        heading = np.degrees(np.unwrap(np.radians(motion.heading)))
+        folded = np.exp(2j * (np.radians(heading) - motion.course))
+    apart = 0.5 * np.degrees(np.angle(_average(folded, starts)))
+    means = [_average(values, starts) for values in (speed, target, motion.pace, heading)]
+    return _Blocks(starts, motion.time_s[starts], *means, apart)
+
+
+def _list_still_blocks(means: Array, time: Array, limit: float, least_s: float) -> list[tuple[int, int]]:
+    """Return spans of blocks whose means (c, n) are no further apart than a limit, the longest first, none twice."""
+    ends, last = np.zeros(len(time), dtype=np.int64), 0
+    for first in range(len(time)):
+        last = max(last, first)
+        while last + 1 < len(time) and float(np.max(np.ptp(means[:, first : last + 2], axis=1))) <= limit:
+            last += 1
+        ends[first] = last
+    taken, spans = np.zeros(len(time), dtype=np.bool_), list[tuple[int, int]]()
+    for first in np.argsort(time - time[ends], kind="stable").tolist():
+        free = np.flatnonzero(taken[first : ends[first] + 1])
+        end = int(ends[first] if not len(free) else first + free[0] - 1)
+        if end > first and time[end] - time[first] >= least_s:
+            taken[first : end + 1] = True
+            spans.append((first, end))
+    return spans
+
+
+# --- what contradicts a column that stands: each returns its first and last block, and the first that shows it --------
+
+_Shown = tuple[int, int, int] | None
+
+
+def _check_position(blocks: _Blocks, first: int, last: int) -> _Shown:
+    """Positions stay while a measured speed that agrees with them elsewhere drives on, and something else says so."""
+    part = slice(first, last + 1)
+    driven = np.flatnonzero(blocks.speed[part] > MOVING_MPS)
+    if not len(driven) or not _agrees_outside(blocks, first, last):
+        return None
+    first, last = first + int(driven[0]), first + int(driven[-1])
+    part = slice(first, last + 1)
+    seconds = np.diff(blocks.time_s[first : last + 1])
+    if float(np.sum(np.minimum(seconds, 2.0 * _BLOCK_S) * blocks.speed[first:last])) < _LEAST_DRIVEN_M:
+        return None
+    return (first, last, first) if _is_driven(blocks, part) else None
+
+
+def _is_driven(blocks: _Blocks, part: slice) -> bool:
+    """Whether more than the measured speed shows that the tractor drives in a span."""
+    speed, target = blocks.speed[part], blocks.target[part]
+    driven = speed > MOVING_MPS
+    if np.isfinite(target).all():
+        return float(np.mean(target[driven] > MOVING_MPS)) >= _DRIVEN_SHARE
+    if float(np.mean(driven)) < _DRIVEN_SHARE:
+        return False
+    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > _LEAST_TURN_DEG:
+        return True
+    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > _LEAST_SPEED_CHANGE_MPS
+
+
+def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
+    """Whether speed and pace are alike in most of the blocks of driving outside a span."""
+    outside = _find_outside(blocks, first, last) & np.isfinite(blocks.pace) & np.isfinite(blocks.speed)
+    pace, speed = blocks.pace[outside], blocks.speed[outside]
+    driven = np.maximum(pace, speed) > MOVING_MPS
+    if np.count_nonzero(driven) < _FEWEST_AGREEING:
+        return False
+    return float(np.mean(~_is_other_pace(pace, speed)[driven])) >= _LEAST_AGREEING_SHARE
+
+
+def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
+    outside = np.ones(len(blocks.time_s), dtype=np.bool_)
+    outside[max(first - 1, 0) : last + 2] = False
+    return outside
+
+
+def _is_other_pace(pace: Array, speed: Array) -> Mask:
+    apart: Mask = np.abs(pace - speed) > np.maximum(_PACE_APART_MPS, _PACE_APART_SHARE * speed)
+    return apart
+
+
+def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
+    """A heading stays while the course leaves it, which it follows elsewhere."""
+    outside = _find_outside(blocks, first, last) & np.isfinite(blocks.apart)
+    if np.count_nonzero(outside) < _FEWEST_AGREEING:
+        return None
+    folded = np.exp(2j * np.radians(blocks.apart))
+    middle = complex(np.median(folded[outside].real), np.median(folded[outside].imag))
+    apart = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(middle))))
+    if float(np.median(apart[outside])) > _MOST_BIAS_DEG:
+        return None
+    with np.errstate(invalid="ignore"):
+        if np.count_nonzero(apart[first : last + 1] > _COURSE_APART_DEG) * _BLOCK_S < _APART_S:
+            return None
+        doubted = np.flatnonzero(apart[first : last + 1] > _COURSE_DOUBT_DEG)
+    return first, last, first + int(doubted[0])
+
+
+def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
+    """A speed stays while the tractor stops and goes on, drives faster, or drives at the pace of another target."""
+    part = slice(first, last + 1)
+    speed, pace, target = float(np.mean(blocks.speed[part])), blocks.pace[part], blocks.target[part]
+    other = _is_other_pace(pace, np.full(len(pace), speed))
+    shown = first + int(np.argmax(other))
+    if speed < _PACE_APART_MPS or not other.any() or not _agrees_outside(blocks, shown, last):
+        return None
+    moving = pace > MOVING_MPS
+    targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
+    faster = other & (pace > speed)
+    is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * _BLOCK_S >= _PACE_APART_S
+    return (first, last, shown) if is_other or _halts_and_goes_on(pace, target, moving) else None
+
+
+def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
+    """Whether a tractor that moves stops as it is told to, and moves again; positions that freeze look like it."""
+    halts = np.flatnonzero(pace < _STOPPED_MPS)
+    if len(halts) * _BLOCK_S < _STOPPED_S or not (moving[: halts[0]].any() and moving[halts[0] :].any()):
+        return False
+    return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
+
+
+_CHECKS: dict[str, Callable[[_Blocks, int, int], _Shown]] = {
+    "position": _check_position,
+    "heading": _check_heading,
+    "speed": _check_speed,
+}
