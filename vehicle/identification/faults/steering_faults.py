@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vehicle.identification.faults.following_change import FollowingChange, find_following_changes
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
     TURN_S,
@@ -82,9 +83,10 @@ def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
     scale = fit_path_scale([segment for parts in segments for segment in parts])
     unrest_deg = measure_unrest([segment for parts in segments for segment in parts])
     standstills = find_faulty_standstills(segments, unrest_deg)
+    changes = find_following_changes(logs, segments, unrest_deg)
     spans = [
-        [_find_faults(*row, scale, lock, unrest_deg) for row in zip(parts, stills, strict=True)]
-        for parts, stills in zip(segments, standstills, strict=True)
+        [_find_faults(*row, scale, lock, unrest_deg) for row in zip(parts, stills, changed, strict=True)]
+        for parts, stills, changed in zip(segments, standstills, changes, strict=True)
     ]
     if scale is not None:
         spans = _drop_spans_by_law(logs, segments, spans, scale)
@@ -149,6 +151,7 @@ def _find_largest_command(logs: Sequence[Log]) -> float:
 def _find_faults(
     segment: SteeringEvidence,
     standstills: Sequence[Standstill],
+    changes: Sequence[FollowingChange],
     scale: PathScale | None,
     lock: float,
     unrest_deg: float,
@@ -168,10 +171,8 @@ def _find_faults(
     beyond = np.maximum(segment.low - segment.wheel, segment.wheel - segment.high)
     beyond -= max(FAULT_TOLERANCE_DEG, unrest_deg)
     following = np.abs(segment.wheel - segment.usual) < max(_FOLLOWING_DEG, 0.5 * unrest_deg)
-    spans = [
-        replace(span, id=_name_wheel_fault(segment, span, scale, lock))
-        for span in _join_standstills(_find_spans(beyond > 0.0, following, segment.usual, segment.wheel), standstills)
-    ]
+    spans = _join_standstills(_find_spans(beyond > 0.0, following, segment.usual, segment.wheel), standstills)
+    spans = [replace(span, id=_name_wheel_fault(segment, span, scale, lock)) for span in _join_changes(spans, changes)]
     path_spans = [
         span
         for span in _find_path_faults(segment, scale, lock)
@@ -196,6 +197,23 @@ def _join_standstills(spans: Sequence[_Span], standstills: Sequence[Standstill])
             last = max(still.last, max(other.last for other in overlapping))
             span = replace(before, last=last) if ran_away else replace(span, last=last)
         joined = [*[other for other in joined if other not in overlapping], span]
+    return joined
+
+
+def _join_changes(spans: Sequence[_Span], changes: Sequence[FollowingChange]) -> list[_Span]:
+    """Return the spans with those of wheels that follow less than before, which last longer than single misses."""
+    joined = list(spans)
+    for change in changes:
+        overlapping = [span for span in joined if span.first <= change.last and change.first <= span.last]
+        # Wheels that stand or run away know better when they followed again.
+        if any(2 * (span.last - span.first) > change.last - change.first for span in overlapping):
+            continue
+        span = _Span(STEERING_LOOSE, change.first, change.last)
+        if overlapping:
+            before = min(overlapping, key=lambda one: one.first)
+            span = before if before.first < change.first else span
+            span = replace(span, last=max(change.last, *(one.last for one in overlapping)))
+        joined = [*[one for one in joined if one not in overlapping], span]
     return joined
 
 

@@ -60,7 +60,7 @@ class _Windows:
 
 
 @dataclass(frozen=True)
-class _Calibration:
+class WheelCalibration:
     """The angle a sensor shows (deg) at 0 and per degree of the command, the ends of the wheels' travel, and how far
     from their command wheels usually rest (deg)."""
 
@@ -70,14 +70,15 @@ class _Calibration:
     most: float
     rest_deg: float = 0.0
 
+    def compute_angle(self, steered_deg: Array) -> Array:
+        """Return the angle (k, deg) that the sensor shows of wheels that follow their commands so far."""
+        return np.clip(self.at_zero + self.per_degree * steered_deg, self.least, self.most)
+
     def compute_limits(self, segment: SteeringEvidence) -> tuple[Array, Array]:
         """Return the angles (k, deg) between which the sensor shows a steering that is as fast as a usual one or
         faster, inside the travel of the wheels."""
         assert segment.command is not None
-        command, usual = (
-            np.clip(self.at_zero + self.per_degree * values, self.least, self.most)
-            for values in (segment.command, segment.usual)
-        )
+        command, usual = self.compute_angle(segment.command), self.compute_angle(segment.usual)
         return np.minimum(command, usual), np.maximum(command, usual)
 
 
@@ -91,7 +92,7 @@ def measure_unrest(segments: Sequence[SteeringEvidence]) -> float:
     """Return how far (deg) wheels go from steady commands now and then, as where a hand disturbs them; 0 without both
     columns, or without steady commands."""
     both = [segment for segment in segments if _has_both(segment)]
-    calibration = _calibrate(both) or _Calibration(0.0, 1.0, -math.inf, math.inf)
+    calibration = calibrate_wheels(both) or WheelCalibration(0.0, 1.0, -math.inf, math.inf)
     misses = np.concatenate([np.empty(0), *[_measure_steady_misses(segment, calibration) for segment in both]])
     if len(misses) < _FEWEST_ROWS:
         return 0.0
@@ -99,7 +100,7 @@ def measure_unrest(segments: Sequence[SteeringEvidence]) -> float:
     return _UNREST_SIGMAS * float(np.quantile(apart, _UNREST_QUANTILE)) / _NORMAL_QUANTILE
 
 
-def _measure_steady_misses(segment: SteeringEvidence, calibration: _Calibration) -> Array:
+def _measure_steady_misses(segment: SteeringEvidence, calibration: WheelCalibration) -> Array:
     """Return what the wheel misses (deg) of a command that has been steady, and followed by a usual steering."""
     assert segment.wheel is not None and segment.command is not None
     width = round(_STEADY_S / STEP_S) + 1
@@ -108,10 +109,8 @@ def _measure_steady_misses(segment: SteeringEvidence, calibration: _Calibration)
     steady = np.zeros(len(segment.time_s), dtype=np.bool_)
     steady[width - 1 :] = np.ptp(np.lib.stride_tricks.sliding_window_view(segment.command, width), axis=1) < _STEADY_DEG
     steady &= (np.abs(segment.usual - segment.command) < _STEADY_DEG) & (segment.pace > _LEAST_PACE_MPS)
-    expected = np.clip(
-        calibration.at_zero + calibration.per_degree * segment.usual, calibration.least, calibration.most
-    )
-    return (segment.wheel - expected)[steady]
+    misses: Array = (segment.wheel - calibration.compute_angle(segment.usual))[steady]
+    return misses
 
 
 def find_faulty_standstills(
@@ -121,7 +120,7 @@ def find_faulty_standstills(
 
     Wheels that go `unrest_deg` from steady commands by themselves show none by less.
     """
-    calibration = _calibrate([part for parts in segments for part in parts if _has_both(part)])
+    calibration = calibrate_wheels([part for parts in segments for part in parts if _has_both(part)])
     if calibration is None:
         return [[[] for _ in parts] for parts in segments]
     windows = [[_measure_windows(part, calibration) for part in parts] for parts in segments]
@@ -142,7 +141,7 @@ def _has_both(segment: SteeringEvidence) -> bool:
     return segment.wheel is not None and segment.command is not None
 
 
-def _calibrate(segments: Sequence[SteeringEvidence]) -> _Calibration | None:
+def calibrate_wheels(segments: Sequence[SteeringEvidence]) -> WheelCalibration | None:
     """Fit the sensor's angle over the command; rows far from the line, as of a fault, do not count."""
     if not segments:
         return None
@@ -159,7 +158,7 @@ def _calibrate(segments: Sequence[SteeringEvidence]) -> _Calibration | None:
         return None
     if slope <= 0.0 or float(np.corrcoef(usual[kept], wheel[kept])[0, 1]) < _LEAST_CORRELATION:
         return None
-    calibration = _Calibration(at_zero, slope, float(np.min(wheel[kept])), float(np.max(wheel[kept])))
+    calibration = WheelCalibration(at_zero, slope, float(np.min(wheel[kept])), float(np.max(wheel[kept])))
     resting = [
         _measure_demand(*calibration.compute_limits(segment), segment.wheel)[part]
         for segment in segments
@@ -170,7 +169,7 @@ def _calibrate(segments: Sequence[SteeringEvidence]) -> _Calibration | None:
     return replace(calibration, rest_deg=float(np.quantile(every, _REST_QUANTILE)) if len(every) else 0.0)
 
 
-def _measure_windows(segment: SteeringEvidence, calibration: _Calibration) -> _Windows:
+def _measure_windows(segment: SteeringEvidence, calibration: WheelCalibration) -> _Windows:
     """Measure what the commands ask of the wheel in windows of driving: the angle that they exceed for FAULT_LEAST_S
     from where the wheel is at first."""
     width, none = round(_WINDOW_S / STEP_S), np.empty(0, dtype=np.int64)
@@ -214,7 +213,7 @@ def _find_still_parts(wheel: Array) -> list[slice]:
     return parts
 
 
-def _list_standstills(segment: SteeringEvidence, calibration: _Calibration) -> list[Standstill]:
+def _list_standstills(segment: SteeringEvidence, calibration: WheelCalibration) -> list[Standstill]:
     """Return the standstills of a segment at which commands ask for more than _LEAST_LEVEL_DEG for FAULT_LEAST_S."""
     if not _has_both(segment):
         return []
