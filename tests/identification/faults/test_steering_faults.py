@@ -1,6 +1,7 @@
 """Steering that stops following, found at any onset; no effect, no closed loop and no sliding tyre is a fault."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -13,6 +14,7 @@ from vehicle.identification.faults.steering_evidence import (
     build_evidence_segments,
     find_largest_angles,
     fit_path_scale,
+    follow_command,
 )
 from vehicle.identification.faults.steering_faults import mark_steering_faults
 from vehicle.identification.logs.reader import build_log
@@ -95,3 +97,15 @@ def test_the_scale_of_a_path_ignores_the_rows_of_a_fault() -> None:
     assert scales[0] is not None and scales[1] is not None
     assert scales[1].per_degree == pytest.approx(scales[0].per_degree, rel=0.05)
     assert fit_path_scale([]) is None
+
+
+def test_commands_to_and_fro_allow_wheels_that_are_on_their_way_back() -> None:
+    """A slow steering has not come to the right yet when the command is to the left again; a usual one has."""
+    time = np.arange(0.0, 60.0, 0.1)
+    command = np.select([time < 15.0, time < 18.2], [-25.0, 29.0], -13.0)
+    wheel = follow_command(command, 0.1, 16.0, 0.15)
+    columns = {"time_s": time, "easting_m": 1.5 * time, "northing_m": np.sin(time), "steering_deg": wheel}
+    log = build_log(pd.DataFrame({**columns, "steering_command_deg": command}), "swing", check=False)
+    (part,) = build_evidence_segments(log, (30.0, 30.0))
+    assert part.wheel is not None
+    assert np.max(np.maximum(part.low - part.wheel, part.wheel - part.high)) < 1.0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vehicle.identification.faults.steering_evidence import STEP_S, SteeringEvidence, follow_command
-from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills
+from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills, measure_unrest
 from vehicle.identification.logs.schema import Array
 
 TIME = STEP_S * np.arange(900)
@@ -66,3 +66,21 @@ def test_wheels_that_nobody_steers_and_a_tractor_that_stands_show_nothing() -> N
     parked = build_segment(9, 8.0, slice(300, 600))
     parked.pace[290:610] = 0.0
     assert not any(find(parked, build_segment(10, 8.0)))
+
+
+def disturb(segment: SteeringEvidence, seed: int) -> SteeringEvidence:
+    """The same with a hand that holds on to the wheel: 1 deg, slowly to and fro."""
+    rng, hand = np.random.default_rng(seed), 0.0
+    assert segment.wheel is not None
+    for row in range(900):
+        hand += -hand * STEP_S / 4.0 + np.sqrt(2.0 * STEP_S / 4.0) * rng.standard_normal()
+        segment.wheel[row] += hand
+    return segment
+
+
+def test_wheels_that_a_hand_disturbs_show_no_standstill_by_less_than_it_does() -> None:
+    calm = [build_segment(seed, 8.0) for seed in range(4)]
+    unrest_deg = measure_unrest([disturb(build_segment(seed, 8.0), seed) for seed in range(4)])
+    assert measure_unrest(calm) < 0.5 and unrest_deg == pytest.approx(4.0, rel=0.35) and measure_unrest([]) == 0.0
+    still = [[calm[0]], [build_segment(5, 2.5, slice(400, 700))]]
+    assert any(find_faulty_standstills(still)[1]) and not any(find_faulty_standstills(still, unrest_deg)[1])

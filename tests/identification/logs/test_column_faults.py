@@ -186,3 +186,58 @@ def test_a_fast_tight_bend_that_speed_and_heading_show_too_is_no_lost_fix() -> N
     headings = {"heading_deg": np.mod(np.degrees(angle), 360.0)}
     assert find_column_faults({**columns, **headings}, "run") == []
     assert find_column_faults({**columns, "heading_deg": 0.0 * time}, "run") != []
+
+
+@pytest.mark.parametrize("name, column, noise", [
+    ("there", "easting_m", 0.01), ("right", "easting_m", 0.03), ("right", "heading_deg", 0.2),
+    ("steps", "heading_deg", 0.1), ("lines", "speed_mps", 0.02),
+])  # fmt: skip
+@pytest.mark.parametrize("to_s", [None, 40.0])
+def test_a_column_that_stands_within_its_noise_is_frozen(
+    name: str, column: str, noise: float, to_s: float | None
+) -> None:
+    """Also where it thaws: positions that jump then are no jump of their own."""
+    columns, rng = (POSITION if column == "easting_m" else (column,)), np.random.default_rng(4)
+    frame = freeze(clean_frames()[name], columns, 20.5, to_s)
+    if column == "speed_mps":  # which has one pace for most of the run: as if it had driven at another before
+        frame.loc[rows_of(frame, 20.5, to_s), column] = 0.6
+    for each in columns:
+        frame.loc[rows_of(frame, 20.5, to_s), each] += rng.normal(0.0, noise, len(rows_of(frame, 20.5, to_s)))
+    fault_id = {"easting_m": "position_frozen", "heading_deg": "heading_frozen", "speed_mps": "speed_frozen"}[column]
+    assert_one(found(frame), fault_id, 20.5, to_s)
+
+
+def drive_by_hand(pace, turn_deg_per_s, seed=2):  # type: ignore[no-untyped-def]
+    """Columns of a drive at a pace (k,) and a rate of turning, 10 Hz, with noise."""
+    time, rng = 0.1 * np.arange(len(pace)), np.random.default_rng(seed)
+    heading = np.cumsum(0.1 * np.radians(turn_deg_per_s))
+    east, north = np.cumsum(0.1 * pace * np.sin(heading)), np.cumsum(0.1 * pace * np.cos(heading))
+    noise = rng.standard_normal((4, len(pace)))
+    return {
+        "time_s": time, "easting_m": east + 0.01 * noise[0], "northing_m": north + 0.01 * noise[1],
+        "heading_deg": (np.degrees(heading) + 0.2 * noise[2]) % 360.0, "speed_mps": pace + 0.02 * noise[3],
+    }  # fmt: skip
+
+
+def test_a_tractor_that_stands_or_drives_straight_for_long_has_no_frozen_column() -> None:
+    pace = np.repeat([1.4, 0.0, 1.4, 0.0, 2.0], 300).astype(float)
+    columns = drive_by_hand(pace, np.zeros(1500))
+    assert find_column_faults(columns, "run") == []
+    slipping = np.where(np.arange(1500) % 300 < 150, 0.75, 1.0)  # wheels that turn evenly on soft ground
+    ground = drive_by_hand(1.4 * slipping, np.zeros(1500))
+    assert find_column_faults({**ground, "speed_mps": 1.4 + columns["speed_mps"] - pace}, "run") == []
+
+
+def test_stopped_positions_are_told_from_a_stopped_speed_by_the_target() -> None:
+    """From 30 s to 45 s the positions stay and the speed does not: either of them may be frozen."""
+    pace = np.repeat([1.0, 1.6, 0.0, 1.6], 150).astype(float)
+    turning = np.where(np.arange(600) % 200 < 60, 8.0, 0.0)
+    columns = drive_by_hand(pace, turning)
+    stated = {**columns, "speed_mps": np.where(pace == 0.0, 1.6, pace) + columns["speed_mps"] - pace}
+    driven = {**stated, "speed_command_mps": np.where(pace == 0.0, 1.6, pace)}
+    (fault,) = find_column_faults(driven, "run")
+    assert fault.fault.id == "position_frozen" and fault.fault.from_s == pytest.approx(30.0, abs=1.0)
+    halted = {**stated, "speed_command_mps": pace}
+    (fault,) = find_column_faults(halted, "run")
+    assert fault.fault.id == "speed_frozen"
+    assert fault.fault.between_s == pytest.approx((15.0, 30.0), abs=1.5)

@@ -28,12 +28,12 @@ _SETTLING_S = 3.0  # chosen: until wheels follow that stood elsewhere when a seg
 _WINDOW_S, _LEAST_DEMAND_DEG = 3.0, 8.0
 _LEAST_PACE_MPS = 0.25  # most steering is switched off where the tractor stands
 # Chosen: a mean miss beyond these (deg, share of the movement, times what nine of ten other windows show) is a bad one.
-_BAD_DEG, _BAD_SHARE, _BAD_TIMES, _USUAL_QUANTILE = 1.0, 0.08, 3.0, 0.9
+_BAD_DEG, _BAD_SHARE, _BAD_TIMES, _USUAL_QUANTILE = 1.0, 0.05, 3.0, 0.9
 # Chosen: bad windows of a fault and the time from first to last, their share, and good ones between two of them.
 _FEWEST_BAD, _LEAST_FAULT_S, _BAD_WINDOWS_SHARE, _MOST_GOOD_BETWEEN = 6, 12.0, 0.8, 2
 _FEWEST_BEFORE, _FEWEST_ALIKE, _GOOD_SHARE = 4, 6, 0.9  # chosen: windows before it, and others alike, that follow
 # Chosen: misses that grow from window to window are no onset; alike are windows of about the pace and movement.
-_FULL_SHARE, _EARLY_SHARE, _ALIKE_PACE_SHARE, _ALIKE_DEMAND = 0.5, 0.5, 0.3, 2.0
+_FULL_SHARE, _EARLY_SHARE, _ALIKE_PACE_SHARE, _ALIKE_DEMAND = 0.5, 0.25, 0.3, 2.0
 
 
 @dataclass(frozen=True)
