@@ -47,7 +47,7 @@ class FollowingChange:
 @dataclass(frozen=True, eq=False)
 class _Windows:
     """Windows of all segments in which the steering moves (k,): run, segment, first row, miss and movement (deg), pace
-    (m/s), whether the implement works, and the first row of the window that misses."""
+    (m/s), and whether the implement works."""
 
     run: Rows
     segment: Rows
@@ -93,7 +93,9 @@ def _fit_steering(segments: Sequence[SteeringEvidence], calibration: WheelCalibr
 
     def measure(steering: _Steering) -> float:
         """Return the sum of the logarithms of the usual misses: a segment with a fault does not decide."""
-        misses = [np.abs(_expect(part, steering, calibration) - part.wheel) for part in segments]
+        misses = [
+            np.abs(_expect(part, steering, calibration) - part.wheel) for part in segments if part.wheel is not None
+        ]
         return sum(math.log(float(np.mean(np.minimum(miss, 10.0))) + _LEAST_MISS_DEG) for miss in misses)
 
     return min(itertools.product(_LATES_S, _RATES_DEG_PER_S, _LAGS_S), key=measure)
@@ -199,7 +201,7 @@ def _are_others_good(windows: _Windows, inside: Rows, bad: Mask, outside: Mask) 
     alike = outside & (windows.implement == round(float(np.median(windows.implement[inside]))))
     alike &= np.abs(windows.paces - pace) < _ALIKE_PACE_SHARE * pace
     alike &= (windows.demands > demand / _ALIKE_DEMAND) & (windows.demands < demand * _ALIKE_DEMAND)
-    return np.count_nonzero(alike) >= _FEWEST_ALIKE and float(np.mean(~bad[alike])) >= _GOOD_SHARE
+    return bool(np.count_nonzero(alike) >= _FEWEST_ALIKE) and float(np.mean(~bad[alike])) >= _GOOD_SHARE
 
 
 def _find_change_rows(windows: _Windows, stretch: Rows, bad: Mask, part: SteeringEvidence) -> FollowingChange:

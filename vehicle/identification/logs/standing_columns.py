@@ -88,7 +88,7 @@ def _find_standing_rows(values: Array, starts: Rows, shown: tuple[int, int, int]
     edges = np.append(starts, values.shape[1])
     first, end, first_shown = int(edges[shown[0]]), int(edges[shown[1] + 1]), int(edges[shown[2]])
     level = np.median(values[:, first:end], axis=1)[:, None]
-    still = (np.abs(values - level) <= limit).all(axis=0)
+    still: Mask = np.max(np.abs(values - level), axis=0) <= limit
     before = np.flatnonzero(~still[edges[max(shown[0] - 1, 0)] : first])
     after = np.flatnonzero(~still[end : edges[min(shown[1] + 2, len(edges) - 1)]])
     begin = int(edges[max(shown[0] - 1, 0)])
@@ -131,8 +131,10 @@ def _build_blocks(motion: RawMotion, starts: Rows) -> _Blocks:
         heading = np.degrees(np.unwrap(np.radians(motion.heading)))
         folded = np.exp(2j * (np.radians(heading) - motion.course))
     apart = 0.5 * np.degrees(np.angle(_average(folded, starts)))
-    means = [_average(values, starts) for values in (speed, target, motion.pace, heading)]
-    return _Blocks(starts, motion.time_s[starts], *means, apart)
+    mean_speed, mean_target, pace, mean_heading = (
+        _average(values, starts) for values in (speed, target, motion.pace, heading)
+    )
+    return _Blocks(starts, motion.time_s[starts], mean_speed, mean_target, pace, mean_heading, apart)
 
 
 def _list_still_blocks(means: Array, time: Array, limit: float, least_s: float) -> list[tuple[int, int]]:
