@@ -31,7 +31,7 @@ def build_segment(seed: int, gap_deg: Array, slow_from: int = 900, pace: float =
     wheel = follow_with_gap(command, gap_deg)
     if slow_from < 900:
         wheel[slow_from:] = follow_command(command[slow_from:], 0.1, 4.0, 0.1, float(wheel[slow_from - 1]))
-    wheel = wheel + 0.05 * rng.standard_normal(900)
+    wheel += 0.05 * rng.standard_normal(900)
     usual, nothing = follow_command(command, 0.1, 16.0, 0.15), np.full(900, np.nan)
     return SteeringEvidence(
         TIME, np.full(900, pace), nothing, command, wheel, command, command, usual, 0.0, True, nothing, nothing
