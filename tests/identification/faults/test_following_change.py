@@ -9,7 +9,7 @@ from vehicle.identification.faults.steering_evidence import STEP_S, SteeringEvid
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Array, Log
 
-TIME = STEP_S * np.arange(900)
+TIME = STEP_S * np.arange(900, dtype=np.float64)
 
 
 def follow_with_gap(command: Array, gap_deg: Array) -> Array:
