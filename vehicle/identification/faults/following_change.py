@@ -45,7 +45,7 @@ class FollowingChange:
 
 
 @dataclass(frozen=True, eq=False)
-class _Windows:
+class _FollowingWindows:
     """Windows of all segments in which the steering moves (k,): run, segment, first row, miss and movement (deg), pace
     (m/s), and whether the implement works."""
 
@@ -75,13 +75,13 @@ def find_following_changes(
     windows = _measure_windows(logs, segments, steering, calibration)
     if windows is None:
         return found
-    for stretch in _list_stretches(windows, _find_bad(windows, np.ones(windows.count(), np.bool_), unrest_deg)):
+    for span in _list_bad_spans(windows, _find_bad(windows, np.ones(windows.count(), np.bool_), unrest_deg)):
         outside = np.ones(windows.count(), dtype=np.bool_)
-        outside[max(stretch[0] - 1, 0) : stretch[-1] + 2] = False
+        outside[max(span[0] - 1, 0) : span[-1] + 2] = False
         bad = _find_bad(windows, outside, unrest_deg)
-        if _is_change(windows, stretch, bad, outside):
-            run, number = int(windows.run[stretch[0]]), int(windows.segment[stretch[0]])
-            found[run][number].append(_find_change_rows(windows, stretch, bad, segments[run][number]))
+        if _is_change(windows, span, bad, outside):
+            run, number = int(windows.run[span[0]]), int(windows.segment[span[0]])
+            found[run][number].append(_find_change_rows(windows, span, bad, segments[run][number]))
     return found
 
 
@@ -113,7 +113,7 @@ def _measure_windows(
     segments: Sequence[Sequence[SteeringEvidence]],
     steering: _Steering,
     calibration: WheelCalibration,
-) -> _Windows | None:
+) -> _FollowingWindows | None:
     rows = [
         _measure_segment(log, run, number, part, _expect(part, steering, calibration))
         for run, (log, parts) in enumerate(zip(logs, segments, strict=True))
@@ -124,7 +124,7 @@ def _measure_windows(
     if not table.shape[1]:
         return None
     run, segment, first = table[:3].astype(np.int64)
-    return _Windows(run, segment, first, *table[3:])
+    return _FollowingWindows(run, segment, first, *table[3:])
 
 
 def _measure_segment(log: Log, run: int, number: int, part: SteeringEvidence, expected: Array) -> Array:
@@ -154,7 +154,7 @@ def _measure_misses(part: SteeringEvidence, expected: Array) -> Array:
     return misses
 
 
-def _find_bad(windows: _Windows, usual: Mask, unrest_deg: float) -> Mask:
+def _find_bad(windows: _FollowingWindows, usual: Mask, unrest_deg: float) -> Mask:
     """Return the windows that miss clearly more than the `usual` ones."""
     level = float(np.quantile(windows.misses[usual], _USUAL_QUANTILE)) if usual.any() else 0.0
     if usual.all():
@@ -165,7 +165,7 @@ def _find_bad(windows: _Windows, usual: Mask, unrest_deg: float) -> Mask:
     return bad
 
 
-def _list_stretches(windows: _Windows, bad: Mask) -> list[Rows]:
+def _list_bad_spans(windows: _FollowingWindows, bad: Mask) -> list[Rows]:
     """Return the bad windows of a segment that are near each other, where they are enough for a fault."""
     places = np.flatnonzero(bad)
     if not len(places):
@@ -175,14 +175,14 @@ def _list_stretches(windows: _Windows, bad: Mask) -> list[Rows]:
     return [group for group in np.split(places, np.flatnonzero(apart) + 1) if len(group) >= _FEWEST_BAD]
 
 
-def _is_change(windows: _Windows, stretch: Rows, bad: Mask, outside: Mask) -> bool:
-    """Whether a stretch of bad windows began at a moment, and windows alike follow at all other times."""
-    inside = np.arange(stretch[0], stretch[-1] + 1)
+def _is_change(windows: _FollowingWindows, span: Rows, bad: Mask, outside: Mask) -> bool:
+    """Whether a span of bad windows began at a moment, and windows alike follow at all other times."""
+    inside = np.arange(span[0], span[-1] + 1)
     seconds = STEP_S * float(windows.rows[inside[-1]] - windows.rows[inside[0]])
     if seconds < _LEAST_FAULT_S or float(np.mean(bad[inside])) < _BAD_WINDOWS_SHARE:
         return False
-    own = windows.run == windows.run[stretch[0]]
-    before = np.flatnonzero(own & outside & (np.arange(windows.count()) < stretch[0]))
+    own = windows.run == windows.run[span[0]]
+    before = np.flatnonzero(own & outside & (np.arange(windows.count()) < span[0]))
     if len(before) < _FEWEST_BEFORE or float(np.mean(bad[before])) > 1.0 - _GOOD_SHARE:
         return False
     shares = windows.misses / windows.demands
@@ -193,7 +193,7 @@ def _is_change(windows: _Windows, stretch: Rows, bad: Mask, outside: Mask) -> bo
     return _are_others_good(windows, inside, bad, outside)
 
 
-def _are_others_good(windows: _Windows, inside: Rows, bad: Mask, outside: Mask) -> bool:
+def _are_others_good(windows: _FollowingWindows, inside: Rows, bad: Mask, outside: Mask) -> bool:
     """Whether windows outside follow, those of other runs and those of the implement, pace and movement inside."""
     if float(np.mean(bad[outside])) > 1.0 - _GOOD_SHARE:
         return False
@@ -204,11 +204,11 @@ def _are_others_good(windows: _Windows, inside: Rows, bad: Mask, outside: Mask) 
     return bool(np.count_nonzero(alike) >= _FEWEST_ALIKE) and float(np.mean(~bad[alike])) >= _GOOD_SHARE
 
 
-def _find_change_rows(windows: _Windows, stretch: Rows, bad: Mask, part: SteeringEvidence) -> FollowingChange:
+def _find_change_rows(windows: _FollowingWindows, span: Rows, bad: Mask, part: SteeringEvidence) -> FollowingChange:
     """Return the rows from the first bad window on to the next that follows, or to the end of the segment."""
     width = round(_WINDOW_S / STEP_S)
-    same = (windows.run == windows.run[stretch[0]]) & (windows.segment == windows.segment[stretch[0]])
-    after = np.flatnonzero(same & ~bad & (np.arange(windows.count()) > stretch[-1]))
+    same = (windows.run == windows.run[span[0]]) & (windows.segment == windows.segment[span[0]])
+    after = np.flatnonzero(same & ~bad & (np.arange(windows.count()) > span[-1]))
     last = int(windows.rows[after[0]]) if len(after) else len(part.time_s) - 1
     # The first of two overlapping windows is bad by its second half.
-    return FollowingChange(int(windows.rows[stretch[0]]) + width // 3, last)
+    return FollowingChange(int(windows.rows[span[0]]) + width // 3, last)
