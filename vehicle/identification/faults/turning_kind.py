@@ -289,7 +289,7 @@ def _list_columns(rows: _Rows, angle: Array) -> Array:
 @compile_function
 def _follow_way(angle, steps_m, length_m) -> Array:  # type: ignore[no-untyped-def]
     """Return what follows an angle (k, rad) over a way of `length_m`, as a drawn implement does."""
-    out = angle.copy()
+    out: Array = angle.copy()
     for k in range(1, len(angle)):
         out[k] = out[k - 1] + min(steps_m[k] / length_m, 1.0) * (angle[k - 1] - out[k - 1])
     return out

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from vehicle.identification.logs.column_faults import RawMotion, build_raw_motion
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, find_decreasing_entries
+from vehicle.identification.logs.raw_motion import RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import Array, Mask, Rows
 from vehicle.identification.logs.table import Columns
 

@@ -96,9 +96,9 @@ def measure_harm_of_runs(
     errors = [[compute_horizon_errors([squares]) for squares in table] for table in (before, after)]
     kinds = [kind for kind in KINDS if with_along or kind != "along_cm"]
     rises = (
-        math.exp(sum(_find_log_factor(*run, horizon, kind, noise_floor) for run in pairs) / len(pairs))
+        math.exp(sum(_find_log_factor(old, new, horizon, kind, noise_floor) for old, new in pairs) / len(pairs))
         for horizon in noise_floor
-        if horizon <= longest_s and (pairs := [run for run in zip(*errors, strict=True) if horizon in run[0]])
+        if horizon <= longest_s and (pairs := [(old, new) for old, new in zip(*errors, strict=True) if horizon in old])
         for kind in kinds
     )
     return max(1.0, *rises)
@@ -206,10 +206,16 @@ class _Judge:
         noise_of_run = grant_chance(noise, seconds / len(self.dataset.names))
         return max(
             max(
-                measure_harm(*map(compute_horizon_errors, table), self.with_along, longest_s, noise_floor),
-                measure_harm_of_runs(*table, self.with_along, longest_s, noise_of_run),
+                measure_harm(
+                    compute_horizon_errors(before),
+                    compute_horizon_errors(after),
+                    self.with_along,
+                    longest_s,
+                    noise_floor,
+                ),
+                measure_harm_of_runs(before, after, self.with_along, longest_s, noise_of_run),
             )
-            for table in self.list_tables(explained)
+            for before, after in self.list_tables(explained)
         )
 
 
