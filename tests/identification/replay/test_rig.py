@@ -167,13 +167,22 @@ def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None
     steered = log(
         frame, steering_deg=0.0 * time, steering_command_deg=commands, shuttle=np.where(time < 8.25, 1.0, -1.0)
     )
-    first, second = build_dataset([steered]).segments
-    assert np.degrees(second.earlier_commands[[0, -1]]) == pytest.approx([0.0, 10.0]) and not len(
-        first.earlier_commands
-    )
+    (_, second) = build_dataset([steered]).segments
+    assert np.degrees(second.earlier_commands[[0, -1]]) == pytest.approx([0.0, 10.0])
     (angles,) = simulate_wheel_angles(rig(), [second], {"steering_dead_time": {"time_s": 0.6}})
     begun_s = DT_S * int(np.argmax(np.abs(angles) > 1e-6))
     assert begun_s == pytest.approx(0.4, abs=0.06)
     without = replace(second, earlier_commands=np.empty(0))
     (early,) = simulate_wheel_angles(rig(), [without], {"steering_dead_time": {"time_s": 0.6}})
     assert DT_S * int(np.argmax(np.abs(early) > 1e-6)) < 0.1
+
+
+@pytest.mark.parametrize(("moved_deg", "expected_deg"), [(0.0, 3.0), (4.0, None)])
+def test_wheels_that_stand_where_a_log_begins_had_reached_their_command(
+    moved_deg: float, expected_deg: float | None
+) -> None:
+    """Of wheels that move nothing is known: they follow a command given before."""
+    frame = circle(0.0, 20.0)
+    wheel = 3.0 + np.minimum(frame.time_s.to_numpy() / 0.2, 1.0) * moved_deg
+    (one,) = build_dataset([log(frame, steering_deg=wheel, steering_command_deg=9.0 + 0.0 * wheel)]).segments
+    assert np.degrees(one.earlier_commands).tolist() == ([] if expected_deg is None else pytest.approx([3.0] * 96))

@@ -250,6 +250,7 @@ class DriveDataset:
         return [segment for segment in self.segments if segment.run == run]
 
 
+_STANDING_S, _STANDING_DEG = 0.2, 1.0  # chosen: wheels that follow a command move faster, and noise is less
 WHEEL_LEAD_S = -0.05  # wheels that move so much before their command are stamped by another clock
 _WHEEL_LAGS_S = np.arange(-1.0, 1.55, 0.05)
 
@@ -375,23 +376,39 @@ def _build_segment(
         gear,
         None if log.fresh is None or wheel is None else (time, wheel),
         _select_measured_rows(log, rows, fresh),
-        _select_earlier_commands(log, int(rows[0])),
+        _select_earlier_commands(log, rows),
     )
 
 
-def _select_earlier_commands(log: Log, row: int) -> Array:
-    """Return the commands (m, rad) on the grid before a row, used for a replay or not, up to the last gap."""
-    if log.steering_command_deg is None or row == 0:
+def _select_earlier_commands(log: Log, rows: Rows) -> Array:
+    """Return the commands (m, rad) on the grid before the first of the rows, used for a replay or not, up to a gap.
+
+    After a gap, or at the start of a log, wheels that stand had reached the command before.
+    """
+    command, row = log.steering_command_deg, int(rows[0])
+    if command is None:
         return np.empty(0)
-    time, command = log.time_s[: row + 1] - log.time_s[row], log.steering_command_deg[: row + 1]
+    time = log.time_s[: row + 1] - log.time_s[row]
     with np.errstate(invalid="ignore"):
         steps = np.diff(time)
-        known = (steps > 0.0) & (steps <= GAP_SAMPLES * log.step_s) & np.isfinite(command[:-1])
+        known = (steps > 0.0) & (steps <= GAP_SAMPLES * log.step_s) & np.isfinite(command[:row])
         known &= time[:-1] >= -HISTORY_STEPS * DT_S
     first = row - (int(np.argmin(known[::-1])) if not known.all() else row)
-    time, command = time[first:], command[first:]
+    if first == row:
+        return _assume_earlier_commands(log, rows)
+    time, command = time[first:], command[first : row + 1]
     grid = -DT_S * np.arange(math.floor(-time[0] / DT_S), 0, -1)
     return np.asarray(np.radians(command)[np.searchsorted(0.5 * (time[1:] + time[:-1]), grid)])
+
+
+def _assume_earlier_commands(log: Log, rows: Rows) -> Array:
+    """Return the angle (m, rad) at which measured wheels stand in the first rows; nothing where they move."""
+    if log.steering_deg is None:
+        return np.empty(0)
+    begun = rows[log.time_s[rows] <= log.time_s[rows[0]] + max(_STANDING_S, 1.5 * log.step_s)]
+    if float(np.ptp(log.steering_deg[begun])) > _STANDING_DEG:
+        return np.empty(0)
+    return np.full(HISTORY_STEPS, math.radians(float(log.steering_deg[rows[0]])))
 
 
 def _select_measured_rows(log: Log, rows: Rows, fresh: slice | Mask) -> dict[str, Mask]:
