@@ -132,7 +132,6 @@ REFUSED = {
     "text": (table().assign(northing_m="north").to_csv(index=False), "its first cell is 'north'"),
     "backwards": (table()[::-1].to_csv(index=False), "sort the rows by time"),
     "standing_clock": (table().assign(time_s=5.0).to_csv(index=False), "log times with enough decimals"),
-    "whole_seconds": (table().assign(time_s=table().time_s // 1.0).to_csv(index=False), "with enough decimals"),
     "neutral": (table().assign(shuttle=0).to_csv(index=False), "shuttle in neutral: 200 rows from line 2"),
     "slow": (table(rate_hz=0.3).to_csv(index=False), "3.33333 s apart"),
     "fast": (table(rate_hz=1000.0).to_csv(index=False), "0.001 s apart"),

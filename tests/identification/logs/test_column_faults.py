@@ -10,6 +10,7 @@ from tests.identification.log_tables import runs
 from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
 from vehicle.identification.logs.raw_motion import build_raw_motion
 from vehicle.identification.logs.reader import build_log
+from vehicle.identification.logs.standing_columns import find_standing_spans
 
 POSITION, BENT = ("easting_m", "northing_m"), ("right", "left", "steps")
 onsets = st.floats(12.0, 34.0)
@@ -241,3 +242,18 @@ def test_stopped_positions_are_told_from_a_stopped_speed_by_the_target() -> None
     (fault,) = find_column_faults(halted, "run")
     assert fault.fault.id == "speed_frozen"
     assert fault.fault.between_s == pytest.approx((15.0, 30.0), abs=1.5)
+
+
+def test_means_of_a_heading_that_stands_while_the_course_turns() -> None:
+    """From 40 s on, 0.2 degrees of noise about one value, on a circle of 15 m at 1.5 m/s."""
+    time = np.arange(0.0, 90.0, 0.1)
+    heading = np.where(time < 10.0, 0.0, (time - 10.0) * 0.1)
+    east, north = (np.cumsum(0.15 * swing) for swing in (np.sin(heading), np.cos(heading)))
+    noise = 0.2 * np.random.default_rng(3).standard_normal(len(time))
+    shown = np.degrees(np.where(time < 40.0, heading, 3.0)) + noise
+    columns = {"time_s": time, "easting_m": east, "northing_m": north, "heading_deg": shown % 360.0}
+    columns["speed_mps"] = np.full(len(time), 1.5)
+    (span,) = find_standing_spans(build_raw_motion(columns, np.arange(len(time))), "heading")
+    assert time[span.first] == pytest.approx(40.0, abs=1.5) and span.last >= len(time) - 11
+    right = {**columns, "heading_deg": (np.degrees(heading) + noise) % 360.0}
+    assert find_standing_spans(build_raw_motion(right, np.arange(len(time))), "heading") == []

@@ -96,3 +96,10 @@ def test_rows_that_were_taken_in_bundles_are_refused_for_that() -> None:
     })  # fmt: skip
     with pytest.raises(LogError, match=r"rows come in bundles, 0.002 s apart within one and 0.099 s on average"):
         build_log(frame, "run")
+
+
+def test_stamps_in_whole_seconds_are_spread_where_positions_advance_evenly() -> None:
+    taken, columns = drive(False, 0.0)
+    log = build_log(pd.DataFrame({**columns, "time_s": taken // 1.0, "steering_deg": 0.0, "speed_mps": 2.0}), "run")
+    apart = log.time_s - taken
+    assert np.ptp(apart) < 0.15 and any("bundles of about 10" in each for each in log.corrections)

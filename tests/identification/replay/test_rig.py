@@ -20,6 +20,7 @@ from vehicle.identification.replay.rig import (
     simulate_wheel_angles,
 )
 from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.identification.replay.steering_steps import make_settled_state
 from vehicle.model.effects import compute_effect_fields
 from vehicle.model.tractor import EffectSetting, load_tractor
 from vehicle.records import DT_S
@@ -175,6 +176,15 @@ def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None
     without = replace(second, earlier_commands=np.empty(0))
     (early,) = simulate_wheel_angles(rig(), [without], {"steering_dead_time": {"time_s": 0.6}})
     assert DT_S * int(np.argmax(np.abs(early) > 1e-6)) < 0.1
+
+
+def test_a_settled_state_reaches_back_as_far_as_delays_do() -> None:
+    earlier = np.arange(120.0)
+    state = make_settled_state(np.array([7.0, 8.0]), earlier)[0]
+    reached = int(state["clock"])
+    assert reached == len(state["commands"]) - 2
+    assert state["commands"][:reached].tolist() == earlier[-reached:].tolist() and state["commands"][-1] == 7.0
+    assert make_settled_state(np.array([7.0]), np.empty(0))[0]["clock"] == 0
 
 
 @pytest.mark.parametrize(("moved_deg", "expected_deg"), [(0.0, 3.0), (4.0, None)])

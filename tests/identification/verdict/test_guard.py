@@ -240,18 +240,21 @@ def build_squares(cross_cm: float, rows: float = 100.0) -> HorizonSquares:
 
 
 def test_what_helps_the_one_run_with_most_of_the_error_and_harms_the_others_is_harm() -> None:
-    """From 40 and three times 2 cm to 20 and three times 4: the error of all falls by half, most runs double theirs."""
+    """From 40 and four times 2 cm to 20 and four times 4: the error of all falls by half, most runs double theirs."""
     noise = {horizon: HorizonError(0.5, 0.5, 0.1) for horizon in (1.0, 5.0, 10.0, 20.0)}
     before, after = (
-        [build_squares(size) for size in sizes] for sizes in ((40.0, 2.0, 2.0, 2.0), (20.0, 4.0, 4.0, 4.0))
+        [build_squares(size) for size in sizes] for sizes in ((40.0, 2.0, 2.0, 2.0, 2.0), (20.0, 4.0, 4.0, 4.0, 4.0))
     )
     pooled = measure_harm(compute_horizon_errors(before), compute_horizon_errors(after), True, math.inf, noise)
     assert pooled == 1.0
-    assert measure_harm_of_runs(before, after, True, math.inf, noise) == pytest.approx(2.0**0.5)
+    assert measure_harm_of_runs(before, after, True, math.inf, noise) == pytest.approx(2.0**0.6)
     assert measure_harm_of_runs(before, before, True, math.inf, noise) == 1.0
 
 
 def test_runs_below_noise_are_neither_harmed_nor_helped() -> None:
     noise = {5.0: HorizonError(5.0, 5.0, 5.0)}
-    before, after = [build_squares(1.0), build_squares(20.0)], [build_squares(4.0), build_squares(10.0)]
-    assert measure_harm_of_runs(before, after, True, math.inf, noise) == pytest.approx(1.0)
+    before, after = [build_squares(1.0)] * 5, [build_squares(4.0)] * 5
+    assert measure_harm_of_runs(before, after, True, math.inf, noise) == 1.0
+    few = [build_squares(10.0)] * 4, [build_squares(20.0)] * 4
+    assert measure_harm_of_runs(*few, True, math.inf, noise) == 1.0
+    assert measure_harm_of_runs(few[0] + few[0][:1], few[1] + few[1][:1], True, math.inf, noise) == pytest.approx(2.0)

@@ -42,6 +42,7 @@ from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Settings
 
 KINDS = ("cross_cm", "along_cm", "heading_deg")
+FEWEST_JUDGING_RUNS = 5  # chosen: of fewer runs one is as good as most
 SLOW_MPS = 1.0  # chosen: at this pace a heading moves the path by what it is worth
 NOTHING_LEFT = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
 UNJUDGED = "The halves of these logs do not show by themselves what all of them show together, so nothing is saved."
@@ -91,17 +92,19 @@ def measure_harm_of_runs(
     where none rises.
 
     One run that goes wrong as no other does may have most of the error of all of them, and what helps it alone may harm
-    the others. The arguments are those of measure_harm, per run.
+    the others. The arguments are those of measure_harm, per run; with few runs nothing is judged.
     """
     errors = [[compute_horizon_errors([squares]) for squares in table] for table in (before, after)]
     kinds = [kind for kind in KINDS if with_along or kind != "along_cm"]
-    rises = (
-        math.exp(sum(_find_log_factor(old, new, horizon, kind, noise_floor) for old, new in pairs) / len(pairs))
-        for horizon in noise_floor
-        if horizon <= longest_s and (pairs := [(old, new) for old, new in zip(*errors, strict=True) if horizon in old])
-        for kind in kinds
-    )
-    return max(1.0, *rises)
+    worst = 1.0
+    for horizon in (horizon for horizon in noise_floor if horizon <= longest_s):
+        runs = [(old, new) for old, new in zip(*errors, strict=True) if horizon in old]
+        if len(runs) < FEWEST_JUDGING_RUNS:
+            continue
+        for kind in kinds:
+            factors = [_find_log_factor(old, new, horizon, kind, noise_floor) for old, new in runs]
+            worst = max(worst, math.exp(sum(factors) / len(factors)))
+    return worst
 
 
 def _find_log_factor(
