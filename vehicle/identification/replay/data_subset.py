@@ -88,12 +88,12 @@ def _extract_piece(segment: DriveSegment, rows: slice) -> DriveSegment:
         time=time,
         grids=resample_on_grid(time, columns),
         measured_rows={name: mask[rows] for name, mask in segment.measured_rows.items()},
-        earlier_commands=_select_earlier_commands(segment, first),
+        earlier_commands=_cut_earlier_commands(segment, first),
         **{name: columns[name] for name in names},
     )
 
 
-def _select_earlier_commands(segment: DriveSegment, first_s: float) -> Array:
+def _cut_earlier_commands(segment: DriveSegment, first_s: float) -> Array:
     """Return the commands (m,) on the grid before a time of a segment, as far back as a delay reaches."""
     within = segment.grids.get("command", np.empty(0))[: round(first_s / DT_S)]
     return np.concatenate([segment.earlier_commands, within])[-HISTORY_STEPS:]
