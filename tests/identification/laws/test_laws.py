@@ -25,6 +25,7 @@ from vehicle.identification.laws.bases import (
 )
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
+from vehicle.identification.laws.selection import compute_law_range
 from vehicle.identification.laws.settle import (
     ActingLaw,
     LawResidualModel,
@@ -222,6 +223,13 @@ def test_a_law_is_told_where_something_possible_is_left_of_it(
     told = settle_laws(selection, nothing, eg105())
     assert told.laws == ((law,) if is_told else ())
     assert told.selection is (settled if is_told else selection)
+
+
+@pytest.mark.parametrize(("outer_share", "low", "high"), [(0.05, 0.0, 0.0), (0.0, -0.4, 0.0)])
+def test_a_small_circle_is_no_range_and_a_short_work_is(outer_share: float, low: float, high: float) -> None:
+    """One row in a hundred differs: a chance circle of the field, or the few rows in which an implement works."""
+    values = np.where(np.arange(100) == 7, -0.4, 0.0)
+    assert compute_law_range(values, np.ones(100), outer_share) == pytest.approx((low, high), abs=1e-12)
 
 
 @pytest.mark.parametrize(("returned", "by_covariates", "is_shadow"), [(300.0, 100.0, False), (150.0, 100.0, True)])

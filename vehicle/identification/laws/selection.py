@@ -16,6 +16,7 @@ from vehicle.identification.cause_selection.refit import refit_with_covariates, 
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.laws.bases import (
+    BY_IMPLEMENT,
     BY_PLACE,
     BY_SIDE,
     FEWEST_GROUP_RUNS,
@@ -234,21 +235,21 @@ def _list_supported(
 
 def _compute_range(residual_model: ResidualModel, score: LawScore, weights: Array) -> tuple[float, float]:
     rows = np.concatenate([score.basis.compute_rows(segment) for segment in residual_model.dataset.segments])
-    return compute_law_range(rows @ score.amounts, weights, OUTER_SHARE)
+    outer_share = 0.0 if score.basis.kind == BY_IMPLEMENT else OUTER_SHARE
+    return compute_law_range(rows @ score.amounts, weights, outer_share)
 
 
 def compute_law_range(values: Array, weights: Array, outer_share: float) -> tuple[float, float]:
     """Return the range of the values of a parameter per row (k,) without its outer shares, by how much rows show of it.
 
-    Of two values, such as those of a lifted and a working implement, both count however few rows have one of them.
+    Where the outer share is 0, every value that rows show counts, however few have it: as of a working implement.
     """
     order = np.argsort(values)
     shares = np.cumsum(weights[order])
     if shares[-1] <= 0.0:
         return 0.0, 0.0
-    shown = values[weights > 0.0]
-    middle = 0.5 * (shown.min() + shown.max())
-    if np.all(np.isclose(shown, np.where(shown < middle, shown.min(), shown.max()))):
+    if outer_share == 0.0:
+        shown = values[weights > 0.0]
         return float(shown.min()), float(shown.max())
     low, high = np.interp((outer_share, 1.0 - outer_share), shares / shares[-1], values[order])
     return float(low), float(high)

@@ -12,7 +12,7 @@ from vehicle.identification.cause_selection.refit import compute_unnamed_gain, r
 from vehicle.identification.cause_selection.selection import CauseSelection, drop_superfluous
 from vehicle.identification.fit.effect_parameters import build_parameters
 from vehicle.identification.fit.residual_fit import EffectFit, FitPart
-from vehicle.identification.laws.bases import BY_PLACE, OVER_MINUTES, LawBasis, RunClock
+from vehicle.identification.laws.bases import BY_IMPLEMENT, BY_PLACE, OVER_MINUTES, LawBasis, RunClock
 from vehicle.identification.laws.columns import GAIN, LawColumns, list_targets, scale_increments
 from vehicle.identification.laws.scores import LawScore, LawScorer
 from vehicle.identification.laws.selection import (
@@ -231,7 +231,8 @@ def _read_law(selection: CauseSelection, found: FoundLaw, score: LawScore, compe
     amounts = model.law.amounts
     rows = np.concatenate([found.score.basis.compute_rows(segment) for segment in model.dataset.segments])
     change = value + (rows - model.law.centre) @ amounts
-    low, high = compute_law_range(change, LawColumns(model, fit).compute_weights(target), OUTER_SHARE_OF_FIT)
+    outer_share = 0.0 if found.kind == BY_IMPLEMENT else OUTER_SHARE_OF_FIT
+    low, high = compute_law_range(change, LawColumns(model, fit).compute_weights(target), outer_share)
     mean_error = target.finest
     if target.is_in_fit:
         covariance = estimate_robust_covariance(model, fit, widen_for_few=True)
