@@ -12,7 +12,7 @@ from vehicle.identification.fit.residual_fit import EffectFit, FitPart, add_line
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import LEAST_GAIN
 
-PARTS, WHOLE = ("position_delay", "heading_delay"), "gnss_latency"
+PARTS, WHOLE, FILTER = ("position_delay", "heading_delay"), "gnss_latency", "heading_filter"
 DEAD_TIME, WHEEL_CLOCK, COMMAND_CLOCK = "steering_dead_time", "clock_offset_steering", "clock_offset_steering_command"
 _COLUMNS = ("position", "heading", "speed", "steering", "steering_command")
 SAME_CLOCK_FACTOR = 3.0  # chosen, times what may be claimed: errors of delays that are fitted together
@@ -29,9 +29,32 @@ _AGED_COLUMNS = {
 
 def simplify_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:
     """Return the fit with the simplest common explanation of its delays."""
-    for simplify in (merge_delays, remove_common_age, choose_reference_clock, share_out_delays):
+    for simplify in (merge_delays, drop_shared_filter, remove_common_age, choose_reference_clock, share_out_delays):
         fit = simplify(residual_model, fit)
     return fit
+
+
+def drop_shared_filter(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:
+    """Return the fit without the low pass of the heading, where all other columns are as late as it makes the heading.
+
+    A heading stamped early and smoothed by as much is in time; with the common age removed it shows as one that is
+    smoothed beside others that are late.
+    """
+    sizes, ages = _collect_ages(fit)
+    smoothed_s = float(fit.settings.get(FILTER, {}).get("time_s", 0.0))
+    others = [age for column, age in ages.items() if column != "heading"]
+    if min(smoothed_s, *others) <= 0.0:
+        return fit
+    kept = {name: size - min(others) for name, size in sizes.items()}
+    parts = tuple(
+        (parameters, np.array([kept[parameters.id]]) if parameters.id in kept else coordinates)
+        for parameters, coordinates in fit.parts
+        if parameters.id != FILTER and abs(kept.get(parameters.id, 1.0)) >= SMALLEST_AGE_S
+    )
+    fewer = len(fit.parts) - len(parts)
+    gain = _refit_parts(residual_model, fit, tuple(p for p in parts if p[0].id not in kept)).loss - fit.loss
+    simpler = _refit_parts(residual_model, fit, parts)
+    return simpler if simpler.loss < fit.loss + max(fewer * LEAST_GAIN, ONE_CLOCK_SHARE * gain) else fit
 
 
 def remove_common_age(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:

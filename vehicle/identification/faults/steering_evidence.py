@@ -117,7 +117,8 @@ def _build_segment(log: Log, rows: Rows, locks: tuple[float, float]) -> Steering
         for values in (log.steering_deg, log.steering_command_deg)
         if values is not None
     )
-    start_deg = None if wheel is None or steps_before else float(wheel[0])
+    # After a gap the wheels may be far from the command still.
+    start_deg = None if log.steering_deg is None else float(log.steering_deg[long_rows[0]])
     slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S, start_deg)[steps_before:]
     middle = follow_command(source, _MIDDLE_LATE_S, _MIDDLE_RATE_DEG_PER_S, _MIDDLE_LAG_S, start_deg)[steps_before:]
     usual = follow_command(source, _USUAL_LATE_S, _USUAL_RATE_DEG_PER_S, _USUAL_LAG_S, start_deg)[steps_before:]

@@ -60,7 +60,7 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     motion = motion.without_positions([*lost, *_list_spans(found, rows)])
     faults += found
     for column in ("heading", "speed", "wheel"):
-        faults += _find_still_faults(name, motion, rows, column)
+        faults += _find_still_faults(name, motion, rows, column, lost)
     return [_limit_speed(each, motion, rows) if each.fault.id == SPEED_FROZEN else each for each in faults]
 
 
@@ -101,13 +101,18 @@ _FROZEN_IDS = {
 }
 
 
-def _find_still_faults(name: str, motion: RawMotion, rows: Rows, column: str) -> list[ColumnFault]:
-    """Return the spans in which a column repeats one value, and else those in which it stands within its noise."""
+def _find_still_faults(
+    name: str, motion: RawMotion, rows: Rows, column: str, lost: Sequence[Span] = ()
+) -> list[ColumnFault]:
+    """Return the spans in which a column repeats one value, and else those in which it stands within its noise.
+
+    Where the fix is lost, positions already wander, and what they say of a column that stands is no evidence.
+    """
     fault_id = _FROZEN_IDS[column]
     spans = _find_frozen_spans(motion, column)
     faults = [_build_fault(name, motion, rows, span, fault_id, _WORDS[fault_id]) for span in spans]
     for still in find_standing_spans(motion, column):
-        if any(still.first <= last and first <= still.last for first, last in spans):
+        if any(still.first <= last and first <= still.last for first, last in [*spans, *lost]):
             continue
         fault = _build_fault(name, motion, rows, (still.first, still.last), fault_id, _STANDING_WORDS[fault_id])
         faults.append(replace(fault, fault=_tell_onset(fault.fault, still, motion)))

@@ -218,8 +218,10 @@ def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
     apart = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(middle))))
     if float(np.median(apart[outside])) > _MOST_BIAS_DEG:
         return None
+    left = np.abs(0.5 * np.degrees(np.angle(folded * np.conj(folded[first]))))  # a crab's course stays as it is
     with np.errstate(invalid="ignore"):
-        if np.count_nonzero(apart[first : last + 1] > _COURSE_APART_DEG) * _BLOCK_S < _APART_S:
+        far = np.minimum(apart, left)[first : last + 1] > _COURSE_APART_DEG
+        if np.count_nonzero(far) * _BLOCK_S < _APART_S:
             return None
         doubted = np.flatnonzero(apart[first : last + 1] > _COURSE_DOUBT_DEG)
     return first, last, first + int(doubted[0])
@@ -234,6 +236,7 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     if speed < _PACE_APART_MPS or not other.any() or not _agrees_outside(blocks, shown, last):
         return None
     moving = pace > MOVING_MPS
+    other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
     targeted = other & moving & (np.abs(pace - target) < 0.5 * np.abs(pace - speed))
     faster = other & (pace > speed)
     is_other = max(np.count_nonzero(faster), np.count_nonzero(targeted)) * _BLOCK_S >= _PACE_APART_S
