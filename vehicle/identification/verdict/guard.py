@@ -236,18 +236,19 @@ def guard_case(
     judge = _Judge(dataset, subset, selection, *file_model, cross_fit(selection, explained, step))
     kept = drop_harm(judge, explained, ERROR_PIECE_S)
     saved = drop_harm(judge, kept, math.inf)
-    dropped = explained.case.extension.term_ids - kept.case.extension.term_ids
-    unsaved = tuple(name for name in kept.names if name not in saved.case.extension.term_ids)
-    separate_blocks = list_separate_blocks(selection.residual_model)
-    shown = tuple(name for name in unsaved if get_effect(name).block in separate_blocks)
-    names = [name for name in kept.names if name not in unsaved or name in shown]
-    kept = replace(kept, names=names, case=replace(kept.case, refused_effects=kept.case.refused_effects | dropped))
-    unsaved_names = tuple(name for name in unsaved if name not in shown)
     unjudged_ids = list_unjudged(saved.case.extension.term_ids, judge.list_half_ids())
     unjudged_ids |= list_doubtful_circles(saved.case)
     if unjudged_ids:
-        saved = _keep(judge, saved, saved.case.extension.term_ids - unjudged_ids)
-        kept = replace(kept, names=[name for name in kept.names if name not in unjudged_ids])
+        # What is left had its values beside what is taken out.
+        saved = drop_harm(judge, _keep(judge, saved, saved.case.extension.term_ids - unjudged_ids), math.inf)
+    dropped = explained.case.extension.term_ids - kept.case.extension.term_ids
+    judged = [name for name in kept.names if name not in unjudged_ids]
+    unsaved = [name for name in judged if name not in saved.case.extension.term_ids]
+    separate_blocks = list_separate_blocks(selection.residual_model)
+    shown = tuple(name for name in unsaved if get_effect(name).block in separate_blocks)
+    unsaved_names = tuple(name for name in unsaved if name not in shown)
+    names = [name for name in judged if name not in unsaved_names]
+    kept = replace(kept, names=names, case=replace(kept.case, refused_effects=kept.case.refused_effects | dropped))
     is_reduced = saved.case.extension.term_ids != explained.case.extension.term_ids
     reason = UNJUDGED if unjudged_ids else NOTHING_LEFT
     return GuardedCase(kept, saved, is_reduced, _build_holdout(judge, saved), unsaved_names, shown, reason)
