@@ -32,6 +32,9 @@ TOLERANCE_SHARE = 0.2
 # Share of the curvature (95 %) by which measured radii may be wrong at full lock and right at small angles: the finest
 # gain that may be claimed.
 RADIUS_SHAPE_TOLERANCE = 0.02
+# Of the turning without it, what sliding tyres must take from the bends in which they slide to be named: chosen, between
+# radii at the edge of their tolerance (0.01 to 0.04) and true limits (0.09 and more); and from when on a row slides.
+SLIDING_SHARE, LEAST_SLIDING_SHARE = 0.05, 0.005
 # Chosen: what logs say about a tolerance counts this much less, as errors of another vehicle's model are alike for
 # minutes and only noise averages out.
 DATA_DISCOUNT = 10.0

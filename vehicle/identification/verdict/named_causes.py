@@ -21,6 +21,7 @@ from vehicle.identification.cause_selection.tolerances import is_within_toleranc
 from vehicle.identification.fit.effect_parameters import find_finest_size
 from vehicle.identification.fit.open_loop import ModelTerm, fit_terms
 from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.laws.columns import SIDE_SLIP
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.model_extension.term_search import (
     OpenLoopFit,
@@ -41,7 +42,9 @@ from vehicle.identification.thresholds import (
     HARM_PCT,
     LEAST_GAIN,
     LEAST_REPORTED_SHARE,
+    LEAST_SLIDING_SHARE,
     OUTWEIGHED_SHARE,
+    SLIDING_SHARE,
     WORTH_A_NAME_PCT,
     WORTH_OF_WHEEL_PCT,
 )
@@ -139,6 +142,19 @@ def is_reaching_limit(case: DiagnosisCase, name: str) -> bool:
     neutral_size = get_neutral_values(name, case.tractor.steering)[size.name]
     low, high = case.extension.intervals[name][size.name]
     return high >= size.high > neutral_size or (size.neutral is not None and low <= size.low < neutral_size)
+
+
+def is_radius_tolerance(case: DiagnosisCase) -> bool:
+    """Whether tyres that slide take no more from the bends where they do than measured radii may be wrong by."""
+    settings = {**case.tolerated, **case.found_values}
+    kept = {name: values for name, values in settings.items() if name != SIDE_SLIP}
+    with_slip, without = (
+        np.abs(np.concatenate([move.turned for move in case.residual_model.simulate_increments(one)]))
+        for one in (settings, kept)
+    )
+    slides = without - with_slip > LEAST_SLIDING_SHARE * without
+    lost = float(np.sum((without - with_slip)[slides]))
+    return lost <= SLIDING_SHARE * float(np.sum(without[slides]))
 
 
 def is_named_effect_shadow(selection: CauseSelection, names: Collection[str], name: str) -> bool:
@@ -377,6 +393,7 @@ def is_holding(case: DiagnosisCase, name: str) -> bool:
         is_clear
         and not is_calibration(case.residual_model, case.main_terms[name])
         and not is_reaching_limit(case, name)
+        and not (name == SIDE_SLIP and is_radius_tolerance(case))
     )
     return is_beyond and worth >= least_worth and case.compute_held_out_gain(name)[0] > -HARM_PCT
 
