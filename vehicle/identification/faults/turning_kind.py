@@ -45,6 +45,8 @@ _LEAST_JOINT_GAIN = 1.15  # chosen: sets without a joint gain 1 %, those of the 
 _MOST_WHEELBASES = 3.0
 # Chosen, of the wheelbase: how near the still axle is to the front axle of the file, and how well that is known.
 _NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1
+# Chosen, of how far the antenna is ahead: so near to an axle that does not move sideways headings may be its course.
+_STILL_SHARE = 0.2
 _WINDOW_S, _THIN_S = 1.0, 0.3  # over which changes are taken, and between them
 _FEWEST_ROWS, _MOST_ROWS = 100, 10_000  # more show the same
 _LEAST_MOVED_DEG = 40.0  # chosen: the root of the sum of squared changes of the angle that show how heading follows
@@ -118,6 +120,8 @@ def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | 
             f"{abs(share):.2f} degrees per degree of the steering angle at any speed; the model steers its front "
             "wheels, so causes between the wheels and the positions are not named."
         )
+        if antenna is not None and abs(antenna) < _STILL_SHARE * tractor.antenna_forward_m:
+            words += " If it does not bend, heading_deg is the course of the antenna: leave that column out."
         return OtherTurning(ARTICULATED, words, _list_faked_by_joint(logs))
     if antenna is None or measure.antenna_error_m > KNOWN_SHARE * base:
         return None
