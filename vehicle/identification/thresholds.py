@@ -32,8 +32,8 @@ TOLERANCE_SHARE = 0.2
 # Share of the curvature (95 %) by which measured radii may be wrong at full lock and right at small angles: the finest
 # gain that may be claimed.
 RADIUS_SHAPE_TOLERANCE = 0.02
-# Of the turning without it, what sliding tyres must take from the bends in which they slide to be named: chosen, between
-# radii at the edge of their tolerance (0.01 to 0.04) and true limits (0.09 and more); and from when on a row slides.
+# Of the turning without it, what sliding tyres must take from the bends in which they slide to be named: chosen,
+# between radii at the edge of their tolerance (0.01 to 0.04) and true limits (0.09 and more). And when a row slides.
 SLIDING_SHARE, LEAST_SLIDING_SHARE = 0.05, 0.005
 # Chosen: what logs say about a tolerance counts this much less, as errors of another vehicle's model are alike for
 # minutes and only noise averages out.
@@ -72,8 +72,9 @@ PLAINLY_NEEDED_FACTOR = 16.0
 MOST_PARTS = 8
 # Chosen: the best of some thousand circles gains more by chance than an effect with one number.
 PATCH_HANDICAP = 1.3
-# Chosen, rad: a circle in which the tractor hardly turned shows nothing about grip.
-FEWEST_TURNED_RAD = 0.3
+# Chosen, rad and deg: a circle in which the tractor hardly turned, by bends of more than these degrees of its wheels,
+# shows nothing about grip.
+FEWEST_TURNED_RAD, LEAST_BEND_DEG = 0.3, 3.0
 # Chosen, of the gain of a circle: with less beside a steering gain of each run, runs differ and not places. A hidden
 # patch keeps nearly all of its gain, a circle around the runs of another tractor a twentieth.
 LEAST_WITHIN_RUNS_SHARE = 0.5

@@ -34,11 +34,13 @@ class Plain(PathResponse):
         return made.reshape(-1, len(turns))
 
 
-def field_of_bends(grip: float) -> tuple[Any, Any]:
-    """Bends up and down a field of 60 m; inside the disc the tractor turns by `grip` more than simulated."""
+def field_of_bends(grip: float, angle_deg: float = 9.0) -> tuple[Any, Any]:
+    """Bends up and down a field of 60 m, with wheels at an angle; inside the disc the tractor turns by `grip` more than
+    simulated."""
     east, north = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 60.0, 1.0), np.arange(0.0, 60.0, 1.0)))
     turned = 0.05 * np.sin(0.37 * np.arange(len(east) - 1))
-    segment = SimpleNamespace(east=east, north=north, rows=len(east), time=0.1 * np.arange(len(east)))
+    wheel = np.full(len(east), math.radians(angle_deg))
+    segment = SimpleNamespace(east=east, north=north, rows=len(east), time=0.1 * np.arange(len(east)), wheel=wheel)
     dataset = SimpleNamespace(segments=(segment,), origin=(1000.0, 2000.0))
     move = PoseIncrements(np.ones_like(turned), np.zeros_like(turned), turned)
     inside = np.hypot(east[:-1] - PLACE[0], north[:-1] - PLACE[1]) < RADIUS
@@ -58,6 +60,10 @@ def test_a_disc_of_other_grip_is_found_in_the_frame_of_the_logs() -> None:
     assert patch is not None
     assert math.hypot(patch[0] - 1000.0 - PLACE[0], patch[1] - 2000.0 - PLACE[1]) < 1.0
     assert patch[2] == pytest.approx(RADIUS, abs=1.0)
+
+
+def test_rows_that_only_keep_a_line_show_no_grip() -> None:
+    assert find_best_patch(*field_of_bends(0.3, angle_deg=2.0)) is None
 
 
 def test_the_gain_of_the_disc_is_all_that_is_left() -> None:

@@ -25,7 +25,7 @@ from vehicle.identification.laws.bases import (
 )
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
-from vehicle.identification.laws.selection import compute_law_range
+from vehicle.identification.laws.selection import _sum_bends_at_work, compute_law_range
 from vehicle.identification.laws.settle import (
     ActingLaw,
     LawResidualModel,
@@ -39,6 +39,7 @@ from vehicle.identification.laws.sides import LEFT, RIGHT, _measure_worth, find_
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.residuals.residual_model import ResidualModel
+from vehicle.identification.thresholds import FEWEST_TURNED_RAD
 from vehicle.model.effects import get_effect
 from vehicle.records import GRAVITY_MPS2
 
@@ -249,3 +250,20 @@ def test_a_law_explains_twice_what_covariates_do_beside_it(
     assert is_shadow_of_covariates(selection) is is_shadow
     selection.unnamed = ()
     assert not is_shadow_of_covariates(selection)
+
+
+def test_rows_that_keep_a_line_at_work_show_no_gain_of_the_implement(plain: ResidualModel) -> None:
+    """The programme turns by more than a third of a radian; the same with its implement up turns by nothing at work."""
+    segments = plain.dataset.segments
+    at_work, lifted = (
+        replace(
+            plain,
+            dataset=replace(
+                plain.dataset,
+                segments=tuple(replace(one, working=np.full(one.rows, share)) for one in segments),
+            ),
+        )
+        for share in (1.0, 0.0)
+    )
+    assert _sum_bends_at_work(lifted) == 0.0
+    assert _sum_bends_at_work(at_work) > FEWEST_TURNED_RAD

@@ -8,12 +8,17 @@ from itertools import product
 
 import numpy as np
 
-from vehicle.identification.cause_selection.covariates import ColumnProducts, PathResponse, compute_explained_loss
+from vehicle.identification.cause_selection.covariates import (
+    ColumnProducts,
+    PathResponse,
+    compute_explained_loss,
+    get_steering,
+)
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.thresholds import FEWEST_TURNED_RAD, MOST_TURNING_SHARE
+from vehicle.identification.thresholds import FEWEST_TURNED_RAD, LEAST_BEND_DEG, MOST_TURNING_SHARE
 from vehicle.jit import compile_function
 
 CELLS_PER_SIDE = 30  # cells per longer side of the field: chosen, fine enough for a wet corner
@@ -36,10 +41,26 @@ def find_best_patch(residual_model: ResidualModel, fit: EffectFit) -> PatchCircl
     best: tuple[float, PatchCircle] = (0.0, (0.0, 0.0, 0.0))
     for _, circle in cells.find_best_circles():
         best = max(best, _polish_circle(response, circle, cells.size))
-    if best[0] <= 0.0:
+    if best[0] <= 0.0 or _sum_bends_inside(response, best[1]) <= FEWEST_TURNED_RAD:
         return None
     origin = residual_model.dataset.origin
     return best[1][0] + origin[0], best[1][1] + origin[1], best[1][2]
+
+
+def _list_bends(response: PathResponse) -> Array:
+    """Return how far rows turn (rad) with wheels that are set for a bend; small angles to keep a line are none.
+
+    Around straight ahead, play and the law of the radii turn a vehicle less than a share of the angle says.
+    """
+    angles = np.concatenate([get_steering(segment) for segment in response.residual_model.dataset.segments])
+    turned = np.concatenate([move.turned for move in response.increments])
+    return np.where(np.degrees(np.abs(angles)) > LEAST_BEND_DEG, np.abs(turned), 0.0)
+
+
+def _sum_bends_inside(response: PathResponse, circle: PatchCircle) -> float:
+    segments = response.residual_model.dataset.segments
+    inside = [(s.east[:-1] - circle[0]) ** 2 + (s.north[:-1] - circle[1]) ** 2 < circle[2] ** 2 for s in segments]
+    return float(_list_bends(response) @ np.concatenate(inside))
 
 
 @dataclass(frozen=True)
@@ -106,8 +127,7 @@ class _GripCells:
             self.square[np.ix_(cells_of_piece, cells_of_piece)] += square
             self.side[cells_of_piece] += side
             self.cross[cells_of_piece] += cross
-        turned = np.concatenate([move.turned for move in response.increments])
-        self.turned = np.bincount(number, np.abs(turned), count)
+        self.turned = np.bincount(number, _list_bends(response), count)
         share = self.cross @ response.inverse
         self.square -= share @ self.cross.T
         self.side -= share @ response.side

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from vehicle.identification.cause_selection.covariates import get_steering
 from vehicle.identification.cause_selection.refit import refit_with_covariates, refit_without
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.fit.residual_fit import EffectFit
@@ -26,7 +27,7 @@ from vehicle.identification.laws.bases import (
     get_angle_deg,
     list_bases,
 )
-from vehicle.identification.laws.columns import LawColumns, LawTarget, list_targets
+from vehicle.identification.laws.columns import GAIN, LawColumns, LawTarget, list_targets
 from vehicle.identification.laws.scores import LawScore, LawScorer
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
@@ -34,9 +35,11 @@ from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import (
     CHANCE_SIGMAS,
     CONCERNED_LOSS,
+    FEWEST_TURNED_RAD,
     HELD_OUT_LAW_SHARE,
     LAW_SHARE,
     LAW_SPREAD_FACTOR,
+    LEAST_BEND_DEG,
     LEAST_HELPED_SHARE,
     LEAST_STRENGTH,
     LOOK_ALIKE_LOSS,
@@ -154,9 +157,12 @@ def score_all_laws(
     residual_model = selection.residual_model
     columns = LawColumns(residual_model, base_fit)
     bases = list_bases(residual_model.dataset, clock) + _list_patch_bases(selection)
+    is_bent_at_work = _sum_bends_at_work(residual_model) > FEWEST_TURNED_RAD
     out = []
     for target in list_targets(residual_model, base_fit):
         allowed = [basis for basis in bases if target.allows(basis.kind)]
+        if target.effect_id == GAIN and not is_bent_at_work:
+            allowed = [basis for basis in allowed if basis.kind != BY_IMPLEMENT]
         laws = [columns.compute_columns(target, basis) for basis in allowed]
         constant = columns.compute_columns(target, columns.constant) if not target.is_in_fit else np.zeros((0, 0))
         scorer = LawScorer(residual_model, base_fit, target, constant, laws)
@@ -167,6 +173,18 @@ def score_all_laws(
             scores.append(LawScorer(residual_model, base_fit, target, constant, [law]).score_law(0, grouping))
         out.append((target, scores))
     return out
+
+
+def _sum_bends_at_work(residual_model: ResidualModel) -> float:
+    """Return how far the tractor turns (rad) in bends with its implement at work; in rows that only keep a line the
+    gain of small angles shows, not that of the implement."""
+    total, base_m = 0.0, residual_model.rig.tractor.wheelbase_m
+    for segment in residual_model.dataset.segments:
+        angle = np.abs(get_steering(segment))
+        driven_m = np.hypot(np.diff(segment.east), np.diff(segment.north))
+        bent = (np.degrees(angle) > LEAST_BEND_DEG) & (segment.working[:-1] > 0.0)
+        total += float(np.sum((np.tan(angle) * driven_m / base_m)[bent]))
+    return total
 
 
 def _list_patch_bases(selection: CauseSelection) -> list[LawBasis]:
