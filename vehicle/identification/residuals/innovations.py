@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vehicle.errors import VehicleError
 from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
@@ -336,6 +337,16 @@ def simulate_all_increments(
 ) -> list[PoseIncrements]:
     """Return the increments of simulate_segment_increments for many segments."""
     return simulate_increments_of_each(rig, segments, [settings])[0]
+
+
+def refuse_spinning_simulation(rig: ReplayRig, segments: Sequence[DriveSegment]) -> None:
+    """Raise VehicleError where the simulation turns by more than half a turn between two rows, as no vehicle does."""
+    turned = np.concatenate([np.zeros(1), *(part.turned for part in simulate_all_increments(rig, segments, {}))])
+    if not float(np.max(np.abs(turned))) <= math.pi:  # a value that is no number is more, too
+        raise VehicleError(
+            f"The simulation of {rig.tractor.name} spins where these logs drive; the axles, the mass, the length and "
+            "the width in its tractor file cannot be those of one vehicle."
+        )
 
 
 def simulate_increments_of_each(

@@ -48,6 +48,7 @@ from vehicle.identification.replay.horizon_errors import (
     sum_squared_errors_by_run,
 )
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
+from vehicle.identification.residuals.innovations import refuse_spinning_simulation
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
 from vehicle.identification.verdict.correlations import compute_value_correlations, describe_intervals
@@ -200,7 +201,8 @@ def diagnose_logs(
 
     Effects that the tractor file already has are removed and fitted again; the error before is that of the file.
     `progress` is called with steps done and an estimate of all steps. Raises LogError when no segment can be replayed
-    or none has enough positions for an error, unless faults are to be told, and VehicleError for an unknown ground.
+    or none has enough positions for an error, unless faults are to be told, and VehicleError for an unknown ground or a
+    tractor that spins.
     """
     count = _ProgressCounter(progress)
     logs = correct_wheel_scale(correct_logs(logs, tractor), tractor, ground)
@@ -212,6 +214,7 @@ def diagnose_logs(
             raise
         return build_fault_diagnosis(logs, tractor, ground, str(error))
     rig = build_rig(tractor, ground, dataset.origin)
+    refuse_spinning_simulation(rig, dataset.segments)
     unlike_runs = find_unlike_runs(logs, tractor, ground)
     searched = explain_agreeing_runs(dataset, rig, unlike_runs, count.count_step)
     agreeing, subset = searched.agreeing, searched.subset
