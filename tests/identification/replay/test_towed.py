@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -60,6 +61,18 @@ def test_heading_and_speed_of_a_course_are_those_of_the_axle(ahead: float) -> No
         off = np.angle(np.exp(1j * (told.heading - true.heading)))[inner]
         assert np.abs(off).max() < 0.01, "without the lever it is 0.09 to 0.16"
         assert told.speed[inner] == pytest.approx(np.full(len(off), gear * SPEED_MPS), rel=2e-3)
+
+
+def test_a_tractor_that_stands_for_most_of_the_time_points_where_it_drives_off_to() -> None:
+    frame, standing = circle(0.15), 900
+    first = frame.iloc[[0] * standing].assign(time_s=0.1 * np.arange(standing))
+    drive = pd.concat([first, frame.assign(time_s=frame.time_s + 0.1 * standing)], ignore_index=True)
+    noise = np.random.default_rng(4).normal(0.0, 0.02, (2, len(drive)))
+    seen = drive.assign(easting_m=drive.easting_m + noise[0], northing_m=drive.northing_m + noise[1])
+    (told,) = build_dataset([log(seen.drop(columns=["heading_deg", "speed_mps"]))]).segments
+    assert np.ptp(told.heading[: standing - 10]) < 0.2, "noise has no direction"
+    off = np.angle(np.exp(1j * (told.heading + np.radians(drive.heading_deg.to_numpy()) - 0.5 * math.pi)))
+    assert np.abs(off[standing + 20 :]).max() < 0.15
 
 
 def test_an_antenna_beside_the_line_is_slower_on_the_inside() -> None:

@@ -133,6 +133,8 @@ def _compute_pulled_rod_angles(course, distances, length, first, out) -> None:  
         out[k + 1] = angle
 
 
+# Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
+_STANDING_SIGMAS = 3.6
 COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
 Antenna = tuple[float, float]
 _SHOWN_LOGS = 3  # logs named in a refusal
@@ -454,6 +456,12 @@ def _select_angle_rad(column: Array | None, rows: Rows) -> Array | None:
     return None if column is None else np.radians(column[rows])
 
 
+def _estimate_position_noise(east: Array, north: Array) -> float:
+    """Return the standard deviation (m) of positions from row to row, from their third differences."""
+    thirds = np.concatenate([np.diff(east, 3), np.diff(north, 3)])
+    return 1.4826 * float(np.median(np.abs(thirds))) / math.sqrt(20.0) if len(thirds) else 0.0
+
+
 def _compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array]:
     """Return course over ground (continuous) and speed from positions, over chords of COURSE_CHORD_S."""
     before, after = time - 0.5 * COURSE_CHORD_S, time + 0.5 * COURSE_CHORD_S
@@ -462,7 +470,8 @@ def _compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Arra
     dy = np.interp(after, time, north) - np.interp(before, time, north)
     pace = np.hypot(dx, dy) / (after - before)
     angle = np.arctan2(dy, dx)
-    moving = np.flatnonzero(pace > 0.3 * float(np.median(pace)))
+    noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * _estimate_position_noise(east, north) / COURSE_CHORD_S
+    moving = np.flatnonzero(pace > max(0.3 * float(np.median(pace)), noise_pace))
     if len(moving) == 0:
         return np.zeros(len(time)), pace
     course: Array = np.interp(np.arange(len(time)), moving, np.unwrap(angle[moving]))
