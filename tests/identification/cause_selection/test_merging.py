@@ -1,11 +1,15 @@
 """Late positions and headings are one late receiver, and an age of all columns is none."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.identification.residual_models import build_programme_model
 from vehicle.identification.cause_selection.merging import (
+    FILTER,
     choose_reference_clock,
+    drop_shared_filter,
     merge_delays,
     remove_common_age,
     share_out_delays,
@@ -51,6 +55,32 @@ def test_an_age_of_all_columns_is_none(model: ResidualModel) -> None:
     assert reduced.settings["gnss_latency"]["time_s"] == pytest.approx(0.3, abs=0.02)
     without_command = fit_of(model, **same)
     assert remove_common_age(model, without_command) is without_command
+
+
+def test_a_column_that_nobody_logged_is_not_in_time() -> None:
+    """Without a wheel sensor, all columns that there are 0.5 s late are none."""
+    sensed = build_programme_model("steps", {})
+    segments = tuple(replace(one, wheel=None) for one in sensed.dataset.segments)
+    model = replace(sensed, dataset=replace(sensed.dataset, segments=segments))
+    aged = fit_of(model, gnss_latency=0.5, clock_offset_speed=0.5, clock_offset_steering_command=0.5)
+    assert remove_common_age(model, aged).settings == {}
+
+
+def test_a_heading_smoothed_as_much_as_all_else_is_late_is_in_time() -> None:
+    model = build_programme_model("steps", {})
+    late = {f"clock_offset_{name}": 0.14 for name in ("speed", "steering", "steering_command")}
+    fit = fit_of(model, **late, position_delay=0.14, heading_filter=0.14)
+    assert FILTER not in drop_shared_filter(model, fit).settings
+    alone = fit_of(model, heading_filter=0.14)
+    assert drop_shared_filter(model, alone) is alone
+
+
+def test_commands_stamped_later_than_wheels_are_slow_are_one_clock() -> None:
+    model = build_programme_model("steps", {"clock_offset_steering_command": {"time_s": 0.06}})
+    both = fit_of(model, steering_dead_time=0.2, clock_offset_steering_command=0.26)
+    shared = share_out_delays(model, both)
+    assert set(shared.settings) == {"clock_offset_steering_command"}
+    assert shared.settings["clock_offset_steering_command"]["time_s"] == pytest.approx(0.06, abs=0.03)
 
 
 def test_a_dead_time_that_makes_up_for_a_clock_is_a_late_receiver(model: ResidualModel) -> None:

@@ -40,7 +40,7 @@ def drop_shared_filter(residual_model: ResidualModel, fit: EffectFit) -> EffectF
     A heading stamped early and smoothed by as much is in time; with the common age removed it shows as one that is
     smoothed beside others that are late.
     """
-    sizes, ages = _collect_ages(fit)
+    sizes, ages = _collect_ages(residual_model, fit)
     smoothed_s = float(fit.settings.get(FILTER, {}).get("time_s", 0.0))
     others = [age for column, age in ages.items() if column != "heading"]
     if min(smoothed_s, *others) <= 0.0:
@@ -62,7 +62,7 @@ def remove_common_age(residual_model: ResidualModel, fit: EffectFit) -> EffectFi
 
     Those are no clock, as drive lines of any make are late by as much.
     """
-    sizes, ages = _collect_ages(fit)
+    sizes, ages = _collect_ages(residual_model, fit)
     common = min(ages.values())
     tractor = residual_model.rig.tractor
     if common < find_finest_size(tractor, WHOLE):
@@ -76,16 +76,28 @@ def remove_common_age(residual_model: ResidualModel, fit: EffectFit) -> EffectFi
     return _refit_parts(residual_model, fit, parts)
 
 
-def _collect_ages(fit: EffectFit) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the sizes of the delays in a fit by effect, and the age (s) of every column by them."""
+def _collect_ages(residual_model: ResidualModel, fit: EffectFit) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the sizes of the delays in a fit by effect, and the age (s) of every column of the logs by them."""
     sizes = {
         parameters.id: float(coordinates[0]) for parameters, coordinates in fit.parts if parameters.id in _AGED_COLUMNS
     }
-    ages = dict.fromkeys(_COLUMNS, 0.0)
+    ages = dict.fromkeys(_list_logged_columns(residual_model), 0.0)
     for name, size in sizes.items():
-        for column in _AGED_COLUMNS[name]:
+        for column in ages.keys() & set(_AGED_COLUMNS[name]):
             ages[column] += size
     return sizes, ages
+
+
+def _list_logged_columns(residual_model: ResidualModel) -> list[str]:
+    """Return the columns that any segment has: one that nobody logged is not in time either."""
+    segments = residual_model.dataset.segments
+    is_logged = {
+        "heading": any(segment.heading_measured for segment in segments),
+        "speed": any(segment.speed_measured for segment in segments),
+        "steering": any(segment.wheel is not None for segment in segments),
+        "steering_command": any(segment.command is not None for segment in segments),
+    }
+    return [column for column in _COLUMNS if is_logged.get(column, True)]
 
 
 def choose_reference_clock(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:
@@ -94,11 +106,11 @@ def choose_reference_clock(residual_model: ResidualModel, fit: EffectFit) -> Eff
     Only differences between clocks show: four columns that are late by as much are one that is early. What is left of
     their differences, each too small to mean anything, is kept where the fit is worse without it.
     """
-    sizes, ages = _collect_ages(fit)
+    sizes, ages = _collect_ages(residual_model, fit)
     if len(sizes) < 2:
         return fit
     tractor, common = residual_model.rig.tractor, float(np.median(list(ages.values())))
-    finest = {column: find_finest_size(tractor, f"clock_offset_{column}") for column in _COLUMNS}
+    finest = {column: find_finest_size(tractor, f"clock_offset_{column}") for column in ages}
     apart = {column: age - common for column, age in ages.items()}
     clear = {column: age for column, age in apart.items() if abs(age) >= SAME_CLOCK_FACTOR * finest[column]}
     fewer = len(sizes) - len(clear)
@@ -136,23 +148,34 @@ def share_out_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit
     wheel, command = sizes.get(WHEEL_CLOCK, 0.0), sizes.get(COMMAND_CLOCK, 0.0)
     if (wheel == 0.0 and command == 0.0) or DEAD_TIME not in sizes:
         return fit
-    by_commands = {DEAD_TIME: sizes[DEAD_TIME] - command, COMMAND_CLOCK: 0.0}
-    by_wheels = {**by_commands, DEAD_TIME: by_commands[DEAD_TIME] + wheel, WHOLE: sizes.get(WHOLE, 0.0) - wheel}
-    simpler = _share_out(residual_model, fit, {**by_wheels, WHEEL_CLOCK: 0.0})
+    late_s = sizes[DEAD_TIME] - command
+    by_commands = {DEAD_TIME: max(late_s, 0.0), COMMAND_CLOCK: max(-late_s, 0.0)}
+    by_wheels = {DEAD_TIME: late_s + wheel, COMMAND_CLOCK: 0.0, WHEEL_CLOCK: 0.0, WHOLE: sizes.get(WHOLE, 0.0) - wheel}
+    simpler = _share_out(residual_model, fit, by_wheels)
     if simpler is None and command:
         simpler = _share_out(residual_model, fit, by_commands) or _share_out(
-            residual_model, fit, by_commands, SMALLEST_AGE_S
+            residual_model, fit, by_commands, SMALLEST_AGE_S, _measure_shared_gain(residual_model, fit)
         )
     return fit if simpler is None else simpler
 
 
+def _measure_shared_gain(residual_model: ResidualModel, fit: EffectFit) -> float:
+    """Return the loss that a dead time and the clock of the commands remove together: only their difference shows."""
+    others = tuple(part for part in fit.parts if part[0].id not in (DEAD_TIME, COMMAND_CLOCK))
+    return _refit_parts(residual_model, fit, others).loss - fit.loss
+
+
 def _share_out(
-    residual_model: ResidualModel, fit: EffectFit, shared: Mapping[str, float], least_s: float | None = None
+    residual_model: ResidualModel,
+    fit: EffectFit,
+    shared: Mapping[str, float],
+    least_s: float | None = None,
+    gain: float = 0.0,
 ) -> EffectFit | None:
     """Return the fit with these sizes (s) of delays where they are fewer, possible, and explain as much; else None.
 
     Those below `least_s`, or below what may be claimed, are left out: commands are known to half a row, and a fit may
-    need the rest of it.
+    need the rest of it. A share of a `gain` may be lost.
     """
     tractor = residual_model.rig.tractor
     replaced = [
@@ -165,7 +188,7 @@ def _share_out(
     if fewer < 1 or min(shared.values()) < -find_finest_size(tractor, WHOLE):
         return None
     simpler = _refit_parts(residual_model, fit, parts)
-    return simpler if simpler.loss < fit.loss + fewer * LEAST_GAIN else None
+    return simpler if simpler.loss < fit.loss + max(fewer * LEAST_GAIN, ONE_CLOCK_SHARE * gain) else None
 
 
 def merge_delays(residual_model: ResidualModel, fit: EffectFit) -> EffectFit:
