@@ -47,8 +47,12 @@ def make_clean_logs(programme: str, rate_hz: float) -> tuple[pd.DataFrame, ...]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [10.0, 5.0])
-@pytest.mark.parametrize(("programme", "run"), [("mixed", 2), ("mixed", 5), ("closed", 0), ("closed", 5)])
+@pytest.mark.parametrize(("programme", "run", "rate_hz"), [
+    ("mixed", 2, 10.0), ("closed", 5, 5.0),
+    *(pytest.param(*one, marks=pytest.mark.matrix)
+      for one in (("mixed", 2, 5.0), ("mixed", 5, 10.0), ("mixed", 5, 5.0),
+                  ("closed", 0, 10.0), ("closed", 0, 5.0), ("closed", 5, 10.0))),
+])  # fmt: skip
 @pytest.mark.parametrize("sensor", [True, False])
 def test_a_late_run_of_any_programme_is_told(programme: str, run: int, rate_hz: float, sensor: bool) -> None:
     case = TruthCase("clean", 65, programme=programme, rate_hz=rate_hz)

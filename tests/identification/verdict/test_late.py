@@ -79,7 +79,10 @@ def test_a_competitor_that_residuals_told_keeps_its_value() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("dropped", [["heading_deg"], ["heading_deg", "speed_mps"], ["heading_deg", "steering_deg"]])
+@pytest.mark.parametrize("dropped", [
+    ["heading_deg"],
+    *(pytest.param(["heading_deg", more], marks=pytest.mark.matrix) for more in ("speed_mps", "steering_deg")),
+])  # fmt: skip
 def test_an_antenna_further_back_is_not_told_as_another_without_a_heading(dropped: list[str]) -> None:
     one = LogSet(905, ("antenna_forward",), "clear", "eg105")
     frames = second_logs(one.effects(), one.seed, three_speeds_programme(), one.tractor)
