@@ -1,9 +1,9 @@
 """One thread for linear algebra on small matrices, and no time limit for a property.
 
 Several threads only wait for each other on a busy machine, and the first example may have to compile the simulator.
-With HEADLAND_TEST_SEED properties draw the same examples every time, and so fewer of them: what is drawn again in every
-run of CI finds nothing new. Tests started in the background of a shell would ignore interrupts, and so would their
-processes, some of which are interrupted on purpose.
+With HEADLAND_TEST_SEED properties draw the same examples every time, and so fewer of them (tests.examples). Tests
+started in the background of a shell would ignore interrupts, and so would their processes, some of which are
+interrupted on purpose.
 
 Files are handed out whole, the long ones first, so that no worker is left with one of them at the end; one worker more
 than processors works while tests of the service wait. All processes use the sources of this folder, even if the package
@@ -22,19 +22,25 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from tests.examples import SAME, count_examples
 from tests.warm import warm
 
 ROOT = Path(__file__).parents[1]
 
 LONG = (
-    "test_readme", "test_determinism", "test_attack", "test_commands", "test_jobs", "test_invariance", "test_damaged",
-    "test_plan", "test_conventions", "test_whole_field", "test_slope", "test_naming", "test_restarts",
-    "test_replanning", "test_logs", "test_executors", "test_pages", "test_golden_maps", "test_second_reference",
-    "test_many", "test_many_fields", "test_jit", "test_replanned_refills", "test_contract", "test_trials", "test_day",
-    "test_formations", "test_refusals", "test_mending", "test_outputs", "test_headland", "test_service_stops",
-    "test_files", "test_browser", "test_fuzz_logs", "test_layout", "test_learning", "test_solve", "test_fences",
-    "test_grip_patches", "test_access", "test_study", "test_long_logs", "test_pages_live", "test_page", "test_reverse",
-    "test_asking", "test_field", "test_entrance",
+    "test_readme", "test_sandbox", "test_plan", "test_determinism", "test_drawn_sets", "test_diagnose",
+    "test_damaged", "test_gate", "test_pages_maps", "test_behind_proxy", "test_attack", "test_mutations",
+    "test_jobs", "test_whole_field", "test_logs", "test_executors", "test_entrance", "test_commands", "test_slope",
+    "test_pages", "test_restarts", "test_installed", "test_refusals", "test_pages_library", "test_naming",
+    "test_links", "test_overhang", "test_jit", "test_trials", "test_accessibility", "test_strangers",
+    "test_control_centre_pages", "test_fences", "test_many", "test_database_lost", "test_replanned_refills",
+    "test_golden_maps", "test_many_fields", "test_kernels", "test_files", "test_contract", "test_day",
+    "test_backup", "test_turning_kind", "test_pages_live", "test_third", "test_notebook_answers", "test_fair_queue",
+    "test_hold_points", "test_diagnosis", "test_refused_fields", "test_pages_language", "test_service_stops",
+    "test_outputs", "test_languages", "test_reader", "test_room", "test_formations", "test_field",
+    "test_invariance", "test_token_book", "test_innovations", "test_log_ground", "test_precedence", "test_headland",
+    "test_connect", "test_swapped_steering", "test_replanning", "test_access", "test_diagnosis_pages", "test_robot",
+    "test_store", "test_parity", "test_solve", "test_small_obstacles", "test_incumbents",
 )  # fmt: skip
 """Names of the slowest files, the slowest first; files that mostly wait come earlier."""
 
@@ -42,12 +48,9 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 os.environ["HEADLAND_LANGUAGE"], os.environ["HEADLAND_UNITS"] = "en", "metric"  # whatever the machine speaks
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
-SAME_EXAMPLES, FRESH_EXAMPLES = 40, 100
-"""Examples of a property that asks for no number; chosen, the second as Hypothesis does."""
-_same = "HEADLAND_TEST_SEED" in os.environ
-settings.register_profile(
-    "headland", deadline=None, derandomize=_same, max_examples=SAME_EXAMPLES if _same else FRESH_EXAMPLES
-)
+FRESH_EXAMPLES = 100
+"""Examples of a property that asks for no number, as Hypothesis has it."""
+settings.register_profile("headland", deadline=None, derandomize=SAME, max_examples=count_examples(FRESH_EXAMPLES))
 settings.load_profile("headland")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and threading.current_thread() is threading.main_thread():
     signal.signal(signal.SIGINT, signal.default_int_handler)

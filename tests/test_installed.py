@@ -114,7 +114,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["build_wheel", "build_editable"])
+@pytest.mark.parametrize("kind", ["build_wheel", pytest.param("build_editable", marks=pytest.mark.matrix)])
 def test_the_own_name_is_what_planner_is(kind: str, sources: Path, tmp_path: Path) -> None:
     """From a wheel and from an editable install, with nothing else of this project in reach."""
     run = {"capture_output": True, "text": True, "timeout": 240, "check": False}

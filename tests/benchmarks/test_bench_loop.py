@@ -10,6 +10,7 @@ import pytest
 from tests.benchmarks.bench_loop import WITHOUT_EFFECTS
 
 
+@pytest.mark.matrix
 def test_the_benchmark_runs_at_a_small_size() -> None:
     root = Path(__file__).parents[2]
     done = subprocess.run(

@@ -15,14 +15,18 @@ from vehicle.identification.logs.reader import build_log
 from vehicle.identification.verdict.diagnose import diagnose_logs
 from vehicle.model.tractor import load_tractor
 
-RNG = np.random.default_rng(5)
 RUNS = ("straight_090", "straight_270", "circles_right", "steps")
 
 
+def _draw(frame: pd.DataFrame) -> np.random.Generator:
+    """Draws of a log, the same whichever tests run."""
+    return np.random.default_rng([5, len(frame)])
+
+
 def _holes(frame: pd.DataFrame) -> pd.DataFrame:
-    holed = frame.copy()
+    holed, rng = frame.copy(), _draw(frame)
     for name in ("time_s", "easting_m", "heading_deg", "speed_mps", "steering_deg", "steering_command_deg"):
-        holed.loc[RNG.random(len(frame)) < 0.04, name] = np.nan
+        holed.loc[rng.random(len(frame)) < 0.04, name] = np.nan
     return holed
 
 
@@ -48,13 +52,13 @@ NAMELESS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
     "speeds exchanged": _exchanged("speed_mps", "speed_command_mps"),
     "holes": _holes,
     "every row twice": lambda frame: pd.concat([frame, frame]),
-    "a heading that is noise": lambda frame: frame.assign(heading_deg=RNG.uniform(0.0, 360.0, len(frame))),
-    "a speed that is noise": lambda frame: frame.assign(speed_mps=RNG.uniform(0.0, 3.0, len(frame))),
+    "a heading that is noise": lambda frame: frame.assign(heading_deg=_draw(frame).uniform(0.0, 360.0, len(frame))),
+    "a speed that is noise": lambda frame: frame.assign(speed_mps=_draw(frame).uniform(0.0, 3.0, len(frame))),
     "positions of a receiver of 2 Hz": lambda frame: frame.assign(
         **{name: frame[name].to_numpy()[np.arange(len(frame)) // 5 * 5] for name in ("easting_m", "northing_m")}
     ),
     "a compass in steps of 5 degrees": lambda frame: frame.assign(heading_deg=(frame.heading_deg / 5.0).round() * 5.0),
-    "a wheel angle that is noise": lambda frame: frame.assign(steering_deg=RNG.normal(0.0, 8.0, len(frame))),
+    "a wheel angle that is noise": lambda frame: frame.assign(steering_deg=_draw(frame).normal(0.0, 8.0, len(frame))),
 }
 
 
@@ -77,7 +81,13 @@ def test_what_is_no_log_is_refused_in_a_sentence(damage: str, frames: list[pd.Da
     assert "run " in str(refused.value) and str(refused.value).endswith(".")
 
 
-@pytest.mark.parametrize("damage", NAMELESS)
+SELDOM = ("speeds exchanged", "a speed that is noise", "a wheel angle that is noise")
+"""Damages that are searched for causes longest; a heading that is noise stands for them in every run of CI."""
+
+
+@pytest.mark.parametrize(
+    "damage", [pytest.param(one, marks=pytest.mark.matrix if one in SELDOM else ()) for one in NAMELESS]
+)
 def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) -> None:
     assert named([NAMELESS[damage](one) for one in frames]) == ()
 
@@ -109,4 +119,4 @@ def test_too_few_positions_for_a_piece_are_refused_in_a_sentence(apart: str, fra
 
 
 def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:
-    assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:3], "mr1000a")]) == ()
+    assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:2], "mr1000a")]) == ()

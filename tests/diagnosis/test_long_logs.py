@@ -21,7 +21,7 @@ def made() -> list[Log]:
     return [build_log(world.log(one, run), f"{run} {one.name}") for run, one in drives]
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_a_cause_is_told_from_a_part_and_errors_of_all_logs(monkeypatch: pytest.MonkeyPatch) -> None:
     logs = made()
     whole = diagnose_logs(logs, eg105(), "soil")

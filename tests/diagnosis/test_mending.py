@@ -24,7 +24,7 @@ def test_two_grounds_are_told_apart() -> None:
     drives = [drive for drive in default_programme() if drive.name in FAST]
     logs = []
     for ground, limit, seed in (("dry", 0.16, 5), ("wet", 0.07, 6)):
-        frames = make_logs({"side_slip": {"limit_g": limit}}, seed, drives)
+        frames = make_logs({"side_slip": {"limit_g": limit}}, seed, drives, rate_hz=10.0)
         logs += [build_log(frame, f"{ground} {frame.attrs['name']}") for frame in frames]
     found = diagnose_logs(logs, eg105(), "soil")
     assert set(found.named) <= {"side_slip"}

@@ -14,6 +14,8 @@ import pytest
 from tests.diagnosis.hiding import brief_programme, diagnosed, hidden, judge
 from tests.truth.drives import one_way_programme
 
+RATE_HZ = 10.0
+
 
 @pytest.fixture(scope="module")
 def seed() -> int:
@@ -23,17 +25,21 @@ def seed() -> int:
 
 
 def test_nothing_hidden_nothing_named(seed: int) -> None:
-    found = diagnosed({}, seed, brief_programme())
+    found = diagnosed({}, seed, brief_programme(), rate_hz=RATE_HZ)
     assert not found.named, f"seed {seed}: {found.named}"
     assert found.unexplained_share == 0.0 and found.next_drive is None
     assert not found.tractor.effects and found.headline.startswith("Nothing found")
 
 
 @pytest.mark.parametrize(
-    "name", ["steering_offset", pytest.param("steering_rate", marks=pytest.mark.matrix), "antenna_forward"]
+    "name",
+    [
+        "steering_offset",
+        *(pytest.param(name, marks=pytest.mark.matrix) for name in ("steering_rate", "antenna_forward")),
+    ],
 )
 def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
-    found = diagnosed(hidden([name]), seed, brief_programme())
+    found = diagnosed(hidden([name]), seed, brief_programme(), rate_hz=RATE_HZ)
     verdict = judge(found, hidden([name]))
     assert verdict.found and not verdict.wrong and verdict.close, f"seed {seed}: {verdict.text}"
     assert set(found.tractor.effects) == set(found.named)
@@ -42,7 +48,7 @@ def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
 
 
 def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
-    found = diagnosed(hidden(["wind_drift"]), seed, brief_programme())
+    found = diagnosed(hidden(["wind_drift"]), seed, brief_programme(), rate_hz=RATE_HZ)
     assert not found.named, f"seed {seed}: {found.named}"
     assert found.unexplained_share > 0.3
     assert any("direction of travel" in one for one in found.depends_on)
@@ -55,7 +61,7 @@ def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
 
 
 def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> None:
-    found = diagnosed(hidden(["implement_side_draft"]), seed, one_way_programme())
+    found = diagnosed(hidden(["implement_side_draft"]), seed, one_way_programme(), rate_hz=RATE_HZ)
     draft = next(one for one in found.findings if one.id == "implement_side_draft")
     assert draft.status == "equivalent" and "steering_offset" in draft.equivalent_to, f"seed {seed}: {found.named}"
     assert not found.named and found.next_drive is not None
@@ -65,4 +71,4 @@ def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> N
 @pytest.mark.parametrize("fixed", [503, pytest.param(506, marks=pytest.mark.matrix)])
 def test_a_simplification_of_the_simulator_is_no_cause(fixed: int) -> None:
     """Seeds in which the end of a steering movement, which the simulator simplifies, once passed for a fault."""
-    assert not diagnosed({}, fixed, brief_programme()).named
+    assert not diagnosed({}, fixed, brief_programme(), rate_hz=RATE_HZ).named

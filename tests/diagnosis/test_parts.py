@@ -149,6 +149,7 @@ def test_left_positive_steering_is_recognised_and_mended(tmp_path: Path) -> None
     assert CliRunner().invoke(app, ["replay", str(path), "--fix", "steering-left-positive"]).exit_code == 0
 
 
+@pytest.mark.matrix
 def test_one_command_from_logs_to_a_tractor_that_plans(tmp_path: Path) -> None:
     page, file = tmp_path / "report.html", tmp_path / "mine.toml"
     order = [

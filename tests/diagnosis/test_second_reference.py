@@ -55,7 +55,7 @@ def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ..
     assert abs(truth - told.value[key]) <= high - low, f"seed {seed}: {told.value} {told.interval}"
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_a_name_that_falls_leaves_the_model() -> None:
     """What the residuals told and the open-loop error did not bear out was asked for ever, as nobody took it out."""
     found = diagnosed_set(LogSet(600, ("steering_lag", "steering_deadband"), "clear", "mr1000a"))
@@ -63,7 +63,7 @@ def test_a_name_that_falls_leaves_the_model() -> None:
     assert set(found.named) <= set(found.tractor.effects)
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_play_reads_as_it_is_behind_a_noisy_sensor() -> None:
     """Noise of 0.2 degrees pushed the play before it: a degree read as 1.62 (1.31 to 1.92)."""
     effects = {"steering_backlash": {"angle_deg": 1.0}}

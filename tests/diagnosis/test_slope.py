@@ -43,11 +43,16 @@ def test_drift_per_slope_is_found_where_the_ground_is_no_plane(frames: list[pd.D
     assert low <= HILLS.drift <= high and one.value[PER_SLOPE] == pytest.approx(HILLS.drift, rel=0.15)
     assert found.tractor.effects["cross_slope_drift"].value[PER_SLOPE] == pytest.approx(one.value[PER_SLOPE], rel=1e-4)
     assert any("roll_deg gives the slope across the direction of travel" in note for note in found.notes)
-    # The same logs with roll taken away: no plane stands for these hills.
+
+
+@pytest.mark.matrix
+def test_no_plane_stands_for_hills_where_roll_is_taken_away(frames: list[pd.DataFrame]) -> None:
     assert "cross_slope_drift" not in told([one.drop(columns="roll_deg") for one in frames]).named
 
 
-@pytest.mark.parametrize("what", ["the other sign", "one value", "noise"])
+@pytest.mark.parametrize(
+    "what", ["the other sign", *(pytest.param(each, marks=pytest.mark.matrix) for each in ("one value", "noise"))]
+)
 def test_a_roll_sensor_that_lies_earns_no_name(what: str, frames: list[pd.DataFrame]) -> None:
     rng = np.random.default_rng(1)
     wrong = {

@@ -14,6 +14,7 @@ from shapely import affinity
 from fields import Field, FieldError, Layout, lay_swaths, list_sample_names, read_field
 from fields.layout.bearings import FAN_DEG, list_candidate_bearings, list_trial_bearings
 from fields.layout.parallel_lines import find_line_chords, space_lines
+from tests.examples import count_examples
 
 
 def rectangle(length: float, width: float) -> Field:
@@ -50,7 +51,7 @@ class TestRectangle:
         implement=st.floats(1, 12),
         headland=st.floats(0, 30),
     )
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=count_examples(60), deadline=None)
     def test_closed_form(self, length: float, width: float, implement: float, headland: float) -> None:
         layout = lay_swaths(rectangle(length, width), implement, headland, 90.0)
         count = max(math.ceil((width - implement - 0.05) / implement), 0) + 1
@@ -169,7 +170,7 @@ def laid(shape: shapely.Polygon, bearing: float | None = None) -> Layout | None:
         return None
 
 
-RELAXED = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+RELAXED = settings(max_examples=count_examples(60), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
 
 
 class TestProperties:
@@ -236,7 +237,7 @@ class TestProperties:
             assert not tight.intersects(shapely.MultiPoint([track.start_m - nudge, track.end_m + nudge]))
 
     @given(shape=outlines())
-    @settings(RELAXED, max_examples=25)
+    @settings(RELAXED, max_examples=count_examples(25))
     def test_best_bearing_beats_every_other_candidate(self, shape: shapely.Polygon) -> None:
         """Effort worked out afresh, with the covered area from the union of the swaths."""
         best = laid(shape)

@@ -14,6 +14,7 @@ from shapely import affinity
 from fields import Field, FieldError, lay_swaths, list_sample_names, read_field
 from fields.layout.headland_passes import HeadlandPass, compute_inner_region, find_centre_line, lay_headland_passes
 from fields.layout.parallel_lines import SPAN_TOLERANCE_M
+from tests.examples import count_examples
 
 
 def rectangle(length: float, width: float) -> Field:
@@ -50,7 +51,7 @@ class TestRectangle:
         assert layout.inner_region.equals(shapely.box(12, 12, 258, 58))
 
     @given(a=st.floats(60, 300), b=st.floats(60, 300), width=st.floats(1.5, 6), count=st.integers(1, 4))
-    @settings(max_examples=40, deadline=None)
+    @settings(max_examples=count_examples(40), deadline=None)
     def test_nothing_is_left(self, a: float, b: float, width: float, count: int) -> None:
         """But for a strip of the SPAN_TOLERANCE_M that gains no line of its own."""
         field = rectangle(a, b)
@@ -140,7 +141,7 @@ def stars(draw: st.DrawFn) -> shapely.Polygon:
 
 class TestProperties:
     @given(shape=stars())
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=count_examples(60), deadline=None)
     def test_rounds_stay_half_a_width_inside_and_sides_are_one_line(self, shape: shapely.Polygon) -> None:
         for lap in laid(shape):
             depth = (lap.number - 0.5 if lap.is_closed else lap.number - 1.0) * 3.0
@@ -150,14 +151,14 @@ class TestProperties:
                 assert side.end_turn_rad == after.start_turn_rad
 
     @given(shape=stars(), turn=st.floats(0, 360), dx=st.integers(-5000, 5000))
-    @settings(max_examples=30, deadline=None)
+    @settings(max_examples=count_examples(30), deadline=None)
     def test_rounds_turn_with_the_field(self, shape: shapely.Polygon, turn: float, dx: int) -> None:
         other = affinity.translate(affinity.rotate(shape, turn, origin=(0, 0)), dx, 7)
         lengths = [sum(lap.length_m for lap in laid(one) if lap.is_closed) for one in (shape, other)]
         assert lengths[1] == pytest.approx(lengths[0], rel=2e-3)
 
     @given(shape=stars())
-    @settings(max_examples=30, deadline=None)
+    @settings(max_examples=count_examples(30), deadline=None)
     def test_inner_region_is_what_lies_deeper(self, shape: shapely.Polygon) -> None:
         field = Field("p", shape)
         inner = compute_inner_region(field, 9.0)

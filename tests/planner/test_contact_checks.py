@@ -21,8 +21,9 @@ from planner.evaluation.ground.coverage import _find_wide_pieces
 from planner.evaluation.ground.overlays import clip_area, drop_slivers, extract_polygons
 from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.request.plan_request import PlanRequest
+from tests.examples import count_examples
 
-QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+QUICK = settings(deadline=None, max_examples=count_examples(60), derandomize=True, database=None)
 boxes = st.lists(
     st.tuples(st.floats(0, 60), st.floats(0, 60), st.floats(0.01, 9.0), st.floats(0.01, 1.5), st.floats(0, 6.3)),
     min_size=1, max_size=8,

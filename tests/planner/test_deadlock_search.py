@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from planner.traffic.deadlock_avoidance import DeadlockAvoidance
 from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_by_one, round_to_tenths
+from tests.examples import count_examples
 from tests.planner.grid import Cells, all_hold_points, plan_on, traffic
 from vehicle.missions.plan import LegGate
 
@@ -78,7 +79,7 @@ def gated(draw: Any) -> tuple[Cells, dict[tuple[int, int], list[LegGate]], State
     return drawn, gates, state if len(set(stood)) == len(stood) else (0,) * len(state)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=count_examples(150), deadline=None)
 @given(gated())
 def test_one_after_another_is_found_exactly_where_there_is_an_order_and_no_way_home_is_made_up(
     asked: tuple[Cells, dict[tuple[int, int], list[LegGate]], State],
@@ -95,7 +96,7 @@ def test_one_after_another_is_found_exactly_where_there_is_an_order_and_no_way_h
             assert paths and tuple(reached.tolist()) == plain.final_holds
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=count_examples(60), deadline=None)
 @given(gated())
 def test_a_deep_look_finds_every_way_home_that_a_first_look_finds(
     asked: tuple[Cells, dict[tuple[int, int], list[LegGate]], State],

@@ -28,6 +28,8 @@ EXECUTORS: dict[str, Callable[[], Executor] | None] = {
     "spawned": spawned,
     "more workers than cores": lambda: LocalPool(3),
 }
+SELDOM = ("spawned", "more workers than cores")
+"""Processes as those of the default, in the matrix alone."""
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +50,8 @@ def scenario(tmp_path_factory: pytest.TempPathFactory) -> PlanRequest:
     place = tmp_path_factory.mktemp("field") / "small.geojson"
     ring = [[0, 0], [45, 0], [45, 60], [0, 60], [0, 0]]
     place.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-    return PlanRequest(str(place), local=True, tractors=(1, 2), seed=7)
+    names = ("split-field", "interleaved", "row-by-row-optimised")  # one of each kind
+    return PlanRequest(str(place), local=True, tractors=(1, 2), strategies=names, seed=7)
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +76,9 @@ def few_first(few: PlanRequest, pool: LocalPool) -> str:
     return format_ranking_json(plan(few, executor=pool).ranking)
 
 
-@pytest.mark.parametrize("name", EXECUTORS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ()) for name in EXECUTORS]
+)
 def test_same_bytes_from_any_executor(scenario: PlanRequest, answer: PlanningResult, first: str, name: str) -> None:
     make = EXECUTORS[name]
     with make() if make else nullcontext() as executor:

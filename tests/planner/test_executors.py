@@ -156,7 +156,7 @@ def alive(process: int) -> bool:
 
 
 @needs_signals
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.matrix)])
 def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> None:
     code = """
         import os, sys, time

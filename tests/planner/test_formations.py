@@ -48,9 +48,10 @@ def sites() -> dict[str, PlanningContext]:
     return {name: site_of(name, shape) for name, shape in SHAPES.items()}
 
 
-@pytest.mark.parametrize("tractors", [2, 3])
-@pytest.mark.parametrize("strategy", FORMATIONS)
-@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("shape", "strategy", "tractors"), [
+    pytest.param(shape, strategy, tractors, marks=() if (place + turn + tractors) % 2 == 0 else pytest.mark.matrix)
+    for place, shape in enumerate(SHAPES) for turn, strategy in enumerate(FORMATIONS) for tractors in (2, 3)
+])  # fmt: skip
 def test_every_formation_can_be_driven(sites: Any, shape: str, strategy: str, tractors: int) -> None:
     tried = run_candidate(sites[shape], Candidate(strategy, tractors))
     assert tried.reason is None and tried.run.outcome == DONE and not tried.run.contacts

@@ -34,6 +34,10 @@ NOT_OF_THE_LAYOUT = ("margin", "cut off by", "estimate: tips")
 TOLD_M2 = 5.0  # smaller pieces of missed ground are not listed
 OTHER_MARKS = 36  # of 1800: points at the very edge of a swath may fall either way on another machine, 17 were seen
 
+SELDOM = ("star", "two ponds", "U", "comb", "triangle")
+"""Shapes that take longest and have others of their kind among those that are left."""
+SHOWN = [pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ()) for name in SHAPES]
+
 
 @cache
 def planned(name: str) -> tuple[PlanningContext, CandidateEvaluation]:
@@ -94,7 +98,7 @@ def other_marks(one: list[str], two: list[str]) -> int:
     )
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", SHOWN)
 def test_the_map_is_the_stored_one(name: str) -> None:
     now = summary(name)
     if WRITE:
@@ -110,7 +114,7 @@ def test_there_is_a_map_of_every_shape_and_no_other() -> None:
     assert {path.name for path in GOLDEN.iterdir()} == {place(name).name for name in SHAPES}
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", SHOWN)
 def test_what_holds_whatever_the_map_shows(name: str) -> None:
     site, tried = planned(name)
     result = tried.result
@@ -124,7 +128,7 @@ def test_what_holds_whatever_the_map_shows(name: str) -> None:
     assert result.excursion_m is not None and result.excursion_m < 0.5
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", SHOWN)
 def test_ground_is_covered_as_laid_or_has_a_reason(name: str) -> None:
     site, _ = planned(name)
     ground = site.layout.field.workable_region

@@ -74,7 +74,7 @@ def test_round_corners_leave_what_is_said(rectangle: Any) -> None:
 
 
 @pytest.mark.parametrize("name", sorted(STRATEGIES))
-@pytest.mark.parametrize("tractors", [2, 3])
+@pytest.mark.parametrize("tractors", [2, pytest.param(3, marks=pytest.mark.matrix)])
 def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: int) -> None:
     site = rectangle(corners="square", overhang_m=5.0)
     result, run = (evaluation := of(site, name, tractors)).result, evaluation.run
@@ -133,8 +133,11 @@ def test_tracks_only_leaves_the_headland(place: Any) -> None:
     assert site.headland_passes == () and result.headland_passes == 0 and result.headland_s is None
 
 
-@pytest.mark.parametrize("name", ["netherlands", "sweden"])
-@pytest.mark.parametrize("tractors", [1, 2, 3])
+@pytest.mark.parametrize(("name", "tractors"), [
+    ("netherlands", 2), ("sweden", 3),
+    *(pytest.param(name, tractors, marks=pytest.mark.matrix)
+      for name, tractors in (("netherlands", 1), ("netherlands", 3), ("sweden", 1), ("sweden", 2))),
+])  # fmt: skip
 def test_samples_are_worked_whole(name: str, tractors: int) -> None:
     site = prepare_context(PlanRequest(field=name, no_headland=False, corners="square", overhang_m=5.0))
     result = of(site, "split-field", tractors).result

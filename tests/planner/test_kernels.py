@@ -55,10 +55,11 @@ def test_two_processes_take_half_of_a_plans_functions_each() -> None:
 
 
 @pytest.mark.slow
-def test_what_a_plan_calls_is_on_the_list() -> None:
+@pytest.mark.parametrize("name", ["iwamizawa", pytest.param("denmark", marks=pytest.mark.matrix)])
+def test_what_a_plan_calls_is_on_the_list(name: str) -> None:
     """Types too; `python -m tests.planner.kernel_list` renews it."""
     listed = {(kernel.function, kernel.arguments) for kernel in read_kernels() if kernel.use == PLAN}
-    called = record(RUN.format("plan denmark --tractors 1-2 --strategies split-field --processes 1 --json"))
+    called = record(RUN.format(f"plan {name} --tractors 1-2 --strategies split-field --processes 1 --json"))
     assert called.keys() <= listed
     assert len(called) > 20
 

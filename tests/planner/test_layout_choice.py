@@ -118,7 +118,7 @@ def test_few_swaths_are_compared_in_more_ways() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("width_m", "radius_m"), [(3.0, None), (12.0, 6.0)])
+@pytest.mark.parametrize(("width_m", "radius_m"), [pytest.param(3.0, None, marks=pytest.mark.matrix), (12.0, 6.0)])
 def test_no_bearing_by_hand_is_quicker(width_m: float, radius_m: float | None) -> None:
     field = Field("f", shapely.Polygon([(0, 0), (230, 15), (205, 120), (120, 105), (95, 230), (20, 210)]))
     chosen, *by_hand = (

@@ -29,6 +29,7 @@ from planner.risk.monte_carlo import (
     sample_outcomes,
 )
 from planner.risk.rain import RainForecast
+from tests.examples import count_examples
 
 DRAWS = 10_000
 HOUR_S = 3600.0
@@ -211,7 +212,7 @@ class TestWilson:
         assert compute_wilson_interval(50, 100) == pytest.approx((0.4038, 0.5962), abs=1e-4)
 
     @given(st.integers(1, 5000), st.data())
-    @settings(max_examples=60)
+    @settings(max_examples=count_examples(60))
     def test_holds_the_share_and_stays_inside(self, of: int, data: st.DataObject) -> None:
         hits = data.draw(st.integers(0, of))
         low, high = compute_wilson_interval(hits, of)

@@ -21,6 +21,7 @@ from planner.traffic.deadlock_search import can_finish_by_turns, can_finish_one_
 from planner.traffic.precedence import PrecedenceSearch, _add_gates
 from planner.traffic.timetable_search import GAP_BEHIND_S, START_LOSS_S
 from planner.traffic.trajectories import SoloTrajectory
+from tests.examples import count_examples
 from tests.planner.grid import (
     APART_M,
     IMPLEMENT,
@@ -130,7 +131,7 @@ class TestCorridor:
         assert knot.deadlock_avoidance.dropped_gates == [(0, 1, LegGate(1, 1, 59.0))]
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=count_examples(150), deadline=None)
 @given(traffic())
 def test_whoever_could_go_home_one_by_one_gets_home_and_never_two_are_in_one_place(drawn: Cells) -> None:
     trajectories = drawn.trajectories()
@@ -146,7 +147,7 @@ def test_whoever_could_go_home_one_by_one_gets_home_and_never_two_are_in_one_pla
                     assert cell != cell2 or min(high, high2) <= max(low, low2)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=count_examples(100), deadline=None)
 @given(traffic())
 def test_gates_wait_only_for_what_comes_before_in_time(drawn: Cells) -> None:
     """So that no two tractors ever wait for each other."""

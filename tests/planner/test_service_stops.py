@@ -44,11 +44,13 @@ TANK = Supply(300.0, RATE, STAND_S)
 Case = tuple[str, int, str, bool]
 CASES: list[Case] = [
     (HEADLAND, 1, "split-field", True),
-    (HEADLAND, 2, "interleaved", False),
     (HEADLAND, 3, "col-by-col", False),
     (SERVICE_VEHICLE, 2, "split-field", False),
-    ("0,30", 1, "split-field", False),
     ("60,0", 2, "split-field", True),
+]
+MORE_CASES: list[Case] = [
+    (HEADLAND, 2, "interleaved", False),
+    ("0,30", 1, "split-field", False),
     ("30,110", 2, "interleaved", False),
 ]
 
@@ -77,7 +79,11 @@ def levels(plan: Plan, supply: Supply) -> Iterator[tuple[int, list[float], float
         yield len(left), [*left, supply.capacity - used], all_used
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: " ".join(map(str, case)))
+@pytest.mark.parametrize(
+    "case",
+    [*CASES, *(pytest.param(case, marks=pytest.mark.matrix) for case in MORE_CASES)],
+    ids=lambda case: " ".join(map(str, case)),
+)
 class TestPlans:
     def test_loads_add_up_to_area_by_rate_and_no_level_is_below_nothing(self, case: Case) -> None:
         found = driven(*case)

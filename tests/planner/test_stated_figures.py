@@ -31,7 +31,7 @@ from reports.plan.ranking_page import render_plan_page
 from vehicle.missions.plan_file import parse_saved_plan
 
 EIGHT_S = 8 * 3600
-SCENARIOS = [*range(10), *(pytest.param(number, marks=pytest.mark.matrix) for number in range(10, 20))]
+SCENARIOS = [*range(4), *(pytest.param(number, marks=pytest.mark.matrix) for number in range(4, 20))]
 SAMPLES = 400
 
 

@@ -32,6 +32,7 @@ from reports.plan.many_fields_screen import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.ranking_table import build_ranking_table
+from tests.examples import count_examples
 from tests.reports.screen_cases import (
     DEADLINE,
     LATE_RANKING,
@@ -135,7 +136,7 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
     )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=count_examples(25))
 @given(draw_ranking())
 def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRanking) -> None:
     best = ranking.best
@@ -162,7 +163,7 @@ def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRankin
     )
 
 
-@settings(deadline=None, max_examples=100)
+@settings(deadline=None, max_examples=count_examples(100))
 @given(draw_ranking())
 def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
     for width in WIDTHS:

@@ -9,11 +9,16 @@ import pytest
 from playwright.sync_api import Browser
 from pypdf import PageObject, PdfReader
 
-from tests.service.accessibility import find_faults_at_widths, find_violations, open_all_details
+from tests.service.accessibility import WIDTHS_PX, find_faults_at_widths, find_violations, open_all_details
 from tests.service.test_pages import PAGES
 from tests.service.watching import WIDE, WatchedPage, find_overflow, needs_browser
 
 pytestmark = needs_browser
+EACH_PAGE = [
+    pytest.param(*page, marks=pytest.mark.matrix if place % 2 else ())
+    for place, page in enumerate([*PAGES.items(), ("/nowhere", "text=No such page")])
+]
+"""Every other page in every run of CI; of the others it reads all texts (test_pages_language.py)."""
 
 
 def test_faults_are_found(browser: Browser) -> None:
@@ -29,13 +34,16 @@ def test_faults_are_found(browser: Browser) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("path", "whole"), [*PAGES.items(), ("/nowhere", "text=No such page")])
-def test_a_page_is_accessible_at_every_width(watched: WatchedPage, path: str, whole: str) -> None:
+@pytest.mark.parametrize("widths_px", [WIDTHS_PX[:1], pytest.param(WIDTHS_PX[1:], marks=pytest.mark.matrix)], ids=str)
+@pytest.mark.parametrize(("path", "whole"), EACH_PAGE)
+def test_a_page_is_accessible_at_every_width(
+    watched: WatchedPage, path: str, whole: str, widths_px: tuple[int, ...]
+) -> None:
     page = watched.open(path)
     page.wait_for_selector(whole)
     open_all_details(page)
     try:
-        assert find_faults_at_widths(page) == []
+        assert find_faults_at_widths(page, widths_px=widths_px) == []
         page.emulate_media(color_scheme="dark")
         assert find_violations(page) == []
     finally:
@@ -44,7 +52,13 @@ def test_a_page_is_accessible_at_every_width(watched: WatchedPage, path: str, wh
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", ["guide/", "guide/service", "guide/reference", "guide/?q=headland"])
+@pytest.mark.parametrize(
+    "path",
+    [
+        "guide/service",
+        *(pytest.param(f"guide/{end}", marks=pytest.mark.matrix) for end in ("", "reference", "?q=headland")),
+    ],
+)
 def test_the_guide_is_accessible(watched: WatchedPage, path: str) -> None:
     page = watched.page
     page.goto(f"{watched.base}{path}")
@@ -62,7 +76,9 @@ PRINTED = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", PRINTED)
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, marks=pytest.mark.matrix if place % 2 else ()) for place, path in enumerate(PRINTED)]
+)
 def test_a_page_is_readable_on_paper(watched: WatchedPage, path: str) -> None:
     whole, there, gone = PRINTED[path]
     page = watched.open(path)

@@ -18,6 +18,7 @@ from planner.service.store.disk_storage import BlobStore
 from planner.service.store.restore import restore_backup
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TableBase
+from tests.service.databases import KINDS
 
 Parts = dict[str, bytes]
 
@@ -182,7 +183,15 @@ DAMAGES: dict[str, tuple[Callable[[Parts, Path], Parts], str]] = {
 }
 
 
-@pytest.mark.parametrize("how", DAMAGES)
+EACH_DAMAGE = [
+    pytest.param(kind, how, marks=() if (place + turn) % 2 == 0 else pytest.mark.matrix)
+    for place, how in enumerate(DAMAGES)
+    for turn, kind in enumerate(KINDS)
+]
+"""Every damage on one database, in the matrix on the other too."""
+
+
+@pytest.mark.parametrize(("both", "how"), EACH_DAMAGE, indirect=["both"])
 def test_a_damaged_backup_is_refused_and_nothing_is_changed(
     both: ServiceSettings, whole: Parts, tmp_path: Path, how: str
 ) -> None:

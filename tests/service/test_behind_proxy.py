@@ -51,7 +51,7 @@ class Behind:
             connection.close()
 
 
-@pytest.fixture(scope="module", params=["with --public-url", "without"])
+@pytest.fixture(scope="module", params=["with --public-url", pytest.param("without", marks=pytest.mark.matrix)])
 def service(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Running, str]]:
     """A service, and the id of a fleet that it has."""
     options = ("--public-url", PUBLIC) if request.param.startswith("with ") else ()

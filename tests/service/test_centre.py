@@ -23,6 +23,7 @@ from planner.fleet.model.tractor_state import (
     TOO_NEAR,
     TractorReport,
 )
+from tests.examples import count_examples
 from tests.service.fleets import LENGTH, SimulatedFleet, fleet_plan, start_fleet
 from vehicle.missions.plan import LegGate
 
@@ -79,7 +80,7 @@ def test_whom_one_waits_for_is_told_once_however_many_places_it_waits_for() -> N
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
+@settings(max_examples=count_examples(12))
 @given(pace=st.floats(0.2, 0.9), late=st.integers(0, 2))
 def test_a_late_tractor_delays_those_that_must_wait_and_nobody_else(pace: float, late: int) -> None:
     waits = {(1, 1): (LegGate(0, 0, 10.0),)}
@@ -249,7 +250,7 @@ def test_no_remote_command_leads_out_of_the_fence_and_one_leads_back() -> None:
         fleet.manager.send_command("anna", 0, 0.0, 1.0, fleet.now)
 
 
-@settings(max_examples=8)
+@settings(max_examples=count_examples(8))
 @given(speed=st.floats(0.6, 1.38), from_m=st.floats(8.0, 14.0))
 def test_two_that_would_meet_stand_before_clearance_is_lost(speed: float, from_m: float) -> None:
     fleet = start_fleet(fleet_plan(2, 3, apart_m=60.0))

@@ -166,7 +166,7 @@ def test_a_second_service_on_one_database_is_refused_whatever_its_folder(kind: s
             pass
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 @pytest.mark.skipif(os.name != "posix", reason="ends the service by a signal")
 def test_the_service_serves_until_it_is_ended(tmp_path: Path) -> None:
     words = [*COMMAND, "serve", "--port", "0", "--data", str(tmp_path)]

@@ -16,7 +16,7 @@ from planner.service.settings import ServiceSettings
 from tests.service.conftest import SMALL, bearer
 
 CONFORM = ("status_code_conformance", "content_type_conformance", "response_schema_conformance")
-EXAMPLES = int(os.environ.get("HEADLAND_TEST_EXAMPLES", "4"))
+EXAMPLES = int(os.environ.get("HEADLAND_TEST_EXAMPLES", "2"))
 """What is drawn is the same every time; HEADLAND_TEST_EXAMPLES draws more."""
 
 

@@ -15,16 +15,37 @@ from planner.service.api.apps import create_app
 from planner.service.errors import DatabaseError
 from planner.service.settings import DATABASE_FILE, ServiceSettings
 from planner.service.store import database as databases
+from planner.service.store import postgresql
 from planner.service.store.service_store import Store
 from tests.service.conftest import BOTH, HERE, bearer
 from tests.service.databases import database
 from tests.service.proxies import Way, way_to
 
-ENDS_S = 7.0  # five, and what a busy machine adds
+ANSWER_S, PING_S, CONNECT_S = 1.0, 0.5, 2  # nobody waits less for a connection
+"""Waits of these tests; whatever they are, every wait ends with them."""
+ENDS_S = PING_S + CONNECT_S + 2.0  # what a busy machine adds
+
+
+def test_what_waits_for_a_database_waits_for_seconds() -> None:
+    assert postgresql.BoundedConnection.answer_timeout_s == postgresql.ANSWER_TIMEOUT_S == 5.0
+    assert f"'statement_timeout', '{postgresql.ANSWER_TIMEOUT_S:g}s'" in postgresql.SET_TIMEOUTS
+    assert postgresql.PING_TIMEOUT_S + postgresql.NETWORK_OPTIONS["connect_timeout"] <= 5.0
 
 
 @pytest.fixture
-def way(tmp_path: Path) -> Iterator[tuple[Way, ServiceSettings]]:
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shorter waits than those of a service, of the client and of the server."""
+    shorter = postgresql.SET_TIMEOUTS.replace(f"'{postgresql.ANSWER_TIMEOUT_S:g}s'", f"'{ANSWER_S:g}s'")
+    assert shorter.count(f"'{ANSWER_S:g}s'") == 2
+    monkeypatch.setattr(postgresql, "SET_TIMEOUTS", shorter)
+    monkeypatch.setitem(postgresql.NETWORK_OPTIONS, "connect_timeout", CONNECT_S)
+    monkeypatch.setattr(postgresql, "PING_TIMEOUT_S", PING_S)
+    monkeypatch.setattr(postgresql, "ANSWER_TIMEOUT_S", ANSWER_S)
+    monkeypatch.setattr(postgresql.BoundedConnection, "answer_timeout_s", ANSWER_S)
+
+
+@pytest.fixture
+def way(tmp_path: Path, impatient: None) -> Iterator[tuple[Way, ServiceSettings]]:
     """Settings of a service whose PostgreSQL is reached by a way that can be blocked."""
     with database("postgresql") as url:
         parsed = sa.make_url(url)
@@ -85,11 +106,11 @@ def test_a_database_that_was_started_anew_is_found_again(way: tuple[Way, Service
 
 @pytest.mark.slow
 def test_statements_of_their_own_time_are_not_hurried(way: tuple[Way, ServiceSettings]) -> None:
-    store = Store(way[1])
+    store, sleep = Store(way[1]), f"SELECT pg_sleep({ANSWER_S + 0.5})"
     with pytest.raises(sa.exc.OperationalError), store.database.open_read_session() as session:
-        session.execute(sa.text("SELECT pg_sleep(6)"))
+        session.execute(sa.text(sleep))
     with store.database.engine.connect() as connection, databases.lift_timeouts(connection):
-        connection.execute(sa.text("SELECT pg_sleep(6)"))
+        connection.execute(sa.text(sleep))
     store.close()
 
 

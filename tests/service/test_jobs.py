@@ -83,7 +83,7 @@ def test_workers_are_replaced_and_end_with_their_supervisor(kept: Store) -> None
 
 @pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="processes are found in /proc")
-@pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
+@pytest.mark.parametrize("kind", [pytest.param("sqlite", marks=pytest.mark.matrix), "postgresql"])
 def test_jobs_are_done_once_though_server_and_workers_are_killed(kind: str, tmp_path: Path) -> None:
     with database(kind) as url:
         settings = ServiceSettings(data=tmp_path / "data", database=url, workers=1, lease_s=2.0)

@@ -206,6 +206,7 @@ def test_a_day_is_made_in_the_form_and_in_the_text(service: Service) -> None:
     watched.well()
 
 
+@pytest.mark.matrix
 def test_a_farm_is_changed_and_saved_under_its_name(service: Service) -> None:
     watched, app = service
     page = watched.open("/farm")
@@ -255,6 +256,7 @@ MAST_FIELD = {
 }  # fmt: skip
 
 
+@pytest.mark.matrix
 def test_every_choice_of_a_plan_is_asked_and_asked_again(service: Service, tmp_path: Path) -> None:
     watched, app = service
     store = app.state.store

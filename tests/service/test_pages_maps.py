@@ -346,7 +346,9 @@ MAPS = {"/": 1, "/fleet/f1": 1, "/fleet/f1/tractor/2": 1, "/plan": 1, "/plan/old
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", MAPS)
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, marks=pytest.mark.matrix if place % 2 else ()) for place, path in enumerate(MAPS)]
+)
 def test_every_map_has_scale_north_zoom_and_a_legend_at_every_width(
     watched: WatchedPage, pages: tuple[str, Made], path: str
 ) -> None:

@@ -45,7 +45,7 @@ WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
 TANK = Supply(LOAD_M2, 1.0, STAND_S)
 
 
-@pytest.fixture(scope="module", params=["headland", "tender", "0,30"])
+@pytest.fixture(scope="module", params=["headland", pytest.param("tender", marks=pytest.mark.matrix), "0,30"])
 def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> FleetPlan:
     """A plan of three tractors each of which stops for a load."""
     file: Path = tmp_path_factory.mktemp("field") / "field.geojson"
@@ -68,7 +68,7 @@ def plan(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 Made = tuple[FleetManager, ReplanProposal, SimulationRun]
 
 
-@pytest.fixture(scope="module", params=[0.15, 0.45])
+@pytest.fixture(scope="module", params=[0.15, pytest.param(0.45, marks=pytest.mark.matrix)])
 def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
     """A fleet one of which has failed, what the others are asked to do, and the last drive of that."""
     manager, runs = at(plan, request.param), []

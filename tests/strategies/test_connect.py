@@ -29,6 +29,7 @@ from strategies.path_planning.route_search import (
 from strategies.path_planning.turn_kinds import TURN_KINDS
 from strategies.path_planning.turns import build_fishtail, build_omega_turn, build_switch_back, build_u_turn
 from strategies.path_planning.visibility_graph import VisibilityGraph, list_corner_poses, list_ring_poses
+from tests.examples import count_examples
 from tests.strategies.primitive_paths import find_dubins_paths
 
 R = 4.0
@@ -155,7 +156,7 @@ def test_the_quickest_of_the_fitting_primitives_is_taken() -> None:
     st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4),
     st.lists(st.floats(-math.pi, math.pi), min_size=2, max_size=2),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=count_examples(60), deadline=None)
 def test_any_two_poses_of_a_rectangle_are_connected_inside_it(width, height, shares, headings) -> None:
     free = box(0, 0, width, height)
     a = (shares[0] * width, shares[1] * height, headings[0])

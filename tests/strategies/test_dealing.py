@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from strategies.headland.plan_passes import _assign_shares
+from tests.examples import count_examples
 
 Places = list[tuple[float, float] | None]
 PLACE = st.tuples(*[st.integers(-20, 20).map(lambda n: 0.0005 * n + 3.0)] * 2)  # many as far apart to the millimetre
@@ -27,7 +28,7 @@ def by_sorting(places: Places, ends: list[tuple[float, float, float]]) -> list[i
 
 
 @given(st.lists(st.tuples(st.none() | PLACE, PLACE), min_size=1, max_size=9))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=count_examples(200), deadline=None)
 def test_the_nearest_pairs_are_dealt_first(pairs: list[tuple[tuple[float, float] | None, tuple[float, float]]]) -> None:
     places, ends = [place for place, _ in pairs], [(*end, 0.0) for _, end in pairs]
     assert _assign_shares(places, ends) == by_sorting(places, ends)

@@ -19,6 +19,7 @@ from strategies.path_planning.paths import (
     merge_segments,
     require_radius,
 )
+from tests.examples import count_examples
 from tests.strategies.primitive_paths import find_backing_paths, find_dubins_paths, find_three_arc_paths
 
 R = 4.0
@@ -137,7 +138,7 @@ def test_three_arc_does_not_reach_far() -> None:
 
 
 @given(POSES, POSES, st.floats(0.1, 1.5))
-@settings(max_examples=50)
+@settings(max_examples=count_examples(50))
 def test_sampled_polylines_have_no_gaps_and_keep_the_curvature(a: Pose, b: Pose, step: float) -> None:
     for primitive in primitives(a, b):
         runs = primitive.sample(step)
@@ -160,7 +161,7 @@ def circumcircle_curvature(points: np.ndarray) -> np.ndarray:
 
 
 @given(POSES, POSES)
-@settings(max_examples=50)
+@settings(max_examples=count_examples(50))
 def test_curvature_measured_on_samples_is_at_most_one_over_the_radius(a: Pose, b: Pose) -> None:
     for primitive in primitives(a, b):
         for pose, segment in zip(primitive.list_segment_starts(), primitive.segments, strict=True):

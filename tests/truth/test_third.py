@@ -287,6 +287,7 @@ def test_a_follower_keeps_to_its_line_and_heeds_a_lost_position() -> None:
     assert np.ptp(hide(faults=(fault,)).log(line)["northing_m"].to_numpy()[times > 20.2]) == 0.0
 
 
+@pytest.mark.matrix
 @pytest.mark.parametrize("name", sorted(OUTSIDE_CAUSES))
 def test_every_cause_outside_the_catalogue_changes_a_log(name: str) -> None:
     case = next(

@@ -63,6 +63,7 @@ def run(room: Path) -> Run:
     return start
 
 
+@pytest.mark.matrix
 def test_the_second_run_loads_from_disk(run: Run) -> None:
     assert run() == ("7.0 0", "")
     assert run() == ("7.0 1", "")
@@ -75,7 +76,7 @@ def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> 
     assert run() == ("16.0 1", "")
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_a_changed_callee_in_another_package_is_compiled_into_its_callers(run: Run, room: Path) -> None:
     (room / "strategies").mkdir()
     (room / "strategies" / "__init__.py").touch()
@@ -105,7 +106,7 @@ def test_what_is_shipped_is_used_where_the_sources_are_the_same(run: Run, room: 
     assert run() == ("16.0 0", "")
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_a_damaged_file_that_was_shipped_is_as_good_as_none(run: Run, room: Path) -> None:
     types = "(__import__('numba').float64,)"
     ship = f"from vehicle.two import outer; from vehicle.jit import ship_overload; t = {types}; outer.compile(t); "

@@ -1,7 +1,7 @@
 """Attacks on a running service from outside, each bounded in count and time, on loopback alone.
 
     python -m tests.benchmarks.attack                                  # all of it, about 20 minutes
-    python -m tests.benchmarks.attack --short                          # as in CI, about a minute and a half
+    python -m tests.benchmarks.attack --short                          # as in tests, about a minute and a half
     python -m tests.benchmarks.attack --only 2,3 --json > now.json
     python -m tests.benchmarks.attack --command '/opt/headland/bin/headland serve' --before before.json
 

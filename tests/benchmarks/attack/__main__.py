@@ -26,7 +26,7 @@ def main() -> int:
 def _parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.attack", description="Attack a service.")
     parser.add_argument("--only", type=_parse_items, default=ITEMS, help="items to attack, such as 2,3")
-    parser.add_argument("--short", action="store_true", help="small numbers, as in CI")
+    parser.add_argument("--short", action="store_true", help="small numbers, as in tests")
     parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
     parser.add_argument("--before", type=Path, help="JSON of an earlier run, shown beside the figures of this one")
     parser.add_argument("--command", default=COMMAND, help="what starts the service; ends in serve")
