@@ -13,6 +13,7 @@ import pytest
 
 from tests.cli.mutations import FIELD, ODD, paths, replaced, small_field, small_plan
 from tests.cli.mutations import Path as Place
+from tests.examples import count_examples
 
 Run = Callable[..., Any]
 CONTROLS = re.compile("[\x00-\x09\x0b-\x1f\x7f-\x9f\u2028\u2029\u202e]")
@@ -81,7 +82,7 @@ def assert_sealed(outcome: Any, what: object) -> None:
         assert all(line.startswith(("Error: ", "Note: ")) for line in outcome.sentences), (what, outcome.err)
 
 
-@pytest.mark.parametrize("machines", [False, True])
+@pytest.mark.parametrize("machines", [pytest.param(False, marks=pytest.mark.matrix), True])
 @pytest.mark.parametrize("words", SAVED, ids=" ".join)
 def test_no_value_of_a_saved_plan_is_a_fault(
     headland: Run, folder: Path, words: tuple[str, ...], machines: bool
@@ -108,7 +109,7 @@ def chosen(cases: list[tuple[Place, str]], words: tuple[str, ...], machines: boo
              (("notes", "strategy"), "deep"), (("scenario", "cell_bearings", 0, 1), "huge")]  # fmt: skip
     assert set(known) <= set(cases)
     draw = random.Random(f"{words} {machines}")
-    return [*known, *draw.sample(cases, len(cases) // SHARE)]
+    return [*known, *draw.sample(cases, count_examples(len(cases) // SHARE))]
 
 
 @pytest.mark.parametrize("line", LINES, ids=" ".join)
@@ -120,7 +121,10 @@ def test_no_word_is_a_fault(headland: Run, folder: Path, line: tuple[str, ...]) 
     assert set(before) <= set(folder.iterdir())
 
 
-@pytest.mark.parametrize("name", ["a\nb.geojson", "a\x1b[31mb.geojson", "a\u2028b.geojson", "a\u202eb.geojson"])
+@pytest.mark.parametrize("name", [
+    "a\nb.geojson",
+    *(pytest.param(f"a{odd}b.geojson", marks=pytest.mark.matrix) for odd in ("\x1b[31m", "\u2028", "\u202e")),
+])  # fmt: skip
 def test_a_file_name_breaks_no_line(headland: Run, folder: Path, name: str) -> None:
     (folder / name).write_bytes((folder / FIELD).read_bytes())
     one = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")

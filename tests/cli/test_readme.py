@@ -26,6 +26,13 @@ from tests.cli.examples import (
 
 MAX_README_LINES = 150
 LEFT_OUT = (*SERVING, EXPERIMENTS, "headland setup")  # compiles everything where it is not yet
+SELDOM = (
+    "headland plan denmark", "headland plan iwamizawa --tractors", "headland plan iwamizawa netherlands",
+    "headland plan myfarm.geojson --soil", "headland diagnose runs", "headland diagnose --demo",
+    "headland diagnose sample", "headland day day.toml", "headland compare-headlands", "headland study",
+)  # fmt: skip
+"""Beginnings of the guide's commands that take long: in the matrix alone, as their kind runs in the README or in files
+of its own, and so do their options."""
 
 
 def test_the_readme_is_short() -> None:
@@ -65,7 +72,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("readme")
     os.environ["HEADLAND_DATA"] = str(place / "data")
     parcel = read_field("netherlands")
-    part = shapely.box(-60.0, -180.0, 60.0, -60.0)  # chosen: 120 m of 360, as sizes are not tested here
+    part = shapely.box(-30.0, -150.0, 40.0, -80.0)  # chosen: 70 m of 360, as sizes are not tested here
     write_field(replace(parcel, boundary=parcel.boundary & part), place / "myfarm.geojson")
     write_hill(parcel, place / "dtm.tif")
     battery = BatteryParameters(capacity_kwh=30.0)
@@ -73,7 +80,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "electric.toml").write_text(format_tractor_toml(electric), encoding="utf-8")
     (place / "runs").mkdir()
     hidden = {"steering_offset": {"angle_deg": 1.0}, "wheel_slip": {"ratio": 0.15}}
-    for number, log in enumerate(make_logs(hidden, seed=3, origin=parcel.origin_m)[:8]):
+    for number, log in enumerate(make_logs(hidden, seed=3, origin=parcel.origin_m, rate_hz=10.0)[:8]):
         log.to_csv(place / "runs" / f"{number}.csv", index=False)
         log.to_csv(place / "run.csv", index=False)
     return place
@@ -118,6 +125,10 @@ def test_the_first_answer_is_what_the_command_prints(headland: Callable[..., Any
     assert printed[command].startswith(shown)
 
 
+def test_every_beginning_is_one_of_the_guide() -> None:
+    assert all(any(line.startswith(words) for line in list_guide_commands()) for words in SELDOM)
+
+
 def write_files_of_readme(folder: Path, headland: Callable[..., Any]) -> None:
     """Run the README's commands that write what the guide's commands take, where they have not run yet."""
     writing = [line for line in list_readme_commands() if " new " in line or " --save " in line]
@@ -127,7 +138,10 @@ def write_files_of_readme(folder: Path, headland: Callable[..., Any]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", [line for line in list_guide_commands() if not line.startswith(LEFT_OUT)])
+@pytest.mark.parametrize("line", [
+    pytest.param(line, marks=pytest.mark.matrix if line.startswith(SELDOM) else ())
+    for line in list_guide_commands() if not line.startswith(LEFT_OUT)
+])  # fmt: skip
 def test_guide_command(line: str, folder: Path, headland: Callable[..., Any], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
     write_files_of_readme(folder, headland)

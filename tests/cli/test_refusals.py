@@ -250,7 +250,8 @@ class TestTerminals:
         assert max(map(len, text.splitlines())) <= widest
 
     @pytest.mark.parametrize("settings", [
-        {"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
+        pytest.param({"PYTHONIOENCODING": "ascii"}, marks=pytest.mark.matrix),
+        {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},
     ])  # fmt: skip
     def test_characters_that_are_lacking_are_replaced(
         self, command: list[str], folder: Path, settings: dict[str, str]
