@@ -184,13 +184,14 @@ def test_an_earlier_result_stays_when_the_run_fails(headland: Callable[..., Any]
 
 
 def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Callable[..., Any], folder: Path) -> None:
-    outcome = headland("plan", "good.geojson", "--local", "--tractors", "40", "--html", "none.html", "--json")
+    words = ("--local", "--tractors", "40", "--strategies", "split-field,row-by-row", "--html", "none.html", "--json")
+    outcome = headland("plan", "good.geojson", *words)
     page = folder / "none.html"
     page.unlink(missing_ok=True)
     assert outcome.status == 3
     answer = json.loads(outcome.out)
     assert answer["best"] is None
-    assert answer["plans"] and not any(plan["feasible"] for plan in answer["plans"])
+    assert len(answer["plans"]) == 2 and not any(plan["feasible"] for plan in answer["plans"])
     assert all("40 tractors are more than" in plan["reason"] for plan in answer["plans"])
 
 

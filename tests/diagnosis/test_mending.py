@@ -19,7 +19,7 @@ def test_halves_change_every_twenty_seconds() -> None:
     assert compute_half_numbers(np.array([0.0, 19.9, 20.0, 39.9, 40.0])).tolist() == [0, 0, 1, 1, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_two_grounds_are_told_apart() -> None:
     drives = [drive for drive in default_programme() if drive.name in FAST]
     logs = []

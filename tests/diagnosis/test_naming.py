@@ -12,6 +12,7 @@ import secrets
 import pytest
 
 from tests.diagnosis.hiding import brief_programme, diagnosed, hidden, judge
+from tests.examples import seldom
 from tests.truth.drives import one_way_programme
 
 RATE_HZ = 10.0
@@ -25,7 +26,7 @@ def seed() -> int:
 
 
 def test_nothing_hidden_nothing_named(seed: int) -> None:
-    found = diagnosed({}, seed, brief_programme(), rate_hz=RATE_HZ)
+    found = diagnosed({}, seed, brief_programme())
     assert not found.named, f"seed {seed}: {found.named}"
     assert found.unexplained_share == 0.0 and found.next_drive is None
     assert not found.tractor.effects and found.headline.startswith("Nothing found")
@@ -68,7 +69,7 @@ def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> N
     assert set(found.next_drive.separates) == {"implement_side_draft", "steering_offset"}
 
 
-@pytest.mark.parametrize("fixed", [503, pytest.param(506, marks=pytest.mark.matrix)])
+@pytest.mark.parametrize("fixed", seldom(503, 506))
 def test_a_simplification_of_the_simulator_is_no_cause(fixed: int) -> None:
     """Seeds in which the end of a steering movement, which the simulator simplifies, once passed for a fault."""
     assert not diagnosed({}, fixed, brief_programme(), rate_hz=RATE_HZ).named

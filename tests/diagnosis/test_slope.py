@@ -81,6 +81,7 @@ def test_a_drift_per_slope_is_replayed_where_roll_is_and_as_a_plane_where_it_is_
         assert float(aside) == pytest.approx(float(np.sum(way * across)), abs=0.05)
 
 
+@pytest.mark.matrix
 def test_pitch_explains_the_speed_that_a_grade_takes() -> None:
     """With pitch the error along is near the noise; without it the same hills are left over, or pose as a slip."""
     frames = driven(Ground(wave_m=0.6, length_m=45.0, climb=0.8))

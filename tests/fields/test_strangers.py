@@ -18,9 +18,12 @@ from fields.errors import FieldError, HeadlandError
 from fields.formats.gdal import SHAPEFILE_DRIVER, restrict_gdal_drivers
 from fields.geometry.geodesy import is_wgs84_longitude_latitude, project
 from planner.task_logs.formats import isoxml_logs, point_shapefiles
+from tests.examples import seldom
 from tests.fields.strangers import BOX, SECRET, database, listening, offered, vacuum, vrt, written
 
 DRIVERS = sorted(pyogrio.list_drivers())
+TRIED = [name for place, name in enumerate(DRIVERS) if name in ("OGR_VRT", "CSV", "SQLite") or place % 4 == 0]
+"""Drivers that are tried in every run of CI."""
 ENDINGS = (".geojson", ".json", ".kml", ".kmz", ".gpkg", ".fgb", ".gpx", ".xml", ".shp", ".zip")
 PACKED = (".geojson", ".kml", ".gpkg", ".fgb", ".gpx", ".shp", ".xml")
 GEOJSON = {"GeoJSON", "GeoJSONSeq", "JSONFG"}
@@ -106,7 +109,7 @@ def files(folder: Path) -> set[Path]:
     return set(folder.rglob("*"))
 
 
-@pytest.mark.parametrize("driver", DRIVERS)
+@pytest.mark.parametrize("driver", [*TRIED, *seldom(*(name for name in DRIVERS if name not in TRIED))])
 def test_what_a_driver_of_gdal_would_take(driver: str, here: Path, canary: Path) -> None:
     with listening() as (port, calls):
         for content in offered(driver, canary, port):

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import pytest
 
+from tests.examples import seldom
 from tests.identification.analytic_drives import circle, log
 from tests.identification.log_tables import refusal, runs
 from tests.truth.effects import CLEAR_SIZES
@@ -41,7 +42,7 @@ def test_logs_of_the_tractor_fit_it() -> None:
     assert scale_to_logs(driven(), own, "soil") is own
 
 
-@pytest.mark.parametrize("name", ["steering_gain", "steering_rate", "side_slip", "steering_dead_time"])
+@pytest.mark.parametrize("name", ["steering_gain", *seldom("steering_rate", "side_slip", "steering_dead_time")])
 def test_no_effect_makes_it_another_tractor(name: str) -> None:
     effects = {name: CLEAR_SIZES[name]}
     for drop in ((), ("steering_deg",)):

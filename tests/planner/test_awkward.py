@@ -16,6 +16,7 @@ from planner.farm.inventory import load_farm
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.request.plan_request import PlanRequest
 from strategies.registry import STRATEGIES
+from tests.examples import seldom
 from tests.planner.shapes import SHAPES
 from vehicle.missions.plan import Leg, LegGate, Mission, Plan
 
@@ -25,7 +26,7 @@ def site_of(name: str) -> PlanningContext:
     return prepare_context(PlanRequest(field=name, no_headland=False), SHAPES[name])
 
 
-@pytest.mark.parametrize("strategy", sorted(STRATEGIES))
+@pytest.mark.parametrize("strategy", ["split-field", *seldom(*sorted(set(STRATEGIES) - {"split-field"}))])
 def test_a_strip_of_few_lines_is_worked_by_two(strategy: str) -> None:
     """Evenly shared out its lines would be nearer to each other than machines are wide: nobody could pass."""
     result = compute_candidate_figures(site_of("thin strip"), Candidate(strategy, 2))

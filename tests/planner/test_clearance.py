@@ -11,12 +11,13 @@ import shapely
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import PlanRequest
+from tests.examples import seldom
 
 FIELD = shapely.box(0, 0, 150, 60)
 PARALLEL = math.radians(10.0)
 
 
-@pytest.mark.parametrize("strategy", ["row-by-row", "col-by-col", "interleaved"])
+@pytest.mark.parametrize("strategy", [*seldom("row-by-row"), "col-by-col", "interleaved"])
 def test_it_is_kept_where_tractors_are_not_beside_each_other(strategy: str, place: Any) -> None:
     site = place(FIELD, (0.0, 0.0), tractors=(3,))
     run = simulate_candidate(site, Candidate(strategy, 3)).run

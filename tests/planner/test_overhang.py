@@ -22,6 +22,7 @@ from strategies.headland.pass_legs import get_headland_legs
 from strategies.headland.pass_shares import share_headland
 from strategies.headland.strips import MAX_MISSED_SHARE
 from strategies.program.field_job import FieldJob
+from tests.examples import seldom
 from vehicle.missions.plan import ROUTE, Leg, LegTask, Mission, Plan
 from vehicle.sim.world import simulate
 
@@ -88,7 +89,7 @@ def test_the_charge_is_that_of_the_plan(lay: Any) -> None:
     assert site.build_job(1).finishing_rate_s_per_m2 == pytest.approx(own_rate, rel=0.25)
 
 
-@pytest.mark.parametrize("corners", ["auto", "square", "round"])
+@pytest.mark.parametrize("corners", ["auto", *seldom("square", "round")])
 def test_nothing_reaches_farther_than_asked(lay: Any, corners: str) -> None:
     """As planned and driven; the guidance errs by some centimetres."""
     loose, tight = (work(lay(corners=corners, overhang_m=metres)) for metres in (5.0, 0.5))

@@ -16,6 +16,7 @@ from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground.coverage import compute_guided_path, measure_coverage
 from planner.request.plan_request import PlanRequest
+from tests.examples import seldom
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
@@ -42,7 +43,7 @@ def nearest_m(run: SimulationRun, site: PlanningContext, shape: shapely.Geometry
     return near
 
 
-@pytest.mark.parametrize("no_headland", [True, False])
+@pytest.mark.parametrize("no_headland", [*seldom(True), False])
 def test_no_track_is_interrupted_and_nothing_is_touched(no_headland: bool) -> None:
     plain, among = site_with(no_headland=no_headland), site_with(POLE, STONE, no_headland=no_headland)
     assert [(t.start_m, t.end_m) for t in among.layout.swaths] == [(t.start_m, t.end_m) for t in plain.layout.swaths]

@@ -14,6 +14,7 @@ from strategies.program.strategy_record import RefinedPlan
 from strategies.registry import STRATEGIES
 from strategies.row_by_row import form_row_by_row
 from strategies.row_by_row_optimised import NOT_QUICKER_REMARK, refine_optimised
+from tests.examples import seldom
 from vehicle.missions.plan import DRIVE, SWATH, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, SimulationRun
@@ -44,7 +45,7 @@ def test_the_outline_on_the_headland_is_that_of_the_contact_shapes(small_site: A
 
 
 class TestOptimised:
-    @pytest.mark.parametrize("tractors", [2, 3, 5])
+    @pytest.mark.parametrize("tractors", [2, *seldom(3), 5])
     def test_is_never_slower_than_row_by_row_and_touches_nothing(
         self, wide_site: Any, evaluate_once: Any, tractors: int
     ) -> None:

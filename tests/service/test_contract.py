@@ -16,7 +16,7 @@ from planner.service.settings import ServiceSettings
 from tests.service.conftest import SMALL, bearer
 
 CONFORM = ("status_code_conformance", "content_type_conformance", "response_schema_conformance")
-EXAMPLES = int(os.environ.get("HEADLAND_TEST_EXAMPLES", "2"))
+EXAMPLES = int(os.environ.get("HEADLAND_TEST_EXAMPLES", "4"))
 """What is drawn is the same every time; HEADLAND_TEST_EXAMPLES draws more."""
 
 
@@ -37,11 +37,13 @@ def app(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FastAPI]:
 
 
 @pytest.mark.slow
-def test_no_fault_and_no_status_that_is_not_told_of(app: FastAPI) -> None:
+@pytest.mark.parametrize("part", [0, pytest.param(1, marks=pytest.mark.matrix)])
+def test_no_fault_and_no_status_that_is_not_told_of(app: FastAPI, part: int) -> None:
+    """Every other operation in each of two parts."""
     described: Any = schemathesis.openapi.from_asgi("/api/v1/openapi.json", app)
     headers, seen = bearer(app, "admin"), 0
     checks = [schemathesis.checks.not_a_server_error, *(getattr(schemathesis.checks, name) for name in CONFORM)]
-    for found in described.get_all_operations():
+    for found in [*described.get_all_operations()][part::2]:
         operation = found.ok()
         for mode in schemathesis.GenerationMode:
 
@@ -57,7 +59,7 @@ def test_no_fault_and_no_status_that_is_not_told_of(app: FastAPI) -> None:
 
             with suppress(Unsatisfiable):  # a route without parameters has nothing that could be wrong
                 meets()
-    assert seen > 200
+    assert seen > 100
 
 
 def test_every_route_says_who_may_use_it(app: FastAPI) -> None:

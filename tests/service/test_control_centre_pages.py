@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Page, ViewportSize
 
+from tests.examples import seldom
 from tests.service.fake_service import Made
 from tests.service.watching import WIDE, WatchedPage, evaluate_in_page, needs_browser, until
 
@@ -92,7 +93,7 @@ def test_alarms_that_last_stand_above_those_that_are_over(watched: WatchedPage, 
     watched.well()
 
 
-@pytest.mark.parametrize("size", [SMALL_WINDOW, ViewportSize(width=390, height=844)])
+@pytest.mark.parametrize("size", [SMALL_WINDOW, *seldom(ViewportSize(width=390, height=844))])
 def test_steering_on_a_telephone_keeps_map_distance_and_stop_in_sight(
     watched: WatchedPage, made: Made, size: ViewportSize
 ) -> None:

@@ -41,6 +41,7 @@ from planner.service.gateway.responses import add_error_handlers
 from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
+from tests.examples import seldom
 from tests.service.fleets import fleet_plan
 from vehicle.identification.logs.reader import read_log
 
@@ -235,7 +236,7 @@ def test_the_recording_is_a_log_that_diagnosis_reads(service: Service, tmp_path:
     assert log.rows_used == 30 and log.speed_mps is not None and log.speed_mps[0] == 1.0
 
 
-@pytest.mark.parametrize("at", ["0001-01-02T00:00:00Z", "2001-01-01T00:00:00Z", "9999-12-30T00:00:00Z"])
+@pytest.mark.parametrize("at", ["0001-01-02T00:00:00Z", *seldom("2001-01-01T00:00:00Z", "9999-12-30T00:00:00Z")])
 def test_a_state_of_a_wrong_clock_is_taken_and_dated_by_the_clock_of_the_service(service: Service, at: str) -> None:
     with service.link("tractor") as tractor:
         seen = hello(tractor, "tractor", 2, service.tokens["robot 2"])["last_sequence"]

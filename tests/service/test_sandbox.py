@@ -254,6 +254,7 @@ def test_a_refusal_keeps_its_sentence_and_parameter(reader: ForkingReader | Spaw
     )
 
 
+@only_forking
 def test_another_file_is_not_read(reader: ForkingReader | SpawningReader, here: Path, canary: Path) -> None:
     canary.with_suffix(".geojson").write_bytes(SMALL)
     with pytest.raises(HeadlandError) as refusal:

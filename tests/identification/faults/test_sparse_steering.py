@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from planner import diagnose
+from tests.examples import seldom
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING_STUCK
@@ -45,7 +46,7 @@ def test_steering_that_stops_following_is_found_between_two_readings(
     assert fault.to_s is None
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", [0, 1, *seldom(2, 3, 4)])
 def test_wheels_that_follow_have_no_fault(seed: int) -> None:
     assert build_log(drive_in_bursts(np.inf, 0.0, seed), "bursts").faults == ()
 

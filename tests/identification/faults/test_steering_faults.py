@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.diagnosis.sets import drawn
+from tests.examples import seldom
 from tests.identification.fault_logs import START_S, clean_frames, degrade, ignore_commands, rows_of
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import second_logs
@@ -68,7 +69,8 @@ def test_clean_runs_have_no_fault_with_and_without_columns() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["steering_dead_time", "steering_rate", "steering_deadband", "side_slip", "steering_gain", "grip_patch"]
+    "name",
+    ["steering_deadband", "steering_gain", *seldom("steering_dead_time", "steering_rate", "side_slip", "grip_patch")],
 )
 def test_no_effect_of_the_catalogue_is_a_fault(name: str) -> None:
     rng = np.random.default_rng(7)

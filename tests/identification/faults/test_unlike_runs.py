@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.sets import drawn
+from tests.examples import seldom
 from tests.identification.fault_logs import RUNS, clean_frames
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import Second, second_logs
@@ -37,7 +38,7 @@ def test_a_run_with_other_values_is_told(run: int, effects: dict, words: str) ->
 
 
 @pytest.mark.parametrize(
-    "name", ["", "grip_patch", "side_slip", "cross_slope_drift", "steering_asymmetry", "implement_slip"]
+    "name", ["", "grip_patch", *seldom("side_slip", "cross_slope_drift", "steering_asymmetry", "implement_slip")]
 )
 def test_causes_that_show_in_some_runs_make_none_unlike(name: str) -> None:
     effects = {name: drawn(name, 1.2, np.random.default_rng(3))} if name else {}
