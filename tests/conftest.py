@@ -28,19 +28,19 @@ from tests.warm import warm
 ROOT = Path(__file__).parents[1]
 
 LONG = (
-    "test_readme", "test_sandbox", "test_plan", "test_determinism", "test_drawn_sets", "test_diagnose",
-    "test_damaged", "test_gate", "test_pages_maps", "test_behind_proxy", "test_attack", "test_mutations",
-    "test_jobs", "test_whole_field", "test_logs", "test_executors", "test_entrance", "test_commands", "test_slope",
-    "test_pages", "test_restarts", "test_installed", "test_refusals", "test_pages_library", "test_naming",
-    "test_links", "test_overhang", "test_jit", "test_trials", "test_accessibility", "test_strangers",
-    "test_control_centre_pages", "test_fences", "test_many", "test_database_lost", "test_replanned_refills",
-    "test_golden_maps", "test_many_fields", "test_kernels", "test_files", "test_contract", "test_day",
-    "test_backup", "test_turning_kind", "test_pages_live", "test_third", "test_notebook_answers", "test_fair_queue",
-    "test_hold_points", "test_diagnosis", "test_refused_fields", "test_pages_language", "test_service_stops",
-    "test_outputs", "test_languages", "test_reader", "test_room", "test_formations", "test_field",
-    "test_invariance", "test_token_book", "test_innovations", "test_log_ground", "test_precedence", "test_headland",
-    "test_connect", "test_swapped_steering", "test_replanning", "test_access", "test_diagnosis_pages", "test_robot",
-    "test_store", "test_parity", "test_solve", "test_small_obstacles", "test_incumbents",
+    "test_readme", "test_plan", "test_sandbox", "test_drawn_sets", "test_diagnose", "test_determinism",
+    "test_pages_maps", "test_behind_proxy", "test_gate", "test_attack", "test_logs", "test_jobs", "test_commands",
+    "test_executors", "test_entrance", "test_damaged", "test_pages", "test_mutations", "test_restarts",
+    "test_installed", "test_pages_library", "test_jit", "test_refusals", "test_trials", "test_links",
+    "test_accessibility", "test_overhang", "test_whole_field", "test_fences", "test_naming", "test_many",
+    "test_database_lost", "test_golden_maps", "test_replanned_refills", "test_many_fields", "test_files",
+    "test_control_centre_pages", "test_kernels", "test_backup", "test_day", "test_turning_kind", "test_slope",
+    "test_pages_live", "test_third", "test_notebook_answers", "test_fair_queue", "test_diagnosis",
+    "test_refused_fields", "test_pages_language", "test_service_stops", "test_outputs", "test_languages",
+    "test_reader", "test_room", "test_formations", "test_invariance", "test_token_book", "test_innovations",
+    "test_log_ground", "test_headland", "test_swapped_steering", "test_replanning", "test_access",
+    "test_diagnosis_pages", "test_store", "test_robot", "test_parity", "test_solve", "test_asking",
+    "test_selection", "test_field", "test_conventions", "test_connect", "test_typed_client", "test_incumbents",
 )  # fmt: skip
 """Names of the slowest files, the slowest first; files that mostly wait come earlier."""
 

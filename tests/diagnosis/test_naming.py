@@ -16,6 +16,7 @@ from tests.examples import seldom
 from tests.truth.drives import one_way_programme
 
 RATE_HZ = 10.0
+"""Of logs whose effect is so large that half of the rows show it too."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +41,7 @@ def test_nothing_hidden_nothing_named(seed: int) -> None:
     ],
 )
 def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
-    found = diagnosed(hidden([name]), seed, brief_programme(), rate_hz=RATE_HZ)
+    found = diagnosed(hidden([name]), seed, brief_programme())
     verdict = judge(found, hidden([name]))
     assert verdict.found and not verdict.wrong and verdict.close, f"seed {seed}: {verdict.text}"
     assert set(found.tractor.effects) == set(found.named)
@@ -72,4 +73,4 @@ def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> N
 @pytest.mark.parametrize("fixed", seldom(503, 506))
 def test_a_simplification_of_the_simulator_is_no_cause(fixed: int) -> None:
     """Seeds in which the end of a steering movement, which the simulator simplifies, once passed for a fault."""
-    assert not diagnosed({}, fixed, brief_programme(), rate_hz=RATE_HZ).named
+    assert not diagnosed({}, fixed, brief_programme()).named

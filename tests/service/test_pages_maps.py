@@ -318,6 +318,7 @@ def test_points_are_inserted_and_removed_and_all_is_undone(service: MapService) 
 
 
 @pytest.mark.slow
+@pytest.mark.matrix
 def test_a_file_of_tiles_is_a_background_without_any_server(browser: Browser, tmp_path: Path) -> None:
     from math import asinh, floor, pi, radians, tan
 

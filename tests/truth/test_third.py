@@ -11,6 +11,7 @@ import numpy.typing as npt
 import pandas as pd
 import pytest
 
+from tests.examples import seldom
 from tests.truth import third_body as body
 from tests.truth import third_columns as columns
 from tests.truth import third_run as run
@@ -205,7 +206,7 @@ COLUMN_OF = {"position": "easting_m", "heading": "heading_deg", "steering": "ste
              "steering_command": "steering_command_deg"}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ("position", "heading", "steering", "steering_command"))
+@pytest.mark.parametrize("name", ["position", "steering", *seldom("heading", "steering_command")])
 @pytest.mark.parametrize(
     ("clock", "seconds"),
     [(ColumnClock(delay_s=0.3), 0.3), (ColumnClock(offset_s=-0.25), -0.25), (ColumnClock(filter_s=0.4), 0.4)],
@@ -242,7 +243,7 @@ def test_the_scale_of_a_column_is_its_own() -> None:
     assert off["speed_mps"].to_numpy() == pytest.approx(1.07 * plain["speed_mps"].to_numpy())
 
 
-@pytest.mark.parametrize("fault_id", FAULT_IDS)
+@pytest.mark.parametrize("fault_id", [*FAULT_IDS[:3], *seldom(*FAULT_IDS[3:])])
 def test_a_fault_begins_when_it_says(fault_id: str) -> None:
     """Nothing differs before its first second, and what should differ does so within two seconds of it."""
     detail = {"mode": 1.0, "size_m": 2.0} if fault_id == "position_lost" else {}

@@ -145,6 +145,7 @@ def test_without_a_folder_that_can_be_written_to(run: Run) -> None:
         assert said.count("\n") == 1 and "cannot be stored on disk" in said and "NUMBA_CACHE_DIR" in said
 
 
+@pytest.mark.matrix
 def test_a_disk_that_fills_up(run: Run, room: Path) -> None:
     """The folder takes an empty file, as it does on a full disk, but nothing larger."""
     limited = "import resource, signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN); "
