@@ -3,11 +3,14 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from vehicle.identification.laws.settle import SettledLaw
 from vehicle.identification.laws.sides import SideLaw
 from vehicle.identification.thresholds import WORTH_OF_WHEEL_PCT
-from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, NOT_VISIBLE, Finding
+from vehicle.identification.verdict import law_findings
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.law_findings import (
     GAIN_TERMS,
     _tell_sides,
@@ -15,6 +18,7 @@ from vehicle.identification.verdict.law_findings import (
     list_law_terms,
 )
 from vehicle.identification.verdict.named_causes import ExplainedCase
+from vehicle.model.tractor import load_tractor
 
 
 @pytest.mark.parametrize("kind", sorted(GAIN_TERMS))
@@ -57,3 +61,16 @@ def test_two_sides_have_a_name_where_they_remove_as_much_of_the_wheel_angle_erro
     told = _tell_sides(finding, SideLaw("steering_rate", 20.0, 9.0, 500.0, worth_pct), sure_ids)
     assert told.status == status and told.law is not None
     assert told.law.values == {"right": 20.0, "left": 9.0}
+
+
+@pytest.mark.parametrize(("kind", "status"), [("over_minutes", EQUIVALENT), ("by_run", NAMED)])
+def test_which_of_two_clocks_runs_away_does_not_show(kind: str, status: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: Any = SimpleNamespace(kind=kind, effect_id="clock_offset_speed", alternatives=())
+    law = SettledLaw(found, 0.4, np.array([-0.3]), np.array([0.1]), 0.25, 0.1, 0.1, 0.4)
+    for name in ("compute_law_values", "describe_law", "describe_alternatives"):
+        monkeypatch.setattr(law_findings, name, lambda *_, name=name: {} if name == "compute_law_values" else "")
+    statuses = {"clock_offset_speed": NAMED, "clock_offset_position": NOT_VISIBLE}
+    before = [Finding(name, one, None, None, None, None, None, "s", "", "") for name, one in statuses.items()]
+    speed, position = law_findings._add_settled_law(before, law, None, (), load_tractor("eg105"))  # type: ignore[arg-type]
+    assert speed.status == status
+    assert position.status == (EQUIVALENT if status == EQUIVALENT else NOT_VISIBLE)
