@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vehicle.identification.faults.angle_deviation import AngleDeviations
 from vehicle.identification.faults.following_change import FollowingChange, find_following_changes
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
@@ -84,8 +85,9 @@ def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
     unrest_deg = measure_unrest([segment for parts in segments for segment in parts])
     standstills = find_faulty_standstills(segments, unrest_deg)
     changes = find_following_changes(logs, segments, unrest_deg)
+    deviations = AngleDeviations([segment for parts in segments for segment in parts])
     spans = [
-        [_find_faults(*row, scale, lock, unrest_deg) for row in zip(parts, stills, changed, strict=True)]
+        [_find_faults(*row, scale, lock, unrest_deg, deviations) for row in zip(parts, stills, changed, strict=True)]
         for parts, stills, changed in zip(segments, standstills, changes, strict=True)
     ]
     if scale is not None:
@@ -155,10 +157,11 @@ def _find_faults(
     scale: PathScale | None,
     lock: float,
     unrest_deg: float,
+    deviations: AngleDeviations,
 ) -> list[_Span]:
     """Return the faults of a segment: of the wheel angle against the commands, and of the path against both.
 
-    Wheels go `unrest_deg` from their commands by themselves.
+    Wheels go `unrest_deg` from their commands by themselves, and by what `deviations` show wherever an angle is held.
 
     Columns that change every few seconds do not say what was commanded in between.
     """
@@ -168,10 +171,14 @@ def _find_faults(
         return _find_path_faults(segment, scale, lock)
     if segment.wheel is None:
         return _find_path_faults(segment, scale, lock)
-    beyond = np.maximum(segment.low - segment.wheel, segment.wheel - segment.high)
-    beyond -= max(FAULT_TOLERANCE_DEG, unrest_deg)
+    beyond = _measure_beyond(segment, segment.wheel, unrest_deg) > 0.0
     following = np.abs(segment.wheel - segment.usual) < max(_FOLLOWING_DEG, 0.5 * unrest_deg)
-    spans = _join_standstills(_find_spans(beyond > 0.0, following, segment.usual, segment.wheel), standstills)
+    spans = [
+        span
+        for span in _find_spans(beyond, following, segment.usual, segment.wheel)
+        if not _is_usual_elsewhere(segment, span, unrest_deg, deviations)
+    ]
+    spans = _join_standstills(spans, standstills)
     spans = [replace(span, id=_name_wheel_fault(segment, span, scale, lock)) for span in _join_changes(spans, changes)]
     path_spans = [
         span
@@ -179,6 +186,22 @@ def _find_faults(
         if not any(span.first <= other.last and other.first <= span.last for other in spans)
     ]
     return [*[span for span in spans if span.id], *path_spans]
+
+
+def _measure_beyond(segment: SteeringEvidence, wheel: Array, unrest_deg: float) -> Array:
+    """Return how far wheels (k, deg) are beyond what the commands of a segment allow (k, deg), negative within."""
+    beyond: Array = np.maximum(segment.low - wheel, wheel - segment.high) - max(FAULT_TOLERANCE_DEG, unrest_deg)
+    return beyond
+
+
+def _is_usual_elsewhere(segment: SteeringEvidence, span: _Span, unrest_deg: float, deviations: AngleDeviations) -> bool:
+    """Whether the wheel angle leaves its commands in a span no further than wherever these angles are held."""
+    assert segment.wheel is not None
+    rows = slice(span.first, span.last + 1)
+    wheel = segment.wheel.copy()
+    wheel[rows] -= deviations.compute_elsewhere(segment, span.first, span.last)
+    still = np.minimum(_measure_beyond(segment, segment.wheel, unrest_deg), _measure_beyond(segment, wheel, unrest_deg))
+    return int(np.count_nonzero(still[rows] > 0.0)) * STEP_S < FAULT_LEAST_S
 
 
 def _join_standstills(spans: Sequence[_Span], standstills: Sequence[Standstill]) -> list[_Span]:
