@@ -8,7 +8,7 @@ import pytest
 
 from tests.truth.drives import drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, ROW_S, Jointed, drive_jointed
-from vehicle.identification.faults.heading_kind import drop_course_headings, find_heading_scale
+from vehicle.identification.faults.heading_kind import drop_course_headings, find_double_swing, find_heading_scale
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.verdict.hints import find_wrong_heading
@@ -88,9 +88,28 @@ def test_a_gyroscope_is_known_by_what_its_headings_turn_more_than_the_path(share
 
 def test_a_true_heading_and_a_compass_are_no_gyroscope() -> None:
     runs = [drive_jointed(Jointed(FRONT, BASE_M, ANTENNA_M), run, number, True) for number, run in enumerate(LOOPS)]
-    assert find_heading_scale(build_logs(runs)) is None
-    deviated = [
-        run.assign(heading_deg=(run["heading_deg"] + 4.0 * np.sin(np.radians(run["heading_deg"] - 20.0))) % 360.0)
-        for run in runs
-    ]
-    assert find_heading_scale(build_logs(deviated)) is None
+    assert find_heading_scale(build_logs(runs)) is None and find_double_swing(build_logs(runs)) is None
+    logs = build_logs([deviate(run, 4.0, 1) for run in runs])
+    assert find_heading_scale(logs) is None and find_double_swing(logs) is None
+
+
+def deviate(run: pd.DataFrame, largest_deg: float, swings: int) -> pd.DataFrame:
+    """The run with headings of a compass that is wrong by so much, to and fro so many times per turn."""
+    wrong_deg = largest_deg * np.sin(swings * np.radians(run["heading_deg"] - 20.0))
+    return run.assign(heading_deg=(run["heading_deg"] + wrong_deg) % 360.0)
+
+
+def test_a_compass_that_swings_twice_per_turn_is_told_as_one() -> None:
+    runs = [drive_jointed(Jointed(FRONT, BASE_M, ANTENNA_M), run, number, True) for number, run in enumerate(LOOPS)]
+    logs = build_logs([deviate(run, 3.0, 2) for run in runs])
+    found = find_double_swing(logs)
+    assert found is not None and np.degrees(found) == pytest.approx(3.0, abs=0.4)
+    wrong = find_wrong_heading(logs, {})
+    assert wrong is not None and "twice in each full turn" in wrong.hint.words and "gyroscope" not in wrong.hint.words
+
+
+@pytest.mark.parametrize("late_s", [0.3, 0.6])
+def test_late_headings_swing_by_no_compass(late_s: float) -> None:
+    runs = [drive_jointed(Jointed(FRONT, BASE_M, ANTENNA_M), run, number, True) for number, run in enumerate(LOOPS)]
+    late = [run.assign(heading_deg=run["heading_deg"].shift(round(late_s / ROW_S)).bfill()) for run in runs]
+    assert find_double_swing(build_logs(late)) is None

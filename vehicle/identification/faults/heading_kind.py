@@ -5,7 +5,8 @@ turns with the wheel angle itself, by a / base, and to it the antenna never move
 middle with its antenna above its front axle has such headings too, and its positions are those of such a tractor.
 
 A gyroscope whose scale is off turns by a share more, or less, than the course does. A compass that is wrong by the
-direction it points to does so too where a field is driven in loops of one kind; its own columns take that.
+direction it points to does so too where a field is driven in loops of one kind; its own columns take that: iron that is
+magnetic turns its needle to and fro once per turn, iron that is not does so twice.
 """
 
 from __future__ import annotations
@@ -40,6 +41,10 @@ _WINDOW_S, _THIN_S = 12.0, 0.3
 # Chosen: 75 sets of three references without such a gyroscope show at most 0.5 %; scales of 1.6 to 2.9 % show 0.9 to
 # 1.9 %, four to seven times its standard error.
 _LEAST_SCALE, _SCALE_SIGMAS = 0.008, 4.0
+_LEFT_SHARE = 0.5  # chosen: beside two swings per turn nine tenths of a scale are left, and nothing of what they faked
+_WINDOWS_PER_ONE = math.sqrt(_WINDOW_S / _THIN_S)  # windows overlap; in errors so many of them are one
+# Chosen, rad: 60 sets without such a compass show less than 5 standard errors; one of 3 degrees shows 13.
+_LEAST_SWING, _SWING_SIGMAS = math.radians(1.0), 7.0
 
 
 def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
@@ -73,7 +78,43 @@ def _has_course_headings(logs: Sequence[Log], tractor: Tractor) -> bool:
 
 def find_heading_scale(logs: Sequence[Log]) -> float | None:
     """Return by what share the headings turn more than the course, where they clearly do as of a gyroscope; else
-    None."""
+    None.
+
+    Two swings per turn of a compass look like a scale in some loops; a delay does so beside them. So a scale is clear
+    without the swings, and is left beside them.
+    """
+    rows = _collect_changes(logs)
+    if len(rows) < _WINDOW_S / _THIN_S:
+        return None
+    (scale, sigma), (beside, _) = _fit_scale(rows[:, :-2]), _fit_scale(rows)
+    is_clear = abs(scale) > max(_LEAST_SCALE, _SCALE_SIGMAS * sigma)
+    return scale if is_clear and beside / scale > _LEFT_SHARE else None
+
+
+def find_double_swing(logs: Sequence[Log]) -> float | None:
+    """Return by how much (rad) headings leave the course to and fro twice per turn, where they clearly do; else None.
+
+    A drift across a slope does so once per turn, a delay with the rate of turning.
+    """
+    rows = _collect_changes(logs)
+    if len(rows) < _WINDOW_S / _THIN_S:
+        return None
+    value, error, _ = fit_robustly(rows[:, 1:], rows[:, 0])
+    error = error * _WINDOWS_PER_ONE
+    if abs(value[0]) > _SCALE_SIGMAS * error[0]:
+        return None
+    swing = math.hypot(*value[-2:])
+    return swing if swing > max(_LEAST_SWING, _SWING_SIGMAS * float(np.max(error[-2:]))) else None
+
+
+def _fit_scale(rows: Array) -> tuple[float, float]:
+    """Return by what share headings turn more than the course, and its standard error; see _compare_ends."""
+    value, error, _ = fit_robustly(rows[:, 1:], rows[:, 0])
+    return float(value[0]), float(error[0]) * _WINDOWS_PER_ONE
+
+
+def _collect_changes(logs: Sequence[Log]) -> Array:
+    """Return the rows (k, 9) of all logs with a heading; see _compare_ends."""
     locks = find_largest_angles(logs)
     windows = [
         _compare_ends(log, part)
@@ -81,20 +122,14 @@ def find_heading_scale(logs: Sequence[Log]) -> float | None:
         if log.heading_deg is not None
         for part in build_evidence_segments(log, locks)
     ]
-    rows = np.concatenate([np.zeros((0, 7)), *windows])
-    if len(rows) < _WINDOW_S / _THIN_S:
-        return None
-    value, error, _ = fit_robustly(rows[:, 1:], rows[:, 0])
-    # Windows overlap; so many of them are one.
-    scale, sigma = float(value[0]), float(error[0]) * math.sqrt(_WINDOW_S / _THIN_S)
-    return scale if abs(scale) > max(_LEAST_SCALE, _SCALE_SIGMAS * sigma) else None
+    return np.concatenate([np.zeros((0, 9)), *windows])
 
 
 def _compare_ends(log: Log, part: SteeringEvidence) -> Array:
-    """Return a row (k, 7) per window: by how much heading minus course changes (rad), and what may change it.
+    """Return a row (k, 9) per window: by how much heading minus course changes (rad), and what may change it.
 
     These are the turn of the heading (rad); curvature, rate of turning and the same by the speed, for the lever of the
-    antenna, a delay, and creeping tyres; and two directions of a compass.
+    antenna, a delay, and creeping tyres; and two directions of a compass, for one swing per turn and for two.
     """
     assert log.heading_deg is not None
     used, half = np.flatnonzero(log.used), round(0.5 * COURSE_TURN_S / STEP_S)
@@ -105,7 +140,8 @@ def _compare_ends(log: Log, part: SteeringEvidence) -> Array:
     rate[half:-half] = (heading[2 * half :] - heading[: -2 * half]) / COURSE_TURN_S
     apart = np.radians(part.heading_error) + mean - heading
     curvature = rate / np.maximum(part.pace, LEAST_PACE_MPS)
-    columns = (apart, mean, curvature, rate, part.pace * rate, np.sin(mean), np.cos(mean))
+    swings = (np.sin(mean), np.cos(mean), np.sin(2.0 * mean), np.cos(2.0 * mean))
+    columns = (apart, mean, curvature, rate, part.pace * rate, *swings)
     reach = round(_WINDOW_S / STEP_S)
     rows = np.arange(half, len(heading) - reach - half, round(_THIN_S / STEP_S))
     changes = np.array([column[rows + reach] - column[rows] for column in columns]).T

@@ -23,7 +23,7 @@ from vehicle.identification.cause_selection.covariates import (
     list_covariates,
     score_covariates,
 )
-from vehicle.identification.faults.heading_kind import find_heading_scale
+from vehicle.identification.faults.heading_kind import find_double_swing, find_heading_scale
 from vehicle.identification.faults.turning_kind import measure_compass_share
 from vehicle.identification.fit.open_loop import collect_run_settings
 from vehicle.identification.fit.residual_fit import EffectFit
@@ -112,7 +112,7 @@ class WrongHeading:
 
 def find_wrong_heading(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, float]]) -> WrongHeading | None:
     """Return what is wrong with the headings in a way that no effect describes: those of a compass or a gyroscope."""
-    return _find_compass(logs, found_values) or _find_gyroscope(logs)
+    return _find_compass(logs, found_values) or _find_compass_of_two_swings(logs) or _find_gyroscope(logs)
 
 
 def _find_compass(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, float]]) -> WrongHeading | None:
@@ -133,6 +133,20 @@ def _find_compass(logs: Sequence[Log], found_values: Mapping[str, Mapping[str, f
         "like a drift across a slope."
     )
     return WrongHeading(Hint("the direction of travel", "heading", None, words), frozenset({DRIFT_ACROSS}))
+
+
+def _find_compass_of_two_swings(logs: Sequence[Log]) -> WrongHeading | None:
+    """Return a hint where headings leave the course to and fro twice per turn, as of a compass near unmagnetic iron."""
+    swing = find_double_swing(logs)
+    if swing is None:
+        return None
+    words = (
+        f"The headings are wrong by up to {math.degrees(swing):.1f} degrees, depending on the direction of travel, as "
+        "of a compass near iron: the error changes to and fro twice in each full turn. Calibrate the compass where it "
+        "is mounted."
+    )
+    faked_ids = _FAKED_BY_GYROSCOPE | {DRIFT_ACROSS}
+    return WrongHeading(Hint("the direction of travel", "heading", None, words), faked_ids)
 
 
 def _find_gyroscope(logs: Sequence[Log]) -> WrongHeading | None:
