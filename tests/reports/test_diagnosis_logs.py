@@ -110,6 +110,12 @@ class TestFaults:
         assert "Nothing else found" in what.headline and "Nothing found" not in what.headline
         assert diagnosis().headline.startswith("Nothing found")
 
+    def test_nothing_beside_columns_stands_alone(self) -> None:
+        for columns, said in (("steering_command",), "the steering command is"), (("position", "heading"),
+                             "the position and the heading are"):  # fmt: skip
+            what = diagnosis(columns=tuple(ColumnTiming(column, hold_s=0.2) for column in columns))
+            assert what.headline.startswith(f"Nothing found beside how {said} logged: as far as")
+
 
 class TestColumns:
     def test_stand_before_the_causes_with_sizes(self) -> None:

@@ -1,5 +1,7 @@
 """Ages of columns are those of the effects found."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -85,6 +87,20 @@ def test_how_often_a_column_is_read_is_told_by_the_logs_in_which_it_changes() ->
     logs = mark_stale_columns_of_set([build_log(frame, name) for name, frame in held.items()])
     told = {one.column: one.hold_s for one in describe_columns(logs, [])}
     assert told["steering_command"] == pytest.approx(1.5, abs=0.2)
+
+
+def test_a_command_at_rest_is_no_older_than_a_moving_one() -> None:
+    """A controller of 10 Hz in a log of 25 Hz repeats three of five rows, also where it holds an angle for long."""
+    time = np.arange(0.0, 120.0, 0.04)
+    changed = np.unique(np.searchsorted(time, np.arange(0.0, 120.0, 0.1) - 1e-9))
+    moving = changed[changed < len(time) // 2]
+    measured = np.isin(np.arange(len(time)), [*moving, *range(len(time) // 2, len(time), 80)])
+    columns = {"time_s": time, "easting_m": 0.4 * time, "northing_m": 0.01 * time, "steering_command_deg": 0.0 * time}
+    log = build_log(pd.DataFrame(columns), "rest", check=False)
+    (told,) = describe_columns([replace(log, measured_rows={"steering_command_deg": measured})], [])
+    assert np.mean(~measured) > 0.75
+    assert told.stale_share == pytest.approx(0.6, abs=0.02)
+    assert "is refreshed every 0.1 s: 60 % of its rows" in told.words  # both times round to the same
 
 
 def test_a_heading_of_every_row_is_no_held_one() -> None:

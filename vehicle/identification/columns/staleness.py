@@ -19,7 +19,7 @@ _FEWEST_KNOTS = 10
 _HELD_SHARE = 0.5  # chosen, of the clear changes: noise in coarse steps repeats the value before a fifth of them
 _CLEAR_CHANGE_FACTOR = 3.0  # chosen, times the least change: smaller changes may be those of the last digit
 _LEAST_CHANGE_QUANTILE, _DIGITS = 0.05, 9
-_STANDING_FACTOR = 2.0  # chosen, times the usual hold: a value that stays longer is that of wheels at rest
+STANDING_FACTOR = 2.0  # chosen, times the usual hold: a value that stays longer is that of wheels at rest
 _STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
 _MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
 _SAME_KNOTS_SHARE = 0.8  # chosen, of the changes of the command that are also changes of the wheel angle
@@ -187,7 +187,7 @@ def find_held_knots(values: Array) -> Rows | None:
 def _add_last_known_rows(new_rows: Rows, count: int, usual: int) -> Rows:
     """Add the last row at which a value at rest is known, the usual hold before it changes, and the last of all."""
     ends = np.append(new_rows[1:], count)
-    is_standing = ends - new_rows > _STANDING_FACTOR * usual
+    is_standing = ends - new_rows > STANDING_FACTOR * usual
     return np.unique(np.concatenate([new_rows, ends[is_standing] - usual, [count - 1]]))
 
 

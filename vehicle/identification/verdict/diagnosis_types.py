@@ -43,6 +43,15 @@ class ParameterLaw:
     words: str
 
 
+COLUMN_WORDS = {
+    "position": "the position",
+    "heading": "the heading",
+    "speed": "the measured speed",
+    "steering": "the wheel angle",
+    "steering_command": "the steering command",
+}
+
+
 @dataclass(frozen=True)
 class ColumnTiming:
     """How old one column of the logs is, in s, estimated before any cause; None where it is not known.
@@ -425,9 +434,15 @@ class Diagnosis:
             return "No cause found; a discrepancy model without a named cause lowers the error."
         if any("already" in note for note in self.notes):
             return "Nothing found beyond the effects already in the tractor file: see the notes."
-        if self.faults or self.columns:
+        if self.faults:
             return (
                 "Nothing else found: apart from that, the tractor drives as its file says, as far as these logs show."
+            )
+        if self.columns:
+            columns = join_clauses([COLUMN_WORDS[column.column] for column in self.columns])
+            return (
+                f"Nothing found beside how {columns} {'is' if len(self.columns) == 1 else 'are'} logged: as far as "
+                "these logs show, the tractor drives as its file says."
             )
         unlike = [run.name for run in self.runs if run.unlike]
         if unlike:

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from vehicle.identification.columns.staleness import STANDING_FACTOR
 from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.faults.unlike_runs import RunDifference
 from vehicle.identification.logs.directions import COURSE_HEADING
@@ -18,6 +19,7 @@ from vehicle.identification.logs.schema import Log, LogFault, Mask
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import HorizonSquares
 from vehicle.identification.verdict.diagnosis_types import (
+    COLUMN_WORDS,
     LIKELY,
     NAMED,
     ColumnTiming,
@@ -31,13 +33,6 @@ from vehicle.identification.verdict.held_out_case import ERROR_PIECE_S
 from vehicle.model.effects import PATH, POSITION, get_effect
 from vehicle.model.tractor import Tractor
 
-COLUMN_WORDS = {
-    "position": "the position",
-    "heading": "the heading",
-    "speed": "the measured speed",
-    "steering": "the wheel angle",
-    "steering_command": "the steering command",
-}
 _LOG_COLUMNS = {
     "heading": "heading_deg",
     "speed": "speed_mps",
@@ -130,19 +125,23 @@ def _collect_ages(findings: Sequence[Finding]) -> dict[str, dict[str, tuple[floa
 def _measure_column_hold(logs: Sequence[Log], column: str) -> tuple[float, float, float] | None:
     """Return median and 90 % quantile of the hold (s) over the readings of all logs, and the share of stale rows.
 
-    A value that stands still in one log says less of how often it was read than those that change in others.
+    A value that stands still in one log says less of how often it was read than those that change in others. A command,
+    a speed or an angle at rest was read as often as a moving one, so its rows are as stale as those between changes.
     """
-    gaps, stale, having = [], [], 0
+    gaps, rows, having = [], [], 0
     for log in logs:
         having += column == "position" or getattr(log, _LOG_COLUMNS[column]) is not None
         measured = _get_measured_rows(log, column)
         if measured is not None and np.count_nonzero(measured & log.used) > 2:
             gaps.append(np.diff(log.time_s[log.used][measured[log.used]]))
-            stale.append(~measured[log.used])
+            rows.append(np.diff(np.flatnonzero(measured[log.used])))
     if not gaps or len(gaps) < _OFTEN * having:
         return None
-    all_gaps = np.concatenate(gaps)
-    return float(np.median(all_gaps)), float(np.quantile(all_gaps, 0.9)), float(np.mean(np.concatenate(stale)))
+    all_gaps, all_rows = np.concatenate(gaps), np.concatenate(rows)
+    hold_s = float(np.median(all_gaps))
+    if column not in _PLACES:
+        all_rows = all_rows[all_gaps <= STANDING_FACTOR * hold_s]
+    return hold_s, float(np.quantile(all_gaps, 0.9)), 1.0 - len(all_rows) / float(np.sum(all_rows))
 
 
 def _get_measured_rows(log: Log, column: str) -> Mask | None:
@@ -152,7 +151,8 @@ def _get_measured_rows(log: Log, column: str) -> Mask | None:
 def _describe_hold(column: str, hold: tuple[float, float, float]) -> str:
     hold_s, rare_s, share = hold
     words = COLUMN_WORDS[column]
-    rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if rare_s > 1.2 * hold_s else ""
+    is_rarer = rare_s > 1.2 * hold_s and f"{rare_s:.1f}" != f"{hold_s:.1f}"
+    rare = f" (a tenth of the time less often than every {rare_s:.1f} s)" if is_rarer else ""
     return (
         f"{words[0].upper()}{words[1:]} is refreshed every {hold_s:.1f} s{rare}: {100.0 * share:.0f} % of its rows "
         "repeat or interpolate an older value and are not used."
