@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from reports.common.effect_names import get_effect_label
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import format_number
-from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_unsaved, sort_runs
+from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_unsaved_finds, sort_runs
 from reports.diagnosis.sentences import (
     describe_next_drive,
     describe_remaining_error,
@@ -82,7 +82,7 @@ def _list_last_sentences(diagnosis: Diagnosis) -> list[str]:
     lines = [_describe_worst_runs(diagnosis), describe_remaining_error(diagnosis)[0], describe_next_drive(diagnosis)]
     if diagnosis.holdout is not None and not diagnosis.holdout.is_requested:
         lines.append(diagnosis.holdout.words)
-    lines.append(describe_unsaved(diagnosis) or describe_saved_effects(diagnosis))
+    lines.append(describe_saved_effects(diagnosis) if diagnosis.is_savable else describe_unsaved_finds(diagnosis))
     if diagnosis.notes:
         lines.append(f"{format_count(len(diagnosis.notes), 'note')} on the logs and the tractor file: --explain.")
     return [line for line in lines if line]

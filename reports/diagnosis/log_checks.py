@@ -8,6 +8,9 @@ from reports.common.effect_names import capitalize_first, replace_effect_ids
 from reports.common.text_tables import FittedTable, TableColumn
 from reports.common.wording import NO_VALUE, format_number
 from vehicle.identification.verdict.diagnosis_types import (
+    EQUIVALENT,
+    LIKELY,
+    NAMED,
     ColumnTiming,
     Diagnosis,
     ErrorsByHorizon,
@@ -176,6 +179,15 @@ def describe_unsaved(diagnosis: Diagnosis) -> str:
     if diagnosis.unsaved_reason:
         return end_sentence(diagnosis.unsaved_reason)
     return "What was found does not lower the error on runs held out, so no tractor file is saved."
+
+
+def describe_unsaved_finds(diagnosis: Diagnosis) -> str:
+    """Why what was found is not to be saved; empty where it may be, and where nothing was found that could be."""
+    is_found = any(finding.status in (NAMED, EQUIVALENT, LIKELY) for finding in diagnosis.findings)
+    is_asked = diagnosis.holdout is not None and diagnosis.holdout.is_requested
+    if is_found or is_asked or diagnosis.depends_on or diagnosis.undiagnosed_reason:
+        return describe_unsaved(diagnosis)
+    return ""
 
 
 def describe_rows_left_out(diagnosis: Diagnosis) -> str:

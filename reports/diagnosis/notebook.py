@@ -14,7 +14,7 @@ from reports.diagnosis.log_checks import (
     describe_hints,
     describe_holdout,
     describe_unlike_runs,
-    describe_unsaved,
+    describe_unsaved_finds,
 )
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.replay import (
@@ -98,7 +98,7 @@ def render_diagnosis_fragment(diagnosis: Diagnosis) -> str:
         *describe_unlike_runs(diagnosis),
         f"{describe_log_size(diagnosis)}.",
         *describe_holdout(diagnosis),
-        *filter(None, [describe_unsaved(diagnosis)]),
+        *filter(None, [describe_unsaved_finds(diagnosis)]),
     ]
     return render_fragment(
         replace_effect_ids(diagnosis.headline), sentences, tables, picture, "Error across the path before and after"

@@ -18,7 +18,7 @@ from reports.diagnosis.log_checks import (
     describe_hints,
     describe_holdout,
     describe_unlike_runs,
-    describe_unsaved,
+    describe_unsaved_finds,
     end_sentence,
     find_shown_horizon_s,
     list_column_rows,
@@ -143,7 +143,7 @@ def _build_holdout_content(diagnosis: Diagnosis) -> dict[str, Any] | None:
         "rows": rows,
         "runs": list_holdout_rows(diagnosis),
         "horizon": None if horizon is None else f"{horizon:g}",
-        "unsaved": describe_unsaved(diagnosis),
+        "unsaved": describe_unsaved_finds(diagnosis),
     }
 
 

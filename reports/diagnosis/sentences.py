@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from reports.common.effect_names import capitalize_first, format_effect_with_id, get_effect_label, replace_effect_ids
 from reports.common.wording import format_number, join_list
-from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_rows_left_out, describe_unsaved
+from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_rows_left_out, describe_unsaved_finds
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     LIKELY,
@@ -277,10 +277,11 @@ def describe_saved_effects(diagnosis: Diagnosis) -> str:
 
 def describe_plan_change(diagnosis: Diagnosis) -> list[str]:
     """Describe what the tractor file gets and how a plan changes; or why nothing is saved."""
-    if not diagnosis.is_savable:
-        return [describe_unsaved(diagnosis)]
-    saved = describe_saved_effects(diagnosis)
-    if not saved and diagnosis.plan is None:
+    unsaved = describe_unsaved_finds(diagnosis)
+    saved = describe_saved_effects(diagnosis) if diagnosis.is_savable else ""
+    if unsaved:
+        return [unsaved]
+    if not saved and (diagnosis.plan is None or not diagnosis.is_savable):
         return ["Nothing was added to the tractor, so plans do not change."]
     first = [saved or "The effects in the tractor file are removed."]
     if diagnosis.plan is None:

@@ -61,6 +61,7 @@ CHANGED = extended(steering_offset=setting())
 FAULTY = diagnosis(OFFSET, faults=(FAULT,), names=NAMES, runs=RUNS, rows_gated=2658, rows_gated_by_reason=REASONS)
 LATE = diagnosis(in_model("grip_drift", LIKELY, 0.05), columns=(STALE, SMOOTH), hints=(HINT,))
 HARMFUL = diagnosis(OFFSET, names=NAMES[:5], runs=(ODD, *RUNS[:2]), holdout=hold_out(2.0, False), tractor=CHANGED)
+REASON = "What fits these logs best raises an error on runs that had no part in it, so nothing is saved."
 SCREENS = {"diagnosis-fault": FAULTY, "diagnosis-columns": LATE, "diagnosis-holdout": HARMFUL}
 
 
@@ -212,6 +213,12 @@ class TestHeldOut:
         assert not what.is_savable and "It harms half of the logs." in flat(show_screen(what))
         assert "held out" not in build_diagnosis_view(what).summary()
         assert "held out" in build_diagnosis_view(HARMFUL).summary()
+
+    def test_no_reason_is_told_for_saving_nothing_where_nothing_was_found(self) -> None:
+        found, nothing = diagnosis(OFFSET, unsaved_reason=REASON), diagnosis(unsaved_reason=REASON)
+        for what, is_told in ((found, True), (nothing, False)):
+            assert [REASON in text for text in (flat(show_screen(what)), *both(what))] == [is_told] * 3
+        assert describe_unsaved(nothing) == REASON  # for --save
 
 
 class TestLaws:
