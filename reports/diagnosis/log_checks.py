@@ -184,8 +184,8 @@ def describe_unsaved(diagnosis: Diagnosis) -> str:
 def describe_unsaved_finds(diagnosis: Diagnosis) -> str:
     """Why what was found is not to be saved; empty where it may be, and where nothing was found that could be."""
     is_found = any(finding.status in (NAMED, EQUIVALENT, LIKELY) for finding in diagnosis.findings)
-    is_asked = diagnosis.holdout is not None and diagnosis.holdout.is_requested
-    if is_found or is_asked or diagnosis.depends_on or diagnosis.undiagnosed_reason:
+    is_requested = diagnosis.holdout is not None and diagnosis.holdout.is_requested
+    if is_found or is_requested or diagnosis.depends_on or diagnosis.undiagnosed_reason:
         return describe_unsaved(diagnosis)
     return ""
 
