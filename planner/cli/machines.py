@@ -127,7 +127,11 @@ def new(
         OptionalNumber, typer.Option(help="Turning radius at full lock on asphalt, metres (half the turning circle).")
     ] = None,
     radius_of: Annotated[
-        str, typer.Option(help="Reference of the turning radius: centre, or outer-wheel as in ISO 789-3.")
+        str,
+        typer.Option(
+            help="Reference of the turning radius: centre (the antenna; square root of rear axle radius^2 + "
+            "antenna-forward^2), or outer-wheel (the outer front wheel) as in ISO 789-3."
+        ),
     ] = "centre",
     mass: Annotated[OptionalNumber, typer.Option("--mass", help="Mass ready to work, kg.")] = None,
     power_kw: Annotated[OptionalNumber, typer.Option(help="Power, kW; gives the mass if that is unknown.")] = None,
@@ -223,6 +227,7 @@ def _prompt_datasheet(name: str | None, values: dict[str, float | str | None]) -
 def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
     """A summary of the file: its turning radius, and every value with its source."""
     from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable
+    from vehicle.trials.sheets.tractor_check import describe_radius_reference
 
     own = machine.model_dump()
     rows = []
@@ -233,6 +238,7 @@ def _build_overview(machine: Tractor, file: Path) -> ExperimentSheet:
     asphalt, soil = (machine.compute_smallest_radius_m(ground) for ground in ("asphalt", "soil"))
     sentences = (
         f"Turning radius {asphalt:.2f} m on asphalt and {soil:.2f} m on soil, at {machine.max_steering_deg:g} degrees.",
+        describe_radius_reference(machine),
         f"Test it with headland tractor check {file}; plan with headland plan --tractor {file}.",
     )
     table = TextTable("Dimensions; steering, guidance and speed are in the file", ("Value and source", ""), tuple(rows))

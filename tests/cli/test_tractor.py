@@ -25,6 +25,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_datasheet_makes_a_file_that_holds_together(headland: Headland, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--mass", 8000)
     assert (made.status, made.err) == (0, "") and "Turning radius 5.50 m on asphalt" in made.out
+    whose = "Radii are of the circle of the antenna, 1.11 m ahead of the rear axle: R_antenna^2 = R_rear^2 + 1.11^2"
+    assert whose in " ".join(made.out.split())
     tractor = load_tractor(folder / "my.toml")
     assert (tractor.name, tractor.mass_kg, tractor.width_m) == ("Fendt 724", 8000.0, 2.55)
     assert tractor.source["mass_kg"] == "given" and tractor.source["length_m"].startswith("assumed: ")
@@ -44,6 +46,7 @@ def test_the_check_says_in_words_what_does_not_go_together(headland: Headland, f
     told = headland("tractor", "check", "odd.toml")
     words = " ".join(told.out.split())
     assert told.status == 0 and "The values do not fit together" in words
+    assert "Radii are of the circle of the antenna" in words
     assert "Radius at full lock" in words and "look at [radius], max_steering_deg" in words
 
 

@@ -164,7 +164,17 @@ def check_tractor(tractor: Tractor) -> tuple[TractorVerdict, ExperimentSheet]:
         tuple(map(_build_row, proofs)),
     )
     panels = (*_build_circle_panels(circle_trials), _build_lane_panel(lane), _build_half_circle_panel(half))
-    return verdict, ExperimentSheet("proved", f"Check of {tractor.name}", verdict.words, (), panels, (table,))
+    sentences = (*verdict.words, describe_radius_reference(tractor))
+    return verdict, ExperimentSheet("proved", f"Check of {tractor.name}", sentences, (), panels, (table,))
+
+
+def describe_radius_reference(tractor: Tractor) -> str:
+    """Whose circle a radius of the file is, and how to get it from that of the middle of the rear axle."""
+    ahead_m, side = abs(tractor.antenna_forward_m), "ahead of" if tractor.antenna_forward_m >= 0.0 else "behind"
+    return (
+        f"Radii are of the circle of the antenna, {ahead_m:.2f} m {side} the rear axle: R_antenna^2 = R_rear^2 + "
+        f"{ahead_m:.2f}^2, with R_rear of the middle of the rear axle."
+    )
 
 
 def _check_circles(tractor: Tractor, circle_trials: Sequence[CircleTrial]) -> Iterator[DriveCheck]:
