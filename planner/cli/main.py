@@ -265,3 +265,7 @@ def _fail(sentence: str, status: int) -> NoReturn:
     except (OSError, ValueError):
         _discard_output()
     sys.exit(status)
+
+
+if __name__ == "__main__":
+    main()

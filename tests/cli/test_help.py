@@ -58,3 +58,9 @@ def test_no_words_at_all_show_the_help(headland: Callable[..., Any]) -> None:
     outcome = headland()
     assert "plan" in outcome.out + outcome.err and "study" in outcome.out + outcome.err
     assert outcome.status in (0, 2)
+
+
+def test_the_module_of_the_command_line_runs_it() -> None:
+    words = [sys.executable, "-m", "planner.cli.main", "--help"]
+    said = subprocess.run(words, capture_output=True, text=True, check=True, timeout=30)
+    assert "diagnose" in said.stdout and said.stderr == ""
