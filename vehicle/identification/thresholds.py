@@ -217,6 +217,9 @@ HELD_OUT_LAW_SHARE = 0.3
 WITHDRAWING_LAW_SHARE = 0.7
 # Chosen, standard deviations of a rank correlation between blocks: of some fifty that are looked at, chance reaches 3.
 CLUE_SIGMAS = 4.0
+# Chosen, size of errors in the third of a drive where they are larger over that where they are smaller: noise that is
+# the same everywhere shows up to 1.9.
+CLUE_TIMES = 2.0
 # Chosen, times the squared error of the noise floor: less, without anything that it depends on, calls for no hint.
 HINT_MISFIT = 1.6
 

@@ -37,7 +37,14 @@ from vehicle.identification.replay.instrument_timing import compute_timing, simu
 from vehicle.identification.replay.rig import replay_segment
 from vehicle.identification.replay.state_cache import FORWARD_COLUMN
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.thresholds import AT_CHANGES_SHARE, CHANCE_SIGMAS, CLUE_SIGMAS, HINT_MISFIT, LEAST_STRENGTH
+from vehicle.identification.thresholds import (
+    AT_CHANGES_SHARE,
+    CHANCE_SIGMAS,
+    CLUE_SIGMAS,
+    CLUE_TIMES,
+    HINT_MISFIT,
+    LEAST_STRENGTH,
+)
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, Diagnosis, Hint
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
 from vehicle.identification.verdict.wandering import HeadingWitness, describe_wander
@@ -201,7 +208,13 @@ def _describe_covariate(covariate: ErrorCovariate) -> Hint:
 
 
 def _describe_clue(clue: Clue) -> Hint:
-    words = f"Errors of {INSTRUMENT_WORDS[clue.instrument]} go together with {clue.depends_on}."
+    high, low = _WHERE_WORDS[clue.depends_on]
+    more, less = (high, low) if clue.times > 1.0 else (low, high)
+    times = max(clue.times, 1.0 / clue.times)
+    words = (
+        f"Errors of {INSTRUMENT_WORDS[clue.instrument]} are {times:.1f} times as large {more} as {less}: look for what "
+        "differs there."
+    )
     return Hint(clue.depends_on, clue.instrument, None, words)
 
 
@@ -210,11 +223,13 @@ def _describe_clue(clue: Clue) -> Hint:
 
 @dataclass(frozen=True)
 class Clue:
-    """With what the error of an instrument goes together: words, instrument, strength in standard deviations."""
+    """With what the error of an instrument goes together: words, instrument, strength in standard deviations, and how
+    many times as large it is in the third of the drive with most of that as in the third with least."""
 
     depends_on: str
     instrument: str
     sigmas: float
+    times: float
 
 
 def _measure_start(segment: DriveSegment) -> Array:
@@ -235,6 +250,24 @@ def _measure_acceleration(segment: DriveSegment) -> Array:
 
 def _measure_steering_rate(segment: DriveSegment) -> Array:
     return np.abs(np.gradient(get_angle_deg(segment), segment.time))
+
+
+# Where a quantity of list_quantities is large, and where it is small.
+_WHERE_WORDS = {
+    "speed": ("at high speed", "at low speed"),
+    "the size of the wheel angle": ("in tight bends", "near straight ahead"),
+    "the side": ("in bends to the right", "in bends to the left"),
+    "the rate of steering": ("while the wheels are steered fast", "while their angle is held"),
+    AT_STARTS: ("near starts and stops", "away from starts and stops"),
+    "changes of speed": ("while the speed changes", "at a steady speed"),
+    "the implement": ("with the implement working", "with the implement lifted"),
+    "driving in reverse": ("in reverse", "forwards"),
+    "time since the start": ("late in the runs", "early in the runs"),
+    "the place, east to west": ("in the east", "in the west"),
+    "the place, north to south": ("in the north", "in the south"),
+    "the direction of travel": ("on the way east", "on the way west"),
+    "the time of day": ("late in the day", "early in the day"),
+}
 
 
 def list_quantities(clock: RunClock) -> dict[str, Quantity]:
@@ -259,7 +292,7 @@ def list_quantities(clock: RunClock) -> dict[str, Quantity]:
 
 
 def find_clues(residual_model: ResidualModel, fit: EffectFit, clock: RunClock) -> list[Clue]:
-    """Return the clues beyond chance, the strongest first, one per instrument."""
+    """Return the clues beyond chance that change an error much, the strongest first, one per instrument at most."""
     rows = residual_model.dataset.rows
     blocks = residual_model.residual_blocks[3 * rows : 4 * rows]
     count = len(residual_model.block_runs)
@@ -273,17 +306,36 @@ def find_clues(residual_model: ResidualModel, fit: EffectFit, clock: RunClock) -
         / sizes
         for name, measure in list_quantities(clock).items()
     }
-    best = []
-    for instrument, squares in _split_squares(residual_model, fit).items():
-        energy = np.bincount(blocks, squares, count) / sizes
-        ranked = [
-            Clue(name, instrument, _compute_rank_sigmas(values, energy))
-            for name, values in quantities.items()
-            if np.ptp(values) > 0.0 and np.ptp(energy) > 0.0
-        ]
-        strong = [clue for clue in ranked if clue.sigmas > CLUE_SIGMAS]
-        best += sorted(strong, key=lambda clue: -clue.sigmas)[:1]
-    return sorted(best, key=lambda clue: -clue.sigmas)
+    clues = (
+        _choose_clue(instrument, np.bincount(blocks, squares, count) / sizes, quantities)
+        for instrument, squares in _split_squares(residual_model, fit).items()
+    )
+    return sorted((clue for clue in clues if clue is not None), key=lambda clue: -clue.sigmas)
+
+
+def _choose_clue(instrument: str, energy: Array, quantities: Mapping[str, Array]) -> Clue | None:
+    """Return what the squared errors of an instrument (b,) most clearly go together with, of quantities (b,) by name.
+
+    None where that makes them little larger. The error of any speed sensor is a share of its speed, which says nothing.
+    """
+    ranked = [
+        Clue(name, instrument, _compute_rank_sigmas(values, energy), _compare_thirds(values, energy))
+        for name, values in quantities.items()
+        if np.ptp(values) > 0.0 and np.ptp(energy) > 0.0
+    ]
+    clue = max(ranked, key=lambda one: one.sigmas, default=None)
+    if clue is None or clue.sigmas <= CLUE_SIGMAS or (clue.instrument, clue.depends_on) == ("speed", "speed"):
+        return None
+    return clue if max(clue.times, 1.0 / clue.times) >= CLUE_TIMES else None
+
+
+def _compare_thirds(values: Array, energy: Array) -> float:
+    """Return how many times as large errors are in the third of blocks (b,) with the largest values as in that with the
+    smallest, from their squares `energy` (b,)."""
+    order, third = np.argsort(values, kind="stable"), len(values) // 3
+    low, high = (math.sqrt(float(energy[rows].mean())) for rows in (order[:third], order[-third:]))
+    least = 1e-3 * math.sqrt(float(energy.mean()))
+    return max(high, least) / max(low, least)
 
 
 def _split_squares(residual_model: ResidualModel, fit: EffectFit) -> dict[str, Array]:
