@@ -146,7 +146,8 @@ def is_reaching_limit(case: DiagnosisCase, name: str) -> bool:
 
 def is_radius_tolerance(case: DiagnosisCase) -> bool:
     """Whether tyres that slide take no more from the bends where they do than measured radii may be wrong by."""
-    settings = {**case.tolerated, **case.found_values}
+    effects = {name: values for name, values in case.found_values.items() if name not in TERMS_BY_NAME}
+    settings = {**case.tolerated, **effects}
     kept = {name: values for name, values in settings.items() if name != SIDE_SLIP}
     with_slip, without = (
         np.abs(np.concatenate([move.turned for move in case.residual_model.simulate_increments(one)]))
