@@ -13,6 +13,8 @@ import numpy as np
 
 from vehicle.identification.faults.angle_deviation import AngleDeviations
 from vehicle.identification.faults.following_change import FollowingChange, find_following_changes
+from vehicle.identification.faults.heading_jumps import correct_heading_jumps
+from vehicle.identification.faults.level_steps import mark_level_step
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
     TURN_S,
@@ -78,7 +80,11 @@ class _Span:
 
 
 def mark_steering_faults(logs: Sequence[Log]) -> list[Log]:
-    """Return the logs with faults of the steering added to `faults`, and without the rows of these faults."""
+    """Return the logs with faults of the steering added to `faults`, and without the rows of these faults.
+
+    Steps of a level go first: wheels that stand elsewhere than they say look as if they did not follow.
+    """
+    logs = mark_level_step(correct_heading_jumps(logs))
     locks, lock = find_largest_angles(logs), _find_largest_command(logs)
     segments = [build_evidence_segments(log, locks) for log in logs]
     scale = fit_path_scale([segment for parts in segments for segment in parts])

@@ -10,6 +10,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from vehicle.identification.columns.staleness import STANDING_FACTOR
+from vehicle.identification.faults.heading_jumps import HEADING_JUMP
+from vehicle.identification.faults.level_steps import STEERING_JUMP
 from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.faults.unlike_runs import RunDifference
 from vehicle.identification.logs.directions import COURSE_HEADING
@@ -172,11 +174,15 @@ def _describe_fault(fault: LogFault, start_s: float) -> str:
     if fault.id == POSITION_JUMP:
         at = format_time(fault.from_s, start_s)
         return f"{fault.words} (at {at}); what follows is compared on its own"
+    if fault.id == HEADING_JUMP:
+        return f"{fault.words} (at {format_time(fault.from_s, start_s)}); it is turned back and used"
     end = "until the log ends" if fault.to_s is None else f"until {format_time(fault.to_s, start_s)}"
     begin = f"from {format_time(fault.from_s, start_s)}"
     if fault.between_s is not None:
         earliest, latest = (format_time(time_s, start_s) for time_s in fault.between_s)
         begin = f"from some time between {earliest} and {latest}"
+    if fault.id == STEERING_JUMP:
+        return f"{begin} {fault.words}"  # says itself which rows are left out
     return f"{begin} {fault.words}, {end}; these rows are left out"
 
 

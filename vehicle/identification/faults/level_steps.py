@@ -1,0 +1,433 @@
+"""Wheels that from a moment on stand elsewhere than their sensor says: a bent tie rod, a slipped sensor, a flat tyre.
+
+The angle that the path needs, less the one that is measured (without a sensor: that of a usual steering), then steps by
+a constant. What speed, implement, side, direction of travel, place or time do to a path is no step: it must be seen at
+once, last until the run ends, and be the same on straights and bends and wherever else there is driving on both sides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.faults.run_delays import average_over_turn
+from vehicle.identification.faults.steering_evidence import (
+    STEP_S,
+    TURN_S,
+    PathScale,
+    SteeringEvidence,
+    build_evidence_segments,
+    find_largest_angles,
+    fit_path_scale,
+)
+from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
+from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask, Rows
+from vehicle.identification.logs.sparse_steering import SPARSE_S
+
+STEERING_JUMP = "steering_jump"
+_THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same
+_LEAST_STEP_DEG, _LEAST_FLATNESSES = 1.0, 4.0  # chosen: times what levels of parts scatter on both sides
+_LEAST_SIDE_S, _PART_S = 15.0, 5.0  # chosen: driving on each side, and parts of it that have a level each
+_FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
+_PART_FROM_LEVEL = 0.4  # chosen, share of the step: most parts are so near to the level of their side
+_PARTS_SHARE = 0.85  # chosen: of the parts of a side
+_CLEAR_DEG, _UNCLEAR_S = 12.0, 3.0  # chosen: smaller angles show a step at once; and the time that may be without
+_SHARP_S, _SHARP_SHARE = 8.0, 0.35  # chosen: time next to the step that has the level of its side already
+_SLOPE_SHARE = 0.3  # chosen: of the step, by which levels of a side may change from its begin to its end
+_STRATUM_S, _LEAST_SHARE, _MOST_SHARE = 6.0, 0.55, 1.6  # chosen: driving alike on both sides that shows the step
+_STRAIGHT_DEG = 4.0  # chosen: smaller angles are those of straights
+_OVERLAP_SHARE = 0.3  # chosen: of the rows of each side that are driven as those of the other side
+_PLACE_M = 25.0  # chosen: squares of the field
+_SQUARE_S = 3.0  # chosen: time in a square that shows its level
+_BEYOND_M, _BEYOND_SHARE = 10.0, 0.15  # chosen: driving on the other side of the place of a step, and its share
+_OTHERS_SHARE = 0.4  # chosen: of the step, that the best steps of other runs may have
+_MOST_GAIN_CHANGE, _SLOPE_SIGMAS = 0.4, 2.0  # chosen: of a path that follows the wheels on straights
+_GAINS = (0.5, 2.0)  # chosen: of an angle needed per angle measured
+_FEWEST_ROWS = 100  # of a set
+_PASSES, _HUBER_SIGMAS = 5, 2.0
+_ROUNDS = 3  # chosen: of a search without, and with the step of the round before
+_REFINE_S, _MOST_PARTS = 20.0, 400  # chosen: about the coarse place of a step; limits the time of long runs
+
+
+@dataclass(frozen=True)
+class LevelStep:
+    """A step in run `run` (index): when, by how much further to the right the path needs its wheels (deg), and whether
+    what is after it is unlike the other runs (of a single run, shorter), or what is before.
+
+    It began after `earliest_s`: large angles and slow driving do not show it at once.
+    """
+
+    run: int
+    time_s: float
+    size_deg: float
+    is_after_odd: bool
+    earliest_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class _LevelRows:
+    """Rows of a grid of all runs (k,): run, time (s), angle measured and needed (deg), pace (m/s), implement, direction
+    of travel (rad), gear, place (m)."""
+
+    run: Rows
+    time_s: Array
+    angle: Array
+    needed: Array
+    pace: Array
+    implement: Array
+    course: Array
+    gear: Array
+    east: Array
+    north: Array
+
+
+def mark_level_step(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs with the step of one of them in its `faults`, and without the rows on one side of it.
+
+    Left out are the rows that are unlike the other runs; of a single run, those of the shorter side.
+    """
+    locks = find_largest_angles(logs)
+    segments = [build_evidence_segments(log, locks) for log in logs]
+    step = find_level_step(logs, segments)
+    if step is None:
+        return list(logs)
+    marked = _mark_log(logs[step.run], step, _is_of_sensor(segments[step.run], step))
+    return [marked if run == step.run else log for run, log in enumerate(logs)]
+
+
+def _mark_log(log: Log, step: LevelStep, is_of_sensor: bool) -> Log:
+    words = _describe_step(log, step, is_of_sensor)
+    odd = log.time_s >= step.earliest_s if step.is_after_odd else log.time_s < step.time_s
+    bad = log.used & odd
+    rows, used = np.flatnonzero(bad), log.used & ~bad
+    between_s = (step.earliest_s, step.time_s) if step.earliest_s < step.time_s else None
+    fault = LogFault(STEERING_JUMP, log.name, 0.5 * (step.earliest_s + step.time_s), None, words, between_s)
+    gated = (*log.gated, GatedRows(f"steering jump: {words}", len(rows), int(rows[0]) + FIRST_ROW_LINE))
+    segment = number_segments(log.time_s, used)
+    return replace(log, used=used, segment=segment, gated=gated, faults=(*log.faults, fault))
+
+
+def _describe_step(log: Log, step: LevelStep, is_of_sensor: bool) -> str:
+    """Return words on a step, with which rows are left out."""
+    size, side = f"{abs(step.size_deg):.1f} deg", "right" if step.size_deg > 0.0 else "left"
+    left_out = "these rows are left out" if step.is_after_odd else "the rows before are left out"
+    if is_of_sensor:
+        other = "left" if step.size_deg > 0.0 else "right"
+        return (
+            f"steering_deg reads {size} further to the {other} than before, while the path follows the commands as "
+            f"before: the wheel sensor slipped; {left_out}"
+        )
+    if log.steering_deg is None:
+        return (
+            f"the path bends as if the wheels stood {size} further to the {side} than steering_command_deg says: a tie "
+            f"rod is bent, a tyre is flat, or the steering lost its centre; {left_out}"
+        )
+    return (
+        f"the path bends as if the wheels stood {size} further to the {side} than steering_deg says: a tie rod is "
+        f"bent, the wheel sensor slipped, or a tyre is flat; {left_out}"
+    )
+
+
+def _is_of_sensor(parts: Sequence[SteeringEvidence], step: LevelStep) -> bool:
+    """Whether the sensor steps against the commands, and the path does not."""
+    sides: tuple[list[Array], list[Array]] = ([], [])
+    for part in parts:
+        if part.wheel is None or part.command is None:
+            return False
+        for side, chosen in zip(sides, (part.time_s < step.time_s, part.time_s >= step.time_s), strict=True):
+            side.append((part.wheel - part.usual)[chosen])
+    before, after = (float(np.median(np.concatenate(side))) for side in sides)
+    return _LEAST_SHARE < (before - after) / step.size_deg < _MOST_SHARE
+
+
+def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]]) -> LevelStep | None:
+    """Return the one step of a set of logs, given with their evidence; None where no run or more than one seems to have
+    any."""
+    scale = fit_path_scale([segment for parts in segments for segment in parts])
+    if scale is None:
+        return None
+    rows = _collect_rows(logs, segments, scale)
+    if rows is None:
+        return None
+    nuisance = _build_nuisance(rows)
+    best: dict[int, tuple[int, float]] = {}
+    step: Array | None = None
+    for _ in range(_ROUNDS):
+        residual, gain = _compute_residual(rows, nuisance, step)
+        best = {int(run): found for run in np.unique(rows.run) if (found := _find_best(rows, residual, int(run)))}
+        if not best:
+            return None
+        run = max(best, key=lambda one: abs(best[one][1]))
+        step = ((rows.run == run) & (np.arange(len(rows.run)) >= best[run][0])).astype(np.float64)
+    others = [abs(size) for other, (_, size) in best.items() if other != run]
+    first, size = best[run]
+    if others and max(others) > _OTHERS_SHARE * abs(size):
+        return None
+    sides = _split_run(rows, run, first)
+    if len(others) < _FEWEST_OTHERS and min(np.count_nonzero(side) for side in sides) * _THIN_S < _ALONE_SIDE_S:
+        return None
+    if not _is_step(rows, residual, run, first):
+        return None
+    before, after = sides
+    size = float(np.median(residual[after]) - np.median(residual[before]))
+    odd, _ = _choose_usual(rows, residual, before, after, size)
+    time_s = float(rows.time_s[first])
+    clear = before & (np.abs(rows.needed) < _CLEAR_DEG)
+    last_clear_s = float(rows.time_s[clear][-1]) if clear.any() else time_s
+    earliest_s = last_clear_s if time_s - last_clear_s > _UNCLEAR_S else time_s
+    # Small angles often bend a path less than large ones do; the scale is that of all angles.
+    turned_deg = size / float(np.clip(np.median(gain[before | after]), *_GAINS))
+    return LevelStep(run, time_s, turned_deg, odd is after, earliest_s)
+
+
+def _collect_rows(
+    logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]], scale: PathScale
+) -> _LevelRows | None:
+    """Collect the rows of all runs whose path is known, every _THIN_S."""
+    tables = [
+        _collect_segment(log, run, part, scale)
+        for run, (log, parts) in enumerate(zip(logs, segments, strict=True))
+        for part in parts
+        if part.hold_s <= SPARSE_S
+    ]
+    table = np.concatenate([np.zeros((10, 0)), *tables], axis=1)
+    if table.shape[1] < _FEWEST_ROWS:
+        return None
+    return _LevelRows(table[0].astype(np.int64), *table[1:])
+
+
+def _collect_segment(log: Log, run: int, part: SteeringEvidence, scale: PathScale) -> Array:
+    angle = average_over_turn(part.usual if part.wheel is None else part.wheel)
+    chosen = np.arange(0, len(angle), round(_THIN_S / STEP_S))
+    chosen = chosen[np.isfinite(part.curvature[chosen])]
+    time = part.time_s[chosen]
+    used = log.used
+
+    def read(values: Array, shift_s: float = 0.0) -> Array:
+        """Return a column in the chosen rows, so much later."""
+        read_values: Array = np.interp(time + shift_s, log.time_s[used], values[used])
+        return read_values
+
+    course = np.arctan2(
+        read(log.easting_m, 1.0) - read(log.easting_m, -1.0), read(log.northing_m, 1.0) - read(log.northing_m, -1.0)
+    )
+    return np.stack([
+        np.full(len(chosen), float(run)), time, angle[chosen], scale.compute_needed_angle(part.curvature[chosen]),
+        part.pace[chosen], np.round(read(log.implement)), course, np.round(read(log.shuttle)),
+        read(log.easting_m), read(log.northing_m),
+    ])  # fmt: skip
+
+
+def _build_nuisance(rows: _LevelRows) -> Array:
+    """Build columns (k, n) of what bends paths otherwise: gains by angle, side and pace, the implement, and slopes."""
+    angle, turn = rows.angle, rows.angle * rows.pace**2
+    columns = [
+        angle, np.abs(angle), angle * np.abs(angle) / 20.0, angle**3 / 400.0, turn / 4.0, np.abs(turn) / 4.0,
+        rows.implement, rows.pace, np.cos(rows.course), np.sin(rows.course), rows.gear,
+    ]  # fmt: skip
+    return np.stack([column - np.mean(column) for column in columns], axis=1)
+
+
+def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> tuple[Array, Array]:
+    """Return the angle needed beyond that measured (k, deg) without what the nuisance columns explain, and how much the
+    angle needed changes per angle measured (k,).
+
+    Each run has a level of its own, which is left in, as is the step.
+    """
+    runs = [(rows.run == run).astype(np.float64) for run in np.unique(rows.run)]
+    levels = np.stack([*runs, *([] if step is None else [step])], axis=1)
+    columns = np.concatenate([nuisance, levels], axis=1)
+    values = rows.needed - rows.angle
+    weights: Array = np.ones(len(values))
+    ridge = 1e-3 * np.eye(columns.shape[1])
+    theta: Array = np.zeros(columns.shape[1])
+    for _ in range(_PASSES):
+        weighted = columns * weights[:, None]
+        theta = np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values)
+        apart = np.abs(values - columns @ theta)
+        sigma = max(1.4826 * float(np.median(apart)), 1e-3)
+        weights = np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0) ** 2
+    residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
+    side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
+    derivatives = np.stack([np.ones(len(side)), side, size / 10.0, 3.0 * size**2 / 400.0, push, side * push], axis=1)
+    return residual, 1.0 + derivatives @ theta[: derivatives.shape[1]]
+
+
+def _find_best(rows: _LevelRows, residual: Array, run: int) -> tuple[int, float] | None:
+    """Return the row of the best step of a run, and its size (deg); None in a run too short for any."""
+    own = np.flatnonzero(rows.run == run)
+    part_s = max(0.5 * _PART_S, len(own) * _THIN_S / _MOST_PARTS)
+    parts = _split_parts(len(own), part_s)
+    least = math.ceil(_LEAST_SIDE_S / part_s)
+    if len(parts) < 2 * least:
+        return None
+    levels = np.array([np.median(residual[own[part]]) for part in parts])
+    costs = [
+        float(np.sum(np.abs(levels[:split] - np.median(levels[:split]))))
+        + float(np.sum(np.abs(levels[split:] - np.median(levels[split:]))))
+        for split in range(least, len(levels) - least + 1)
+    ]
+    split = least + int(np.argmin(costs))
+    before, after = float(np.median(levels[:split])), float(np.median(levels[split:]))
+    first = parts[split].start
+    reach = round(max(_REFINE_S, 2.0 * part_s) / _THIN_S)
+    window = np.arange(max(first - reach, 0), min(first + reach, len(own)))
+    gain = np.abs(residual[own[window]] - before) - np.abs(residual[own[window]] - after)
+    # Where the sum of what the level before explains worse begins to grow for good.
+    refined = int(window[0]) + int(np.argmin(np.concatenate([[0.0], np.cumsum(gain)])))
+    return int(own[min(refined, len(own) - 1)]), after - before
+
+
+def _split_parts(count: int, part_s: float) -> list[slice]:
+    """Return slices of about `part_s` of so many rows."""
+    size = round(part_s / _THIN_S)
+    return [slice(start, start + size) for start in range(0, count - size + 1, size)]
+
+
+def _is_step(rows: _LevelRows, residual: Array, run: int, first: int) -> bool:
+    """Whether a run has a step at row `first` that is clear, sharp, flat on both sides, and of no other cause."""
+    before, after = _split_run(rows, run, first)
+    if min(np.count_nonzero(before), np.count_nonzero(after)) * _THIN_S < _LEAST_SIDE_S:
+        return False
+    size = float(np.median(residual[after]) - np.median(residual[before]))
+    if abs(size) < _LEAST_STEP_DEG:
+        return False
+    is_flat = _is_flat(residual[before], size) and _is_flat(residual[after], size)
+    if not is_flat or not _is_sharp(residual[before], residual[after], size):
+        return False
+    odd, usual = _choose_usual(rows, residual, before, after, size)
+    size = size if odd is after else -size
+    return _is_alike(rows, residual, usual, odd, size) and (
+        _is_seen_in_same_places(rows, residual, usual, odd, size) or _is_crossed(rows, residual, before, after)
+    )
+
+
+def _split_run(rows: _LevelRows, run: int, first: int) -> tuple[Mask, Mask]:
+    """Return the rows of a run before row `first`, and from it on."""
+    own, number = rows.run == run, np.arange(len(rows.run))
+    return own & (number < first), own & (number >= first)
+
+
+def _choose_usual(rows: _LevelRows, residual: Array, before: Mask, after: Mask, size: float) -> tuple[Mask, Mask]:
+    """Return the side that is unlike the other runs, and the rows of the other side with those runs that are at its
+    level: what they drive says how the path is otherwise."""
+    levels = {int(run): float(np.median(residual[rows.run == run])) for run in np.unique(rows.run[~(before | after)])}
+    middle = 0.5 * float(np.median(residual[before]) + np.median(residual[after]))
+    likeness = sum(1 if (level - middle) * size < 0.0 else -1 for level in levels.values())
+    if likeness == 0:
+        likeness = int(np.count_nonzero(before) - np.count_nonzero(after))
+    odd, usual = (after, before) if likeness >= 0 else (before, after)
+    level = float(np.median(residual[usual]))
+    alike = [run for run in levels if abs(levels[run] - level) < _OTHERS_SHARE * abs(size)]
+    return odd, usual | np.isin(rows.run, alike)
+
+
+def _is_flat(side: Array, size: float) -> bool:
+    """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
+    levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), _PART_S)])
+    apart = np.abs(levels - np.median(side))
+    scatter = 1.4826 * float(np.median(apart))
+    slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
+    return (
+        abs(size) > _LEAST_FLATNESSES * scatter
+        and float(np.mean(apart < _PART_FROM_LEVEL * abs(size))) >= _PARTS_SHARE
+        and abs(slope) < _SLOPE_SHARE * abs(size)
+    )
+
+
+def _clip(side: Array, size: float) -> tuple[float, float]:
+    level = float(np.median(side))
+    return level - abs(size), level + abs(size)
+
+
+def _is_sharp(before: Array, after: Array, size: float) -> bool:
+    """Whether what is next to a step is at the level of its side."""
+    near = round(_SHARP_S / _THIN_S)
+    return all(
+        abs(float(np.median(part) - np.median(side))) < _SHARP_SHARE * abs(size)
+        for part, side in ((before[-near:], before), (after[:near], after))
+    )
+
+
+def _is_alike(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:
+    """Whether all that is driven on both sides shows the step, on straights and in bends."""
+    # By the path: where the sensor is off, straights have an angle.
+    bend = np.sign(rows.needed) * (np.abs(rows.needed) > _STRAIGHT_DEG)
+    pace = rows.pace > float(np.median(rows.pace[odd]))
+    quarter = np.round(rows.course / (0.5 * np.pi)) % 4.0
+    shown = []
+    for condition in (bend, pace, quarter, rows.implement, rows.gear):
+        for value in np.unique(condition[odd]):
+            share = _measure_share(residual, usual & (condition == value), odd & (condition == value), size)
+            if share is not None and not _LEAST_SHARE < share < _MOST_SHARE:
+                return False
+            if condition is bend and share is not None:
+                shown.append(value)
+    cells = np.stack([quarter, rows.implement, bend == 0.0, rows.gear]).T
+    _, cell = np.unique(cells, axis=0, return_inverse=True)
+    cell = cell.ravel()
+    common = [value for value in np.unique(cell[odd]) if np.sum(usual & (cell == value)) * _THIN_S >= _STRATUM_S]
+    if float(np.mean(np.isin(cell[odd], common))) < _OVERLAP_SHARE:
+        return False
+    # A bend to one side alone may be bent by another gain.
+    return len(shown) > 1 or (shown == [0.0] and _is_followed(rows.angle[odd], residual[odd]))
+
+
+def _is_followed(angle: Array, residual: Array) -> bool:
+    """Whether the path clearly follows what the angle does about its level: it is an offset, and nothing is loose."""
+    about = angle - np.mean(angle)
+    squares = float(np.sum(about**2))
+    if squares <= 0.0:
+        return False
+    slope = float(np.sum(about * residual)) / squares
+    left = residual - np.mean(residual) - slope * about
+    # Curvature is an average over TURN_S, so only so many rows are independent.
+    error = float(np.sqrt(np.mean(left**2) * TURN_S / _THIN_S / squares))
+    return abs(slope) + _SLOPE_SIGMAS * error < _MOST_GAIN_CHANGE
+
+
+def _measure_share(residual: Array, usual: Mask, odd: Mask, size: float) -> float | None:
+    """Return the share of a step that rows alike on both sides show; None where they are too few."""
+    if min(np.count_nonzero(usual), np.count_nonzero(odd)) * _THIN_S < _STRATUM_S:
+        return None
+    return float(np.median(residual[odd]) - np.median(residual[usual])) / size
+
+
+def _is_seen_in_same_places(rows: _LevelRows, residual: Array, usual: Mask, odd: Mask, size: float) -> bool:
+    """Whether squares of the field that were driven on without the step as well show it."""
+    square = np.stack([np.floor(rows.east / _PLACE_M), np.floor(rows.north / _PLACE_M)]).T
+    _, number = np.unique(square, axis=0, return_inverse=True)
+    number = number.ravel()
+    seen = [value for value in np.unique(number[odd]) if np.sum(usual & (number == value)) * _THIN_S >= _SQUARE_S]
+    least = max(_OVERLAP_SHARE * np.count_nonzero(odd), _STRATUM_S / _THIN_S)
+    if np.count_nonzero(odd & np.isin(number, seen)) < least:
+        return False
+    apart = np.concatenate(
+        [residual[odd & (number == value)] - np.median(residual[usual & (number == value)]) for value in seen]
+    )
+    return _LEAST_SHARE < float(np.median(apart)) / size < _MOST_SHARE
+
+
+def _is_crossed(rows: _LevelRows, residual: Array, before: Mask, after: Mask) -> bool:
+    """Whether a step begins on a straight, and no border of ground across it is between before and after."""
+    first = int(np.flatnonzero(after)[0])
+    near = (before | after) & (np.abs(rows.time_s - rows.time_s[first]) < _SHARP_S)
+    if float(np.quantile(np.abs(rows.needed[near]), 0.9)) > _STRAIGHT_DEG:
+        return False
+    course = rows.course[first]
+    ahead = (rows.east - rows.east[first]) * np.sin(course) + (rows.north - rows.north[first]) * np.cos(course)
+    first_level, last_level = float(np.median(residual[before])), float(np.median(residual[after]))
+    return all(
+        _is_seen_beyond(residual, side, side & (far * ahead > _BEYOND_M), level, other)
+        for side, far, level, other in ((before, 1.0, first_level, last_level), (after, -1.0, last_level, first_level))
+    )
+
+
+def _is_seen_beyond(residual: Array, side: Mask, beyond: Mask, level: float, other: float) -> bool:
+    """Whether a side has enough rows `beyond` the place of a step, and its level (deg) there, not that of the other."""
+    if np.count_nonzero(beyond) < _BEYOND_SHARE * np.count_nonzero(side):
+        return False
+    return _LEAST_SHARE < (float(np.median(residual[beyond])) - other) / (level - other) < _MOST_SHARE
