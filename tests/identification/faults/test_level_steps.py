@@ -99,3 +99,14 @@ def test_steps_of_several_runs_have_a_cause_of_their_own() -> None:
 @pytest.mark.parametrize("dropped", [(), ("steering_deg",), ("heading_deg",)])
 def test_clean_runs_have_none(dropped: tuple[str, ...]) -> None:
     assert mark({}, dropped)[1] == []
+
+
+def test_a_step_in_a_gap_began_at_any_time_in_it() -> None:
+    frame = clean_frames()["lines"]
+    hidden = ((frame.time_s - START_S >= 24.0) & (frame.time_s - START_S < 30.0)).to_numpy()
+    shifted = shift(frame, SLIP, step(frame, 26.0, 3.0))[~hidden].reset_index(drop=True)
+    (fault,) = mark({"lines": shifted})[1]
+    assert fault.between_s is not None
+    earliest_s, shown_s = fault.between_s
+    assert earliest_s - START_S == pytest.approx(24.0, abs=2.0) and shown_s - START_S == pytest.approx(30.0, abs=2.0)
+    assert fault.from_s == pytest.approx(0.5 * (earliest_s + shown_s))

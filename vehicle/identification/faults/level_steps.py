@@ -34,7 +34,8 @@ _LEAST_SIDE_S, _PART_S = 15.0, 5.0  # chosen: driving on each side, and parts of
 _FEWEST_OTHERS, _ALONE_SIDE_S = 2, 90.0  # chosen: with fewer other runs to compare with, the least on each side
 _PART_FROM_LEVEL = 0.4  # chosen, share of the step: most parts are so near to the level of their side
 _PARTS_SHARE = 0.85  # chosen: of the parts of a side
-_CLEAR_DEG, _UNCLEAR_S = 12.0, 3.0  # chosen: smaller angles show a step at once; and the time that may be without
+# Chosen: smaller angles for so long show a step at once; and the time that may be without.
+_CLEAR_DEG, _CLEAR_S, _UNCLEAR_S = 12.0, 2.0, 3.0
 _SHARP_S, _SHARP_SHARE = 8.0, 0.35  # chosen: time next to the step that has the level of its side already
 _SLOPE_SHARE = 0.3  # chosen: of the step, by which levels of a side may change from its begin to its end
 _STRATUM_S, _LEAST_SHARE, _MOST_SHARE = 6.0, 0.55, 1.6  # chosen: driving alike on both sides that shows the step
@@ -175,12 +176,20 @@ def find_level_step(logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvi
     size = float(np.median(residual[after]) - np.median(residual[before]))
     odd, _ = _choose_usual(rows, residual, before, after, size)
     time_s = float(rows.time_s[first])
-    clear = before & (np.abs(rows.needed) < _CLEAR_DEG)
-    last_clear_s = float(rows.time_s[clear][-1]) if clear.any() else time_s
+    clear = rows.time_s[before][_find_clear(rows.needed[before])]
+    last_clear_s = float(clear[-1]) if len(clear) else time_s
     earliest_s = last_clear_s if time_s - last_clear_s > _UNCLEAR_S else time_s
     # Small angles often bend a path less than large ones do; the scale is that of all angles.
     turned_deg = size / float(np.clip(np.median(gain[before | after]), *_GAINS))
     return LevelStep(run, time_s, turned_deg, odd is after, earliest_s)
+
+
+def _find_clear(needed: Array) -> Mask:
+    """Return which rows of a side (k,) end a time in which the path needs small angles only."""
+    width = round(_CLEAR_S / _THIN_S)
+    small = np.pad((np.abs(needed) < _CLEAR_DEG).astype(np.float64), (width - 1, 0))
+    mask: Mask = np.convolve(small, np.ones(width), mode="valid") > width - 0.5
+    return mask
 
 
 def _collect_rows(
@@ -243,13 +252,13 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
     values = rows.needed - rows.angle
     weights: Array = np.ones(len(values))
     ridge = 1e-3 * np.eye(columns.shape[1])
-    theta: Array = np.zeros(columns.shape[1])
+    theta = np.zeros(columns.shape[1])
     for _ in range(_PASSES):
         weighted = columns * weights[:, None]
-        theta = np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values)
+        theta = np.asarray(np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values), dtype=np.float64)
         apart = np.abs(values - columns @ theta)
         sigma = max(1.4826 * float(np.median(apart)), 1e-3)
-        weights = np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0) ** 2
+        weights = np.square(np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
     residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
     side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
     derivatives = np.stack([np.ones(len(side)), side, size / 10.0, 3.0 * size**2 / 400.0, push, side * push], axis=1)
