@@ -1,5 +1,6 @@
 """Laws of parameters: recovered where they act, not told where values are constant."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -25,7 +26,7 @@ from vehicle.identification.laws.bases import (
 )
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
-from vehicle.identification.laws.selection import _sum_bends_at_work, compute_law_range
+from vehicle.identification.laws.selection import _is_bent_at_work, compute_law_range
 from vehicle.identification.laws.settle import (
     ActingLaw,
     LawResidualModel,
@@ -39,7 +40,6 @@ from vehicle.identification.laws.sides import LEFT, RIGHT, _measure_worth, find_
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.thresholds import FEWEST_TURNED_RAD
 from vehicle.model.effects import get_effect
 from vehicle.records import GRAVITY_MPS2
 
@@ -252,18 +252,16 @@ def test_a_law_explains_twice_what_covariates_do_beside_it(
     assert not is_shadow_of_covariates(selection)
 
 
-def test_rows_that_keep_a_line_at_work_show_no_gain_of_the_implement(plain: ResidualModel) -> None:
-    """The programme turns by more than a third of a radian; the same with its implement up turns by nothing at work."""
-    segments = plain.dataset.segments
-    at_work, lifted = (
-        replace(
-            plain,
-            dataset=replace(
-                plain.dataset,
-                segments=tuple(replace(one, working=np.full(one.rows, share)) for one in segments),
-            ),
-        )
-        for share in (1.0, 0.0)
-    )
-    assert _sum_bends_at_work(lifted) == 0.0
-    assert _sum_bends_at_work(at_work) > FEWEST_TURNED_RAD
+def test_an_implement_shows_its_gain_by_bends_like_those_without_it(plain: ResidualModel) -> None:
+    """At work in every other second, never, and only where the wheels are nearly straight."""
+    angles = [np.abs(get_angle_deg(one)) for one in plain.dataset.segments]
+    largest = max(angle.max() for angle in angles)
+    every_other = [(np.floor(one.time) % 2.0) for one in plain.dataset.segments]
+    gentle = [(angle < largest / 6.0).astype(float) for angle in angles]
+    works = (every_other, [np.zeros(len(angle)) for angle in angles], gentle)
+    assert [_is_bent_at_work(put_to_work(plain, work)) for work in works] == [True, False, False]
+
+
+def put_to_work(model: ResidualModel, work: Sequence[Any]) -> ResidualModel:
+    segments = tuple(replace(one, working=row) for one, row in zip(model.dataset.segments, work, strict=True))
+    return replace(model, dataset=replace(model.dataset, segments=segments))

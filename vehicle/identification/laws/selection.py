@@ -53,6 +53,9 @@ STAND_INS = (DRIFT, PATCH)
 # Chosen, deg: less is straight ahead; and of the rows that turn, those that turn to the side of the group of their run.
 LEAST_TURNING_DEG, SIDE_OF_RUNS_SHARE = 1.0, 0.8
 OUTER_SHARE = 0.05  # chosen, of the rows at either end of the range of a law: a few rows are no range
+# Chosen, of the mean angle of bends: with an implement at work only in much gentler ones, a gain that differs by its
+# work may be one by the angle.
+ALIKE_BENDS_SHARE = 0.2
 LEAST_RUN_INFORMATION = 0.01  # of the best informed run: chosen, a tenth of its precision still tells groups apart
 
 
@@ -157,7 +160,7 @@ def score_all_laws(
     residual_model = selection.residual_model
     columns = LawColumns(residual_model, base_fit)
     bases = list_bases(residual_model.dataset, clock) + _list_patch_bases(selection)
-    is_bent_at_work = _sum_bends_at_work(residual_model) > FEWEST_TURNED_RAD
+    is_bent_at_work = _is_bent_at_work(residual_model)
     out = []
     for target in list_targets(residual_model, base_fit):
         allowed = [basis for basis in bases if target.allows(basis.kind)]
@@ -175,16 +178,23 @@ def score_all_laws(
     return out
 
 
-def _sum_bends_at_work(residual_model: ResidualModel) -> float:
-    """Return how far the tractor turns (rad) in bends with its implement at work; in rows that only keep a line the
-    gain of small angles shows, not that of the implement."""
-    total, base_m = 0.0, residual_model.rig.tractor.wheelbase_m
+def _is_bent_at_work(residual_model: ResidualModel) -> bool:
+    """Whether the tractor turns with its implement at work, in bends like those with its implement lifted.
+
+    In rows that only keep a line the gain of small angles shows, not that of the implement.
+    """
+    base_m, rows = residual_model.rig.tractor.wheelbase_m, []
     for segment in residual_model.dataset.segments:
         angle = np.abs(get_steering(segment))
         driven_m = np.hypot(np.diff(segment.east), np.diff(segment.north))
-        bent = (np.degrees(angle) > LEAST_BEND_DEG) & (segment.working[:-1] > 0.0)
-        total += float(np.sum((np.tan(angle) * driven_m / base_m)[bent]))
-    return total
+        bent = np.degrees(angle) > LEAST_BEND_DEG
+        rows.append(np.stack([angle, np.tan(angle) * driven_m / base_m, segment.working[:-1]])[:, bent])
+    angle, turned, working = np.concatenate(rows, axis=1)
+    at_work, lifted = (turned * (working > 0.0), turned * (working <= 0.0))
+    if at_work.sum() <= FEWEST_TURNED_RAD or lifted.sum() <= FEWEST_TURNED_RAD:
+        return False
+    means = [float(angle @ weight / weight.sum()) for weight in (at_work, lifted)]
+    return min(means) > ALIKE_BENDS_SHARE * max(means)
 
 
 def _list_patch_bases(selection: CauseSelection) -> list[LawBasis]:
