@@ -205,7 +205,10 @@ def test_states_are_acknowledged_once_kept_and_not_kept_twice(service: Service) 
         assert len(welcome["plan"]["tractors"][0]) == 3
         for sequence in range(5):
             tractor.send_json(state(sequence, northing_m=2000.0 + sequence))
-        assert until(tractor, "ack")["sequence"] == 4
+        acknowledged = [until(tractor, "ack")["sequence"]]
+        while acknowledged[-1] < 4:  # a busy machine may keep the five in several goes
+            acknowledged.append(until(tractor, "ack")["sequence"])
+        assert acknowledged == sorted(set(acknowledged)) and acknowledged[-1] == 4
     with service.link("tractor") as tractor:  # the link was lost without a goodbye; it sends the last ones again
         assert hello(tractor, "tractor", 1, service.tokens["robot 1"])["last_sequence"] == 4
         for sequence in range(3, 8):
