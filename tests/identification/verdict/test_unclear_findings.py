@@ -111,6 +111,24 @@ def test_an_antenna_that_rear_wheels_would_explain_with_the_gain_is_only_likely(
 
 
 @pytest.mark.parametrize(
+    ("antenna_m", "gain_status", "status"),
+    [(0.25, LIKELY, LIKELY), (0.25, NAMED, NAMED), (-0.25, LIKELY, NAMED), (0.8, LIKELY, NAMED)],
+)
+def test_a_gain_without_a_name_leaves_none_to_an_antenna_that_a_locked_axle_would_move(
+    antenna_m: float, gain_status: str, status: str
+) -> None:
+    """A gain of 0.8 moves the centre of the turn by half a metre at most."""
+    bent = build_finding(0.8, 0.78, 0.82, gain_status)
+    antenna = replace(
+        build_finding(0.0, 0.0, 0.0),
+        id="antenna_forward",
+        value={"distance_m": antenna_m},
+        interval={"distance_m": (antenna_m - 0.05, antenna_m + 0.05)},
+    )
+    assert doubt_turning_centre([bent, antenna], 2.0)[1].status == status
+
+
+@pytest.mark.parametrize(
     ("late_s", "speed_s", "statuses"),
     [
         (0.12, 0.13, [LIKELY, NOT_VISIBLE]),  # any vehicle may turn that much later than its wheels

@@ -94,7 +94,9 @@ def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> lis
 
     With rear wheels at a share s of the angle of the front wheels, to the other side, the vehicle turns by 1 + s more,
     about a point s / (1 + s) of the wheelbase ahead of the rear axle: a gain g, and an antenna that seems further back
-    by (1 - 1 / g) of the wheelbase. To the same side s is negative. The gain itself is what both have.
+    by (1 - 1 / g) of the wheelbase. To the same side s is negative. The gain itself is what both have. A rear axle that
+    resists turning, as with a locked differential, moves that point by less; a gain that has no name then leaves none to
+    the antenna.
     """
     found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
     gain, antenna = found.get(GAIN), found.get(ANTENNA)
@@ -102,6 +104,8 @@ def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> lis
         return list(findings)
     least, most = (-(1.0 - 1.0 / ratio) * wheelbase_m for ratio in reversed(gain.interval["ratio"]))
     low, high = antenna.interval["distance_m"]
+    if gain.status == LIKELY:
+        least, most = min(least, 0.0), max(most, 0.0)
     if antenna.status != NAMED or high < least or low > most:
         return list(findings)
     words = "together with this steering_gain, rear wheels that steer with the front wheels would look the same"
