@@ -94,9 +94,10 @@ def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> lis
 
     With rear wheels at a share s of the angle of the front wheels, to the other side, the vehicle turns by 1 + s more,
     about a point s / (1 + s) of the wheelbase ahead of the rear axle: a gain g, and an antenna that seems further back
-    by (1 - 1 / g) of the wheelbase. To the same side s is negative. The gain itself is what both have. A rear axle that
-    resists turning, as with a locked differential, moves that point by less; a gain that has no name then leaves none to
-    the antenna.
+    by (1 - 1 / g) of the wheelbase. To the same side s is negative. The gain itself is what both have.
+
+    A rear axle that resists turning, as with a locked differential, moves that point by less: a gain that has no name
+    leaves none to the antenna either.
     """
     found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
     gain, antenna = found.get(GAIN), found.get(ANTENNA)
