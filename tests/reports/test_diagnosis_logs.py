@@ -115,7 +115,7 @@ class TestFaults:
         for columns, said in (("steering_command",), "the steering command is"), (("position", "heading"),
                              "the position and the heading are"):  # fmt: skip
             what = diagnosis(columns=tuple(ColumnTiming(column, hold_s=0.2) for column in columns))
-            assert what.headline.startswith(f"Nothing found beside how {said} logged: as far as")
+            assert what.headline.startswith(f"Nothing found apart from how {said} logged: as far as")
 
 
 class TestColumns:

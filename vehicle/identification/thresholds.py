@@ -220,6 +220,8 @@ CLUE_SIGMAS = 4.0
 # Chosen, size of errors in the third of a drive where they are larger over that where they are smaller: noise that is
 # the same everywhere shows up to 1.9.
 CLUE_TIMES = 2.0
+# Chosen, of the blocks: a third of the values that holds more is one value that many blocks share.
+MOST_OF_THIRD = 0.5
 # Chosen, times the squared error of the noise floor: less, without anything that it depends on, calls for no hint.
 HINT_MISFIT = 1.6
 

@@ -7,7 +7,13 @@ import pytest
 
 from vehicle.identification.laws.bases import RunClock
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.verdict.hints import _WHERE_WORDS, _choose_clue, _describe_clue, list_quantities
+from vehicle.identification.verdict.hints import (
+    _WHERE_WORDS,
+    _choose_clue,
+    _compare_thirds,
+    _describe_clue,
+    list_quantities,
+)
 
 RNG = np.random.default_rng(5)
 BLOCKS = 60
@@ -46,3 +52,11 @@ def test_small_differences_and_the_share_of_a_speed_sensor_are_no_clue() -> None
 
 def test_every_quantity_has_words_for_where_it_is_large_and_small() -> None:
     assert set(list_quantities(RunClock(np.zeros(1), 0.0, True))) <= set(_WHERE_WORDS)
+
+
+def test_values_that_most_blocks_share_are_compared_as_two_groups() -> None:
+    """Eight blocks of sixty in reverse with three times the error, wherever they are in the log."""
+    reverse = np.zeros(60)
+    reverse[20:28] = 1.0
+    assert _compare_thirds(reverse, np.where(reverse > 0.0, 9.0, 1.0)) == pytest.approx(3.0)
+    assert _compare_thirds(np.zeros(60), np.ones(60)) == 1.0

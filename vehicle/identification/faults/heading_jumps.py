@@ -25,7 +25,7 @@ _FEWEST_SIDE = 3  # measured headings on a side
 # Chosen: driving on both sides whose course shows the level of the heading, how near to it (deg, share of the jump) and
 # in which share of the time headings must be, and how far the jumps by heading and by course may differ (alike).
 _LEAST_SIDE_S, _NEAR_DEG, _NEAR_SHARE, _FLAT_SHARE = 10.0, 1.5, 0.3, 0.85
-_PART_S, _FEWEST_PARTS = 20.0, 2  # chosen: parts of a side, each of which must show the level
+_PART_S, _LEAST_PART_S = 20.0, 5.0  # chosen: parts of a side, each of which must show the level, and the shortest
 _CLEAR_SHARE = 0.5  # chosen, of the jump: a side that is so much nearer to the course has the right heading
 
 
@@ -103,7 +103,11 @@ def _is_flat(time: Array, error: Array, size_deg: float) -> bool:
     if float(np.mean(near)) < _FLAT_SHARE:
         return False
     parts = ((time - time[0]) // _PART_S).astype(np.int64)
-    levels = [float(np.median(error[parts == part])) for part in np.unique(parts) if np.sum(parts == part) > 50]
+    levels = [
+        float(np.median(error[parts == part]))
+        for part in np.unique(parts)
+        if np.sum(parts == part) > _LEAST_PART_S / STEP_S
+    ]
     return len(levels) == 0 or float(np.max(np.abs(levels))) < 2.0 * _NEAR_SHARE * size_deg
 
 

@@ -15,6 +15,8 @@ from vehicle.jit import compile_function
 
 # Chosen: a chord that noise alone makes as long in one of 600 rows has no direction; a tractor that stands has none.
 _STANDING_SIGMAS = 3.6
+# Chosen, m/s and share of the fastest pace: held positions and tight bends look like noise, which is not so fast.
+_DRIVING_MPS, _MOST_NOISE_SHARE = 0.5, 0.3
 COURSE_CHORD_S = 0.6  # one centimetre of antenna noise is one degree of course at walking pace
 _INITIAL_PATH_S = 1.0  # of the path, from which the initial angle of the rod is estimated
 _MOST_ANGLE_RAD = math.radians(60.0)  # no tractor turns tighter
@@ -35,6 +37,9 @@ def compute_course(time: Array, east: Array, north: Array) -> tuple[Array, Array
     pace = np.hypot(dx, dy) / (after - before)
     angle = np.arctan2(dy, dx)
     noise_pace = _STANDING_SIGMAS * math.sqrt(2.0) * _estimate_position_noise(east, north) / COURSE_CHORD_S
+    fastest = float(pace.max())
+    if fastest > _DRIVING_MPS:
+        noise_pace = min(noise_pace, _MOST_NOISE_SHARE * fastest)
     moving = np.flatnonzero(pace > max(0.3 * float(np.median(pace)), noise_pace))
     if len(moving) == 0:
         return np.zeros(len(time)), pace

@@ -421,7 +421,7 @@ class Diagnosis:
 
     def _describe_nothing_found(self) -> str:
         if self.known_outside:
-            return "Beside that no cause is found."
+            return "Apart from that no cause is found."
         if self.depends_on:
             return f"No known cause explains these logs: the simulation misses {join_clauses(self.depends_on)}."
         if self.unexplained_share > 0.0 and self.hints:
@@ -441,7 +441,7 @@ class Diagnosis:
         if self.columns:
             columns = join_clauses([COLUMN_WORDS[column.column] for column in self.columns])
             return (
-                f"Nothing found beside how {columns} {'is' if len(self.columns) == 1 else 'are'} logged: as far as "
+                f"Nothing found apart from how {columns} {'is' if len(self.columns) == 1 else 'are'} logged: as far as "
                 "these logs show, the tractor drives as its file says."
             )
         unlike = [run.name for run in self.runs if run.unlike]

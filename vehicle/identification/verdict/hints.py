@@ -44,6 +44,7 @@ from vehicle.identification.thresholds import (
     CLUE_TIMES,
     HINT_MISFIT,
     LEAST_STRENGTH,
+    MOST_OF_THIRD,
 )
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, Diagnosis, Hint
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
@@ -265,7 +266,7 @@ _WHERE_WORDS = {
     "time since the start": ("late in the runs", "early in the runs"),
     "the place, east to west": ("in the east", "in the west"),
     "the place, north to south": ("in the north", "in the south"),
-    "the direction of travel": ("on the way east", "on the way west"),
+    "the direction of travel": ("on the way north", "on the way south"),
     "the time of day": ("late in the day", "early in the day"),
 }
 
@@ -284,7 +285,7 @@ def list_quantities(clock: RunClock) -> dict[str, Quantity]:
         "time since the start": lambda s: s.start_s + s.time,
         "the place, east to west": lambda s: s.east,
         "the place, north to south": lambda s: s.north,
-        "the direction of travel": lambda s: np.sin(s.heading),
+        "the direction of travel": lambda s: s.gear * np.sin(s.heading),
     }
     if clock.has_order:
         quantities["the time of day"] = clock.compute_time
@@ -323,19 +324,32 @@ def _choose_clue(instrument: str, energy: Array, quantities: Mapping[str, Array]
         for name, values in quantities.items()
         if np.ptp(values) > 0.0 and np.ptp(energy) > 0.0
     ]
-    clue = max(ranked, key=lambda one: one.sigmas, default=None)
-    if clue is None or clue.sigmas <= CLUE_SIGMAS or (clue.instrument, clue.depends_on) == ("speed", "speed"):
-        return None
-    return clue if max(clue.times, 1.0 / clue.times) >= CLUE_TIMES else None
+    telling = [
+        clue
+        for clue in ranked
+        if clue.sigmas > CLUE_SIGMAS
+        and max(clue.times, 1.0 / clue.times) >= CLUE_TIMES
+        and (clue.instrument, clue.depends_on) != ("speed", "speed")
+    ]
+    return max(telling, key=lambda clue: clue.sigmas, default=None)
 
 
 def _compare_thirds(values: Array, energy: Array) -> float:
     """Return how many times as large errors are in the third of blocks (b,) with the largest values as in that with the
-    smallest, from their squares `energy` (b,)."""
-    order, third = np.argsort(values, kind="stable"), len(values) // 3
-    low, high = (math.sqrt(float(energy[rows].mean())) for rows in (order[:third], order[-third:]))
+    smallest, from their squares `energy` (b,).
+
+    Of values that many blocks share, such as those of a gear, all blocks above the middle count against all others.
+    """
+    low, high = (np.quantile(values, share) for share in (1.0 / 3.0, 2.0 / 3.0))
+    is_low, is_high = values <= low, values >= high
+    if low == high or np.mean(is_low) > MOST_OF_THIRD or np.mean(is_high) > MOST_OF_THIRD:
+        is_high = values > 0.5 * (values.min() + values.max())
+        is_low = ~is_high
+    if not (is_low.any() and is_high.any()):
+        return 1.0
+    means = [math.sqrt(float(energy[rows].mean())) for rows in (is_low, is_high)]
     least = 1e-3 * math.sqrt(float(energy.mean()))
-    return max(high, least) / max(low, least)
+    return max(means[1], least) / max(means[0], least)
 
 
 def _split_squares(residual_model: ResidualModel, fit: EffectFit) -> dict[str, Array]:

@@ -175,7 +175,9 @@ def _describe_fault(fault: LogFault, start_s: float) -> str:
         at = format_time(fault.from_s, start_s)
         return f"{fault.words} (at {at}); what follows is compared on its own"
     if fault.id == HEADING_JUMP:
-        return f"{fault.words} (at {format_time(fault.from_s, start_s)}); it is turned back and used"
+        return (
+            f"{fault.words} (at {format_time(fault.from_s, start_s)}); the headings beside it are turned back and used"
+        )
     end = "until the log ends" if fault.to_s is None else f"until {format_time(fault.to_s, start_s)}"
     begin = f"from {format_time(fault.from_s, start_s)}"
     if fault.between_s is not None:
