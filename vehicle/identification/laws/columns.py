@@ -42,7 +42,7 @@ STEP_SHARE = 0.1  # chosen, of the typical size: a change of the motion by far m
 # Laws that are effects of their own (asymmetry, implement draft and slip, understeer), or that a geometry cannot have.
 EXCLUDED_KINDS = {
     GAIN: {BY_SIDE},
-    OFFSET: {BY_SIDE, BY_ANGLE, BY_IMPLEMENT, BY_SPEED},
+    OFFSET: {BY_SIDE, BY_ANGLE, BY_IMPLEMENT},
     "steering_asymmetry": {BY_SIDE, BY_ANGLE},
     "steering_backlash": {BY_SIDE, BY_ANGLE, BY_PLACE},
     "understeer": {BY_SPEED, BY_SIDE, BY_ANGLE},

@@ -7,12 +7,10 @@ that side, given the other parameters of the steering.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.laws.bases import get_angle_deg
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
@@ -20,6 +18,7 @@ from vehicle.identification.replay.horizon_errors import simulate_instruments
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import LAW_SPREAD_FACTOR, LEAST_HELPED_SHARE, LEAST_STRENGTH, MATERIAL_SHARE
 from vehicle.model.effects import get_effect, get_neutral_values
+from vehicle.model.tractor import Settings
 
 SIDED_EFFECTS = ("steering_rate", "steering_deadband")
 VALUE_SHARES = (0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0, 1.15, 1.35, 1.6, 1.9, 2.3)  # of the value of both sides: chosen
@@ -42,12 +41,11 @@ class SideLaw:
     worth_pct: float = 0.0
 
 
-def find_side_laws(residual_model: ResidualModel, fit: EffectFit, names: Iterable[str]) -> list[SideLaw]:
-    """Return the effects among the names whose sides differ beyond chance and tolerance, in most of the runs."""
+def find_side_laws(residual_model: ResidualModel, settings: Settings) -> list[SideLaw]:
+    """Return the effects of these settings whose sides differ beyond chance and tolerance, in most of the runs."""
     if not residual_model.has_measured_wheel_angle or any(s.command is None for s in residual_model.dataset.segments):
         return []
-    sided = [name for name in SIDED_EFFECTS if name in names and name in fit.settings]
-    laws = (_compare_sides(residual_model, fit, name) for name in sided)
+    laws = (_compare_sides(residual_model, settings, name) for name in SIDED_EFFECTS if name in settings)
     return [law for law in laws if law is not None]
 
 
@@ -72,9 +70,9 @@ def find_only_side(dataset: DriveDataset) -> int | None:
     return RIGHT if right > left else LEFT
 
 
-def _compare_sides(residual_model: ResidualModel, fit: EffectFit, name: str) -> SideLaw | None:
+def _compare_sides(residual_model: ResidualModel, settings: Settings, name: str) -> SideLaw | None:
     size = get_effect(name).size
-    value = fit.settings[name][size.name]
+    value = settings[name][size.name]
     neutral = get_neutral_values(name, residual_model.rig.tractor.steering)[size.name]
     values = np.unique(np.clip([*(share * value for share in VALUE_SHARES), neutral], size.low, size.high))
     sides = np.concatenate([find_sides(segment) for segment in residual_model.dataset.segments])
@@ -82,7 +80,7 @@ def _compare_sides(residual_model: ResidualModel, fit: EffectFit, name: str) -> 
     count = len(residual_model.dataset.names)
     losses = np.zeros((len(values), 2, count))
     for number, trial in enumerate(values):
-        squares = residual_model.compute_wheel_residuals({**fit.settings, name: {size.name: float(trial)}}) ** 2
+        squares = residual_model.compute_wheel_residuals({**settings, name: {size.name: float(trial)}}) ** 2
         for place, side in enumerate((RIGHT, LEFT)):
             losses[number, place] = np.bincount(runs, squares * (sides == side), count)
     totals = losses.sum(axis=2)
@@ -98,11 +96,11 @@ def _compare_sides(residual_model: ResidualModel, fit: EffectFit, name: str) -> 
         or np.count_nonzero(by_run[concerned] > 0.0) < LEAST_HELPED_SHARE * np.count_nonzero(concerned)
     ):
         return None
-    worth = _measure_worth(residual_model, fit, name, values, losses)
+    worth = _measure_worth(residual_model, settings, name, values, losses)
     return SideLaw(name, _refine(values, totals[:, 0], right), _refine(values, totals[:, 1], left), gain, worth)
 
 
-def _measure_worth(residual_model: ResidualModel, fit: EffectFit, name: str, values: Array, losses: Array) -> float:
+def _measure_worth(residual_model: ResidualModel, settings: Settings, name: str, values: Array, losses: Array) -> float:
     """Return the percentage of the root mean square error of the wheel angle that a value for each side removes.
 
     Every run is simulated with the values that suit the other runs best, by the `losses` (v, 2, r) of values, sides and
@@ -110,14 +108,14 @@ def _measure_worth(residual_model: ResidualModel, fit: EffectFit, name: str, val
     """
     size, others = get_effect(name).size.name, losses.sum(axis=2, keepdims=True) - losses
     best = np.argmin(others, axis=0)
-    bare = {effect_id: setting for effect_id, setting in fit.settings.items() if effect_id != name}
+    bare = {effect_id: setting for effect_id, setting in settings.items() if effect_id != name}
     before = after = 0.0
     for segment in residual_model.dataset.segments:
         assert segment.wheel is not None
         sides = find_sides(segment)
-        settings = [bare, *({**bare, name: {size: float(values[place])}} for place in best[:, segment.run])]
+        trials = [bare, *({**bare, name: {size: float(values[place])}} for place in best[:, segment.run])]
         squares, right, left = (
-            (segment.wheel - simulate_instruments(residual_model.rig, segment, one)[2]) ** 2 for one in settings
+            (segment.wheel - simulate_instruments(residual_model.rig, segment, one)[2]) ** 2 for one in trials
         )
         before += float(squares.sum())
         after += float(np.where(sides == RIGHT, right, np.where(sides == LEFT, left, squares)).sum())

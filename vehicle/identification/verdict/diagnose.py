@@ -240,7 +240,8 @@ def diagnose_logs(
     faked_ids |= turning.faked_ids if turning is not None else frozenset[str]()
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
-    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case.sure_ids)
+    found = explained_case.case.found_values
+    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, found, explained_case.sure_ids)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
     findings = doubt_shared_lateness(withdraw_cancelling_delays(findings))
     findings = doubt_turning_centre(findings, tractor.wheelbase_m)

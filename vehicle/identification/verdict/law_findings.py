@@ -34,7 +34,7 @@ from vehicle.identification.verdict.diagnosis_types import (
 from vehicle.identification.verdict.findings import extend_to_neutral
 from vehicle.identification.verdict.named_causes import ExplainedCase
 from vehicle.model.effects import get_effect, get_neutral_values
-from vehicle.model.tractor import Tractor
+from vehicle.model.tractor import Settings, Tractor
 
 SPEED_CLOCK, POSITION_CLOCK = "clock_offset_speed", "clock_offset_position"
 ASYMMETRY, ANTENNA_RIGHT = "steering_asymmetry", "antenna_right"
@@ -71,11 +71,13 @@ def add_laws(
     clock: RunClock,
     names: Sequence[str],
     tractor: Tractor,
+    found_values: Settings,
     sure_ids: Collection[str] = (),
 ) -> list[Finding]:
     """Return the findings with laws: of every settled one, and a constant for values that were tested and named.
 
-    Effects in `sure_ids` are shown by the residuals as clearly as a name needs.
+    `found_values` are those of effects outside the fit, too. Effects in `sure_ids` are shown by the residuals as
+    clearly as a name needs.
     """
     out = list(findings)
     for law in law_selection.laws:
@@ -86,9 +88,8 @@ def add_laws(
         for finding in out
     ]
     selection = law_selection.selection
-    sides = {
-        law.effect_id: law for law in find_side_laws(selection.residual_model, selection.fit, selection.effect_ids)
-    }
+    settings = {**found_values, **selection.fit.settings}
+    sides = {law.effect_id: law for law in find_side_laws(selection.residual_model, settings)}
     out = [_tell_sides(finding, sides[finding.id], sure_ids) if finding.id in sides else finding for finding in out]
     settled_ids = {law.found.effect_id for law in law_selection.laws}
     by_effect: dict[str, FoundLaw] = {}
