@@ -1,4 +1,4 @@
-"""From logs to a diagnosis: the order of the work, the results, and notes on the logs and the tractor file.
+"""From logs to a diagnosis: the order of the work, and the results.
 
 Causes are chosen by the residuals of the logs (cause_selection). Where residuals remain that no cause explains, the
 open-loop error itself is lowered (model_extension); the added terms are a calibration without a name, unless nothing
@@ -19,15 +19,14 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.faults.heading_kind import drop_course_headings
 from vehicle.identification.faults.steering_faults import mark_steering_faults
 from vehicle.identification.faults.turning_kind import ARTICULATED, find_other_turning
-from vehicle.identification.faults.unlike_runs import describe_groups, find_unlike_runs
+from vehicle.identification.faults.unlike_runs import RunDifference, describe_groups, find_unlike_runs
 from vehicle.identification.fit.open_loop import collect_run_settings
-from vehicle.identification.laws.bases import build_run_clock
-from vehicle.identification.laws.settle import settle_laws
-from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
+from vehicle.identification.laws.bases import OVER_DAY, RunClock, build_run_clock
+from vehicle.identification.laws.settle import LawSelection, settle_laws
 from vehicle.identification.logs.column_quality import drop_columns_coarse_elsewhere, drop_commands_not_logged
 from vehicle.identification.logs.command_checks import correct_commanded_speeds
 from vehicle.identification.logs.log_sets import merge_copies
-from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
+from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.logs.sensor_checks import correct_sensors_like_others
 from vehicle.identification.model_extension.term_proposals import assign_clear_level_runs, sum_driving_time
@@ -47,12 +46,13 @@ from vehicle.identification.replay.horizon_errors import (
     make_zero_squared_errors,
     sum_squared_errors_by_run,
 )
-from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
+from vehicle.identification.replay.rig import ReplayRig, build_rig, build_rig_and_corrections
 from vehicle.identification.residuals.innovations import refuse_spinning_simulation
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
 from vehicle.identification.verdict.correlations import compute_value_correlations, describe_intervals
-from vehicle.identification.verdict.cross_fit import explain_agreeing_runs, explain_selection
+from vehicle.identification.verdict.cross_fit import SearchedRuns, explain_agreeing_runs, explain_selection
+from vehicle.identification.verdict.diagnosis_notes import list_diagnosis_notes
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     NAMED,
@@ -87,7 +87,7 @@ from vehicle.identification.verdict.log_findings import (
     mark_other_turning,
     mark_unlike_runs,
 )
-from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms, measure_unexplained
+from vehicle.identification.verdict.named_causes import ExplainedCase, ReportStep, keep_terms, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot
 from vehicle.identification.verdict.unclear_findings import (
     doubt_names,
@@ -101,95 +101,6 @@ from vehicle.identification.verdict.unclear_findings import (
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
-
-TIME_EFFECTS = ("steering_dead_time", "gnss_latency")  # what drifting clocks would look like
-OWN_GROUND_NOTE = (
-    "The errors after are for every run on its own ground, fitted to the other half of the run; the tractor file has "
-    "one ground and is less accurate on the other."
-)
-
-
-def list_diagnosis_notes(
-    logs: Sequence[Log], residual_model: ResidualModel, tractor: Tractor, diagnosis: Diagnosis
-) -> tuple[str, ...]:
-    """Return all notes, those on the logs first."""
-    sentences = (
-        *_describe_logs(logs, residual_model),
-        *_describe_subset(residual_model, diagnosis),
-        *_describe_clocks(logs, diagnosis),
-        *_describe_file_corrections(tractor, diagnosis),
-    )
-    return (*sentences, OWN_GROUND_NOTE) if diagnosis.grounds else sentences
-
-
-def _describe_logs(logs: Sequence[Log], residual_model: ResidualModel) -> tuple[str, ...]:
-    """Return notes on rows and columns."""
-    sentences = list_shared_remarks(logs) + list(residual_model.dataset.remarks)
-    if not residual_model.has_measured_wheel_angle:
-        sentences.append(
-            "No wheel angle was logged, so faults of the steering and of the path are hard to distinguish."
-        )
-    if any(segment.target is None for segment in residual_model.dataset.segments):
-        sentences.append("No commanded speed was logged, so the speed control was not checked.")
-    if any(log.heading_deg is None for log in logs):  # of all logs, as the errors are; a subset may lack some of them
-        sentences.append("Some logs have no heading; the course of the positions is used instead.")
-    if len(logs) == 1:
-        sentences.append("There is only one run, so its own 20 s windows replace runs not used for fitting.")
-    return tuple(sentences)
-
-
-def _describe_subset(residual_model: ResidualModel, diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return a note that the causes of long logs were searched in a subset."""
-    minutes = residual_model.dataset.seconds / 60.0
-    unlike = [run.name for run in diagnosis.runs if run.unlike]
-    if unlike:
-        return (
-            f"Causes, values and intervals come from {minutes:.0f} of {diagnosis.minutes:.0f} minutes, without "
-            f"{', '.join(unlike)}, unlike the other runs; the errors before and after are for all of the driving.",
-        )
-    if minutes >= diagnosis.minutes:
-        return ()
-    return (
-        f"Causes, values and intervals come from {minutes:.0f} of {diagnosis.minutes:.0f} minutes, sampled from all "
-        "logs; "
-        "the errors before and after and the unexplained error are for all of the driving.",
-    )
-
-
-def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:
-    """Return a note where a delay was found in logs too short to check for drifting clocks."""
-    late = [finding.id for finding in diagnosis.findings if finding.id in TIME_EFFECTS and finding.value is not None]
-    short = sum(float(np.ptp(log.time_s[log.used])) < CLOCKS_FROM_S for log in logs)
-    if not late or not short:
-        return []
-    subject = "The log is" if len(logs) == 1 else f"{short} of {len(logs)} logs are"
-    return [
-        f"{subject} too short (under {CLOCKS_FROM_S:.0f} s) to check whether the clocks of two instruments drift "
-        f"apart; the result for {' and '.join(late)} assumes that they do not."
-    ]
-
-
-def _describe_file_corrections(tractor: Tractor, diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return notes on the effects and the discrepancy model that the tractor file already had."""
-    sentences = []
-    if tractor.effects:
-        unseen = [name for name, setting in tractor.effects.items() if diagnosis.tractor.effects.get(name) is setting]
-        outcome = f" These logs do not show {', '.join(unseen)}; the value of the file was kept." if unseen else ""
-        sentences.append(
-            f"The tractor file already has {', '.join(tractor.effects)}; fitted again from scratch. The error before "
-            "is with "
-            f"the values of the file.{outcome}"
-        )
-    if tractor.discrepancy_model is not None:
-        outcome = (
-            "kept, as these logs do not contradict it"
-            if diagnosis.tractor.discrepancy_model is tractor.discrepancy_model
-            else "replaced"
-        )
-        outcome = "dropped, as these logs contradict it" if diagnosis.tractor.discrepancy_model is None else outcome
-        sentences.append(f"The tractor file has a discrepancy model: {outcome}.")
-    return tuple(sentences)
-
 
 ReportProgress = Callable[[int, int], None]
 
@@ -216,11 +127,9 @@ def diagnose_logs(
     rig = build_rig(tractor, ground, dataset.origin)
     refuse_spinning_simulation(rig, dataset.segments)
     unlike_runs = find_unlike_runs(logs, tractor, ground)
-    searched = explain_agreeing_runs(dataset, rig, unlike_runs, count.count_step)
+    searched, clock, law_selection = _search_causes(logs, dataset, rig, unlike_runs, count.count_step)
     agreeing, subset = searched.agreeing, searched.subset
     selection, explained_case = searched.selection, searched.explained
-    clock = build_run_clock(logs, subset.runs)
-    law_selection = settle_laws(selection, clock, rig.tractor)
     if law_selection.selection is not selection:
         selection = law_selection.selection
         explained_case = explain_selection(selection, rig.tractor, count.count_step)
@@ -241,7 +150,9 @@ def diagnose_logs(
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
     found = explained_case.case.found_values
-    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, found, explained_case.sure_ids)
+    findings = add_laws(
+        findings, law_selection, clock, subset.dataset.names, rig.tractor, found, explained_case.sure_ids
+    )
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
     findings = doubt_shared_lateness(withdraw_cancelling_delays(findings))
     findings = doubt_turning_centre(findings, tractor.wheelbase_m)
@@ -275,6 +186,23 @@ def diagnose_logs(
         columns=describe_columns(logs, diagnosis.findings),
         notes=(*group_notes, *notes, *unsaved_notes),
     )
+
+
+def _search_causes(
+    logs: Sequence[Log], dataset: DriveDataset, rig: ReplayRig, unlike_runs: Sequence[RunDifference], step: ReportStep
+) -> tuple[SearchedRuns, RunClock, LawSelection]:
+    """Return causes and laws of the runs that agree, or of all runs where a law over the day explains those unlike."""
+
+    def search_without(unlike: Sequence[RunDifference]) -> tuple[SearchedRuns, RunClock, LawSelection]:
+        searched = explain_agreeing_runs(dataset, rig, unlike, step)
+        clock = build_run_clock(logs, searched.subset.runs)
+        return searched, clock, settle_laws(searched.selection, clock, rig.tractor)
+
+    of_agreeing = search_without(unlike_runs)
+    if not of_agreeing[0].left_out or unlike_runs[0].group:
+        return of_agreeing
+    of_all = search_without(())
+    return of_all if any(law.found.kind == OVER_DAY for law in of_all[2].laws) else of_agreeing
 
 
 def correct_logs(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
