@@ -1,5 +1,6 @@
 """Laws of parameters in findings."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,6 +15,7 @@ from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, N
 from vehicle.identification.verdict.law_findings import (
     GAIN_TERMS,
     _tell_sides,
+    describe_offset_at_work,
     leave_out_stand_ins,
     list_law_terms,
 )
@@ -74,3 +76,15 @@ def test_which_of_two_clocks_runs_away_does_not_show(kind: str, status: str, mon
     speed, position = law_findings._add_settled_law(before, law, None, (), load_tractor("eg105"))  # type: ignore[arg-type]
     assert speed.status == status
     assert position.status == (EQUIVALENT if status == EQUIVALENT else NOT_VISIBLE)
+
+
+def test_a_side_draft_tells_the_wheel_angle_that_looks_like_it() -> None:
+    """1 / 143 m is what a wheelbase of 2.5 m turns at 1 degree: tan(1 deg) / 2.5 m = 0.00698 / m."""
+    value, interval = {"curvature_per_m": -0.00698}, {"curvature_per_m": (-0.008, -0.006)}
+    draft = Finding("implement_side_draft", NAMED, value, interval, None, None, 0.001, "1/m", "implement working", "")
+    silent = replace(draft, status=NOT_VISIBLE, value=None, interval=None)
+    told, untouched = describe_offset_at_work([draft, silent], 2.5)
+    assert told.exchange == (
+        "a steering_offset of 1.0 deg to the left that acts only while the implement works would look the same"
+    )
+    assert untouched is silent

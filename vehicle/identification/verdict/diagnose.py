@@ -77,7 +77,12 @@ from vehicle.identification.verdict.held_out_case import (
 )
 from vehicle.identification.verdict.hints import add_hints, find_wrong_heading
 from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
-from vehicle.identification.verdict.law_findings import add_laws, leave_out_stand_ins, mark_one_sided
+from vehicle.identification.verdict.law_findings import (
+    add_laws,
+    describe_offset_at_work,
+    leave_out_stand_ins,
+    mark_one_sided,
+)
 from vehicle.identification.verdict.log_findings import (
     build_fault_diagnosis,
     check_runs,
@@ -149,15 +154,12 @@ def diagnose_logs(
     faked_ids |= turning.faked_ids if turning is not None else frozenset[str]()
     count.count_step()
     findings = build_findings(explained_case.case, explained_case.names, competitors, count.count_step)
-    found = explained_case.case.found_values
-    findings = add_laws(
-        findings, law_selection, clock, subset.dataset.names, rig.tractor, found, explained_case.sure_ids
-    )
+    findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
     findings = doubt_shared_lateness(withdraw_cancelling_delays(findings))
     findings = doubt_turning_centre(findings, tractor.wheelbase_m)
     findings = doubt_names(findings) if turning is not None and turning.kind == ARTICULATED else findings
-    findings = mark_one_sided(findings, subset.dataset)
+    findings = describe_offset_at_work(mark_one_sided(findings, subset.dataset), tractor.wheelbase_m)
     names = [name for name in explained_case.names if name not in faked_ids]
     guarded = replace(guarded, explained=replace(explained_case, names=names))
     whole_explained = replace(explained_case, case=build_whole_dataset_case(agreeing, subset, explained_case.case))

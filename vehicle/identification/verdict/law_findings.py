@@ -3,6 +3,7 @@ are no constants."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -18,7 +19,7 @@ from vehicle.identification.laws.bases import (
 from vehicle.identification.laws.columns import GAIN
 from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, UNDERSTEER, FoundLaw
 from vehicle.identification.laws.settle import LawSelection, SettledLaw
-from vehicle.identification.laws.sides import RIGHT, SideLaw, find_only_side, find_side_laws
+from vehicle.identification.laws.sides import RIGHT, SIDED_EFFECTS, SideLaw, find_only_side, find_side_laws
 from vehicle.identification.laws.words import compute_law_values, describe_alternatives, describe_law
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.thresholds import WITHDRAWING_LAW_SHARE, WORTH_OF_WHEEL_PCT
@@ -34,10 +35,10 @@ from vehicle.identification.verdict.diagnosis_types import (
 from vehicle.identification.verdict.findings import extend_to_neutral
 from vehicle.identification.verdict.named_causes import ExplainedCase
 from vehicle.model.effects import get_effect, get_neutral_values
-from vehicle.model.tractor import Settings, Tractor
+from vehicle.model.tractor import Tractor
 
 SPEED_CLOCK, POSITION_CLOCK = "clock_offset_speed", "clock_offset_position"
-ASYMMETRY, ANTENNA_RIGHT = "steering_asymmetry", "antenna_right"
+ASYMMETRY, ANTENNA_RIGHT, SIDE_DRAFT = "steering_asymmetry", "antenna_right", "implement_side_draft"
 LEANING_M = 0.015  # chosen: as far as a body that rolls by half a degree carries an antenna of 1.7 m outwards in a bend
 STAND_IN_KINDS = {DRIFT: OVER_MINUTES, PATCH: BY_PLACE}
 # Terms of the discrepancy model that are laws of the steering gain.
@@ -71,14 +72,9 @@ def add_laws(
     clock: RunClock,
     names: Sequence[str],
     tractor: Tractor,
-    found_values: Settings,
-    sure_ids: Collection[str] = (),
+    explained_case: ExplainedCase,
 ) -> list[Finding]:
-    """Return the findings with laws: of every settled one, and a constant for values that were tested and named.
-
-    `found_values` are those of effects outside the fit, too. Effects in `sure_ids` are shown by the residuals as
-    clearly as a name needs.
-    """
+    """Return the findings with laws: of every settled one, and a constant for values that were tested and named."""
     out = list(findings)
     for law in law_selection.laws:
         out = _add_settled_law(out, law, clock, tuple(names), tractor)
@@ -88,9 +84,13 @@ def add_laws(
         for finding in out
     ]
     selection = law_selection.selection
-    settings = {**found_values, **selection.fit.settings}
+    outside_fit = {name: value for name, value in explained_case.case.found_values.items() if name in SIDED_EFFECTS}
+    settings = {**outside_fit, **selection.fit.settings}
     sides = {law.effect_id: law for law in find_side_laws(selection.residual_model, settings)}
-    out = [_tell_sides(finding, sides[finding.id], sure_ids) if finding.id in sides else finding for finding in out]
+    out = [
+        _tell_sides(finding, sides[finding.id], explained_case.sure_ids) if finding.id in sides else finding
+        for finding in out
+    ]
     settled_ids = {law.found.effect_id for law in law_selection.laws}
     by_effect: dict[str, FoundLaw] = {}
     for found in sorted(law_selection.outcome.scores, key=lambda one: one.score.gain):
@@ -241,6 +241,22 @@ def _describe_one_side(finding: Finding, side: int) -> Finding:
     words = (
         f"all bends of these logs are to the {here}, so it is not known to the {there}; with a {ASYMMETRY} of "
         f"{other[ASYMMETRY]['ratio']:.3g}{gain} these logs would be the same"
+    )
+    return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
+
+
+def describe_offset_at_work(findings: Sequence[Finding], wheelbase_m: float) -> list[Finding]:
+    """Return the findings, with the extra wheel angle that a side draft looks like while the implement works."""
+    return [_compare_with_offset(one, wheelbase_m) if one.id == SIDE_DRAFT and one.value else one for one in findings]
+
+
+def _compare_with_offset(finding: Finding, wheelbase_m: float) -> Finding:
+    assert finding.value is not None
+    angle_deg = math.degrees(math.atan(finding.value["curvature_per_m"] * wheelbase_m))
+    side = "right" if angle_deg > 0.0 else "left"
+    words = (
+        f"a steering_offset of {abs(angle_deg):.1f} deg to the {side} that acts only while the implement works would "
+        "look the same"
     )
     return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
 
