@@ -213,6 +213,8 @@ LAW_SPREAD_FACTOR = 2.0
 ROW_LAW_SPREAD_FACTOR = 3.0
 # Chosen, of the gain of a law: runs without a part in it must confirm this much.
 HELD_OUT_LAW_SHARE = 0.3
+# Chosen, times the least gain that matters: a parameter whose mean has no name has one by its law from here on.
+CLEAR_LAW_FACTOR = 2.0
 # Chosen, of the deviation of a value from neutral: a value that changes by more is not named as a constant.
 WITHDRAWING_LAW_SHARE = 0.7
 # Chosen, standard deviations of a rank correlation between blocks: of some fifty that are looked at, chance reaches 3.

@@ -65,9 +65,25 @@ def test_two_sides_have_a_name_where_they_remove_as_much_of_the_wheel_angle_erro
     assert told.law.values == {"right": 20.0, "left": 9.0}
 
 
+@pytest.mark.parametrize(
+    ("before", "is_clear", "after"),
+    [(NOT_VISIBLE, True, NAMED), (NOT_VISIBLE, False, LIKELY), (LIKELY, False, LIKELY), (NAMED, False, NAMED)],
+)
+def test_a_law_hardly_above_the_least_that_matters_gives_no_name(
+    before: str, is_clear: bool, after: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: Any = SimpleNamespace(kind="by_implement", effect_id="steering_gain", alternatives=(), is_clear=is_clear)
+    law = SettledLaw(found, 1.0, np.array([-0.1]), np.array([0.05]), 1.0, 0.02, 0.9, 1.0)
+    for name in ("compute_law_values", "describe_law", "describe_alternatives"):
+        monkeypatch.setattr(law_findings, name, lambda *_, name=name: {} if name == "compute_law_values" else "")
+    finding = Finding("steering_gain", before, None, None, None, None, None, "", "", "")
+    (told,) = law_findings._add_settled_law([finding], law, None, (), load_tractor("eg105"))  # type: ignore[arg-type]
+    assert told.status == after
+
+
 @pytest.mark.parametrize(("kind", "status"), [("over_minutes", EQUIVALENT), ("by_run", NAMED)])
 def test_which_of_two_clocks_runs_away_does_not_show(kind: str, status: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    found: Any = SimpleNamespace(kind=kind, effect_id="clock_offset_speed", alternatives=())
+    found: Any = SimpleNamespace(kind=kind, effect_id="clock_offset_speed", alternatives=(), is_clear=True)
     law = SettledLaw(found, 0.4, np.array([-0.3]), np.array([0.1]), 0.25, 0.1, 0.1, 0.4)
     for name in ("compute_law_values", "describe_law", "describe_alternatives"):
         monkeypatch.setattr(law_findings, name, lambda *_, name=name: {} if name == "compute_law_values" else "")

@@ -8,8 +8,8 @@ import pytest
 
 from tests.identification.analytic_drives import circle, log
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.verdict.diagnose import _describe_clocks, _describe_logs, _describe_subset
 from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.identification.verdict.log_findings import _describe_clocks, _describe_logs, _describe_subset
 
 
 def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str]:

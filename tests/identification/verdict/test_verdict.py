@@ -16,14 +16,13 @@ from vehicle.identification.thresholds import DECISIVE_LOSS, SAME_ERROR_FACTOR
 from vehicle.identification.verdict.demo_logs import DEMO_PLACE, build_programme, draw_hidden_effect
 from vehicle.identification.verdict.diagnose import (
     _choose_discrepancy_model,
-    _describe_file_corrections,
-    _describe_logs,
     _find_named_cause_block,
     _list_covariates,
     _ProgressCounter,
 )
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
+    LIKELY,
     NAMED,
     NOT_VISIBLE,
     Diagnosis,
@@ -33,6 +32,8 @@ from vehicle.identification.verdict.diagnosis_types import (
     join_clauses,
 )
 from vehicle.identification.verdict.findings import choose_next_drive, compute_programme_separation
+from vehicle.identification.verdict.hints import hint_at_withdrawn
+from vehicle.identification.verdict.log_findings import _describe_file_corrections, _describe_logs
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, PATH, SPEED, check_effect, get_neutral_values
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting
 
@@ -68,6 +69,14 @@ def test_the_headline_says_the_most_that_is_known() -> None:
     assert answer(calibration={"wheel_slip": {"ratio": 0.1}}).headline.startswith("No cause found")
     assert answer(notes=("The tractor file already has x; ...",)).headline.startswith("Nothing found beyond")
     assert answer().headline.startswith("Nothing found: ")
+
+
+def test_what_helps_some_runs_and_harms_others_hints_at_what_it_depends_on() -> None:
+    """An effect whose finding tells it needs no hint, nor does one that was never found."""
+    one, other = told("understeer", NOT_VISIBLE, ""), told("wheel_slip", LIKELY, "It may slip.")
+    found = hint_at_withdrawn(answer(one, other), {"understeer", "wheel_slip"})
+    assert [hint.depends_on for hint in found.hints] == ["lateral acceleration"]
+    assert hint_at_withdrawn(answer(one, other), set()).hints == ()
 
 
 def test_clauses_and_numbers() -> None:

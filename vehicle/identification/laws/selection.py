@@ -34,6 +34,7 @@ from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import (
     CHANCE_SIGMAS,
+    CLEAR_LAW_FACTOR,
     CONCERNED_LOSS,
     FEWEST_TURNED_RAD,
     HELD_OUT_LAW_SHARE,
@@ -61,12 +62,16 @@ LEAST_RUN_INFORMATION = 0.01  # of the best informed run: chosen, a tenth of its
 
 @dataclass(frozen=True, eq=False)
 class FoundLaw:
-    """A law of one parameter: its score, its range over the logs (5 to 95 %), and laws that explain as much."""
+    """A law of one parameter: its score, its range over the logs (5 to 95 %), and laws that explain as much.
+
+    What is hardly more than the least that matters is not clear (`is_clear`): something unknown may look like it.
+    """
 
     score: LawScore
     low: float
     high: float
     alternatives: tuple[FoundLaw, ...] = ()
+    is_clear: bool = True
 
     @property
     def effect_id(self) -> str:
@@ -248,7 +253,8 @@ def _list_supported(
     spread_factor = LAW_SPREAD_FACTOR if target.moves_path else ROW_LAW_SPREAD_FACTOR
     supported = []
     for score in scores:
-        found = FoundLaw(score, *_compute_range(residual_model, score, weights))
+        is_clear = score.strength > CLEAR_LAW_FACTOR * least
+        found = FoundLaw(score, *_compute_range(residual_model, score, weights), is_clear=is_clear)
         concerned = np.abs(score.held_out) > CONCERNED_LOSS
         if (
             _compute_net_gain(score) - score.constant_gain > least

@@ -52,7 +52,6 @@ from vehicle.identification.residuals.residual_model import ResidualModel, build
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
 from vehicle.identification.verdict.correlations import compute_value_correlations, describe_intervals
 from vehicle.identification.verdict.cross_fit import SearchedRuns, explain_agreeing_runs, explain_selection
-from vehicle.identification.verdict.diagnosis_notes import list_diagnosis_notes
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     NAMED,
@@ -75,7 +74,7 @@ from vehicle.identification.verdict.held_out_case import (
     collect_whole_settings,
     restore_real_noise,
 )
-from vehicle.identification.verdict.hints import add_hints, find_wrong_heading
+from vehicle.identification.verdict.hints import add_hints, find_wrong_heading, hint_at_withdrawn
 from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
 from vehicle.identification.verdict.law_findings import (
     add_laws,
@@ -88,6 +87,7 @@ from vehicle.identification.verdict.log_findings import (
     check_runs,
     describe_columns,
     describe_unsaved_names,
+    list_diagnosis_notes,
     list_onset_faults,
     mark_other_turning,
     mark_unlike_runs,
@@ -148,6 +148,7 @@ def diagnose_logs(
     file_model = build_rig_and_corrections(tractor, ground, dataset.origin)
     guarded = guard_case(agreeing, subset, selection, explained_case, file_model, count.count_step)
     guarded = guard_groups(guarded, dataset, subset, selection, file_model) if searched.left_out else guarded
+    withdrawn_ids = explained_case.case.extension.term_ids - guarded.explained.case.extension.term_ids
     explained_case = guarded.explained
     competitors = _collect_competitors(selection, explained_case)
     turning = find_other_turning(logs, tractor)
@@ -169,6 +170,7 @@ def diagnose_logs(
     )
     if diagnosis.unexplained_share > 0.0:
         diagnosis = add_hints(diagnosis, law_selection, explained_case.case, clock)
+        diagnosis = hint_at_withdrawn(diagnosis, withdrawn_ids)
     if wrong_heading is not None:
         hint = wrong_heading.hint
         diagnosis = replace(diagnosis, known_outside=hint.words, hints=(hint, *diagnosis.hints))

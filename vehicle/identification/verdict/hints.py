@@ -12,7 +12,7 @@ of the path explains; at the measured speed nothing of it is left.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -46,7 +46,7 @@ from vehicle.identification.thresholds import (
     LEAST_STRENGTH,
     MOST_OF_THIRD,
 )
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, Diagnosis, Hint
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, Diagnosis, Hint
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
 from vehicle.identification.verdict.wandering import HeadingWitness, describe_wander
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
@@ -91,6 +91,26 @@ def add_hints(diagnosis: Diagnosis, law_selection: LawSelection, case: Diagnosis
     block = diagnosis.guilty_block if is_named else next((one.block for one in shown), None)
     depends_on = tuple(clause for clause in diagnosis.depends_on if clause in words)
     return replace(diagnosis, depends_on=depends_on, guilty_block=block, hints=hints)
+
+
+def hint_at_withdrawn(diagnosis: Diagnosis, names: Collection[str]) -> Diagnosis:
+    """Return a diagnosis with hints on effects that were found and withdrawn again, unless their findings tell them.
+
+    What an effect lowers in the runs that it is fitted to, and raises in others, depends on much the same.
+    """
+    untold = [one.id for one in diagnosis.findings if one.status not in (NAMED, LIKELY, EQUIVALENT)]
+    effects = [get_effect(name) for name in untold if name in names]
+    hints = tuple(
+        Hint(
+            effect.regressor,
+            None,
+            effect.block,
+            f"The {effect.label} lowers the error where it is fitted and raises it in runs that had no part in that: "
+            f"look for another cause that depends on {effect.regressor}.",
+        )
+        for effect in effects
+    )
+    return replace(diagnosis, hints=(*hints, *diagnosis.hints)[:MOST_HINTS])
 
 
 def list_hints(

@@ -119,10 +119,11 @@ def _add_settled_law(
         others += (POSITION_CLOCK,)  # only positions and speeds show either, and which of two clocks runs away does not
     others = tuple(dict.fromkeys(others))
     parameter_law = ParameterLaw(law.found.kind, values, f"{words} {exchange}".strip())
-    status = EQUIVALENT if other_kinds or others else NAMED
     out = []
     for finding in findings:
         if finding.id == effect_id:
+            is_sure = law.found.is_clear or finding.status == NAMED
+            status = EQUIVALENT if other_kinds or others else NAMED if is_sure else LIKELY
             out.append(_tell_law(finding, law, status, others, parameter_law, tractor))
         elif finding.id in others and finding.status not in (NAMED, LIKELY):
             same = (effect_id, *[other for other in others if other != finding.id])
