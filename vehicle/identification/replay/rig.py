@@ -173,7 +173,8 @@ def replay_segment(
 ) -> Array:
     """Return states (n, 5) on the grid of a segment; read-only.
 
-    Missing columns are replaced: a sensor by its command and the reverse.
+    Missing columns are replaced: a sensor by its command, and a command by the angle that was measured, which no lag of
+    the steering delays again.
     """
     return replay_segments(rig, [(segment, settings)], from_sensor, from_speed)[0]
 
@@ -249,7 +250,7 @@ def _build_requests(
     requests = []
     for segment, settings in pairs:
         from_sensor_angle, at_measured_speed = (
-            from_sensor and segment.wheel is not None,
+            segment.wheel is not None and (from_sensor or segment.command is None),
             from_speed or segment.target is None,
         )
         place = (id(settings), from_sensor_angle, at_measured_speed)
