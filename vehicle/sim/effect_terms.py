@@ -139,6 +139,26 @@ def add_implement_draft(bend: float, extra: float, working: float, model) -> flo
     return bend * (1.0 + extra) + (model.front + model.rear) * model.draft * working  # type: ignore[no-any-return]
 
 
+@compile_function
+def compute_draft_crab_share(model, ground) -> float:  # type: ignore[no-untyped-def]
+    """Share of a side draft's curvature times the wheelbase by which the rear axle slides out of the curve.
+
+    A moment M turns a tractor on a wheelbase L with a curvature of M (1 / C_f + 1 / C_r) / L^2, where C is the side
+    stiffness of an axle (its load times the slope of its tyres): the front axle slides in by M / (C_f L), the rear one
+    out by M / (C_r L), a share C_f / (C_f + C_r) of both. A side force at the front axle has a share of 0, one at the
+    rear axle 1, and one h behind the rear axle (L + h) C_f / (h C_r + (L + h) C_f).
+    """
+    front, rear = model.rear * ground.front_slope, model.front * ground.rear_slope
+    return front / (front + rear)  # type: ignore[no-any-return]
+
+
+@inline_function
+def compute_draft_crab(forward: float, working: float, model, ground) -> float:  # type: ignore[no-untyped-def]
+    """Speed (m/s, to the right) of the rear axle under the side draft of a working implement."""
+    crab_m = compute_draft_crab_share(model, ground) * (model.front + model.rear)
+    return -forward * working * model.draft * crab_m  # type: ignore[no-any-return]
+
+
 @inline_function
 def limit_curve_tangent(bend: float, forward: float, model) -> float:  # type: ignore[no-untyped-def]
     """Tangent of the curve that the side force of the tyres allows.

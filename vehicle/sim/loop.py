@@ -44,7 +44,7 @@ from vehicle.sim.dynamics import (
     step_speed_control,
     step_steering_system,
 )
-from vehicle.sim.effect_terms import compute_affected_tangent, compute_ground_drift
+from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
 from vehicle.sim.load_terms import STALL_AFTER_S
 
 # m/s, rad/s. Speeds that decay on a straight line become ever smaller, and processors calculate many times slower with
@@ -80,6 +80,8 @@ def compute_tractor_force(state, model, ground, table, body, dt):  # type: ignor
         bend = compute_tangent(convert_to_base_angle(state.steering, table, model.lock))
     else:
         drift_ahead, drift_right = compute_ground_drift(state.play, forward, cosine, sine, model)
+        if model.draft != 0.0:
+            drift_right += compute_draft_crab(forward, state.working, model, ground)
         seconds = state.clock * dt
         bend = compute_affected_tangent(state.play, forward, x, y, cosine, sine, seconds, state.working, table, model)
         place = state.clock % len(state.xs)

@@ -39,6 +39,7 @@ from vehicle.identification.replay.state_cache import (
 from vehicle.identification.replay.steering_steps import apply_play_steps, make_settled_state, simulate_steering_steps
 from vehicle.identification.replay.vectorised import (
     LANES,
+    add_draft_crab,
     compute_tangents_and_drift,
     integrate_poses,
     simulate_turning_lanes,
@@ -61,7 +62,7 @@ from vehicle.records import DT_S, STATE
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.dynamics import step_body, step_speed_control
-from vehicle.sim.effect_terms import compute_affected_tangent, compute_ground_drift
+from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
 
 VECTORISED_STEPS = 100_000  # chosen, per batch of segments driven side by side: they fit in the processor's cache
 MOST_CACHED_MODELS = 16  # chosen: the segments of a dataset use the same model in turn
@@ -102,6 +103,8 @@ def drive_at_commanded_speed(  # type: ignore[no-untyped-def]
         )
         along, slide = compute_ground_drift(wheel_angle[i], forward, heading_cosine, heading_sine, model)
         slide += abs(forward) * downhill[i]
+        if model.draft != 0.0:
+            slide += compute_draft_crab(forward, working[i], model, ground)
         new_forward, new_right, new_spin = step_body(forward, right - slide, spin, tangent, drive, dt, model, ground)
         cosine, sine = compute_cosine_sine(angle)
         x += ((forward + along) * cosine + right * sine) * dt
@@ -333,6 +336,8 @@ def _start_replay_states(rig: ReplayRig, request: _ReplayRequest, bend: Array, a
         ahead,
         slide,
     )
+    if model["draft"] != 0.0:
+        add_draft_crab(grids["speed"], grids["working"], model, rig.ground[0], slide)
     return states
 
 

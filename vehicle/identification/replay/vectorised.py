@@ -43,6 +43,7 @@ from vehicle.sim.effect_terms import (
     compute_discrepancy_grip,
     compute_discrepancy_push,
     compute_discrepancy_trust,
+    compute_draft_crab,
     compute_secant_step,
     compute_slope_drift,
     compute_understeer_loss,
@@ -381,6 +382,13 @@ def compute_tangents_and_drift(  # type: ignore[no-untyped-def]
     if numbers.slide > 0.0:
         for k in range(rows):
             bend[k] = limit_curve_tangent(bend[k], speed[k], numbers)
+
+
+@compile_function
+def add_draft_crab(speed, working, model, ground, slide) -> None:  # type: ignore[no-untyped-def]
+    """Add the crab under the side draft of a working implement to the ground drift `slide` (n,)."""
+    for k in range(len(speed)):
+        slide[k] += compute_draft_crab(speed[k], working[k], model, ground)
 
 
 @compile_function
