@@ -128,13 +128,13 @@ class PoseFilter:
 
 @compile_function
 def predict_filter(  # type: ignore[no-untyped-def]
-    estimate, covariance, parameters, angle, nominal, dt, moves_pose, working, rear, shifts, sizes
+    estimate, covariance, parameters, angle, nominal, dt, moves_pose, working, rear, crab, shifts, sizes
 ) -> None:
     """Predict a filter over a piece of motion `nominal` (vehicle.twin.propagation) that began at the heading `angle`.
 
     With `moves_pose` the pose of the estimate moves too. Steering turns a tractor about its rear axle, `rear` m behind
-    the centre of mass. `shifts` (k, 10) are the deviations of the truth from the estimate with each effect at its size
-    in `sizes` (k,).
+    the centre of mass, a side draft about a place `crab` m ahead of that axle. `shifts` (k, 10) are the deviations of
+    the truth from the estimate with each effect at its size in `sizes` (k,).
     """
     f, r, turned, distance_m = nominal[0], nominal[1], nominal[2], nominal[3]
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -199,8 +199,9 @@ def predict_filter(  # type: ignore[no-untyped-def]
             ahead = -working
         aside = distance_m * (sine if k == SLOPE_EAST else -cosine if k == SLOPE_NORTH else 0.0)
         bend, ahead, aside = bend * sizes[k], ahead * sizes[k], aside * sizes[k]
-        shifts[k, 0] += ahead * east - 0.5 * bend * north - rear * bend * sine + aside * sine
-        shifts[k, 1] += ahead * north + 0.5 * bend * east + rear * bend * cosine - aside * cosine
+        lever = rear - crab if k == DRAFT else rear
+        shifts[k, 0] += ahead * east - 0.5 * bend * north - lever * bend * sine + aside * sine
+        shifts[k, 1] += ahead * north + 0.5 * bend * east + lever * bend * cosine - aside * cosine
         shifts[k, 2] += bend
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from vehicle.jit import compile_function
 from vehicle.records import DT_S
+from vehicle.sim.effect_terms import compute_draft_crab_share
 from vehicle.sim.loop import drive_tractor
 from vehicle.twin.kalman_filter import predict_filter
 from vehicle.twin.step_motion import Array, Records, TractorArrays, move_body, turn_body
@@ -123,7 +124,8 @@ def propagate_with_filters(  # type: ignore[no-untyped-def]
     `carried` (2,) is the turning rate at the end of the last piece, and the uncertainty of the model's speed (m/s) from
     the unknown time at which a command took effect. `shifts` and `sizes` as in predict_filter.
     """
-    state, rear = states[0], models[0].rear
+    state, model = states[0], models[0]
+    rear, crab = model.rear, compute_draft_crab_share(model, grounds[ground]) * (model.front + model.rear)
     nominal = np.zeros(NOMINAL_SIZE)
     done = 0
     while done < steps:
@@ -145,6 +147,7 @@ def propagate_with_filters(  # type: ignore[no-untyped-def]
             False,
             state.working,
             rear,
+            crab,
             shifts[:0],
             sizes,
         )
@@ -158,6 +161,7 @@ def propagate_with_filters(  # type: ignore[no-untyped-def]
             True,
             state.working,
             rear,
+            crab,
             shifts,
             sizes,
         )
