@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.identification.residual_models import build_programme_model, get_parameters
+from tests.identification.residual_models import NOISE, build_programme_model, get_parameters, rig
 from vehicle.identification.cause_selection.evidence import estimate_robust_covariance
 from vehicle.identification.cause_selection.refit import add_part, refit_with_new_weights
 from vehicle.identification.cause_selection.tolerances import (
+    estimate_crab_covariance,
     estimate_form_covariance,
     estimate_run_variances,
     estimate_tolerance_covariance,
@@ -16,8 +19,11 @@ from vehicle.identification.cause_selection.tolerances import (
     is_within_tolerances,
 )
 from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit, refine_fit
-from vehicle.identification.residuals.residual_model import ResidualModel
+from vehicle.identification.model_extension.tractor_extension import build_fit_extension
+from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
+from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import DIFFERENCE_FORM_SHARE
+from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 
 
 def _fit_alone(model: ResidualModel, name: str) -> EffectFit:
@@ -78,3 +84,43 @@ def test_half_of_the_shift_by_differences_between_tractors_is_in_doubt() -> None
 def test_a_fit_without_differences_between_tractors_has_none_in_doubt() -> None:
     model = build_programme_model("circles", {})
     assert estimate_form_covariance(make_empty_fit(model)).shape == (0, 0)
+
+
+DRAFT, DRAFT_PER_M = "implement_side_draft", 0.006
+
+
+def _build_draft_model(rear: float) -> ResidualModel:
+    """Logs of a tractor whose rear tyres are so many times as stiff, which decides how far its rear axle slides out."""
+    ground = rig().ground.copy()
+    ground["rear_slope"] *= rear
+    programme = next(one for one in DRIVE_PROGRAMMES if one.id == "implement-lifted")
+    effects = {DRAFT: {"curvature_per_m": DRAFT_PER_M}}
+    dataset = simulate_programme(replace(rig(), ground=ground), programme, 0.0, 1.4, effects)
+    return build_residual_model(dataset, rig(), {}, NOISE)
+
+
+@pytest.mark.parametrize("rear", [0.1, 0.5, 1.0, 20.0])
+def test_a_side_draft_is_as_uncertain_as_the_crab_under_it(rear: float) -> None:
+    """From a rear axle that hardly holds to one that hardly slides; without noise the crab is all that is wrong."""
+    model = _build_draft_model(rear)
+    fit = _fit_alone(model, DRAFT)
+    place = fit.find_columns(DRAFT)
+    sigma = float(np.sqrt(estimate_crab_covariance(model, fit)[place, place].item()))
+    assert abs(fit.settings[DRAFT]["curvature_per_m"] - DRAFT_PER_M) < INTERVAL_SIGMAS * sigma
+    low, high = build_fit_extension(model, fit, {DRAFT}).intervals[DRAFT]["curvature_per_m"]
+    assert high - low > 2.0 * INTERVAL_SIGMAS * sigma
+
+
+def test_a_crab_unlike_the_stated_one_widens_the_interval() -> None:
+    sigmas = []
+    for rear in (1.0, 20.0):
+        model = _build_draft_model(rear)
+        fit = _fit_alone(model, DRAFT)
+        place = fit.find_columns(DRAFT)
+        sigmas.append(float(np.sqrt(estimate_crab_covariance(model, fit)[place, place].item())))
+    assert sigmas[1] > 1.3 * sigmas[0]
+
+
+def test_without_a_side_draft_no_crab_is_in_doubt() -> None:
+    model = build_programme_model("circles", {"steering_gain": {"ratio": 1.08}})
+    assert not estimate_crab_covariance(model, _fit_alone(model, "steering_gain")).any()

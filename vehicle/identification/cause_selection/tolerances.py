@@ -4,10 +4,12 @@ A file states radii, tyres, instruments and their places to a tolerance: the fin
 effect. An effect that is not in the fit may be there within its tolerance, and bends the values of those that are. The
 sensitivity of the values to all such differences, as far as the logs leave them open, is a covariance of its own beside
 that of the scatter: large where logs cannot tell an effect from a tolerance, as a play from a zero of the sensor on
-turns to one side, and small where they can.
+turns to one side, and small where they can. The place at which a side draft pulls is such a difference as well.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,9 +22,10 @@ from vehicle.identification.logs.schema import Array
 from vehicle.identification.residuals.residual_model import ResidualModel, SettingsChange
 from vehicle.identification.thresholds import DATA_DISCOUNT, DIFFERENCE_FORM_SHARE, RADIUS_SHAPE_TOLERANCE
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
-from vehicle.model.effects import DISCREPANCY_KEY, PATH
+from vehicle.model.effects import DISCREPANCY_KEY, PATH, get_effect
+from vehicle.sim.effect_terms import compute_draft_crab_share
 
-RADIUS_SHAPE = "grip_by_angle"
+RADIUS_SHAPE, SIDE_DRAFT = "grip_by_angle", "implement_side_draft"
 # What a file states of the path: its radii, zero and scale of its sensors, the places of antenna and heading; and that
 # positions and headings are of one time, as an antenna ahead looks like early positions.
 STATED = (
@@ -41,8 +44,8 @@ LEAST_INFORMATION = 1e-9  # on a coordinate: with less the logs do not show it, 
 
 
 def estimate_value_covariance(residual_model: ResidualModel, fit: EffectFit) -> Array:
-    """Return the covariance (m, m) of the coordinates of a fit: scatter of blocks, of runs, tolerances of the file, and
-    the form of differences between tractors.
+    """Return the covariance (m, m) of the coordinates of a fit: scatter of blocks, of runs, tolerances of the file,
+    the form of differences between tractors, and the crab under a side draft.
 
     Errors that last, as of soil or of a controller that steers back, make blocks of a run alike, so runs may scatter
     more than their blocks tell: the larger of both variances counts.
@@ -51,7 +54,8 @@ def estimate_value_covariance(residual_model: ResidualModel, fit: EffectFit) -> 
     by_run = estimate_run_variances(residual_model, fit)
     factor = np.sqrt(np.maximum(by_run / np.maximum(np.diag(covariance), 1e-300), 1.0))
     scatter = covariance * np.outer(factor, factor)
-    return np.asarray(scatter + estimate_tolerance_covariance(residual_model, fit) + estimate_form_covariance(fit))
+    differences = estimate_tolerance_covariance(residual_model, fit) + estimate_form_covariance(fit)
+    return np.asarray(scatter + differences + estimate_crab_covariance(residual_model, fit))
 
 
 def estimate_form_covariance(fit: EffectFit) -> Array:
@@ -74,6 +78,43 @@ def estimate_form_covariance(fit: EffectFit) -> Array:
     shifts = DIFFERENCE_FORM_SHARE * (inverse / np.outer(scale, scale)) @ multiply_columns(columns, changes)
     out[np.ix_(kept, kept)] = shifts @ shifts.T
     return out
+
+
+def estimate_crab_covariance(residual_model: ResidualModel, fit: EffectFit) -> Array:
+    """Return the covariance (m, m) of the coordinates of a fit by the share of compute_draft_crab_share.
+
+    Tyres, soil and the place of the pull decide it: from 0 (all at the front axle) to 1 (all at the rear axle), of
+    which the end farther from the stated share counts as that of the 95 % interval. Nothing in the fit can take up
+    another share, so its mean square counts, by that prior and the logs: the variance and the squared mean, which lies
+    no farther away than that end.
+    """
+    size = fit.jacobian.shape[1]
+    if SIDE_DRAFT not in fit.settings:
+        return np.zeros((size, size))
+    column = compute_crab_column(residual_model, fit)[:, None]
+    square, cross = multiply_columns(fit.jacobian, fit.jacobian), multiply_columns(fit.jacobian, column)
+    scale = np.sqrt(np.maximum(np.diag(square), LEAST_INFORMATION))
+    inverse = np.linalg.pinv(square / np.outer(scale, scale), rcond=LEAST_DIRECTION_SHARE, hermitian=True)
+    shift = (inverse / np.outer(scale, scale)) @ cross
+    shown = float((multiply_columns(column, column) - cross.T @ shift).item())
+    side = float((column[:, 0] - fit.jacobian @ shift[:, 0]) @ fit.residuals)
+    mean = min(abs(side) / (DATA_DISCOUNT + shown), INTERVAL_SIGMAS)
+    return np.asarray((mean * mean + 1.0 / (1.0 + shown / DATA_DISCOUNT)) * shift @ shift.T)
+
+
+def compute_crab_column(residual_model: ResidualModel, fit: EffectFit) -> Array:
+    """Return the change of the residuals (n,) by one standard deviation of the share of compute_draft_crab_share."""
+    rig, segments = residual_model.rig, residual_model.dataset.segments
+    share = float(compute_draft_crab_share(rig.model[0], rig.ground[0]))
+    sigma_m = max(share, 1.0 - share) / INTERVAL_SIGMAS * rig.tractor.wheelbase_m
+    slide = sigma_m * fit.settings[SIDE_DRAFT][get_effect(SIDE_DRAFT).size.name]
+    moves = residual_model.simulate_increments(fit.settings)
+    crabbing = [
+        replace(move, aside=move.aside - slide * segment.working[:-1] * move.ahead)
+        for segment, move in zip(segments, moves, strict=True)
+    ]
+    bare, changed = (residual_model.compute_path_residuals(each, fit.settings) for each in (moves, crabbing))
+    return np.concatenate([changed - bare, np.zeros(2 * residual_model.dataset.rows)])
 
 
 def estimate_run_variances(residual_model: ResidualModel, fit: EffectFit) -> Array:
