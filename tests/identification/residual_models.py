@@ -25,6 +25,7 @@ from vehicle.records import DT_S
 Settings = Mapping[str, Mapping[str, float]]
 # Position, its drift, heading, its drift, soil and way of an ordinary receiver on an ordinary field.
 NOISE = NoiseLevels(0.010, 0.015, 0.002, 0.0017, 0.0025, 0.006)
+DRAFT_PER_M = 0.006
 
 
 @lru_cache(maxsize=1)
@@ -41,6 +42,16 @@ def build_programme_model(programme: str, settings: Settings) -> ResidualModel:
     """What a tractor with these effects would log on a programme, without noise, weighed as if it had some."""
     made = next(one for one in DRIVE_PROGRAMMES if one.id == programme)
     return build_residual_model(simulate_programme(rig(), made, 0.0, 1.4, settings), rig(), {}, NOISE)
+
+
+def build_draft_model(programme: str, rear: float) -> ResidualModel:
+    """Logs of a side draft on rear tyres so many times as stiff, which decides how far the rear axle slides out."""
+    ground = rig().ground.copy()
+    ground["rear_slope"] *= rear
+    made = next(one for one in DRIVE_PROGRAMMES if one.id == programme)
+    effects = {"implement_side_draft": {"curvature_per_m": DRAFT_PER_M}}
+    dataset = simulate_programme(replace(rig(), ground=ground), made, 0.0, 1.4, effects)
+    return build_residual_model(dataset, rig(), {}, NOISE)
 
 
 def build_commanded_model(programme: str, settings: Settings) -> ResidualModel:

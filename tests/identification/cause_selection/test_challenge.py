@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.identification.residual_models import LinearResidualModel, build_programme_model, eg105, get_parameters
+from tests.identification.residual_models import (
+    LinearResidualModel,
+    build_draft_model,
+    build_programme_model,
+    eg105,
+    get_parameters,
+)
 from vehicle.identification.cause_selection.candidate_fit import EffectTraces
 from vehicle.identification.cause_selection.challenge import (
     _can_be_replaced,
@@ -17,10 +23,10 @@ from vehicle.identification.cause_selection.challenge import (
     find_adjacent_blocks,
     is_shown_within_runs,
 )
-from vehicle.identification.cause_selection.refit import refit_with_new_weights, refit_without
+from vehicle.identification.cause_selection.refit import add_part, refit_with_new_weights, refit_without
 from vehicle.identification.cause_selection.selection import _compute_random_gain, select_causes
 from vehicle.identification.fit.effect_parameters import build_parameters
-from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
 from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import CHANCE_SIGMAS, LEAST_GAIN
 from vehicle.model.effects import PATH, POSITION, SPEED, STEERING, get_effect
@@ -109,3 +115,17 @@ def test_a_place_shows_where_runs_come_to_it_and_leave_it(part_of_each: bool, sh
 
 def test_chance_grows_with_what_is_free() -> None:
     assert _compute_random_gain(0) == 0.0 and _compute_random_gain(2) == pytest.approx(2.0 + 2.0 * CHANCE_SIGMAS)
+
+
+@pytest.mark.parametrize("name", ["implement_side_draft", "steering_offset"])
+@pytest.mark.parametrize("rear", [0.1, 0.5, 1.0, 20.0])
+@pytest.mark.parametrize(("programme", "is_alike"), [("there-and-back", True), ("implement-lifted", False)])
+def test_a_crab_tells_no_side_draft_from_an_offset(programme: str, is_alike: bool, rear: float, name: str) -> None:
+    """However far the rear axle slides out: only lifting the implement tells them apart."""
+    model, parameters = build_draft_model(programme, rear), get_parameters(name)
+    bare = refit_with_new_weights(model, (), None)
+    fit = refine_fit(model, add_part(model, bare, (parameters, np.array(parameters.typical))))
+    outcome = challenge_causes(model, fit, (), eg105())
+    assert outcome.better_fit is None
+    other = ({"implement_side_draft", "steering_offset"} - {name}).pop()
+    assert (other in outcome.lookalikes.get(name, {})) is is_alike

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from tests.identification.residual_models import NOISE, build_programme_model, get_parameters, rig
+from tests.identification.residual_models import DRAFT_PER_M, build_draft_model, build_programme_model, get_parameters
 from vehicle.identification.cause_selection.evidence import estimate_robust_covariance
 from vehicle.identification.cause_selection.refit import add_part, refit_with_new_weights
 from vehicle.identification.cause_selection.tolerances import (
@@ -20,8 +18,7 @@ from vehicle.identification.cause_selection.tolerances import (
 )
 from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit, refine_fit
 from vehicle.identification.model_extension.tractor_extension import build_fit_extension
-from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
-from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
+from vehicle.identification.residuals.residual_model import ResidualModel
 from vehicle.identification.thresholds import DIFFERENCE_FORM_SHARE
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 
@@ -86,23 +83,13 @@ def test_a_fit_without_differences_between_tractors_has_none_in_doubt() -> None:
     assert estimate_form_covariance(make_empty_fit(model)).shape == (0, 0)
 
 
-DRAFT, DRAFT_PER_M = "implement_side_draft", 0.006
-
-
-def _build_draft_model(rear: float) -> ResidualModel:
-    """Logs of a tractor whose rear tyres are so many times as stiff, which decides how far its rear axle slides out."""
-    ground = rig().ground.copy()
-    ground["rear_slope"] *= rear
-    programme = next(one for one in DRIVE_PROGRAMMES if one.id == "implement-lifted")
-    effects = {DRAFT: {"curvature_per_m": DRAFT_PER_M}}
-    dataset = simulate_programme(replace(rig(), ground=ground), programme, 0.0, 1.4, effects)
-    return build_residual_model(dataset, rig(), {}, NOISE)
+DRAFT = "implement_side_draft"
 
 
 @pytest.mark.parametrize("rear", [0.1, 0.5, 1.0, 20.0])
 def test_a_side_draft_is_as_uncertain_as_the_crab_under_it(rear: float) -> None:
     """From a rear axle that hardly holds to one that hardly slides; without noise the crab is all that is wrong."""
-    model = _build_draft_model(rear)
+    model = build_draft_model("implement-lifted", rear)
     fit = _fit_alone(model, DRAFT)
     place = fit.find_columns(DRAFT)
     sigma = float(np.sqrt(estimate_crab_covariance(model, fit)[place, place].item()))
@@ -114,7 +101,7 @@ def test_a_side_draft_is_as_uncertain_as_the_crab_under_it(rear: float) -> None:
 def test_a_crab_unlike_the_stated_one_widens_the_interval() -> None:
     sigmas = []
     for rear in (1.0, 20.0):
-        model = _build_draft_model(rear)
+        model = build_draft_model("implement-lifted", rear)
         fit = _fit_alone(model, DRAFT)
         place = fit.find_columns(DRAFT)
         sigmas.append(float(np.sqrt(estimate_crab_covariance(model, fit)[place, place].item())))

@@ -23,7 +23,12 @@ from vehicle.identification.cause_selection.candidate_fit import (
 from vehicle.identification.cause_selection.covariates import ErrorCovariate
 from vehicle.identification.cause_selection.evidence import estimate_held_out_losses, list_nameable_parts
 from vehicle.identification.cause_selection.refit import add_candidate, refit_with_covariates, refit_without
-from vehicle.identification.cause_selection.tolerances import is_within_tolerances
+from vehicle.identification.cause_selection.tolerances import (
+    LEAST_INFORMATION,
+    SIDE_DRAFT,
+    compute_crab_column,
+    is_within_tolerances,
+)
 from vehicle.identification.fit.column_products import stack_columns, sum_squares
 from vehicle.identification.fit.effect_parameters import EffectParameters, build_parameters, find_finest_size
 from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
@@ -117,22 +122,41 @@ def _find_competitors(
     gain, is_open = reduced_fit.loss - fit.loss, is_within_tolerances(residual_model, fit, name)
     slack = LOOK_ALIKE_LOSS + (OPEN_LOOK_ALIKE_SHARE if is_open else LOOK_ALIKE_SHARE) * gain
     held_out = float(estimate_held_out_losses(residual_model, fit).sum())
-    better, lookalikes = fit, {}
+    better, lookalikes, least_excess = fit, {}, -LEAST_GAIN
     for competitor in _fit_replacing_effects(
         residual_model, reduced_fit, (*fit.settings,), get_effect(name).block, gain - slack, traces
     )[:MOST_REFITTED]:
         deviation = competitor.parameters.compute_deviation(competitor.coordinates)
-        if competitor.gain < gain - slack or (
+        may_crab = SIDE_DRAFT in (name, competitor.parameters.id)
+        if (competitor.gain < gain - slack and not may_crab) or (
             not is_open and deviation <= find_finest_size(tractor, competitor.parameters.id)
         ):
             continue
         competitor_fit = refine_fit(residual_model, add_candidate(residual_model, reduced_fit, competitor))
+        by_crab = _compute_excess_by_crab(residual_model, fit, competitor_fit) if may_crab else 0.0
+        excess = competitor_fit.loss - fit.loss
         worse = float(estimate_held_out_losses(residual_model, competitor_fit).sum()) - held_out
-        if competitor_fit.loss < better.loss - LEAST_GAIN and worse < 0.0:
-            better = competitor_fit
-        elif competitor_fit.loss < fit.loss + slack and worse < slack:
+        # Better is what is so with and without the crab, as good what is so with or without it.
+        if max(excess, excess - by_crab) < least_excess and max(worse, worse - by_crab) < 0.0:
+            better, least_excess = competitor_fit, max(excess, excess - by_crab) - LEAST_GAIN
+        elif min(excess, excess - by_crab) < slack and min(worse, worse - by_crab) < slack:
             lookalikes[competitor.parameters.id] = competitor_fit.settings[competitor.parameters.id]
     return (None, lookalikes) if better is fit else (better, {})
+
+
+def _compute_excess_by_crab(residual_model: ResidualModel, fit: EffectFit, competitor_fit: EffectFit) -> float:
+    """Return how much more loss the crab under a side draft removes from the fit of a competitor than from a fit.
+
+    One of both has a side draft. How far the rear axle slides out under it depends on where it pulls, and a heading may
+    be off by as much: what only the crab tells apart is equivalent.
+    """
+    draft_fit = fit if SIDE_DRAFT in fit.settings else competitor_fit
+    column = compute_crab_column(residual_model, draft_fit)
+    removed = []
+    for one in (fit, competitor_fit):
+        beside = Projector(one.jacobian)(column)
+        removed.append(float(beside @ one.residuals) ** 2 / max(float(beside @ beside), LEAST_INFORMATION))
+    return removed[1] - removed[0]
 
 
 def _fit_replacing_effects(
