@@ -162,7 +162,7 @@ def test_commands_drive_where_sensors_are_left_out() -> None:
 
 def test_a_measured_wheel_angle_without_a_command_is_not_delayed_again() -> None:
     """The wheels were where they were measured: a slow steering and a dead time of a second change nothing."""
-    frame = circle(8.0, 20.0)
+    frame = circle(0.08, 20.0)
     frame.loc[: len(frame) // 2, "steering_deg"] = 0.0
     (segment,) = build_dataset([log(frame)]).segments
     slow = {"steering_lag": {"time_s": 2.0}, "steering_dead_time": {"time_s": 1.0}}
@@ -171,6 +171,7 @@ def test_a_measured_wheel_angle_without_a_command_is_not_delayed_again() -> None
         for settings, from_sensor in (({}, True), ({}, False), (slow, False))
     )
     assert np.array_equal(sensed, bare) and np.array_equal(sensed, late)
+    assert math.degrees(sensed[-1, STEERING_COLUMN]) == pytest.approx(8.0)
 
 
 def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None:
