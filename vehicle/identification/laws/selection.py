@@ -20,6 +20,7 @@ from vehicle.identification.laws.bases import (
     BY_IMPLEMENT,
     BY_PLACE,
     BY_SIDE,
+    BY_SPEED,
     FEWEST_GROUP_RUNS,
     LawBasis,
     RunClock,
@@ -134,6 +135,23 @@ def drop_stand_ins(selection: CauseSelection) -> EffectFit:
         if name in fit.settings:
             fit = refit_without(selection.residual_model, fit, name)
     return fit
+
+
+def is_gain_by_speed(residual_model: ResidualModel, fit: EffectFit, clock: RunClock) -> bool:
+    """Whether a gain that changes with the speed explains as much as the understeer of a fit does.
+
+    Understeer grows with the square of the speed: logs of a few speeds, or of one speed per bend, show either.
+    """
+    bases = [basis for basis in list_bases(residual_model.dataset, clock) if basis.kind == BY_SPEED]
+    if UNDERSTEER not in fit.settings or not bases:
+        return False
+    without = refit_without(residual_model, fit, UNDERSTEER)
+    columns = LawColumns(residual_model, without)
+    target = next(one for one in list_targets(residual_model, without) if one.effect_id == GAIN)
+    constant = columns.compute_columns(target, columns.constant) if not target.is_in_fit else np.zeros((0, 0))
+    scorer = LawScorer(residual_model, without, target, constant, [columns.compute_columns(target, bases[0])])
+    needed = without.loss - fit.loss
+    return scorer.score_law(0, bases[0]).total_gain > needed - LOOK_ALIKE_LOSS - LOOK_ALIKE_SHARE * needed
 
 
 def _count_extra_freedoms(selection: CauseSelection, base_fit: EffectFit) -> int:

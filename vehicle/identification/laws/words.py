@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime
 
+import numpy as np
+
 from vehicle.identification.laws.bases import (
     BY_ANGLE,
     BY_IMPLEMENT,
@@ -84,8 +86,11 @@ def _compute_day_values(law: SettledLaw, clock: RunClock) -> LawNumbers:
     }
 
 
-def describe_law(law: SettledLaw, values: LawNumbers, names: tuple[str, ...]) -> str:
-    """Return a sentence on how the parameter of a law changes."""
+def describe_law(law: SettledLaw, values: LawNumbers, names: tuple[str, ...], clock: RunClock) -> str:
+    """Return a sentence on how the parameter of a law changes.
+
+    Where a swing is lowest is said of a time that the logs reach alone.
+    """
     effect = get_effect(law.found.effect_id)
     subject, unit = f"The {effect.label}", f" {effect.size.unit}" if effect.size.unit else ""
 
@@ -98,10 +103,9 @@ def describe_law(law: SettledLaw, values: LawNumbers, names: tuple[str, ...]) ->
                 f"{values['per_minute']:+.3f}{unit} per minute."
             )
         case "over_day":
-            return (
-                f"{subject} swings by {show(law.high - law.low)} over the day, about {show(law.mean)}; it is lowest "
-                f"{_describe_time(values['lowest_s'])}."
-            )
+            is_reached = values["lowest_s"] <= clock.epoch_s + float(np.max(clock.starts_s))
+            lowest = f"; it is lowest {_describe_time(values['lowest_s'])}" if is_reached else ""
+            return f"{subject} swings between {show(law.low)} and {show(law.high)} over the day{lowest}."
         case "by_angle":
             return f"{subject} is {show(values['at_0'])} at 0 degrees and {show(values['at_27'])} at 27 degrees."
         case "by_speed":

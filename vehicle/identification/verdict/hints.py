@@ -327,9 +327,11 @@ def find_clues(residual_model: ResidualModel, fit: EffectFit, clock: RunClock) -
         / sizes
         for name, measure in list_quantities(clock).items()
     }
+    has_heading = any(segment.heading_measured for segment in residual_model.dataset.segments)
     clues = (
         _choose_clue(instrument, np.bincount(blocks, squares, count) / sizes, quantities)
         for instrument, squares in _split_squares(residual_model, fit).items()
+        if instrument != "heading" or has_heading
     )
     return sorted((clue for clue in clues if clue is not None), key=lambda clue: -clue.sigmas)
 

@@ -17,7 +17,7 @@ from vehicle.identification.laws.bases import (
     RunClock,
 )
 from vehicle.identification.laws.columns import GAIN
-from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, UNDERSTEER, FoundLaw
+from vehicle.identification.laws.selection import DRIFT, PATCH, STAND_INS, UNDERSTEER, FoundLaw, is_gain_by_speed
 from vehicle.identification.laws.settle import LawSelection, SettledLaw
 from vehicle.identification.laws.sides import RIGHT, SIDED_EFFECTS, SideLaw, find_only_side, find_side_laws
 from vehicle.identification.laws.words import compute_law_values, describe_alternatives, describe_law
@@ -91,6 +91,8 @@ def add_laws(
         _tell_sides(finding, sides[finding.id], explained_case.sure_ids) if finding.id in sides else finding
         for finding in out
     ]
+    if is_gain_by_speed(selection.residual_model, selection.fit, clock):
+        out = [_tell_gain_by_speed(finding) if finding.id == UNDERSTEER else finding for finding in out]
     settled_ids = {law.found.effect_id for law in law_selection.laws}
     by_effect: dict[str, FoundLaw] = {}
     for found in sorted(law_selection.outcome.scores, key=lambda one: one.score.gain):
@@ -110,7 +112,7 @@ def _add_settled_law(
     kinds = [STAND_IN_KINDS[name] for name in law.competitors]
     kinds += [found.kind for found in law.found.alternatives if found.effect_id == effect_id]
     other_kinds = tuple(kind for kind in dict.fromkeys(kinds) if kind != law.found.kind)
-    words = describe_law(law, values, names)
+    words = describe_law(law, values, names, clock)
     exchange = describe_alternatives(law.found, other_kinds)
     others = tuple(name for name, kind in STAND_IN_KINDS.items() if effect_id == GAIN and kind in kinds)
     others += tuple(found.effect_id for found in law.found.alternatives if found.effect_id != effect_id)
@@ -197,6 +199,19 @@ def _tell_sides(finding: Finding, law: SideLaw, sure_ids: Collection[str]) -> Fi
     ends = min(law.right, law.left), max(law.right, law.left)
     size = effect.size.name
     return replace(described, status=status, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
+
+
+def _tell_gain_by_speed(finding: Finding) -> Finding:
+    """Return the finding of an understeer that a gain which falls with the speed explains as well."""
+    if finding.status not in (NAMED, LIKELY):
+        return finding
+    words = (
+        "a steering_gain that changes with the speed explains these logs as well: the same bends at a lower and at a "
+        "higher speed than any of these decide"
+    )
+    exchange = "; ".join(part for part in (finding.exchange, words) if part)
+    law_id = format_law_id(GAIN, BY_SPEED)
+    return replace(finding, status=EQUIVALENT, equivalent_to=(*finding.equivalent_to, law_id), exchange=exchange)
 
 
 def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:

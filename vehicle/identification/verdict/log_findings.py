@@ -271,7 +271,7 @@ def describe_unsaved_names(names: Collection[str], shown_names: Collection[str])
     if shown_names:
         subject, are = _list_labels(shown_names)
         notes.append(
-            f"{subject} {are} named and not saved: the measured wheel angle or speed shows it, but over 10 or 20 s "
+            f"{subject} {are} not saved: the measured wheel angle or speed shows it, but over 10 or 20 s "
             "held-out runs are simulated worse with the value found, and the errors after are without it."
         )
     return tuple(notes)

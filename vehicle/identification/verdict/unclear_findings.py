@@ -101,7 +101,7 @@ def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> lis
     """
     found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
     gain, antenna = found.get(GAIN), found.get(ANTENNA)
-    if gain is None or antenna is None or _is_changing(gain) or not (gain.interval and antenna.interval):
+    if gain is None or antenna is None or not (gain.interval and antenna.interval):
         return list(findings)
     least, most = (-(1.0 - 1.0 / ratio) * wheelbase_m for ratio in reversed(gain.interval["ratio"]))
     low, high = antenna.interval["distance_m"]
