@@ -97,7 +97,7 @@ from vehicle.identification.verdict.residual_curves import build_residual_plot
 from vehicle.identification.verdict.unclear_findings import (
     doubt_names,
     doubt_shared_lateness,
-    doubt_turning_centre,
+    doubt_stand_ins,
     drop_unclear_terms,
     withdraw_cancelling_delays,
     withdraw_faked,
@@ -158,7 +158,7 @@ def diagnose_logs(
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
     findings = doubt_shared_lateness(withdraw_cancelling_delays(findings))
-    findings = doubt_turning_centre(findings, tractor.wheelbase_m)
+    findings = doubt_stand_ins(findings, tractor.wheelbase_m, has_unnamed=bool(selection.unnamed))
     findings = doubt_names(findings) if turning is not None and turning.kind == ARTICULATED else findings
     findings = describe_offset_at_work(mark_one_sided(findings, subset.dataset), tractor.wheelbase_m)
     names = [name for name in explained_case.names if name not in faked_ids]

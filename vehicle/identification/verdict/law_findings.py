@@ -11,8 +11,10 @@ from vehicle.identification.laws.bases import (
     BY_ANGLE,
     BY_IMPLEMENT,
     BY_PLACE,
+    BY_RUN,
     BY_SIDE,
     BY_SPEED,
+    OVER_DAY,
     OVER_MINUTES,
     RunClock,
 )
@@ -40,6 +42,9 @@ from vehicle.model.tractor import Tractor
 SPEED_CLOCK, POSITION_CLOCK = "clock_offset_speed", "clock_offset_position"
 ASYMMETRY, ANTENNA_RIGHT, SIDE_DRAFT = "steering_asymmetry", "antenna_right", "implement_side_draft"
 LEANING_M = 0.015  # chosen: as far as a body that rolls by half a degree carries an antenna of 1.7 m outwards in a bend
+FEWEST_RUNS_OF_SWING = (
+    7  # chosen: four numbers make a swing (mean, size, period, time), so fewer values nearly lie on one
+)
 STAND_IN_KINDS = {DRIFT: OVER_MINUTES, PATCH: BY_PLACE}
 # Terms of the discrepancy model that are laws of the steering gain.
 GAIN_TERMS = {BY_ANGLE: "grip_by_angle", BY_SPEED: "grip_by_speed", BY_IMPLEMENT: "grip_by_implement"}
@@ -111,6 +116,8 @@ def _add_settled_law(
     effect_id, values = law.found.effect_id, compute_law_values(law, clock)
     kinds = [STAND_IN_KINDS[name] for name in law.competitors]
     kinds += [found.kind for found in law.found.alternatives if found.effect_id == effect_id]
+    if law.found.kind == OVER_DAY and len(names) < FEWEST_RUNS_OF_SWING:
+        kinds.append(BY_RUN)
     other_kinds = tuple(kind for kind in dict.fromkeys(kinds) if kind != law.found.kind)
     words = describe_law(law, values, names, clock)
     exchange = describe_alternatives(law.found, other_kinds)

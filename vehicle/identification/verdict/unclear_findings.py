@@ -26,7 +26,7 @@ from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import get_effect, get_neutral_values
 
 GAIN, ANTENNA = "steering_gain", "antenna_forward"
-SPEED_CLOCK = "clock_offset_speed"
+SPEED_CLOCK, POSITION_DELAY = "clock_offset_speed", "position_delay"
 HEADING_FILTER, HEADING_CLOCK = "heading_filter", "clock_offset_heading"
 
 
@@ -89,6 +89,14 @@ def doubt_names(findings: Sequence[Finding]) -> list[Finding]:
     return [replace(finding, status=LIKELY) if finding.status == NAMED else finding for finding in findings]
 
 
+def doubt_stand_ins(findings: Sequence[Finding], wheelbase_m: float, has_unnamed: bool) -> list[Finding]:
+    """Return the findings with an antenna that is only likely beside what something else would show together with it.
+
+    `has_unnamed` is whether something without a name is left.
+    """
+    return doubt_filtered_positions(doubt_turning_centre(findings, wheelbase_m), has_unnamed)
+
+
 def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> list[Finding]:
     """Return the findings with an antenna that is only likely where rear wheels that steer too would look the same.
 
@@ -132,6 +140,23 @@ def doubt_shared_lateness(findings: Sequence[Finding]) -> list[Finding]:
     doubtful = replace(late, status=LIKELY) if is_usual else late
     kept = {RECEIVER_DELAY: doubtful, SPEED_CLOCK: _withdraw(clock)}
     return [kept.get(finding.id, finding) for finding in findings]
+
+
+def doubt_filtered_positions(findings: Sequence[Finding], has_unnamed: bool) -> list[Finding]:
+    """Return the findings with an antenna that is only likely where it takes back a part of late positions.
+
+    Positions that pass a filter are late by another time in every manoeuvre: a delay that suits the longest of them
+    and an antenna further ahead suit all of them halfway, and leave something without a name (`has_unnamed`).
+    """
+    found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY)}
+    delay, antenna = found.get(POSITION_DELAY), found.get(ANTENNA)
+    if not has_unnamed or delay is None or antenna is None or antenna.status != NAMED or antenna.value is None:
+        return list(findings)
+    if antenna.value["distance_m"] <= 0.0:
+        return list(findings)
+    words = "together with these late positions, a filter of the positions would look the same"
+    doubtful = replace(antenna, status=LIKELY, exchange="; ".join(part for part in (antenna.exchange, words) if part))
+    return [doubtful if finding is antenna else finding for finding in findings]
 
 
 def withdraw_cancelling_delays(findings: Sequence[Finding]) -> list[Finding]:
