@@ -12,7 +12,7 @@ from tests.identification.analytic_drives import course_of
 from tests.identification.log_tables import table
 from tests.identification.residual_models import build_commanded_model, build_programme_model, eg105
 from vehicle.identification.fit.effect_parameters import build_parameters
-from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit
+from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit, refine_fit
 from vehicle.identification.laws import settle
 from vehicle.identification.laws.bases import (
     BY_ANGLE,
@@ -26,7 +26,12 @@ from vehicle.identification.laws.bases import (
 )
 from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
-from vehicle.identification.laws.selection import _is_bent_at_work, compute_law_range
+from vehicle.identification.laws.selection import (
+    UNDERSTEER,
+    _is_bent_at_work,
+    compute_law_range,
+    is_gain_by_speed,
+)
 from vehicle.identification.laws.settle import (
     ActingLaw,
     LawResidualModel,
@@ -135,6 +140,18 @@ def test_amount_of_a_law_is_recovered() -> None:
     score = scorer.score_law(0, basis)
     assert score.amounts[0] == pytest.approx(-PER_MPS, rel=0.1)
     assert score.gain > 25.0
+
+
+@pytest.mark.parametrize(("programme", "is_alike"), [("two-speeds", True), ("shuffled-bends", False)])
+def test_understeer_is_a_gain_by_speed_where_logs_hold_two_speeds(programme: str, is_alike: bool) -> None:
+    """A square of the speed is a line through two speeds, and none through many."""
+    values = {"deg_per_mps2": 2.0}
+    model = build_programme_model(programme, {UNDERSTEER: values})
+    residuals, clock = model.compute_residuals({UNDERSTEER: values}), RunClock(np.zeros(1), 0.0, has_order=False)
+    part = (build_parameters(eg105(), UNDERSTEER), np.array([2.0]))
+    fit = refine_fit(model, EffectFit((part,), residuals, np.zeros((len(residuals), 0))))
+    assert is_gain_by_speed(model, fit, clock) == is_alike
+    assert not is_gain_by_speed(model, make_empty_fit(model), clock)
 
 
 def test_angles_beyond_the_widest_are_held(plain: ResidualModel) -> None:

@@ -7,13 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vehicle.identification.laws.bases import RunClock
 from vehicle.identification.laws.settle import SettledLaw
 from vehicle.identification.laws.sides import SideLaw
+from vehicle.identification.laws.words import describe_law
 from vehicle.identification.thresholds import WORTH_OF_WHEEL_PCT
 from vehicle.identification.verdict import law_findings
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.law_findings import (
     GAIN_TERMS,
+    _tell_gain_by_speed,
     _tell_sides,
     describe_offset_at_work,
     leave_out_stand_ins,
@@ -104,3 +107,36 @@ def test_a_side_draft_tells_the_wheel_angle_that_looks_like_it() -> None:
         "a steering_offset of 1.0 deg to the left that acts only while the implement works would look the same"
     )
     assert untouched is silent
+
+
+@pytest.mark.parametrize(("status", "after"), [(NAMED, EQUIVALENT), (LIKELY, EQUIVALENT), (NOT_VISIBLE, NOT_VISIBLE)])
+def test_an_understeer_that_is_told_and_looks_like_a_gain_by_speed_is_equivalent(status: str, after: str) -> None:
+    value, interval = {"deg_per_mps2": 2.0}, {"deg_per_mps2": (1.5, 2.5)}
+    finding = Finding("understeer", status, value, interval, None, None, 0.1, "", "lateral acceleration", "")
+    told = _tell_gain_by_speed(finding)
+    assert told.status == after
+    assert told.equivalent_to == (("steering_gain:by_speed",) if after == EQUIVALENT else ())
+
+
+@pytest.mark.parametrize(("runs", "status"), [(6, EQUIVALENT), (8, NAMED)])
+def test_a_swing_of_few_runs_may_be_values_by_run(runs: int, status: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    found: Any = SimpleNamespace(kind="over_day", effect_id="steering_offset", alternatives=(), is_clear=True)
+    law = SettledLaw(found, 0.0, np.array([1.0, 0.5]), np.array([0.1, 0.1]), 0.2, 0.1, -1.0, 1.4)
+    for name in ("compute_law_values", "describe_law"):
+        monkeypatch.setattr(law_findings, name, lambda *_, name=name: {} if name == "compute_law_values" else "")
+    finding = Finding("steering_offset", NOT_VISIBLE, None, None, None, None, None, "deg", "", "")
+    names = tuple(f"run{number}" for number in range(runs))
+    (told,) = law_findings._add_settled_law([finding], law, None, names, load_tractor("eg105"))  # type: ignore[arg-type]
+    assert told.status == status
+    assert told.equivalent_to == (("steering_offset:by_run",) if status == EQUIVALENT else ())
+
+
+@pytest.mark.parametrize(
+    ("lowest_s", "words"), [(1200.0, "; it is lowest at 1200 s of the logs' clock."), (7885.0, ".")]
+)
+def test_a_swing_is_lowest_at_a_time_that_its_logs_reach(lowest_s: float, words: str) -> None:
+    found: Any = SimpleNamespace(kind="over_day", effect_id="steering_gain")
+    law = SettledLaw(found, 1.0, np.array([0.1, 0.0]), np.array([0.0, 0.0]), 1.0, 0.0, 0.94, 1.13)
+    clock = RunClock(np.array([0.0, 900.0, 2400.0]), 300.0, has_order=True)
+    told = describe_law(law, {"lowest_s": lowest_s}, ("a", "b", "c"), clock)
+    assert told == f"The steering gain swings between 0.94 and 1.13 over the day{words}"

@@ -14,6 +14,7 @@ from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, N
 from vehicle.identification.verdict.unclear_findings import (
     doubt_names,
     doubt_shared_lateness,
+    doubt_stand_ins,
     doubt_turning_centre,
     withdraw_cancelling_delays,
     withdraw_unclear,
@@ -107,7 +108,21 @@ def test_an_antenna_that_rear_wheels_would_explain_with_the_gain_is_only_likely(
     antenna = replace(bent, id="antenna_forward", value=place[0], interval=place[1])
     same, out = doubt_turning_centre([bent, antenna], 2.0)
     assert same is bent and out.status == status
+    assert doubt_turning_centre([replace(bent, law=DAY), antenna], 2.0)[1].status == status
     assert doubt_turning_centre([antenna], 2.0) == [antenna]
+
+
+@pytest.mark.parametrize(
+    ("antenna_m", "has_unnamed", "status"), [(0.4, True, LIKELY), (0.4, False, NAMED), (-0.4, True, NAMED)]
+)
+def test_an_antenna_that_takes_back_a_part_of_late_positions_is_only_likely(
+    antenna_m: float, has_unnamed: bool, status: str
+) -> None:
+    template = build_finding(0.0, 0.0, 0.0)
+    late = replace(template, id="position_delay", value={"time_s": 0.6}, interval={"time_s": (0.5, 0.7)})
+    antenna = replace(template, id="antenna_forward", value={"distance_m": antenna_m}, interval=None)
+    assert [one.status for one in doubt_stand_ins([late, antenna], 2.0, has_unnamed)] == [NAMED, status]
+    assert doubt_stand_ins([antenna], 2.0, has_unnamed)[0].status == NAMED
 
 
 @pytest.mark.parametrize(
