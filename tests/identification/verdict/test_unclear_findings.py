@@ -12,6 +12,7 @@ import pytest
 from vehicle.identification.verdict import unclear_findings
 from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
 from vehicle.identification.verdict.unclear_findings import (
+    doubt_follow_stage,
     doubt_names,
     doubt_shared_lateness,
     doubt_stand_ins,
@@ -19,6 +20,7 @@ from vehicle.identification.verdict.unclear_findings import (
     withdraw_cancelling_delays,
     withdraw_unclear,
 )
+from vehicle.model.effects import get_effect
 from vehicle.model.tractor import load_tractor
 
 DAY = ParameterLaw("over_day", {"mean": 1.0, "amplitude": 0.2}, "it swings")
@@ -121,8 +123,35 @@ def test_an_antenna_that_takes_back_a_part_of_late_positions_is_only_likely(
     template = build_finding(0.0, 0.0, 0.0)
     late = replace(template, id="position_delay", value={"time_s": 0.6}, interval={"time_s": (0.5, 0.7)})
     antenna = replace(template, id="antenna_forward", value={"distance_m": antenna_m}, interval=None)
-    assert [one.status for one in doubt_stand_ins([late, antenna], 2.0, has_unnamed)] == [NAMED, status]
-    assert doubt_stand_ins([antenna], 2.0, has_unnamed)[0].status == NAMED
+    assert [one.status for one in doubt_stand_ins([late, antenna], load_tractor("eg105"), has_unnamed)] == [
+        NAMED,
+        status,
+    ]
+    assert doubt_stand_ins([antenna], load_tractor("eg105"), has_unnamed)[0].status == NAMED
+
+
+@pytest.mark.parametrize(
+    ("values", "doubtful"),
+    [
+        ({"steering_rate": 8.0, "steering_lag": 0.6}, {"steering_lag"}),  # 6 deg at 8 deg/s: up to 0.75 s
+        ({"steering_rate": 8.0, "steering_lag": 0.9}, set()),
+        ({"steering_rate": 8.0, "steering_lag": 0.2}, set()),
+        ({"steering_lag": 0.9, "steering_dead_time": 0.3}, {"steering_dead_time"}),  # 0.9 s less 6 deg at 20 deg/s
+        ({"steering_lag": 0.9, "steering_dead_time": 0.7}, set()),
+        ({"steering_lag": 0.9}, set()),
+    ],
+)
+def test_what_another_gap_of_slewing_looks_like_is_only_likely(values: dict[str, float], doubtful: set[str]) -> None:
+    steering = load_tractor("eg105").steering.model_copy(
+        update={"switch_deg": 6.0, "rate_deg_per_s": 20.0, "lag_s": 0.3}
+    )
+    template = build_finding(0.0, 0.0, 0.0)
+    named = [
+        replace(template, id=name, value={get_effect(name).size.name: value}, interval=None)
+        for name, value in values.items()
+    ]
+    out = doubt_follow_stage(named, steering)
+    assert {one.id for one in out if one.status == LIKELY} == doubtful
 
 
 @pytest.mark.parametrize(

@@ -158,7 +158,7 @@ def diagnose_logs(
     findings = add_laws(findings, law_selection, clock, subset.dataset.names, rig.tractor, explained_case)
     findings = withdraw_faked(withdraw_unclear(findings, explained_case.case), faked_ids)
     findings = doubt_shared_lateness(withdraw_cancelling_delays(findings))
-    findings = doubt_stand_ins(findings, tractor.wheelbase_m, has_unnamed=bool(selection.unnamed))
+    findings = doubt_stand_ins(findings, tractor, has_unnamed=bool(selection.unnamed))
     findings = doubt_names(findings) if turning is not None and turning.kind == ARTICULATED else findings
     findings = describe_offset_at_work(mark_one_sided(findings, subset.dataset), tractor.wheelbase_m)
     names = [name for name in explained_case.names if name not in faked_ids]

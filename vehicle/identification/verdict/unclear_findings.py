@@ -24,9 +24,11 @@ from vehicle.identification.verdict.named_causes import ExplainedCase, keep_term
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import get_effect, get_neutral_values
+from vehicle.model.tractor import SteeringParameters, Tractor
 
 GAIN, ANTENNA = "steering_gain", "antenna_forward"
 SPEED_CLOCK, POSITION_DELAY = "clock_offset_speed", "position_delay"
+RATE, LAG = "steering_rate", "steering_lag"
 HEADING_FILTER, HEADING_CLOCK = "heading_filter", "clock_offset_heading"
 
 
@@ -89,12 +91,40 @@ def doubt_names(findings: Sequence[Finding]) -> list[Finding]:
     return [replace(finding, status=LIKELY) if finding.status == NAMED else finding for finding in findings]
 
 
-def doubt_stand_ins(findings: Sequence[Finding], wheelbase_m: float, has_unnamed: bool) -> list[Finding]:
-    """Return the findings with an antenna that is only likely beside what something else would show together with it.
+def doubt_stand_ins(findings: Sequence[Finding], tractor: Tractor, has_unnamed: bool) -> list[Finding]:
+    """Return the findings with effects that are only likely, as another one beside them may be all there is.
 
     `has_unnamed` is whether something without a name is left.
     """
-    return doubt_filtered_positions(doubt_turning_centre(findings, wheelbase_m), has_unnamed)
+    findings = doubt_filtered_positions(doubt_turning_centre(findings, tractor.wheelbase_m), has_unnamed)
+    return doubt_follow_stage(findings, tractor.steering)
+
+
+def doubt_follow_stage(findings: Sequence[Finding], steering: SteeringParameters) -> list[Finding]:
+    """Return the findings with a lag or dead time that is only likely, as a file has one gap from which it slews.
+
+    A steering slews where its gap is more than its rate times its lag. With another rate or lag that gap is another
+    one: a slower rate also limits smaller gaps, which looks like a lag up to the gap over the rate; and a longer lag
+    begins at larger gaps, which looks like a dead time of up to as much as it is longer than the gap over the rate.
+    """
+    found = {finding.id: finding for finding in findings if finding.status in (NAMED, LIKELY) and finding.value}
+    rate, lag, dead = (found.get(name) for name in (RATE, LAG, DEAD_TIME))
+    doubtful = set()
+    if rate is not None and lag is not None:
+        limit_s = steering.switch_deg / _get_size(rate)
+        doubtful |= {LAG} if steering.lag_s < _get_size(lag) <= limit_s else set()
+    if lag is not None and dead is not None:
+        longer_s = _get_size(lag) - steering.switch_deg / steering.rate_deg_per_s
+        doubtful |= {DEAD_TIME} if 0.0 < _get_size(dead) <= longer_s else set()
+    return [
+        replace(finding, status=LIKELY) if finding.id in doubtful and finding.status == NAMED else finding
+        for finding in findings
+    ]
+
+
+def _get_size(finding: Finding) -> float:
+    assert finding.value is not None
+    return finding.value[get_effect(finding.id).size.name]
 
 
 def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> list[Finding]:
