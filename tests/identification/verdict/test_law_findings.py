@@ -13,7 +13,7 @@ from vehicle.identification.laws.sides import SideLaw
 from vehicle.identification.laws.words import describe_law
 from vehicle.identification.thresholds import WORTH_OF_WHEEL_PCT
 from vehicle.identification.verdict import law_findings
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding
 from vehicle.identification.verdict.law_findings import (
     GAIN_TERMS,
     _tell_gain_by_speed,
@@ -109,13 +109,17 @@ def test_a_side_draft_tells_the_wheel_angle_that_looks_like_it() -> None:
     assert untouched is silent
 
 
-@pytest.mark.parametrize(("status", "after"), [(NAMED, EQUIVALENT), (LIKELY, EQUIVALENT), (NOT_VISIBLE, NOT_VISIBLE)])
-def test_an_understeer_that_is_told_and_looks_like_a_gain_by_speed_is_equivalent(status: str, after: str) -> None:
+@pytest.mark.parametrize("status", [NAMED, LIKELY])
+def test_an_understeer_that_looks_like_a_gain_by_speed_is_equivalent(status: str) -> None:
     value, interval = {"deg_per_mps2": 2.0}, {"deg_per_mps2": (1.5, 2.5)}
-    finding = Finding("understeer", status, value, interval, None, None, 0.1, "", "lateral acceleration", "")
-    told = _tell_gain_by_speed(finding)
-    assert told.status == after
-    assert told.equivalent_to == (("steering_gain:by_speed",) if after == EQUIVALENT else ())
+    understeer = Finding("understeer", status, value, interval, None, None, 0.1, "", "lateral acceleration", "")
+    gain = Finding("steering_gain", REFUTED, None, None, None, None, 0.02, "", "", "")
+    told, other = _tell_gain_by_speed([understeer, gain], load_tractor("eg105"))
+    assert (told.status, told.equivalent_to) == (EQUIVALENT, ("steering_gain:by_speed",))
+    assert told.interval == {"deg_per_mps2": (0.0, 2.5)}
+    assert (other.status, other.equivalent_to, other.value) == (EQUIVALENT, ("understeer",), None)
+    untold = replace(understeer, status=NOT_VISIBLE, value=None, interval=None)
+    assert _tell_gain_by_speed([untold, gain], load_tractor("eg105")) == [untold, gain]
 
 
 @pytest.mark.parametrize(("runs", "status"), [(6, EQUIVALENT), (8, NAMED)])

@@ -89,7 +89,7 @@ def _compute_day_values(law: SettledLaw, clock: RunClock) -> LawNumbers:
 def describe_law(law: SettledLaw, values: LawNumbers, names: tuple[str, ...], clock: RunClock) -> str:
     """Return a sentence on how the parameter of a law changes.
 
-    Where a swing is lowest is said of a time that the logs reach alone.
+    When a swing is lowest is said only of a time that the logs reach.
     """
     effect = get_effect(law.found.effect_id)
     subject, unit = f"The {effect.label}", f" {effect.size.unit}" if effect.size.unit else ""

@@ -42,9 +42,8 @@ from vehicle.model.tractor import Tractor
 SPEED_CLOCK, POSITION_CLOCK = "clock_offset_speed", "clock_offset_position"
 ASYMMETRY, ANTENNA_RIGHT, SIDE_DRAFT = "steering_asymmetry", "antenna_right", "implement_side_draft"
 LEANING_M = 0.015  # chosen: as far as a body that rolls by half a degree carries an antenna of 1.7 m outwards in a bend
-FEWEST_RUNS_OF_SWING = (
-    7  # chosen: four numbers make a swing (mean, size, period, time), so fewer values nearly lie on one
-)
+# Chosen: a swing has four numbers (mean, size, period, time), near which the values of six runs may lie by chance.
+FEWEST_RUNS_OF_SWING = 7
 STAND_IN_KINDS = {DRIFT: OVER_MINUTES, PATCH: BY_PLACE}
 # Terms of the discrepancy model that are laws of the steering gain.
 GAIN_TERMS = {BY_ANGLE: "grip_by_angle", BY_SPEED: "grip_by_speed", BY_IMPLEMENT: "grip_by_implement"}
@@ -97,7 +96,7 @@ def add_laws(
         for finding in out
     ]
     if is_gain_by_speed(selection.residual_model, selection.fit, clock):
-        out = [_tell_gain_by_speed(finding) if finding.id == UNDERSTEER else finding for finding in out]
+        out = _tell_gain_by_speed(out, tractor)
     settled_ids = {law.found.effect_id for law in law_selection.laws}
     by_effect: dict[str, FoundLaw] = {}
     for found in sorted(law_selection.outcome.scores, key=lambda one: one.score.gain):
@@ -208,17 +207,24 @@ def _tell_sides(finding: Finding, law: SideLaw, sure_ids: Collection[str]) -> Fi
     return replace(described, status=status, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
 
 
-def _tell_gain_by_speed(finding: Finding) -> Finding:
-    """Return the finding of an understeer that a gain which falls with the speed explains as well."""
-    if finding.status not in (NAMED, LIKELY):
-        return finding
-    words = (
-        "a steering_gain that changes with the speed explains these logs as well: the same bends at a lower and at a "
-        "higher speed than any of these decide"
-    )
-    exchange = "; ".join(part for part in (finding.exchange, words) if part)
-    law_id = format_law_id(GAIN, BY_SPEED)
-    return replace(finding, status=EQUIVALENT, equivalent_to=(*finding.equivalent_to, law_id), exchange=exchange)
+def _tell_gain_by_speed(findings: Sequence[Finding], tractor: Tractor) -> list[Finding]:
+    """Return the findings with an understeer that a gain by speed explains as well, and with that gain."""
+    understeer = next(finding for finding in findings if finding.id == UNDERSTEER)
+    if understeer.status not in (NAMED, LIKELY) or understeer.interval is None:
+        return list(findings)
+    words = "the same bends at a lower and at a higher speed than any of these decide"
+    ((size, ends),) = understeer.interval.items()
+    interval = {size: extend_to_neutral(tractor, get_effect(UNDERSTEER), ends)}
+    others = (*understeer.equivalent_to, format_law_id(GAIN, BY_SPEED))
+    exchange = "; ".join(part for part in (understeer.exchange, words) if part)
+    changed = {
+        UNDERSTEER: replace(understeer, status=EQUIVALENT, interval=interval, equivalent_to=others, exchange=exchange)
+    }
+    gain = next(finding for finding in findings if finding.id == GAIN)
+    if gain.status not in (NAMED, LIKELY):
+        sentence = "The steering gain changes with the speed."
+        changed[GAIN] = replace(gain, status=EQUIVALENT, equivalent_to=(UNDERSTEER,), description=sentence)
+    return [changed.get(finding.id, finding) for finding in findings]
 
 
 def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:
