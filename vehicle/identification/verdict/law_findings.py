@@ -212,7 +212,10 @@ def _tell_gain_by_speed(findings: Sequence[Finding], tractor: Tractor) -> list[F
     understeer = next(finding for finding in findings if finding.id == UNDERSTEER)
     if understeer.status not in (NAMED, LIKELY) or understeer.interval is None:
         return list(findings)
-    words = "the same bends at a lower and at a higher speed than any of these decide"
+    words = (
+        "a steering_gain that changes with the speed would look the same; the same bends at a lower and at a higher "
+        "speed than any of these decide"
+    )
     ((size, ends),) = understeer.interval.items()
     interval = {size: extend_to_neutral(tractor, get_effect(UNDERSTEER), ends)}
     others = (*understeer.equivalent_to, format_law_id(GAIN, BY_SPEED))
