@@ -84,13 +84,23 @@ def test_a_law_hardly_above_the_least_that_matters_gives_no_name(
     assert told.status == after
 
 
-@pytest.mark.parametrize(("kind", "status"), [("over_minutes", EQUIVALENT), ("by_run", NAMED)])
-def test_which_of_two_clocks_runs_away_does_not_show(kind: str, status: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    found: Any = SimpleNamespace(kind=kind, effect_id="clock_offset_speed", alternatives=(), is_clear=True)
+@pytest.mark.parametrize(
+    ("effect_id", "kind", "status"),
+    [
+        ("clock_offset_speed", "over_minutes", EQUIVALENT),
+        ("clock_offset_speed", "by_run", NAMED),
+        ("position_delay", "over_minutes", EQUIVALENT),
+        ("position_delay", "by_run", NAMED),
+    ],
+)
+def test_which_of_two_clocks_runs_away_does_not_show(
+    effect_id: str, kind: str, status: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: Any = SimpleNamespace(kind=kind, effect_id=effect_id, alternatives=(), is_clear=True)
     law = SettledLaw(found, 0.4, np.array([-0.3]), np.array([0.1]), 0.25, 0.1, 0.1, 0.4)
     for name in ("compute_law_values", "describe_law", "describe_alternatives"):
         monkeypatch.setattr(law_findings, name, lambda *_, name=name: {} if name == "compute_law_values" else "")
-    statuses = {"clock_offset_speed": NAMED, "clock_offset_position": NOT_VISIBLE}
+    statuses = {effect_id: NAMED, "clock_offset_position": NOT_VISIBLE}
     before = [Finding(name, one, None, None, None, None, None, "s", "", "") for name, one in statuses.items()]
     speed, position = law_findings._add_settled_law(before, law, None, (), load_tractor("eg105"))  # type: ignore[arg-type]
     assert speed.status == status

@@ -39,7 +39,13 @@ from vehicle.identification.verdict.named_causes import ExplainedCase
 from vehicle.model.effects import get_effect, get_neutral_values
 from vehicle.model.tractor import Tractor
 
-SPEED_CLOCK, POSITION_CLOCK = "clock_offset_speed", "clock_offset_position"
+# What grows over the minutes is a clock that runs away: a delay shows no other way, and of the clocks of speeds and
+# positions which one it is does not show.
+RUNAWAY_CLOCKS = {
+    "clock_offset_speed": "clock_offset_position",
+    "position_delay": "clock_offset_position",
+    "heading_delay": "clock_offset_heading",
+}
 ASYMMETRY, ANTENNA_RIGHT, SIDE_DRAFT = "steering_asymmetry", "antenna_right", "implement_side_draft"
 LEANING_M = 0.015  # chosen: as far as a body that rolls by half a degree carries an antenna of 1.7 m outwards in a bend
 # Chosen: a swing has four numbers (mean, size, period, time), near which the values of six runs may lie by chance.
@@ -123,8 +129,8 @@ def _add_settled_law(
     others = tuple(name for name, kind in STAND_IN_KINDS.items() if effect_id == GAIN and kind in kinds)
     others += tuple(found.effect_id for found in law.found.alternatives if found.effect_id != effect_id)
     others += tuple(format_law_id(effect_id, kind) for kind in other_kinds if not _is_stand_in(kind, effect_id))
-    if effect_id == SPEED_CLOCK and law.found.kind == OVER_MINUTES:
-        others += (POSITION_CLOCK,)  # only positions and speeds show either, and which of two clocks runs away does not
+    if law.found.kind == OVER_MINUTES and effect_id in RUNAWAY_CLOCKS:
+        others += (RUNAWAY_CLOCKS[effect_id],)
     others = tuple(dict.fromkeys(others))
     parameter_law = ParameterLaw(law.found.kind, values, f"{words} {exchange}".strip())
     out = []
