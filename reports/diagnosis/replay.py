@@ -47,7 +47,9 @@ def _list_replayed_measurements(replayed: ReplayResult) -> list[str]:
     if any(one.target is None for one in measured):
         lacks.append("No commanded speed was logged, so the measured speed was replayed and none is simulated.")
     if any(one.command is None for one in measured):
-        lacks.append("No steering command was logged, so the measured wheel angle was replayed and no steering is simulated.")
+        lacks.append(
+            "No steering command was logged, so the measured wheel angle was replayed; no steering is simulated."
+        )
     return lacks
 
 
