@@ -13,10 +13,10 @@ from vehicle.identification.laws.sides import SideLaw
 from vehicle.identification.laws.words import describe_law
 from vehicle.identification.thresholds import WORTH_OF_WHEEL_PCT
 from vehicle.identification.verdict import law_findings
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, REFUTED, Finding
+from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.law_findings import (
     GAIN_TERMS,
-    _tell_gain_by_speed,
+    _compare_with_gain_by_speed,
     _tell_sides,
     describe_offset_at_work,
     leave_out_stand_ins,
@@ -119,17 +119,13 @@ def test_a_side_draft_tells_the_wheel_angle_that_looks_like_it() -> None:
     assert untouched is silent
 
 
-@pytest.mark.parametrize("status", [NAMED, LIKELY])
-def test_an_understeer_that_looks_like_a_gain_by_speed_is_equivalent(status: str) -> None:
+@pytest.mark.parametrize(("status", "is_told"), [(NAMED, True), (LIKELY, True), (NOT_VISIBLE, False)])
+def test_an_understeer_tells_the_gain_by_speed_that_looks_like_it(status: str, is_told: bool) -> None:
     value, interval = {"deg_per_mps2": 2.0}, {"deg_per_mps2": (1.5, 2.5)}
-    understeer = Finding("understeer", status, value, interval, None, None, 0.1, "", "lateral acceleration", "")
-    gain = Finding("steering_gain", REFUTED, None, None, None, None, 0.02, "", "", "")
-    told, other = _tell_gain_by_speed([understeer, gain], load_tractor("eg105"))
-    assert (told.status, told.equivalent_to) == (EQUIVALENT, ("steering_gain:by_speed",))
-    assert told.interval == {"deg_per_mps2": (0.0, 2.5)}
-    assert (other.status, other.equivalent_to, other.value) == (EQUIVALENT, ("understeer",), None)
-    untold = replace(understeer, status=NOT_VISIBLE, value=None, interval=None)
-    assert _tell_gain_by_speed([untold, gain], load_tractor("eg105")) == [untold, gain]
+    finding = Finding("understeer", status, value, interval, None, None, 0.1, "", "lateral acceleration", "")
+    told = _compare_with_gain_by_speed(finding)
+    assert told.status == status
+    assert ("a steering_gain that changes with the speed would look the same" in told.exchange) == is_told
 
 
 @pytest.mark.parametrize(("runs", "status"), [(6, EQUIVALENT), (8, NAMED)])

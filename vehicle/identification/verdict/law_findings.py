@@ -102,7 +102,7 @@ def add_laws(
         for finding in out
     ]
     if is_gain_by_speed(selection.residual_model, selection.fit, clock):
-        out = _tell_gain_by_speed(out, tractor)
+        out = [_compare_with_gain_by_speed(finding) if finding.id == UNDERSTEER else finding for finding in out]
     settled_ids = {law.found.effect_id for law in law_selection.laws}
     by_effect: dict[str, FoundLaw] = {}
     for found in sorted(law_selection.outcome.scores, key=lambda one: one.score.gain):
@@ -213,27 +213,18 @@ def _tell_sides(finding: Finding, law: SideLaw, sure_ids: Collection[str]) -> Fi
     return replace(described, status=status, value={size: 0.5 * (law.right + law.left)}, interval={size: ends})
 
 
-def _tell_gain_by_speed(findings: Sequence[Finding], tractor: Tractor) -> list[Finding]:
-    """Return the findings with an understeer that a gain by speed explains as well, and with that gain."""
-    understeer = next(finding for finding in findings if finding.id == UNDERSTEER)
-    if understeer.status not in (NAMED, LIKELY) or understeer.interval is None:
-        return list(findings)
+def _compare_with_gain_by_speed(finding: Finding) -> Finding:
+    """Return the finding of an understeer with a word on the gain that explains as much.
+
+    It keeps its name, as the simpler of both: the gain needs a value at rest as well.
+    """
+    if finding.status not in (NAMED, LIKELY):
+        return finding
     words = (
         "a steering_gain that changes with the speed would look the same; the same bends at a lower and at a higher "
         "speed than any of these decide"
     )
-    ((size, ends),) = understeer.interval.items()
-    interval = {size: extend_to_neutral(tractor, get_effect(UNDERSTEER), ends)}
-    others = (*understeer.equivalent_to, format_law_id(GAIN, BY_SPEED))
-    exchange = "; ".join(part for part in (understeer.exchange, words) if part)
-    changed = {
-        UNDERSTEER: replace(understeer, status=EQUIVALENT, interval=interval, equivalent_to=others, exchange=exchange)
-    }
-    gain = next(finding for finding in findings if finding.id == GAIN)
-    if gain.status not in (NAMED, LIKELY):
-        sentence = "The steering gain changes with the speed."
-        changed[GAIN] = replace(gain, status=EQUIVALENT, equivalent_to=(UNDERSTEER,), description=sentence)
-    return [changed.get(finding.id, finding) for finding in findings]
+    return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
 
 
 def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:
