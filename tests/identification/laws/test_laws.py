@@ -16,6 +16,8 @@ from vehicle.identification.fit.residual_fit import EffectFit, make_empty_fit, r
 from vehicle.identification.laws import settle
 from vehicle.identification.laws.bases import (
     BY_ANGLE,
+    BY_IMPLEMENT,
+    BY_SIDE,
     BY_SPEED,
     LawBasis,
     RunClock,
@@ -24,7 +26,7 @@ from vehicle.identification.laws.bases import (
     get_angle_deg,
     list_bases,
 )
-from vehicle.identification.laws.columns import GAIN, SIDE_SLIP, LawColumns, list_targets
+from vehicle.identification.laws.columns import GAIN, OFFSET, SIDE_SLIP, LawColumns, list_targets
 from vehicle.identification.laws.scores import LawScorer
 from vehicle.identification.laws.selection import (
     UNDERSTEER,
@@ -73,6 +75,12 @@ def test_columns_of_a_law_are_what_the_law_does_to_the_residuals(plain: Residual
     expected = 1e-4 * columns.compute_columns(target, basis)[:, 0]
     assert np.abs(change).max() > 0.01
     assert change == pytest.approx(expected, abs=0.02 * np.abs(change).max())
+
+
+def test_an_offset_may_grow_with_the_speed_and_a_gain_by_side_is_an_asymmetry(plain: ResidualModel) -> None:
+    targets = {one.effect_id: one for one in list_targets(plain, make_empty_fit(plain))}
+    assert targets[OFFSET].allows(BY_SPEED) and not targets[OFFSET].allows(BY_IMPLEMENT)
+    assert not targets[GAIN].allows(BY_SIDE)
 
 
 def test_headings_tell_whether_a_law_turns_the_tractor_or_moves_its_positions_alone(plain: ResidualModel) -> None:
