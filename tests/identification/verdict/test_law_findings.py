@@ -114,7 +114,7 @@ def test_a_side_draft_tells_the_wheel_angle_that_looks_like_it() -> None:
     silent = replace(draft, status=NOT_VISIBLE, value=None, interval=None)
     told, untouched = describe_offset_at_work([draft, silent], 2.5)
     assert told.exchange == (
-        "a steering_offset of 1.0 deg to the left that acts only while the implement works would look the same"
+        "a steering_offset of 1.0 deg to the left that acts only while the implement works would look nearly the same"
     )
     assert untouched is silent
 

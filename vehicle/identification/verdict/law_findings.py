@@ -224,7 +224,7 @@ def _compare_with_gain_by_speed(finding: Finding) -> Finding:
         "a steering_gain that changes with the speed would look the same; the same bends at a lower and at a higher "
         "speed than any of these decide"
     )
-    return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
+    return finding.add_exchange(words)
 
 
 def mark_one_sided(findings: Sequence[Finding], dataset: DriveDataset) -> list[Finding]:
@@ -271,7 +271,7 @@ def _describe_one_side(finding: Finding, side: int) -> Finding:
         f"all bends of these logs are to the {here}, so it is not known to the {there}; with a {ASYMMETRY} of "
         f"{other[ASYMMETRY]['ratio']:.3g}{gain} these logs would be the same"
     )
-    return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
+    return finding.add_exchange(words)
 
 
 def describe_offset_at_work(findings: Sequence[Finding], wheelbase_m: float) -> list[Finding]:
@@ -285,9 +285,9 @@ def _compare_with_offset(finding: Finding, wheelbase_m: float) -> Finding:
     side = "right" if angle_deg > 0.0 else "left"
     words = (
         f"a steering_offset of {abs(angle_deg):.1f} deg to the {side} that acts only while the implement works would "
-        "look the same"
+        "look nearly the same"
     )
-    return replace(finding, exchange="; ".join(part for part in (finding.exchange, words) if part))
+    return finding.add_exchange(words)
 
 
 def _remove_value(finding: Finding) -> Finding:

@@ -148,7 +148,7 @@ def doubt_turning_centre(findings: Sequence[Finding], wheelbase_m: float) -> lis
     if antenna.status != NAMED or high < least or low > most:
         return list(findings)
     words = "together with this steering_gain, rear wheels that steer with the front wheels would look the same"
-    doubtful = replace(antenna, status=LIKELY, exchange="; ".join(part for part in (antenna.exchange, words) if part))
+    doubtful = replace(antenna.add_exchange(words), status=LIKELY)
     return [doubtful if finding is antenna else finding for finding in findings]
 
 
@@ -185,7 +185,7 @@ def doubt_filtered_positions(findings: Sequence[Finding], has_unnamed: bool) -> 
     if antenna.value["distance_m"] <= 0.0:
         return list(findings)
     words = "together with these late positions, a filter of the positions would look the same"
-    doubtful = replace(antenna, status=LIKELY, exchange="; ".join(part for part in (antenna.exchange, words) if part))
+    doubtful = replace(antenna.add_exchange(words), status=LIKELY)
     return [doubtful if finding is antenna else finding for finding in findings]
 
 
