@@ -1,18 +1,31 @@
-"""How much is tried: fewer examples of a property where they are the same every time, as in CI, and fewer values."""
+"""What tests draw: the same examples and seeds in every run on every machine, or fresh ones and more of them.
+
+`HEADLAND_TEST_SEED=random` draws fresh ones, `HEADLAND_TEST_SEED=n` repeats the seed n that a test printed.
+"""
 
 import os
+import secrets
 from typing import Any
 
 import pytest
 
-SAME = "HEADLAND_TEST_SEED" in os.environ
-"""Whether every run draws the same examples."""
+USUAL_SEED = 20261
+DRAWS_FRESH = os.environ.get("HEADLAND_TEST_SEED") == "random"
 SHARE = 5
+"""Of the examples that are worth drawing afresh, every fifth is tried where the same ones are drawn each time."""
+
+
+def draw_seed() -> int:
+    """The seed of a test, printed so that it can be repeated."""
+    given = os.environ.get("HEADLAND_TEST_SEED") or str(USUAL_SEED)
+    seed = secrets.randbits(32) if DRAWS_FRESH else int(given)
+    print(f"HEADLAND_TEST_SEED={seed}")
+    return seed
 
 
 def count_examples(fresh: int) -> int:
-    """A fifth of the number where the same ones are drawn every time, as what is drawn again finds nothing new."""
-    return max(fresh // SHARE, min(fresh, 5)) if SAME else fresh
+    """How many of so many fresh examples are tried: a fifth where the same ones are drawn in every run."""
+    return fresh if DRAWS_FRESH else max(fresh // SHARE, min(fresh, 5))
 
 
 def seldom(*values: Any) -> list[Any]:

@@ -34,6 +34,7 @@ from tests.benchmarks.machine_fields import (
 )
 from tests.benchmarks.machines import choose_conditions, choose_machines, compare_rows, group_reasons, summarise_group
 from tests.benchmarks.odd_shapes import build_odd_shapes
+from tests.examples import count_examples
 from vehicle.missions.plan import SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, load_tractor
@@ -45,7 +46,7 @@ def build_row(**values: Any) -> Row:
     return replace(Row("p:3m@eg105:0:open", "p", 1.0, "3m@eg105", "0:open", True, False, 80.0, 100.0), **values)
 
 
-@settings(max_examples=20)
+@settings(max_examples=count_examples(20))
 @given(st.integers(0, 10_000), st.sampled_from(OBSTACLE_COUNTS), st.sampled_from(EDGES))
 def test_obstacles_are_drawn_by_seed_and_lie_apart(seed: int, count: int, edge: str) -> None:
     """The same seed gives the same field; obstacles lie within the outline and apart; a fence all round has a gate."""

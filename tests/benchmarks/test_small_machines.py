@@ -1,8 +1,11 @@
 """A mower on a small field: its order is proven to a percent, and far quicker than one swath after another."""
 
+import pytest
+
 from tests.benchmarks.small_machines import plan, prepare
 
 
+@pytest.mark.slow
 def test_a_mower_skips_swaths_and_comes_back() -> None:
     # Round corners, as backing into the corners of the headland says nothing about the order of swaths.
     planned = plan(prepare("trapezium", corners="round"))

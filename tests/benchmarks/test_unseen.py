@@ -46,6 +46,7 @@ def test_a_folder_without_logs_is_refused(tmp_path: Path, capsys: pytest.Capture
     assert f"There is no log in {tmp_path}" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_unseen_runs_are_other_runs_of_the_same_truth() -> None:
     first: LogSet = next(list_third_sets(71))
     assert [log.name for log in first.logs] == [log.name for log in first.unseen_logs]

@@ -54,6 +54,7 @@ def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) ->
     assert len(lines) <= 24
 
 
+@pytest.mark.slow
 def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
     page = tmp_path / "headlands.html"
     told = json.loads(headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--json", "--html", page).out)
@@ -78,6 +79,7 @@ def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path
     assert " ".join(told["answer"][0].split()[:3]) in text.replace("\N{NO-BREAK SPACE}", " ")
 
 
+@pytest.mark.slow
 def test_a_way_without_a_plan_is_named_with_its_reason(headland: Callable[..., Any], farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-passes", "1,3",
                        "--headland-order", "last")  # fmt: skip

@@ -173,6 +173,7 @@ def test_the_money_of_a_day_adds_up(headland: Headland, folder: Path, rain: str)
     assert "Road of one" in headland("day", "other.toml", "--explain", "--processes", 1).out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("brought", "by_hour"), [
     pytest.param("\n".join(brought), by_hour, marks=() if len(brought) == 2 * by_hour else pytest.mark.matrix)
     for brought in ((), ("transport_per_tractor = 8.0",), ("transport_per_km = 0.5",),
@@ -251,6 +252,7 @@ def test_a_night_ends_on_the_next_day(headland: Headland, folder: Path) -> None:
     assert " 00:30+1 " in shown and " next day (95 % by 00:" in shown
 
 
+@pytest.mark.slow
 def test_same_bytes_with_and_without_a_cache(headland: Headland, folder: Path) -> None:
     words = ("day", "day.toml", "--json", "--processes", 1, "--cache")
     fresh = headland(*words, folder / "a")

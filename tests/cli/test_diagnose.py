@@ -20,6 +20,7 @@ from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 
+@pytest.mark.slow
 def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> None:
     outcome = headland("diagnose", "--demo", "--seed", "3", "--hide", "steering_gain", "--json")
     assert outcome.status == 0, outcome.err
@@ -78,6 +79,7 @@ def harmful() -> Diagnosis:
     return replace(found, holdout=worse)
 
 
+@pytest.mark.slow
 def test_what_does_not_help_on_runs_held_out_is_not_saved(
     headland: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, harmful: Diagnosis
 ) -> None:

@@ -25,6 +25,7 @@ def planned(told: Any) -> dict[str, Any]:
     return dict(json.loads(told.out)["plans"][0])
 
 
+@pytest.mark.slow
 def test_an_entrance_on_the_command_line_is_driven_to(headland: Headland, small: Path, tmp_path: Path) -> None:
     """The ways take time; saved and shown again each tractor's list begins and ends at the entrance."""
     plain = planned(headland("plan", small, *PLAN, "--json"))

@@ -48,6 +48,7 @@ def test_one_table_of_all_fields_and_widths(headland: Callable[..., Any], farm: 
     assert {key: rows[5][key] for key in same} == same
 
 
+@pytest.mark.slow
 def test_answers_that_are_kept_are_not_worked_out_again(
     headland: Callable[..., Any], farm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -102,6 +103,7 @@ def test_names_with_any_line_end_are_kept(headland: Callable[..., Any], farm: Pa
     assert headland(*asked).out == headland(*asked).out != ""
 
 
+@pytest.mark.slow
 def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any], farm: Path) -> None:
     outcome = headland("plan", f"{farm}#*", *QUICK, "--explain")
     assert outcome.out.startswith("3 m: 2 of 3 fields, 0.58 ha, ") and "Without a plan: 1 of 3" in outcome.out
@@ -110,6 +112,7 @@ def test_the_table_for_people_names_what_has_no_plan(headland: Callable[..., Any
     assert max(map(len, outcome.out.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_a_page_shows_every_field_from_kept_answers_too(
     headland: Callable[..., Any], farm: Path, tmp_path: Path
 ) -> None:

@@ -121,6 +121,7 @@ def test_no_word_is_a_fault(headland: Run, folder: Path, line: tuple[str, ...]) 
     assert set(before) <= set(folder.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [
     "a\nb.geojson",
     *(pytest.param(f"a{odd}b.geojson", marks=pytest.mark.matrix) for odd in ("\x1b[31m", "\u2028", "\u202e")),

@@ -83,6 +83,7 @@ def test_refused_in_one_sentence_and_nothing_touched(headland: Run, folder: Path
     assert contents(folder) == before
 
 
+@pytest.mark.slow
 @POSIX
 def test_what_goes_to_standard_output_is_no_place_for_a_file(command: list[str], folder: Path) -> None:
     with (folder / "out.json").open("w") as stream:
@@ -117,6 +118,7 @@ def test_names_of_255_bytes_are_written(headland: Run, folder: Path) -> None:
     assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_every_earlier_file_whole(
     headland: Run, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -161,6 +163,7 @@ def test_nothing_is_drafted_where_a_draft_cannot_be_made(tmp_path: Path) -> None
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"one": "older"}
 
 
+@pytest.mark.slow
 @POSIX
 @pytest.mark.parametrize("where", [pytest.param("closed", marks=pytest.mark.matrix), "full"])
 def test_files_are_written_whatever_becomes_of_standard_output(command: list[str], folder: Path, where: str) -> None:

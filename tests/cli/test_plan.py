@@ -57,6 +57,7 @@ def test_json_types(answer: dict[str, Any]) -> None:
         assert (plan["min_clearance_m"] is None) == (plan["tractors"] == 1)
 
 
+@pytest.mark.slow
 def test_a_plan_on_heights_says_its_slopes_in_every_form(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
@@ -96,6 +97,7 @@ def test_without_a_deadline_there_is_no_verdict(headland: Callable[..., Any], sm
     assert plan["cost"] == pytest.approx(plan["time_s"] / 3600 * 40, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_deadline_that_no_plan_meets(headland: Callable[..., Any], small: Path) -> None:
     words = ("plan", small, "--local", *QUICK, "--start", "8:00", "--deadline", "8:05", "--json")
     outcome = headland(*words)
@@ -137,6 +139,7 @@ def test_what_no_plan_meets_is_3_with_the_closest_plan(
     assert max(map(len, outcome.out.splitlines())) <= 80
 
 
+@pytest.mark.slow
 def test_csv_says_what_json_says(headland: Callable[..., Any], once: Callable[..., Any], small: Path) -> None:
     plans = json.loads(once("plan", small, "--local", *QUICK, "--json").out)["plans"]
     rows = list(csv.DictReader(io.StringIO(headland("plan", small, "--local", *QUICK, "--csv").out)))
@@ -148,6 +151,7 @@ def test_csv_says_what_json_says(headland: Callable[..., Any], once: Callable[..
         assert row["meets_deadline"] == ""
 
 
+@pytest.mark.slow
 def test_the_table_names_the_best_and_the_cheapest(
     headland: Callable[..., Any], once: Callable[..., Any], small: Path
 ) -> None:
@@ -160,6 +164,7 @@ def test_the_table_names_the_best_and_the_cheapest(
     assert max(len(line) for line in outcome.out.splitlines()) <= 100
 
 
+@pytest.mark.slow
 def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
     page, picture, plan_file = tmp_path / "p.html", tmp_path / "p.png", tmp_path / "p.json"
     page.write_text("older")
@@ -194,6 +199,7 @@ def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
     assert run.duration_s == pytest.approx(best["time_s"], abs=1e-5)
 
 
+@pytest.mark.slow
 def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path) -> None:
     def best(*options: str) -> dict[str, Any]:
         alone = ("--tractors", "1", "--strategies", "split-field", "--processes", "1")
@@ -212,6 +218,7 @@ def test_options_reach_the_simulation(headland: Callable[..., Any], small: Path)
     assert best("--price-per-hour", "80", "--price-per-tractor", "3")["cost"] == pytest.approx(2 * plain["cost"] + 3)
 
 
+@pytest.mark.slow
 def test_the_order_of_tractors_and_processes_change_no_byte(headland: Callable[..., Any], small: Path) -> None:
     base = ("plan", small, "--local", "--strategies", "split-field,row-by-row", "--json")
     first = headland(*base, "--tractors", "1-2", "--processes", "1").out
@@ -261,6 +268,7 @@ class TestProcess:
         assert outcome.status == 0, outcome.err
         assert json.loads(outcome.out)["field"] == {"name": "iwamizawa", "area_ha": 1.89}
 
+    @pytest.mark.slow
     def test_a_reader_that_leaves_early_is_no_fault(self, command: list[str], small: Path) -> None:
         one = ("--tractors", "1", "--strategies", "split-field")
         words = [*command, "plan", str(small), "--local", *one, "--json"]
@@ -271,6 +279,7 @@ class TestProcess:
             status = process.wait(60)
         assert status == 0 and complaint == ""
 
+    @pytest.mark.slow
     @pytest.mark.skipif(os.name != "posix", reason="needs a signal")
     def test_interrupting_ends_with_130_and_leaves_the_old_file(self, tmp_path: Path) -> None:
         page = tmp_path / "page.html"
@@ -299,6 +308,7 @@ def test_a_strategy_named_twice_is_tried_once(headland: Callable[..., Any], smal
     assert len(json.loads(outcome.out)["plans"]) == 1
 
 
+@pytest.mark.slow
 def test_effects_of_the_tractor_file_are_told(headland: Callable[..., Any], small: Path, tmp_path: Path) -> None:
     from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
     from vehicle.model.tractor_writer import format_tractor_toml

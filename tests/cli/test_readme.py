@@ -92,6 +92,7 @@ def printed() -> dict[str, str]:
     return {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", [line for line in list_readme_commands() if not line.startswith(LEFT_OUT)])
 def test_command(
     line: str,
@@ -104,6 +105,7 @@ def test_command(
     printed[line] = run_as_written(line, folder, headland)
 
 
+@pytest.mark.slow
 def test_examples_in_python(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """All blocks as one script, as a reader would go through them."""
     monkeypatch.chdir(folder)

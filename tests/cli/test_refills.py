@@ -54,6 +54,7 @@ def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Headland) -> No
     assert "refilling" in page and "Refills" in page and "refill 3" in page
 
 
+@pytest.mark.slow
 def test_the_place_of_the_field_file_is_used_and_another_wins(plan: Headland) -> None:
     told = plan()
     assert told.status == 0 and "refills" in told.out and "not used" not in told.err.lower()

@@ -183,6 +183,7 @@ def test_an_earlier_result_stays_when_the_run_fails(headland: Callable[..., Any]
     assert (folder / "old.html").read_text() == "an earlier result"
 
 
+@pytest.mark.slow
 def test_no_plan_that_works_is_told_apart_from_bad_input(headland: Callable[..., Any], folder: Path) -> None:
     words = ("--local", "--tractors", "40", "--strategies", "split-field,row-by-row", "--html", "none.html", "--json")
     outcome = headland("plan", "good.geojson", *words)
@@ -250,6 +251,7 @@ class TestTerminals:
         assert "Area (ha) 0.6 " in told and "swaths" in told.lower()
         assert max(map(len, text.splitlines())) <= widest
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("settings", [
         pytest.param({"PYTHONIOENCODING": "ascii"}, marks=pytest.mark.matrix),
         {"LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"},

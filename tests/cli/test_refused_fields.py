@@ -103,6 +103,7 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
     assert_refused(told, "--margin) of 45 m is too wide for field 'plot'", "leaves 50", "of 6000 m2")
 
 
+@pytest.mark.slow
 def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Callable[..., Any], folder: Path) -> None:
     """A pole in the middle of 60 m with a margin of 29 m leaves a neck of 0.75 m on either side of it."""
     pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
@@ -123,6 +124,7 @@ def test_a_margin_is_to_blame_where_no_plan_works() -> None:
         check_margin(context, feasible=False)
 
 
+@pytest.mark.slow
 def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
     headland: Callable[..., Any], folder: Path
 ) -> None:

@@ -22,6 +22,7 @@ def saved(small: Path, tmp_path_factory: pytest.TempPathFactory, command: list[s
     return place, json.loads(done.stdout)["best"]
 
 
+@pytest.mark.slow
 def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
     place, best = saved
     outcome = headland("show", place, "--json")

@@ -36,6 +36,7 @@ def test_every_printed_time_has_its_row(result: FleetStudy) -> None:
     assert len(list_thesis_times()) == 11
 
 
+@pytest.mark.slow
 def test_every_row_was_driven_and_its_difference_is_right(result: FleetStudy) -> None:
     for r in (r for rows in result.tables.values() for r in rows):
         assert r.time_s is not None, r.note
@@ -85,6 +86,7 @@ def test_the_assumptions_are_sentences(result: FleetStudy) -> None:
     assert any("24 tracks" in sentence for sentence in result.assumptions)
 
 
+@pytest.mark.slow
 def test_json_keeps_its_contract_and_does_not_depend_on_processes(
     headland: Callable[..., Any], result: FleetStudy
 ) -> None:

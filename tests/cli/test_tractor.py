@@ -22,6 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_datasheet_makes_a_file_that_holds_together(headland: Headland, folder: Path) -> None:
     made = headland("tractor", "new", "my.toml", *FENDT, "--mass", 8000)
     assert (made.status, made.err) == (0, "") and "Turning radius 5.50 m on asphalt" in made.out

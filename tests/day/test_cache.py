@@ -149,6 +149,7 @@ def test_field_times_are_kept_while_only_what_they_do_not_use_changes(
     assert unused == {"planner/ways/other.py", "planner/service/api.py"}
 
 
+@pytest.mark.slow
 def test_field_times_depend_on_physics_and_plans_and_not_on_who_asks_for_them() -> None:
     root = Path(__file__).parents[2]
     used = {path.relative_to(root).as_posix() for path in _find_imported_files(root, "planner.day.field_times")}

@@ -114,6 +114,7 @@ def test_routes_find_what_the_search_has_missed() -> None:
     assert choice.lower_bound == pytest.approx(least_cost(problem), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_too_many_routes_leave_a_gap_that_holds(monkeypatch: pytest.MonkeyPatch) -> None:
     problem = at_random(5, fields=10, fleets=2)
     best = solve_day(problem)

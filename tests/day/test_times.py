@@ -37,6 +37,7 @@ name = "one"
 """
 
 
+@pytest.mark.slow
 def test_refills_count_in_the_time_of_a_field() -> None:
     field = Field("one", shapely.box(0, 0, 30, 70))
     asked = PlanRequest(field="one", tractors=(1,), strategies=("split-field",), no_headland=True, width_m=6.0)

@@ -85,6 +85,7 @@ SELDOM = ("speeds exchanged", "a speed that is noise", "a wheel angle that is no
 """Damages that are searched for causes longest; a heading that is noise stands for them in every run of CI."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage", [pytest.param(one, marks=pytest.mark.matrix if one in SELDOM else ()) for one in NAMELESS]
 )
@@ -92,6 +93,7 @@ def test_a_damaged_log_earns_no_name(damage: str, frames: list[pd.DataFrame]) ->
     assert named([NAMELESS[damage](one) for one in frames]) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("tractor", "seed"), [pytest.param("eg105", 905, marks=pytest.mark.matrix), ("mr1000a", 906)])
 def test_positions_and_commands_alone_earn_no_name(tractor: str, seed: int) -> None:
     logs = [
@@ -118,5 +120,6 @@ def test_too_few_positions_for_a_piece_are_refused_in_a_sentence(apart: str, fra
         named(logs)
 
 
+@pytest.mark.slow
 def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:
     assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:2], "mr1000a")]) == ()

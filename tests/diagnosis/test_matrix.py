@@ -1,12 +1,11 @@
 """The full matrix: every effect hidden in independent data. `pytest -m matrix -s` prints it; it takes an hour."""
 
-import os
-import secrets
 from dataclasses import dataclass, field
 
 import pytest
 
 from tests.diagnosis.hiding import Verdict, diagnosed, hidden, judge
+from tests.examples import draw_seed
 from tests.truth.drives import one_way_programme
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
 from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
@@ -51,15 +50,8 @@ class Tally:
         print(", ".join(f"{name} {self.share(name):.0%}" for name in names), f"of {len(self.verdicts)}", flush=True)
 
 
-def draw() -> int:
-    """A fresh seed, or the one of HEADLAND_TEST_SEED."""
-    seed = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbelow(10**6))
-    print(f"\nfirst seed {seed}")
-    return seed
-
-
 def test_every_effect_at_a_clear_size() -> None:
-    tally, first = Tally(), draw()
+    tally, first = Tally(), draw_seed()
     for name in CLEAR_SIZES:
         for seed in range(first, first + SEEDS):
             tally.add(f"{name} seed {seed}", judge(diagnosed(hidden([name]), seed), hidden([name])))
@@ -72,7 +64,7 @@ def test_every_effect_at_a_clear_size() -> None:
 
 
 def test_every_effect_at_a_third_of_the_size() -> None:
-    tally, first = Tally(), draw()
+    tally, first = Tally(), draw_seed()
     for name in CLEAR_SIZES:
         for seed in range(first, first + SEEDS):
             small = hidden([name], 1.0 / 3.0)
@@ -82,14 +74,14 @@ def test_every_effect_at_a_third_of_the_size() -> None:
 
 
 def test_nothing_hidden() -> None:
-    first = draw()
+    first = draw_seed()
     named = [diagnosed({}, seed).named for seed in range(first, first + NULL_SEEDS)]
     print(named)
     assert sum(not one for one in named) >= NULL_SEEDS - 1
 
 
 def test_two_effects() -> None:
-    tally, first = Tally(), draw()
+    tally, first = Tally(), draw_seed()
     for number, pair in enumerate(PAIRS):
         tally.add(" and ".join(pair), judge(diagnosed(hidden(pair), first + number), hidden(pair)))
     assert tally.share("wrong") == 0.0
@@ -98,7 +90,7 @@ def test_two_effects() -> None:
 
 @pytest.mark.parametrize("name", sorted(OUTSIDE))
 def test_outside_the_catalogue(name: str) -> None:
-    found = diagnosed(hidden([name]), draw())
+    found = diagnosed(hidden([name]), draw_seed())
     print(name, found.named, found.unexplained_share, found.depends_on)
     assert not found.named
     if name not in SLOWLY_TOLD:
@@ -108,7 +100,7 @@ def test_outside_the_catalogue(name: str) -> None:
 
 @pytest.mark.parametrize("rate_hz", [5.0, 10.0])
 def test_other_rates_and_origins(rate_hz: float) -> None:
-    tally, seed = Tally(), draw()
+    tally, seed = Tally(), draw_seed()
     names = ("steering_offset", "steering_dead_time", "implement_slip", "gnss_latency", "cross_slope_drift")
     for name in names:
         found = diagnosed(hidden([name]), seed, rate_hz=rate_hz, origin=(536000.0, 4769000.0), uneven=0.5, gaps=1)
@@ -118,7 +110,7 @@ def test_other_rates_and_origins(rate_hz: float) -> None:
 
 
 def test_mirrored_drives() -> None:
-    tally, seed = Tally(), draw()
+    tally, seed = Tally(), draw_seed()
     for name in ("steering_offset", "steering_asymmetry", "implement_side_draft", "antenna_right", "heading_bias"):
         tally.add(f"{name} mirrored", judge(diagnosed(hidden([name]), seed, mirrored=True), hidden([name])))
     assert tally.share("wrong") == 0.0
@@ -127,7 +119,7 @@ def test_mirrored_drives() -> None:
 
 @pytest.mark.parametrize("name", ["steering_offset", "implement_side_draft", "cross_slope_drift", "heading_bias"])
 def test_one_way_drives_leave_a_set_and_the_drive_that_decides(name: str) -> None:
-    found = diagnosed(hidden([name]), draw(), one_way_programme())
+    found = diagnosed(hidden([name]), draw_seed(), one_way_programme())
     verdict = judge(found, hidden([name]))
     assert not verdict.wrong and verdict.found, verdict.text
     assert not found.named and found.next_drive is not None
@@ -135,7 +127,7 @@ def test_one_way_drives_leave_a_set_and_the_drive_that_decides(name: str) -> Non
 
 def test_what_the_simulator_hides_it_finds() -> None:
     """The inverse check: for every effect, diagnose(simulate(effect)) returns it; neutral in, nothing out."""
-    tractor, seed = load_tractor("eg105"), draw()
+    tractor, seed = load_tractor("eg105"), draw_seed()
     missed = []
     for name in (None, *CLEAR_SIZES):
         case: HiddenEffect | None = None if name is None else draw_hidden_effect(seed, tractor, name)

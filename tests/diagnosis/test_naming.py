@@ -1,18 +1,14 @@
-"""A quick part of the matrix: seven to nine runs of the independent truth model, seeds drawn when the tests run.
+"""A quick part of the matrix: seven to nine runs of the independent truth model.
 
 More effects are named in test_second_reference.py, in fewer runs of another reference.
-
-HEADLAND_TEST_SEED repeats a seed; continuous integration sets it, so that the same commit always ends the same way.
 """
 
 import math
-import os
-import secrets
 
 import pytest
 
 from tests.diagnosis.hiding import brief_programme, diagnosed, hidden, judge
-from tests.examples import seldom
+from tests.examples import draw_seed, seldom
 from tests.truth.drives import one_way_programme
 
 RATE_HZ = 10.0
@@ -21,9 +17,7 @@ RATE_HZ = 10.0
 
 @pytest.fixture(scope="module")
 def seed() -> int:
-    drawn = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbelow(10**6))
-    print(f"seed {drawn}")
-    return drawn
+    return draw_seed()
 
 
 def test_nothing_hidden_nothing_named(seed: int) -> None:
@@ -33,6 +27,7 @@ def test_nothing_hidden_nothing_named(seed: int) -> None:
     assert not found.tractor.effects and found.headline.startswith("Nothing found")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
@@ -49,6 +44,7 @@ def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
     assert found.after[5.0].cross_cm <= found.before[5.0].cross_cm * 1.02
 
 
+@pytest.mark.slow
 def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
     found = diagnosed(hidden(["wind_drift"]), seed, brief_programme(), rate_hz=RATE_HZ)
     assert not found.named, f"seed {seed}: {found.named}"
@@ -62,6 +58,7 @@ def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
     assert found.after[5.0].along_cm < 0.6 * found.before[5.0].along_cm
 
 
+@pytest.mark.slow
 def test_a_one_way_drive_leaves_a_set_and_the_drive_that_decides(seed: int) -> None:
     found = diagnosed(hidden(["implement_side_draft"]), seed, one_way_programme(), rate_hz=RATE_HZ)
     draft = next(one for one in found.findings if one.id == "implement_side_draft")

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from planner.cli import diagnosis as diagnose_command
 from planner.cli.main import app
 from tests.diagnosis.hiding import eg105
+from tests.examples import count_examples
 from tests.truth.drives import circles, straight
 from tests.truth.model import make_logs
 from vehicle.identification.logs.reader import build_log
@@ -40,7 +41,7 @@ def residual_model() -> ResidualModel:
 
 
 @given(st.floats(-3.0, 3.0), st.floats(-500.0, 500.0), st.floats(-500.0, 500.0))
-@settings(max_examples=30)
+@settings(max_examples=count_examples(30))
 def test_a_rigid_motion_is_no_error(residual_model: ResidualModel, turn: float, east: float, north: float) -> None:
     segment = residual_model.dataset.segments[1]
     c, s = math.cos(turn), math.sin(turn)

@@ -97,11 +97,13 @@ def fit_delay_s(columns: Columns) -> float:
     return float(delays[np.argmax([np.corrcoef(command[moving], rate[moving])[0, 1] for command in commands])])
 
 
+@pytest.mark.slow
 def test_wheels_that_hardly_move_name_no_cause(columns: Columns, found: Diagnosis) -> None:
     assert np.ptp(columns["steering_deg"]) < 0.5
     assert found.named == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", ["found", "track_found"])
 def test_what_may_be_saved_raises_no_error(vehicle: str, request: pytest.FixtureRequest) -> None:
     diagnosis: Diagnosis = request.getfixturevalue(vehicle)

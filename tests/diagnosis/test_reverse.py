@@ -48,6 +48,7 @@ def test_the_way_back_is_replayed_as_well_as_the_way_there(reference) -> None:  
     assert back.cross_cm < 1.5 * there.cross_cm < 2.5 and back.heading_deg < 1.5 * there.heading_deg < 0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gears", ["forward and reverse", pytest.param("reverse", marks=pytest.mark.matrix)])
 def test_an_offset_is_named_with_its_sign_in_either_gear(gears: str) -> None:
     drives = [one for one in three_speeds_programme() if one.name in RUNS]

@@ -1,14 +1,12 @@
 """A handful of sets of the second reference: two or three runs each, both tractors, one effect to be named in each.
 
-All sets of many seeds are `python -m tests.benchmarks.diagnosis`. HEADLAND_TEST_SEED repeats a seed.
+All sets of many seeds are `python -m tests.benchmarks.diagnosis`.
 """
-
-import os
-import secrets
 
 import pytest
 
 from tests.diagnosis.sets import LogSet, diagnosed_set, size_of
+from tests.examples import draw_seed
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.second import Receiver, second_logs
@@ -20,9 +18,7 @@ from vehicle.model.tractor import load_tractor
 
 @pytest.fixture(scope="module")
 def seed() -> int:
-    drawn = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbelow(10**6))
-    print(f"seed {drawn}")
-    return drawn
+    return draw_seed()
 
 
 def diagnosed(tractor: str, seed: int, runs: tuple[str, ...], *names: str) -> Diagnosis:
@@ -38,6 +34,7 @@ def test_another_steering_and_drive_line_are_no_causes(seed: int) -> None:
     assert not found.named and not found.tractor.effects, f"seed {seed}: {found.named}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "tractor", "runs"),
     [("steering_offset", "mr1000a", ("there", "back", "right")), ("steering_rate", "eg105", ("there", "steps")),

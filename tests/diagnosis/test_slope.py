@@ -34,6 +34,7 @@ def told(frames: list[pd.DataFrame]) -> Diagnosis:
     return diagnose_logs([build_log(one, f"run {k}") for k, one in enumerate(frames)], eg105(), "soil")
 
 
+@pytest.mark.slow
 def test_drift_per_slope_is_found_where_the_ground_is_no_plane(frames: list[pd.DataFrame]) -> None:
     found = told(frames)
     assert found.named == ("cross_slope_drift",)
@@ -50,6 +51,7 @@ def test_no_plane_stands_for_hills_where_roll_is_taken_away(frames: list[pd.Data
     assert "cross_slope_drift" not in told([one.drop(columns="roll_deg") for one in frames]).named
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what", ["the other sign", *(pytest.param(each, marks=pytest.mark.matrix) for each in ("one value", "noise"))]
 )
@@ -64,6 +66,7 @@ def test_a_roll_sensor_that_lies_earns_no_name(what: str, frames: list[pd.DataFr
     assert sum(note.startswith("roll_deg is not used: ") for note in found.notes) == 1
 
 
+@pytest.mark.slow
 def test_a_slope_on_which_nothing_drifts_is_no_cause() -> None:
     found = told(driven(Ground(0.03, -0.05, wave_m=0.4, length_m=45.0)))
     assert found.named == ()

@@ -90,6 +90,7 @@ class TestWords:
         assert find_meaning({"name": "Probe 3", "description": "beside the oak"}).use == NOTE
         assert find_meaning({"name": "Start", "type": "tree"}).kind == "tree"
 
+    @pytest.mark.slow
     @given(st.text(max_size=40))
     def test_any_text_means_something_or_nothing(self, text: str) -> None:
         assert find_word_meaning(text).use in ("", OBSTACLE, ENTRANCE, REFILL, GUIDANCE, NOTE, OVERHEAD_LINE)

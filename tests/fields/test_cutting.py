@@ -99,7 +99,7 @@ class TestDivided:
 
     @pytest.mark.parametrize("name", SHAPES)
     @given(turn=st.sampled_from([0.0, 17.0, 133.0]), width=st.sampled_from([2.0, 3.0, 6.0]))
-    @settings(max_examples=5, deadline=None)
+    @settings(max_examples=5)
     def test_parts_are_the_region(self, name: str, turn: float, width: float) -> None:
         shape = affinity.rotate(SHAPES[name], turn, origin=(0, 0))
         parts = [part.region for part in divide_region(shape, np.linspace(-1.4, 1.5, 12), width)]
@@ -180,7 +180,7 @@ class TestLayouts:
             replace_bearings(layout, {number: 45.0})
 
     @given(turn=st.floats(0, 360), mirrored=st.booleans())
-    @settings(max_examples=10, deadline=None)
+    @settings(max_examples=10)
     def test_effort_stays_when_the_field_is_moved(self, turn: float, mirrored: bool) -> None:
         shape = shapely.Polygon([(0, 0), (200, 10), (190, 75), (70, 70), (64, 210), (5, 205)])
         other = affinity.rotate(affinity.scale(shape, -1 if mirrored else 1, 1), turn)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from fields import Field, FieldError
 from fields.geometry.field_parts import cut_field_part, list_field_parts
 from fields.geometry.obstacles import Obstacle
+from tests.examples import count_examples
 
 DITCH = Obstacle("ditch", shapely.LineString([(-5, 90), (205, 90)]), 0.75)
 DIVIDED = Field("divided", shapely.box(0, 0, 200, 200), obstacles=(DITCH,))
@@ -27,7 +28,7 @@ def test_a_ditch_leaves_two_parts_and_no_way() -> None:
     assert small.neck is not None and small.neck.width_m == 0.0 and small.neck.y_m == pytest.approx(90.0)
 
 
-@settings(deadline=None, max_examples=20, derandomize=True, database=None)
+@settings(max_examples=count_examples(20))
 @given(st.floats(2.5, 12.0))
 def test_a_lane_is_as_wide_as_it_is(width_m: float) -> None:
     field = join_by_lane(width_m)

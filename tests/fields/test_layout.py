@@ -51,7 +51,7 @@ class TestRectangle:
         implement=st.floats(1, 12),
         headland=st.floats(0, 30),
     )
-    @settings(max_examples=count_examples(60), deadline=None)
+    @settings(max_examples=count_examples(60))
     def test_closed_form(self, length: float, width: float, implement: float, headland: float) -> None:
         layout = lay_swaths(rectangle(length, width), implement, headland, 90.0)
         count = max(math.ceil((width - implement - 0.05) / implement), 0) + 1
@@ -170,7 +170,7 @@ def laid(shape: shapely.Polygon, bearing: float | None = None) -> Layout | None:
         return None
 
 
-RELAXED = settings(max_examples=count_examples(60), deadline=None, suppress_health_check=[HealthCheck.filter_too_much])
+RELAXED = settings(max_examples=count_examples(60), suppress_health_check=[HealthCheck.filter_too_much])
 
 
 class TestProperties:

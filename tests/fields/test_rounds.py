@@ -51,7 +51,7 @@ class TestRectangle:
         assert layout.inner_region.equals(shapely.box(12, 12, 258, 58))
 
     @given(a=st.floats(60, 300), b=st.floats(60, 300), width=st.floats(1.5, 6), count=st.integers(1, 4))
-    @settings(max_examples=count_examples(40), deadline=None)
+    @settings(max_examples=count_examples(40))
     def test_nothing_is_left(self, a: float, b: float, width: float, count: int) -> None:
         """But for a strip of the SPAN_TOLERANCE_M that gains no line of its own."""
         field = rectangle(a, b)
@@ -141,7 +141,7 @@ def stars(draw: st.DrawFn) -> shapely.Polygon:
 
 class TestProperties:
     @given(shape=stars())
-    @settings(max_examples=count_examples(60), deadline=None)
+    @settings(max_examples=count_examples(60))
     def test_rounds_stay_half_a_width_inside_and_sides_are_one_line(self, shape: shapely.Polygon) -> None:
         for lap in laid(shape):
             depth = (lap.number - 0.5 if lap.is_closed else lap.number - 1.0) * 3.0
@@ -151,14 +151,14 @@ class TestProperties:
                 assert side.end_turn_rad == after.start_turn_rad
 
     @given(shape=stars(), turn=st.floats(0, 360), dx=st.integers(-5000, 5000))
-    @settings(max_examples=count_examples(30), deadline=None)
+    @settings(max_examples=count_examples(30))
     def test_rounds_turn_with_the_field(self, shape: shapely.Polygon, turn: float, dx: int) -> None:
         other = affinity.translate(affinity.rotate(shape, turn, origin=(0, 0)), dx, 7)
         lengths = [sum(lap.length_m for lap in laid(one) if lap.is_closed) for one in (shape, other)]
         assert lengths[1] == pytest.approx(lengths[0], rel=2e-3)
 
     @given(shape=stars())
-    @settings(max_examples=count_examples(30), deadline=None)
+    @settings(max_examples=count_examples(30))
     def test_inner_region_is_what_lies_deeper(self, shape: shapely.Polygon) -> None:
         field = Field("p", shape)
         inner = compute_inner_region(field, 9.0)

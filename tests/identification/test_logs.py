@@ -1,7 +1,6 @@
 """Reading measured logs: gating with counts and lines, one-sentence refusals, and recognising wrong conventions."""
 
 import os
-import secrets
 import threading
 import time
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.examples import seldom
+from tests.examples import count_examples, draw_seed, seldom
 from tests.identification.analytic_drives import circle
 from tests.identification.log_tables import BENT, HOME, SPOIL, refusal, runs, saved, table, to_degrees
 from tests.truth.drives import default_programme, reversing
@@ -210,7 +209,7 @@ def test_one_bad_cell_gates_its_row_with_rule_and_line(column: str, value: float
 
 
 @given(st.sets(st.integers(0, 199), min_size=1, max_size=40), st.sampled_from(["northing_m", "heading_deg", "time_s"]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=count_examples(40))
 def test_every_row_is_used_or_counted_once(rows: set[int], column: str) -> None:
     frame = table()
     frame.loc[sorted(rows), column] = np.nan
@@ -421,8 +420,8 @@ def clean(log: Log) -> None:
 
 @pytest.mark.parametrize("name", CASES)
 def test_no_effect_looks_like_a_wrong_convention(name: str) -> None:
-    """Drawn afresh in every run: rate, origin, slope, gaps and mirror; the seed is printed."""
-    seed = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbits(32))
+    """Rate, origin, slope, gaps and mirror are drawn."""
+    seed = draw_seed()
     rng = np.random.default_rng(seed)
     conditions = {
         "rate_hz": float(rng.choice([5.0, 10.0, 20.0])),
@@ -433,7 +432,7 @@ def test_no_effect_looks_like_a_wrong_convention(name: str) -> None:
         "terrain": (0.1, float(rng.uniform(0, 360))) if rng.random() < 0.5 else None,
         "drop": ((), ("steering_deg",), ("steering_command_deg",), ("speed_mps", "speed_command_mps"))[rng.integers(4)],
     }
-    print(f"seed {seed}: {conditions}")
+    print(conditions)
     known = {**CLEAR_SIZES, **OUTSIDE}
     effects = {name: known[name]} if name in known else {}
     for frame in make_logs(effects, seed, [*default_programme(), reversing()], **conditions):
@@ -451,6 +450,7 @@ def test_two_effects_at_once_are_no_convention_either() -> None:
         clean(build_log(Truth(effects, 3).log(drive, index), drive.name))
 
 
+@pytest.mark.slow
 def test_an_hour_is_read_quickly(tmp_path: Path) -> None:
     frame = pd.concat([runs()["steps"]] * 110, ignore_index=True)
     frame["time_s"] = np.arange(len(frame)) * 0.05

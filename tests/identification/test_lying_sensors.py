@@ -24,6 +24,7 @@ def read(frame: pd.DataFrame) -> Log:
     return build_log(frame, "run")
 
 
+@pytest.mark.slow
 def test_honest_sensors_are_left_alone() -> None:
     slow = {"wheel_slip": {"ratio": 0.12}, "cross_slope_drift": {"ratio": 0.04, "bearing_deg": 20.0}}
     for effects in ({}, slow, hidden(["steering_dead_time", "gnss_latency"]), hidden(["side_slip", "grip_drift"])):

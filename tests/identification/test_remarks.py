@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.examples import count_examples
 from tests.identification.log_tables import refusal, saved, table
 from vehicle.identification.logs.reader import build_log, count_rows_left_out, find_log_files, list_remarks, read_logs
 from vehicle.identification.replay.drive_segments import build_dataset
@@ -62,7 +63,7 @@ def test_short_segments_are_told_and_reverse_is_used() -> None:
 
 
 @given(st.sets(st.integers(0, 399), max_size=30), st.sets(st.integers(0, 399), max_size=60))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=count_examples(40))
 def test_every_row_that_no_replay_sees_is_told_once(missing: set[int], back: set[int]) -> None:
     frame = table(400)
     frame["shuttle"] = [-1 if row in back else 1 for row in range(400)]

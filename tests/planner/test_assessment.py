@@ -204,6 +204,7 @@ class TestWhatNoPlanMeets:
             scenario(samples=0, budget=10.0)
 
 
+@pytest.mark.slow
 def test_a_whole_plan_is_the_same_every_time_and_says_how_far_it_can_be_trusted() -> None:
     asked = scenario(deadline_s=EIGHT + 1200, tractors=(1, 2), strategies=("interleaved",), samples=300)
     one, other = (plan(asked, field=FIELD, executor=SerialExecutor()) for _ in range(2))

@@ -26,6 +26,7 @@ def site_of(name: str) -> PlanningContext:
     return prepare_context(PlanRequest(field=name, no_headland=False), SHAPES[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", ["split-field", *seldom(*sorted(set(STRATEGIES) - {"split-field"}))])
 def test_a_strip_of_few_lines_is_worked_by_two(strategy: str) -> None:
     """Evenly shared out its lines would be nearer to each other than machines are wide: nobody could pass."""
@@ -34,6 +35,7 @@ def test_a_strip_of_few_lines_is_worked_by_two(strategy: str) -> None:
     assert result.worked_pct is not None and result.worked_pct > 99.0
 
 
+@pytest.mark.slow
 def test_turns_too_tight_to_follow_are_driven_another_way() -> None:
     """Arcs as tight as the tractor drives, to and fro: it comes out of them aside, and once outside the field."""
     farm = load_farm(str(Path(farm_room.__file__).parent / "example.toml"))

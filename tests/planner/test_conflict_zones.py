@@ -19,6 +19,7 @@ from planner.traffic.conflict_zones import (
 from planner.traffic.precedence import PrecedenceSearch
 from planner.traffic.timetable_search import GAP_BEHIND_S
 from planner.traffic.trajectories import POSE_STEP_M, SoloTrajectory, TrajectoryCache, get_trajectories
+from tests.examples import count_examples
 from tests.planner.grid import (
     APART_M,
     MODELS,
@@ -90,7 +91,7 @@ def check_pair(table: ConflictZones, i: int, j: int) -> None:
             assert first == pytest.approx(min(times)) and max(times) <= last <= max(times) + step + 1e-9
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=count_examples(60))
 @given(traffic())
 def test_spans_and_hold_points_are_those_of_the_places_that_meet(drawn: Cells) -> None:
     table = all_hold_points(drawn.trajectories())

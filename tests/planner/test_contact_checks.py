@@ -23,7 +23,7 @@ from planner.evaluation.ground.wheel_traffic import _match_marks_to_strips
 from planner.request.plan_request import PlanRequest
 from tests.examples import count_examples
 
-QUICK = settings(deadline=None, max_examples=count_examples(60), derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(60))
 boxes = st.lists(
     st.tuples(st.floats(0, 60), st.floats(0, 60), st.floats(0.01, 9.0), st.floats(0.01, 1.5), st.floats(0, 6.3)),
     min_size=1, max_size=8,

@@ -79,7 +79,7 @@ def gated(draw: Any) -> tuple[Cells, dict[tuple[int, int], list[LegGate]], State
     return drawn, gates, state if len(set(stood)) == len(stood) else (0,) * len(state)
 
 
-@settings(max_examples=count_examples(150), deadline=None)
+@settings(max_examples=count_examples(150))
 @given(gated())
 def test_one_after_another_is_found_exactly_where_there_is_an_order_and_no_way_home_is_made_up(
     asked: tuple[Cells, dict[tuple[int, int], list[LegGate]], State],
@@ -96,7 +96,7 @@ def test_one_after_another_is_found_exactly_where_there_is_an_order_and_no_way_h
             assert paths and tuple(reached.tolist()) == plain.final_holds
 
 
-@settings(max_examples=count_examples(60), deadline=None)
+@settings(max_examples=count_examples(60))
 @given(gated())
 def test_a_deep_look_finds_every_way_home_that_a_first_look_finds(
     asked: tuple[Cells, dict[tuple[int, int], list[LegGate]], State],

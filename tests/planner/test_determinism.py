@@ -76,6 +76,7 @@ def few_first(few: PlanRequest, pool: LocalPool) -> str:
     return format_ranking_json(plan(few, executor=pool).ranking)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.matrix if name in SELDOM else ()) for name in EXECUTORS]
 )
@@ -88,12 +89,14 @@ def test_same_bytes_from_any_executor(scenario: PlanRequest, answer: PlanningRes
     assert other.run.record.tobytes() == answer.run.record.tobytes()
 
 
+@pytest.mark.slow
 def test_same_bytes_for_another_order_of_counts_and_names(scenario: PlanRequest, first: str, pool: LocalPool) -> None:
     swapped = replace(scenario, tractors=parse_counts("2,1-2"), strategies=scenario.strategies[::-1])
     assert swapped.tractors == scenario.tractors
     assert format_ranking_json(plan(swapped, executor=pool).ranking) == first
 
 
+@pytest.mark.slow
 def test_objects_and_names_are_the_same_question(few: PlanRequest, few_first: str, pool: LocalPool) -> None:
     from fields import read_field
 
@@ -124,6 +127,7 @@ def test_a_refusal_names_the_parameter_at_fault(
     assert refusal.value.parameter == parameter
 
 
+@pytest.mark.slow
 def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
     scenario: PlanRequest, answer: PlanningResult, pool: LocalPool
 ) -> None:
@@ -142,6 +146,7 @@ def test_the_run_is_that_of_the_best_plan_and_every_driven_plan_has_its_picture(
     assert all(np.array_equal(a, b) for a, b in zip(ours.xy, theirs.xy, strict=True))
 
 
+@pytest.mark.slow
 def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: PlanRequest, answer: PlanningResult) -> None:
     def alone(count: int, name: str) -> Any:
         only = replace(scenario, tractors=(count,), strategies=(name,))
@@ -164,6 +169,7 @@ def test_the_seed_is_echoed_and_changes_nothing_else(few: PlanRequest, few_first
     assert before == other
 
 
+@pytest.mark.slow
 def test_progress_counts_up_to_all(few: PlanRequest, pool: LocalPool) -> None:
     seen: list[tuple[int, int]] = []
     ranking = plan(few, executor=pool, progress=lambda done, total: seen.append((done, total))).ranking

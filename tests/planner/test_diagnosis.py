@@ -35,6 +35,7 @@ def wide(tmp_path: Path) -> tuple[str, Tractor]:
     return str(path), load_tractor(path)
 
 
+@pytest.mark.slow
 def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tractor]) -> None:
     where, machine = wide
     gain, why_not = measure_plan_gain(machine, machine.model_copy(update={"effects": OFFSET}))

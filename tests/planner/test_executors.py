@@ -222,6 +222,7 @@ def test_a_script_may_plan_from_threads(tmp_path: Path) -> None:
     assert done.stdout == "once\n"
 
 
+@pytest.mark.slow
 def test_a_lost_process_refuses_the_plan_in_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(planner.pipeline.worker_tasks, "evaluate_task", lose_the_process)
     words = r"ended or could not be started.* fewer .processes."

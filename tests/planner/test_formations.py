@@ -69,6 +69,7 @@ def test_a_mirrored_field_takes_as_long(sites: Any, shape: str, tractors: int) -
     assert times[1] == pytest.approx(times[0], rel=0.01)
 
 
+@pytest.mark.slow
 def test_optimised_releases_are_never_slower(sites: Any) -> None:
     for name in ("L", "slanted"):
         plain, timed = (run_candidate(sites[name], Candidate(each, 3)).run for each in FORMATIONS[:2])
@@ -83,6 +84,7 @@ def test_the_share_is_a_figure_of_formations_only(sites: Any) -> None:
     assert plans["interleaved"]["formation_pct"] is None
 
 
+@pytest.mark.slow
 def test_where_no_round_fits_the_refusal_says_what_would_help() -> None:
     # Four teeth of two tracks on a spine too shallow for tracks of its own: nowhere lie three side by side.
     teeth = [box(20 * k, 0, 20 * k + 6, 100) for k in range(4)]

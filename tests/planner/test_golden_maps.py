@@ -98,6 +98,7 @@ def other_marks(one: list[str], two: list[str]) -> int:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHOWN)
 def test_the_map_is_the_stored_one(name: str) -> None:
     now = summary(name)

@@ -31,13 +31,14 @@ from planner.evaluation.ground.wheel_traffic import (
     measure_finished_ground_traffic,
     measure_wheel_traffic_m2,
 )
+from tests.examples import count_examples
 from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
 # The small site is 36 m by 80 m; the implement is 3 m wide.
 AREA = 36.0 * 80.0
-QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(60))
 Poses = list[tuple[float, float, float, bool]]
 
 

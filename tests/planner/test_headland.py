@@ -133,6 +133,7 @@ def test_tracks_only_leaves_the_headland(place: Any) -> None:
     assert site.headland_passes == () and result.headland_passes == 0 and result.headland_s is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "tractors"), [
     ("netherlands", 2), ("sweden", 3),
     *(pytest.param(name, tractors, marks=pytest.mark.matrix)

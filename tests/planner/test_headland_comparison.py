@@ -131,6 +131,7 @@ def comparison(tmp_path_factory: pytest.TempPathFactory) -> HeadlandComparison:
     return compare_headlands(list_headland_questions(inputs, choices, with_maps=True), SerialExecutor())
 
 
+@pytest.mark.slow
 def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> None:
     """0.144 and 0.108 ha; 6 and 9 m of headland; 40 per hour; every square metre is worked or missed."""
     assert [each.area_ha for each in comparison.plans] == pytest.approx([0.144, 0.144, 0.108, 0.108])

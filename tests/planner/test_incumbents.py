@@ -40,6 +40,7 @@ from planner.request.plan_request import PlanRequest
 from planner.risk.assessment import build_decision_criteria
 from reports.common.plan_results import PlanResult, get_finished_field_s
 from strategies.program.strategy_record import RefinedPlan
+from tests.examples import count_examples
 from vehicle.missions.plan import HEADLAND_PASS, Leg, LegGate, LegTask, Mission, Plan
 from vehicle.missions.run import DONE
 from vehicle.sim.world import simulate
@@ -114,7 +115,7 @@ def test_no_tractor_is_done_sooner_than_at_least(
     assert max(least) > compute_earliest_finish_s(run.plan)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=count_examples(25))
 @given(
     metres=st.lists(st.floats(0.5, 60.0), min_size=1, max_size=6),
     speeds=st.lists(st.floats(0.5, 3.0), min_size=6, max_size=6),
@@ -253,6 +254,7 @@ def test_where_money_decides_all_tractors_together_must_take_longer(round_site: 
         ) is told
 
 
+@pytest.mark.slow
 def test_the_best_plan_of_every_count_is_never_lost(monkeypatch: pytest.MonkeyPatch) -> None:
     shape = shapely.Polygon([(0, 0), (90, 0), (70, 60), (0, 45)])
     scenario = PlanRequest(tractors=(1, 2), strategies=("col-by-col", "split-field"))

@@ -50,6 +50,7 @@ def refused() -> PlanningResult:
     return answer_on(Field("narrow", shapely.box(0, 0, 30, 70)), tractors=(40,))
 
 
+@pytest.mark.slow
 def test_answers_are_short_and_their_html_is_small_and_escaped(answer: PlanningResult, refused: PlanningResult) -> None:
     risky = replace(answer, ranking=replace(answer.ranking, field_name="x" * 9000))
     for one in (answer, refused, risky):
@@ -172,6 +173,7 @@ def test_a_saved_plan_remembers_the_time_that_was_given(answer: PlanningResult) 
     assert json.loads(write_saved_plan(context, answer.run.plan))["scenario"]["start_s"] == 30_600
 
 
+@pytest.mark.slow
 def test_a_replay_and_a_diagnosis_go_to_pandas_as_their_json(tmp_path: Path) -> None:
     logs = []
     for number, table in enumerate(make_logs({"steering_offset": {"angle_deg": 1.0}}, seed=3)[:2]):

@@ -49,6 +49,7 @@ def lay(place: Callable[..., PlanningContext]) -> Callable[..., PlanningContext]
     return lambda outline=RECTANGLE, **options: place(outline, no_headland=False, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("outline", "width_m"), [
     (CHAMFERED, 3.0), (RECTANGLE, 6.0),
     *(pytest.param(*one, marks=pytest.mark.matrix) for one in ((RECTANGLE, 3.0), (CHAMFERED, 6.0))),
@@ -104,6 +105,7 @@ def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
     assert all(np.array_equal(a.points, b.points) for a, b in zip(far, farther, strict=True))
 
 
+@pytest.mark.slow
 def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
     site = lay(shapely.Polygon([(0, 0), (150, 0), (0, 60)]), corners="square", overhang_m=9.0)
     evaluation = simulate_candidate(site, Candidate("split-field", 1))

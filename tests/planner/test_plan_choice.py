@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from planner.errors import RequestError
 from planner.request.plan_request import CHEAPEST, FASTEST, OBJECTIVES, SUREST
 from planner.risk.plan_choice import PlanFigures, choose_best, write_advice
+from tests.examples import count_examples
 
 
 def plan(tractors: int, paid: float, probability: float | None, late: float = 0.0, hours: float = 3.0) -> PlanFigures:
@@ -164,7 +165,7 @@ class TestChoice:
         ),
         st.sampled_from(OBJECTIVES), st.randoms(use_true_random=False),
     )  # fmt: skip
-    @settings(max_examples=80)
+    @settings(max_examples=count_examples(80))
     def test_the_order_of_the_plans_does_not_matter(
         self, rows: list[tuple[int, ...]], prefer: str, luck: Random
     ) -> None:

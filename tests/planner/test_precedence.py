@@ -131,7 +131,7 @@ class TestCorridor:
         assert knot.deadlock_avoidance.dropped_gates == [(0, 1, LegGate(1, 1, 59.0))]
 
 
-@settings(max_examples=count_examples(150), deadline=None)
+@settings(max_examples=count_examples(150))
 @given(traffic())
 def test_whoever_could_go_home_one_by_one_gets_home_and_never_two_are_in_one_place(drawn: Cells) -> None:
     trajectories = drawn.trajectories()
@@ -147,7 +147,7 @@ def test_whoever_could_go_home_one_by_one_gets_home_and_never_two_are_in_one_pla
                     assert cell != cell2 or min(high, high2) <= max(low, low2)
 
 
-@settings(max_examples=count_examples(100), deadline=None)
+@settings(max_examples=count_examples(100))
 @given(traffic())
 def test_gates_wait_only_for_what_comes_before_in_time(drawn: Cells) -> None:
     """So that no two tractors ever wait for each other."""
@@ -172,6 +172,7 @@ def slanted(place: Any) -> Any:
     return place(shapely.Polygon([(0, 0), (95, 12), (88, 140), (10, 118)]), no_headland=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", [*seldom("row-by-row", "col-by-col"), "interleaved"])
 def test_three_tractors_work_a_slanted_field_and_its_headland(slanted: Any, strategy: str) -> None:
     evaluation = simulate_candidate(slanted, Candidate(strategy, 3))
@@ -181,6 +182,7 @@ def test_three_tractors_work_a_slanted_field_and_its_headland(slanted: Any, stra
     assert (evaluation.result.worked_pct or 0.0) > 97.0
 
 
+@pytest.mark.slow
 def test_a_round_begun_aside_is_told_and_one_far_off_is_lost(slanted: Any) -> None:
     run = simulate_candidate(slanted, Candidate("split-field", 1)).run
     assert run is not None
@@ -192,6 +194,7 @@ def test_a_round_begun_aside_is_told_and_one_far_off_is_lost(slanted: Any) -> No
     assert "has lost its line" in (_find_fault(slanted, run, (), TurnDeviation(0, swath.leg, 3.2)) or "")
 
 
+@pytest.mark.slow
 def test_an_annexe_behind_a_neck_is_left_out_and_told(place: Any) -> None:
     """Its tracks are few and no tractor fits through a neck of 2 m."""
     field = shapely.union_all([shapely.box(0, 0, 70, 120), shapely.box(70, 50, 76, 52), shapely.box(76, 36, 104, 66)])

@@ -25,7 +25,7 @@ from vehicle.missions.plan import MAX_JOINT_GAP_M, check_plan
 from vehicle.missions.plan_file import format_plan, parse_plan
 from vehicle.missions.run import DONE, SimulationRun
 
-FEW = settings(deadline=None, max_examples=5, derandomize=True, database=None)
+FEW = settings(max_examples=5)
 
 
 @st.composite

@@ -15,8 +15,9 @@ from planner.pipeline.planning import plan
 from planner.pipeline.ranking import list_candidates, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece, get_stated_end_s
+from tests.examples import count_examples
 
-QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(60))
 Row = tuple[int, float]
 
 

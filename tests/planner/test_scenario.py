@@ -15,8 +15,9 @@ from planner.errors import RequestError, mark_parameter, suggest_name
 from planner.evaluation.context import prepare_context
 from planner.request.option_texts import format_clock, parse_clock, parse_counts, parse_strategies
 from planner.request.plan_request import PlanRequest
+from tests.examples import count_examples
 
-QUICK = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(60))
 
 
 class TestCounts:

@@ -85,6 +85,7 @@ def levels(plan: Plan, supply: Supply) -> Iterator[tuple[int, list[float], float
     ids=lambda case: " ".join(map(str, case)),
 )
 class TestPlans:
+    @pytest.mark.slow
     def test_loads_add_up_to_area_by_rate_and_no_level_is_below_nothing(self, case: Case) -> None:
         found = driven(*case)
         assert found.result.feasible, found.result.reason
@@ -188,6 +189,7 @@ def test_what_fills_goes_as_often_as_what_empties() -> None:
     assert (collecting.compute_level(120.0), TANK.compute_level(120.0)) == (120.0, 180.0)
 
 
+@pytest.mark.slow
 def test_the_place_costs_more_than_the_headland_and_a_far_one_more_than_a_near_one() -> None:
     times = [driven(refill, 1, "split-field", True).result.time_s or 0.0 for refill in (HEADLAND, "30,0")]
     wide = simulate_candidate(
@@ -269,6 +271,7 @@ def test_stops_have_their_place_on_the_earth() -> None:
     assert add_coordinates(plan, Field("drawn", BOX)) is plan
 
 
+@pytest.mark.slow
 def test_the_ranking_tells() -> None:
     site, found = site_for("0,30", False), driven("0,30", 1, "split-field", False)
     ranking = rank_plans(site, [found.result])

@@ -43,6 +43,7 @@ def nearest_m(run: SimulationRun, site: PlanningContext, shape: shapely.Geometry
     return near
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("no_headland", [*seldom(True), False])
 def test_no_track_is_interrupted_and_nothing_is_touched(no_headland: bool) -> None:
     plain, among = site_with(no_headland=no_headland), site_with(POLE, STONE, no_headland=no_headland)

@@ -1,5 +1,6 @@
 """What `plan` reports of its stages, and that reporting changes nothing."""
 
+import pytest
 import shapely
 
 from fields.geometry.field import Field
@@ -9,6 +10,7 @@ from planner.request.plan_request import PlanRequest
 from reports.plan.ranking_export import format_ranking_json
 
 
+@pytest.mark.slow
 def test_stages_come_in_order_and_are_counted() -> None:
     request = PlanRequest(field="drawn", tractors=(1, 2), strategies=("split-field",))
     field = Field("drawn", shapely.box(0.0, 0.0, 90.0, 70.0))

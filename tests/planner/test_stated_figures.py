@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
-import secrets
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +26,7 @@ from reports.plan.answer import format_stated_end
 from reports.plan.first_screen import build_first_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
+from tests.examples import draw_seed
 from vehicle.missions.plan_file import parse_saved_plan
 
 EIGHT_S = 8 * 3600
@@ -78,10 +77,7 @@ def check_outputs(result: PlanningResult) -> None:
 
 @pytest.fixture(scope="module")
 def drawn_seed() -> int:
-    """A fresh seed, or the one of HEADLAND_TEST_SEED."""
-    seed = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbits(32))
-    print(f"HEADLAND_TEST_SEED={seed}")
-    return seed
+    return draw_seed()
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ from vehicle.missions.run import DONE
 from vehicle.sim.world import World
 
 MOST_PCT = 0.5
-FEW = settings(deadline=None, max_examples=3, derandomize=True, database=None)
+FEW = settings(max_examples=3)
 MOVES: dict[str, Callable[[Any], Any]] = {
     "rotated by 133 degrees": lambda shape: affinity.rotate(shape, 133, origin=(0, 0)),
     "upside down": lambda shape: affinity.rotate(shape, 180, origin=(0, 0)),
@@ -83,6 +83,7 @@ def moved_site(move: Any) -> Callable[[str, str], PlanningContext]:
     return site
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "strategy", "count", "how"), [
     pytest.param(*case, how, marks=() if place % 2 == 0 and turn == place // 2 else pytest.mark.matrix)
     for place, case in enumerate(CASES) for turn, how in enumerate(sorted(MOVES))
@@ -105,6 +106,7 @@ def sites(draw: Any) -> PlanningContext:
     return site_of(Field("random", shape))
 
 
+@pytest.mark.slow
 @FEW
 @given(site=sites(), tractors=st.integers(1, 2))
 def test_swept_and_missed_ground_are_the_field(site: PlanningContext, tractors: int) -> None:
@@ -147,6 +149,7 @@ def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, 
     assert kept.outcome == DONE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rectangle", pytest.param("L", marks=pytest.mark.matrix)])
 def test_more_tractors_never_make_the_best_time_worse(name: str) -> None:
     best = []

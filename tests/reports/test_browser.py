@@ -235,6 +235,7 @@ def test_a_page_of_experiments_scrolls_inside_on_a_small_screen(ask: Ask) -> Non
     assert read[0] <= 400 and read[1] >= 3
 
 
+@pytest.mark.slow
 def test_the_map_of_a_tall_field_is_whole_on_a_small_screen(ranking: PlanRanking, drive: PlanDrive, ask: Ask) -> None:
     def turned(points: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(points[..., ::-1])

@@ -378,6 +378,7 @@ class TestTable:
 
 
 class TestPage:
+    @pytest.mark.slow
     def test_what_is_not_visible_comes_with_the_drive_that_would_show_it(self) -> None:
         for entry in CATALOGUE:
             text = page_text(diagnosis(finding(entry.id, NOT_VISIBLE)))

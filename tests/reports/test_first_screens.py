@@ -136,7 +136,7 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
     )  # fmt: skip
 
 
-@settings(deadline=None, max_examples=count_examples(25))
+@settings(max_examples=count_examples(25))
 @given(draw_ranking())
 def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRanking) -> None:
     best = ranking.best
@@ -163,7 +163,7 @@ def test_headline_table_json_and_page_agree_on_time_and_cost(ranking: PlanRankin
     )
 
 
-@settings(deadline=None, max_examples=count_examples(100))
+@settings(max_examples=count_examples(100))
 @given(draw_ranking())
 def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
     for width in WIDTHS:

@@ -268,6 +268,7 @@ class TestPages:
         assert shown.locator("tr.best td").first.inner_text() == "round, last, 2 passes"
         check_faults(shown)
 
+    @pytest.mark.slow
     def test_many_fields(self, browser: Any, records: list[dict[str, Any]], tmp_path: Path) -> None:
         shown = open_page(browser, render_many_fields_page(records), tmp_path)
         assert "2 fields, 3.00 ha: 2:30:00" in shown.locator(".lead").inner_text().replace("\N{NO-BREAK SPACE}", " ")

@@ -185,6 +185,7 @@ def test_first_screens_have_no_text_without_a_key(
     assert [line for line in sentences if "⟦" not in line] == []
 
 
+@pytest.mark.slow
 def test_screens_of_all_languages_print(brackets: Brackets) -> None:
     for build, arguments in SCREENS.values():
         for width in (40, 80, 160):

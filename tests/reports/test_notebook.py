@@ -100,6 +100,7 @@ def test_names_are_escaped_and_shortened(ranking: PlanRanking, drive: PlanDrive,
     assert EVIL not in check_shown(plan)
 
 
+@pytest.mark.slow
 def test_a_map_has_many_lines_and_is_small_all_the_same(drive: PlanDrive) -> None:
     generator = np.random.default_rng(1)
     xy = tuple(generator.uniform((0.0, 0.0), (270.0, 70.0), (6_000, 2)) for _ in drive.xy)

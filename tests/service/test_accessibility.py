@@ -21,6 +21,7 @@ EACH_PAGE = [
 """Every other page in every run of CI; of the others it reads all texts (test_pages_language.py)."""
 
 
+@pytest.mark.slow
 def test_faults_are_found(browser: Browser) -> None:
     page = browser.new_page()
     page.set_content(

@@ -30,6 +30,7 @@ from planner.service.backgrounds.tile_grid import HALF_WIDTH_M, Tile, evaluate_p
 from planner.service.backgrounds.tile_images import MOST_TILE_BYTES, TileError
 from planner.service.errors import ServiceError
 from planner.service.settings import ServiceSettings
+from tests.examples import count_examples
 from tests.service.conftest import HERE, bearer
 from tests.service.tiles import Answer, answer_png, paint_tile, serve_tiles, write_mbtiles
 
@@ -54,7 +55,7 @@ def read_tiles(background: MapBackground, *tiles: Tile) -> list[TilePicture | No
     return asyncio.run(read_all())
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=count_examples(25))
 @given(
     st.sampled_from(["EPSG:32632", "EPSG:32654", "EPSG:32719", "EPSG:28992", "EPSG:2180"]),
     st.floats(-2e5, 2e5),

@@ -83,6 +83,7 @@ def test_behind_a_bare_proxy_pass_nothing_is_readable_without_a_token(
             assert behind.ask("GET", re.sub(r"\{[^}]*\}", "x", path), None, {"host": "127.0.0.1"}) == 401, path
 
 
+@pytest.mark.slow
 def test_uploads_and_refusals_pass_the_proxy(behind: Behind) -> None:
     planner = behind.service.make_token("planner", name=f"planner-{behind.port}")
     large = b'{"type": "Polygon", "coordinates": []}' + b" " * 3_000_000

@@ -143,6 +143,7 @@ def test_the_nearest_thing_is_measured_from_the_side_of_the_tractor(watched: Wat
     assert find_nearest(alone) == {"name": "tractor 2", "metres": pytest.approx(16.0), "side": "behind"}
 
 
+@pytest.mark.slow
 def test_video_of_a_host_that_was_set_stands_for_the_drawn_view(watched: WatchedPage, made: Made) -> None:
     page = watched.page
     page.route(f"{HOST}/**", lambda route: route.fulfill(body=PIXEL, content_type="image/gif"))

@@ -193,5 +193,6 @@ def test_the_report_saves_the_plan_of_the_next_drive_by_itself(browser: Browser,
     page.close()
 
 
+@pytest.mark.slow
 def test_the_report_is_accessible(report: tuple[Page, list[str]]) -> None:
     assert find_violations(report[0]) == []

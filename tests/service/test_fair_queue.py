@@ -306,6 +306,7 @@ def test_a_fault_in_a_reading_here_is_one_sentence_too(tmp_path: Path, monkeypat
     app.state.store.close()
 
 
+@pytest.mark.slow
 def test_memory_of_a_reading_fits_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
     assert 512 * 2**20 <= compute_reading_memory_limit_bytes() <= 2 * 2**30
 

@@ -19,6 +19,7 @@ from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, Yard
 from planner.service.jobs.job_requests import PLAN_OPTIONS
 from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.form_texts import read_day_form, read_farm_form
+from tests.examples import count_examples
 from tests.service.conftest import SMALL, Shared
 from tests.service.test_library import add, add_field
 from vehicle.datasheet.sheet import Datasheet
@@ -142,7 +143,7 @@ def test_odd_values_do_not_break_the_answer(shared: Shared) -> None:
     names=st.lists(st.text(st.characters(blacklist_categories=["Cs"]), max_size=30), min_size=1, max_size=4),
     km=st.floats(0, 1000),
 )
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=count_examples(25))
 def test_what_a_form_writes_it_reads(names: list[str], km: float) -> None:
     changes: list[Any] = []
     for position, name in enumerate(names):

@@ -179,6 +179,7 @@ def test_figures_and_request_ids(running: Running, reader: dict[str, str]) -> No
     assert len(ids) == 3 and all(re.fullmatch("[0-9a-f]{12}", each) for each in ids)
 
 
+@pytest.mark.slow
 def test_bodies_of_orders_are_short_and_those_of_fleets_long(app: FastAPI) -> None:
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
         token = bearer(app, BOTH)

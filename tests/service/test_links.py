@@ -198,6 +198,7 @@ def test_pages_of_other_sites_and_unknown_fleets_are_turned_away(service: Servic
         assert "no live fleet" in client.receive_json()["sentence"]
 
 
+@pytest.mark.slow
 def test_states_are_acknowledged_once_kept_and_not_kept_twice(service: Service) -> None:
     with service.link("tractor") as tractor:
         welcome = hello(tractor, "tractor", 1, service.tokens["robot 1"])
@@ -466,6 +467,7 @@ def test_the_document_of_the_link_describes_every_frame_that_models_know() -> No
     assert made["components"]["schemas"]["StateFrame"]["additionalProperties"] is False
 
 
+@pytest.mark.slow
 def test_stop_all_of_a_fleet_reaches_the_tractors_of_its_neighbour(service: Service) -> None:
     token, other = (
         service.tokens["elsewhere"],

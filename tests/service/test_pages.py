@@ -286,6 +286,7 @@ def _add_files(watched: WatchedPage, folder: Path) -> None:
     page.wait_for_selector("h1:has-text('two b')")
 
 
+@pytest.mark.slow
 def test_a_plan_is_saved_for_a_terminal(watched: WatchedPage, pages: tuple[str, Made]) -> None:
     page, made = watched.open("/plan/old"), pages[1]
     page.click("summary:has-text('Guidance for terminals')")

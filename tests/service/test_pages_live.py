@@ -247,6 +247,7 @@ def test_commands_are_numbered_and_dated_by_the_clock_of_the_service(watched: Wa
     assert told[1]["time"] == "2026-06-01T08:00:02.899Z", "a frame that was held up does not set the clock back"
 
 
+@pytest.mark.slow
 def test_names_of_a_chart_never_run_into_its_title(watched: WatchedPage) -> None:
     page = watched.open("/fleet/f1/tractor/2")
     page.wait_for_selector("text=larger than noise")

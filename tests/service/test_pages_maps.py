@@ -86,6 +86,7 @@ def wait_for_tiles(service: MapService, page: Page) -> None:
         page.wait_for_timeout(300)
 
 
+@pytest.mark.slow
 def test_a_background_is_off_until_it_is_switched_on_and_then_remembered(service: MapService) -> None:
     page, host = service.open_plan(), service.host
     page.wait_for_timeout(200)
@@ -289,6 +290,7 @@ def test_an_uploaded_field_is_changed_by_pointer_and_keys_and_replaced(service: 
     service.watched.well()
 
 
+@pytest.mark.slow
 def test_points_are_inserted_and_removed_and_all_is_undone(service: MapService) -> None:
     page = service.open_form()
     page.click("summary:has-text('Draw a field')")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.service.watching import WatchedPage
 
 COST = "18"  # 3 tractors x 470 s / 80, as it is stated: the expected cost, in whole units from 10 on
@@ -34,6 +36,7 @@ def test_more_columns_are_shown_on_request(watched: WatchedPage) -> None:
     watched.well()
 
 
+@pytest.mark.slow
 def test_what_was_not_tried_is_not_called_impossible(watched: WatchedPage) -> None:
     page = watched.open("/plan/old")
     page.wait_for_selector("text=Plans, best first")

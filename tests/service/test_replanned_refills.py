@@ -99,6 +99,7 @@ def loads_m2(legs: tuple[Leg, ...]) -> Iterator[float]:
     yield used
 
 
+@pytest.mark.slow
 def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(made: Made) -> None:
     manager, proposal, _ = made
     most = max(load for course in manager.timed_missions for load in loads_m2(course.legs))
@@ -128,6 +129,7 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -
     assert manager.version == 2
 
 
+@pytest.mark.slow
 def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan: FleetPlan) -> None:
     whole = plan.plan.missions
     place = {"x_m": 0, "y_m": 0}

@@ -198,6 +198,7 @@ def test_simulated_tractors_drive_a_plan_live_in_the_time_it_was_planned_for(pla
     assert manager.compute_total_worked_m() == pytest.approx(plan.worked_m)
 
 
+@pytest.mark.slow
 def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(plan_without_entrance: FleetPlan) -> None:
     manager = at(plan_without_entrance, 0.35)
     manager.mark_failed("anna", 2, 1.0)

@@ -151,6 +151,7 @@ def test_a_plan_made_anew_outlives_two_restarts(tmp_path: Path) -> None:
     store.close()
 
 
+@pytest.mark.slow
 def test_a_twin_that_was_mended_is_one_of_its_file_after_a_restart_while_that_is_there(tmp_path: Path) -> None:
     store = Store(ServiceSettings(data=tmp_path))
     mended = EG105.model_copy(update={"name": "slips", "wheel_slip": 0.1})
@@ -243,6 +244,7 @@ def test_an_alarm_of_earlier_versions_that_nothing_ends_any_more_is_gone() -> No
     assert [alarm.code for alarm in again.alarms.list_alarms()] == ["restarted"]
 
 
+@pytest.mark.slow
 def test_the_horizon_of_a_fleet_outlives_a_restart_and_older_fleets_have_the_default(tmp_path: Path) -> None:
     store = Store(ServiceSettings(data=tmp_path))
     text = format_plan(fleet_plan().plan, scenario={"field": "iwamizawa", "width_m": 2.0, "tractor": "eg105"})

@@ -242,10 +242,12 @@ def read(reader: ForkingReader | SpawningReader, folder: Path, name: str = "own.
     return extract_reading_value(reader.read_order(order), order.seconds, order.memory)
 
 
+@pytest.mark.slow
 def test_a_field_is_read(reader: ForkingReader | SpawningReader, here: Path) -> None:
     assert read(reader, here)["field"]["area_ha"] == 0.36
 
 
+@pytest.mark.slow
 def test_a_refusal_keeps_its_sentence_and_parameter(reader: ForkingReader | SpawningReader, here: Path) -> None:
     with pytest.raises(HeadlandError) as refusal:
         read(reader, here, options={"crs": " "})
@@ -297,6 +299,7 @@ def test_a_large_log_is_read_where_no_thread_may_be_started(reader: ForkingReade
     assert read(reader, here, "large.csv", read="summary log", options={})["rows"] == 40_000
 
 
+@pytest.mark.slow
 def test_a_fault_is_one_sentence_and_logged_once(
     reader: ForkingReader | SpawningReader, here: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -319,6 +322,7 @@ def test_the_one_who_starts_readings_knows_no_secrets(reader: ForkingReader, her
     assert not any("headland.db" in one or str(here) in one for one in opened)
 
 
+@pytest.mark.slow
 @LINUX
 def test_a_new_one_is_started_where_the_one_that_starts_readings_is_gone_and_ends_with_the_service(here: Path) -> None:
     reader = ForkingReader()
@@ -375,5 +379,6 @@ def test_what_a_system_lacks_is_told_once(caplog: pytest.LogCaptureFixture, monk
     ]
 
 
+@pytest.mark.slow
 def test_the_reader_of_this_system() -> None:
     assert isinstance(choose_reader(), ForkingReader if sys.platform.startswith("linux") else SpawningReader)

@@ -43,6 +43,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[ModuleTy
         yield module, module.Client(http, bearer(app, BOTH)), app.state.store, folder
 
 
+@pytest.mark.slow
 def test_every_operation_has_a_method(service: tuple[ModuleType, Any, Store, Path]) -> None:
     _, client, _, folder = service
     source = (folder / "service_client.py").read_text(encoding="utf-8")

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from strategies.path_planning.obstacle_avoidance import MAX_ANGLE_RAD, Bend, BendRules, LineBender, Points
+from tests.examples import count_examples
 
 RULES = BendRules(radius_m=6.0, half_width_m=1.5, nose_m=2.4, tail_m=2.7)
 ROOM = shapely.box(-50, -40, 150, 40)
@@ -132,7 +133,7 @@ class TestSeveral:
         path, _ = bender(square(50, 0.4), square(52, -2.6)).bend_polyline(LINE)
         assert path is not None and path.points[:, 1].max() == pytest.approx(2.4)
 
-    @settings(max_examples=60)
+    @settings(max_examples=count_examples(60))
     @given(st.lists(st.tuples(st.floats(-5, 105), st.floats(-8, 8), st.floats(0.2, 3.0)), min_size=1, max_size=5))
     def test_nothing_is_touched_but_what_is_told(self, posts: list[tuple[float, float, float]]) -> None:
         taken = shapely.get_parts(shapely.union_all([square(*post) for post in posts]))
@@ -144,7 +145,7 @@ class TestSeveral:
             told = any(low - 2 * half < x + half and x - half < high + 2 * half for low, high in blocked)
             assert told or not hit
 
-    @settings(max_examples=40)
+    @settings(max_examples=count_examples(40))
     @given(
         st.lists(st.tuples(st.floats(10, 90), st.floats(-4, 4), st.floats(0.2, 2.0)), min_size=1, max_size=3),
         st.floats(-180, 180),

@@ -75,7 +75,7 @@ def poses_of_axle(path: DrivePath) -> np.ndarray:
     return np.array(poses)
 
 
-@settings(deadline=None, max_examples=count_examples(200))
+@settings(max_examples=count_examples(200))
 @given(pieces, st.integers(0, 2**32 - 1), st.integers(1, 60), st.floats(1.0, 25.0))
 def test_a_path_touches_where_any_box_on_it_is_near_any_segment(
     drawn: list, seed: int, count: int, long_m: float

@@ -140,6 +140,7 @@ def test_skewed_ends_are_connected_inside() -> None:
         assert_good(Connector(free, R, COSTS).connect(a, b), a, b, free)
 
 
+@pytest.mark.slow
 def test_the_quickest_of_the_fitting_primitives_is_taken() -> None:
     connector = Connector(SQUARE, R, COSTS)
     draw = random.Random(4)
@@ -156,7 +157,7 @@ def test_the_quickest_of_the_fitting_primitives_is_taken() -> None:
     st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4),
     st.lists(st.floats(-math.pi, math.pi), min_size=2, max_size=2),
 )
-@settings(max_examples=count_examples(60), deadline=None)
+@settings(max_examples=count_examples(60))
 def test_any_two_poses_of_a_rectangle_are_connected_inside_it(width, height, shares, headings) -> None:
     free = box(0, 0, width, height)
     a = (shares[0] * width, shares[1] * height, headings[0])
@@ -319,6 +320,7 @@ def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
         assert abs(math.remainder(forth - back, 2 * math.pi)) == pytest.approx(math.pi)
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-14.0, 14.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2))
 def test_room_tells_only_primitives_that_do_not_fit(places: list[float], headings: list[float]) -> None:
     """As many primitives fit, and the same, whether the room of their arcs is known or not."""
@@ -335,6 +337,7 @@ def test_room_tells_only_primitives_that_do_not_fit(places: list[float], heading
         assert plain.tobytes() == told.tobytes()
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-40.0, 40.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2))
 def test_a_link_that_fits_is_never_told_to_point_away(places: list[float], headings: list[float]) -> None:
     """A link has the seconds of its word, or none where no word fits, on a field with a narrow neck."""

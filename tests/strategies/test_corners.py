@@ -27,7 +27,7 @@ def headland(turn_rad: float, width_m: float, reach_m: float = 200.0) -> shapely
 
 
 @given(degrees=st.floats(20, 140), width=st.floats(1, 12), hand=st.sampled_from([1, -1]))
-@settings(max_examples=count_examples(80), deadline=None)
+@settings(max_examples=count_examples(80))
 def test_square_corners_miss_nothing(degrees: float, width: float, hand: int) -> None:
     turn = hand * math.radians(degrees)
     before, after = compute_worked_reach_m(turn, width)
@@ -43,7 +43,7 @@ def test_right_angle_by_hand() -> None:
 
 
 @given(degrees=st.floats(46, 130), width=st.floats(2, 6), radius=st.floats(3, 8))
-@settings(max_examples=count_examples(40), deadline=None)
+@settings(max_examples=count_examples(40))
 def test_round_corners_miss_what_is_said(degrees: float, width: float, radius: float) -> None:
     turn = math.radians(degrees)
     assume(radius > 0.5 * width)
@@ -57,7 +57,7 @@ def test_round_corners_miss_what_is_said(degrees: float, width: float, radius: f
 
 
 @given(width=st.floats(2, 6), radius=st.floats(3.5, 8))
-@settings(max_examples=count_examples(40), deadline=None)
+@settings(max_examples=count_examples(40))
 def test_a_round_pass_outside_takes_part_of_the_tip(width: float, radius: float) -> None:
     """Both arcs turn by a right angle with the same radius; the centre of the outer one is the origin."""
     assume(radius <= 2.9 * width)  # else the outer bar leaves the very corner
@@ -82,7 +82,7 @@ def test_a_round_pass_outside_takes_part_of_the_tip(width: float, radius: float)
     heading=st.floats(-3, 3),
     radius=st.floats(2, 8),
 )
-@settings(max_examples=count_examples(100), deadline=None)
+@settings(max_examples=count_examples(100))
 def test_ways_end_where_they_should(
     same_pose: Callable[[Sequence[float], Sequence[float]], bool],
     x: float,

@@ -28,7 +28,7 @@ def by_sorting(places: Places, ends: list[tuple[float, float, float]]) -> list[i
 
 
 @given(st.lists(st.tuples(st.none() | PLACE, PLACE), min_size=1, max_size=9))
-@settings(max_examples=count_examples(200), deadline=None)
+@settings(max_examples=count_examples(200))
 def test_the_nearest_pairs_are_dealt_first(pairs: list[tuple[tuple[float, float] | None, tuple[float, float]]]) -> None:
     places, ends = [place for place, _ in pairs], [(*end, 0.0) for _, end in pairs]
     assert _assign_shares(places, ends) == by_sorting(places, ends)

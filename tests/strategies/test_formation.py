@@ -15,7 +15,7 @@ from strategies.row_by_row import form_row_by_row
 from strategies.row_by_row_optimised import form_timed_rows
 from vehicle.missions.plan import check_plan
 
-QUICK = settings(deadline=None, max_examples=8, derandomize=True, database=None)
+QUICK = settings(max_examples=8)
 KINDS = [form_row_by_row, form_col_by_col]
 
 

@@ -14,8 +14,9 @@ from fields import Field
 from strategies.path_planning.collision_check import FenceChecker, MachineBody
 from strategies.path_planning.connector import Connector, TurnCosts
 from strategies.program.field_job import FieldJob, SwathPass, find_starting_corner
+from tests.examples import count_examples
 
-QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(40))
 WHOLE = [(0.0, 100.0)]
 
 

@@ -16,12 +16,13 @@ from strategies.path_planning.lattice_search import LatticeGrid, find_lattice_ro
 from strategies.path_planning.paths import DrivePath, Pose, join_paths, make_straight_path, measure_longest_reverse_m
 from strategies.path_planning.route_ends import MAX_OUTSIDE_M, list_straights_inside
 from strategies.path_planning.route_search import EndMoves, RoutePoses
+from tests.examples import count_examples
 
 R = 4.0
 COSTS = TurnCosts(speed_mps=2.0, reverse_speed_mps=1.0, cusp_s=5.0)
 FORWARDS = ("u", "omega")
 TWO_LENGTHS_M = 10.2
-QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(40))
 places = st.tuples(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(-math.pi, math.pi))
 
 

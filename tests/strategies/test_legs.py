@@ -23,9 +23,10 @@ from strategies.program.legs import (
     get_path_legs,
     get_straight_leg,
 )
+from tests.examples import count_examples
 from vehicle.missions.plan import Leg, LegTask, Plan, check_plan
 
-QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(40))
 
 
 class TestStraightLeg:

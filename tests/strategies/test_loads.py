@@ -65,7 +65,7 @@ def brute(order: list[int], task: LoadOrderingTask) -> float:
     return min(cost_of(passes, cuts, task) for cuts in every_cut for passes in every_way)
 
 
-@settings(max_examples=count_examples(60), deadline=None)
+@settings(max_examples=count_examples(60))
 @given(tasks())
 def test_the_split_of_an_order_is_exact(task: LoadOrderingTask) -> None:
     order = list(range(len(task.need)))
@@ -76,7 +76,7 @@ def test_the_split_of_an_order_is_exact(task: LoadOrderingTask) -> None:
     assert enough(order, found.cuts, task), "no load is above the tank"
 
 
-@settings(max_examples=count_examples(25), deadline=None)
+@settings(max_examples=count_examples(25))
 @given(tasks(most=8), st.integers(0, 5))
 def test_the_search_promises_what_the_split_keeps(task: LoadOrderingTask, seed: int) -> None:
     arrays = task.turns, task.detours, task.first, task.last, task.need, task.first_load, task.capacity

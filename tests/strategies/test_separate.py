@@ -12,9 +12,10 @@ from strategies.path_planning.errors import StrategyError
 from strategies.program.field_job import FieldJob
 from strategies.registry import STRATEGIES
 from strategies.split_field import plan_split_field
+from tests.examples import count_examples
 from vehicle.missions.plan import LegGate, Plan, check_plan
 
-QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(40))
 
 
 class TestBlocks:

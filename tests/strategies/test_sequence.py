@@ -22,8 +22,9 @@ from strategies.sequencing.swath_order import (
     search_order,
 )
 from strategies.sequencing.turn_table import TurnTable
+from tests.examples import count_examples
 
-QUICK = settings(deadline=None, max_examples=40, derandomize=True, database=None)
+QUICK = settings(max_examples=count_examples(40))
 WHOLE = [(0.0, 100.0)]
 SPLIT = [(0.0, 40.0), (60.0, 100.0)]
 AROUND_HOLE = [WHOLE] * 3 + [SPLIT] * 4 + [WHOLE] * 3

@@ -111,6 +111,7 @@ def test_prices_per_pass_see_that_one_way_round_takes_longer() -> None:
     assert 0.99 * exact <= bound_by_pass_prices(turns, first, free, exact).bound_s <= exact + 1e-6
 
 
+@pytest.mark.slow
 @given(st.integers(1, 5).flatmap(lambda n: st.lists(st.integers(0, 30), min_size=n * n + n, max_size=n * n + n)))
 def test_arborescences_are_the_cheapest_tried_one_by_one(drawn: list[int]) -> None:
     n = round(math.sqrt(len(drawn) + 0.25) - 0.5)
@@ -201,6 +202,7 @@ def test_a_fleet_keeps_near_its_bound(n: int, tractors: int) -> None:
     assert bound <= fleet(work, turns, tractors) <= 1.06 * bound
 
 
+@pytest.mark.slow
 @given(st.integers(2, 60), st.integers(0, 2**32 - 1))
 def test_tables_renewed_in_part_are_those_of_the_whole_order(n: int, seed: int) -> None:
     draw = np.random.default_rng(seed)

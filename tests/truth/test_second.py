@@ -1,14 +1,13 @@
 """The second reference against closed forms, and that each effect changes what it should and nothing else."""
 
 import math
-import os
-import secrets
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from tests.examples import draw_seed
 from tests.truth import rolling
 from tests.truth.drives import Drive, constant, drive, stairs, three_speeds_programme, triangle
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL
@@ -239,8 +238,7 @@ def test_an_effect_changes_its_columns_and_no_other(name: str) -> None:
 
 
 def test_neutral_effects_hide_nothing_and_seeds_fix_the_log() -> None:
-    seed = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbits(32))
-    print(f"seed {seed}")
+    seed = draw_seed()
     runs = three_speeds_programme()[6:]
     first, again, neutral, other = (
         second_logs(effects, number, runs)

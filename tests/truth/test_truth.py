@@ -2,8 +2,6 @@
 
 import ast
 import math
-import os
-import secrets
 import time
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.examples import draw_seed
 from tests.truth import body
 from tests.truth.drives import Drive, constant, default_programme, drive, stairs, straight, triangle
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, OUTSIDE, OUTSIDE_NEUTRAL, complete, scaled
@@ -255,14 +254,14 @@ def test_neutral_effects_hide_nothing() -> None:
 
 
 def test_the_seed_fixes_the_log() -> None:
-    seed = int(os.environ.get("HEADLAND_TEST_SEED") or secrets.randbits(32))
-    print(f"seed {seed}")
+    seed = draw_seed()
     first, again, other = (make_logs({}, number, default_programme()[:3]) for number in (seed, seed, seed + 1))
     for one, two, three in zip(first, again, other, strict=True):
         pd.testing.assert_frame_equal(one, two)
         assert not np.array_equal(one.easting_m, three.easting_m)
 
 
+@pytest.mark.slow
 def test_instruments_add_the_noise_they_say() -> None:
     run = default_programme()[4]
     noisy, exact = Truth({}, 8).log(run), Truth({}, 8, instruments=PERFECT).log(run)

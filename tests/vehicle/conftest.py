@@ -8,10 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import settings
-
-settings.register_profile("same", settings.get_profile("headland"), derandomize=True, database=None)
-settings.load_profile("same")
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.examples import count_examples
 from vehicle.datasheet.build import build_tractor, describe_unusual_values
 from vehicle.datasheet.sheet import QUANTITIES, REQUIRED_KEYS, build_datasheet, compute_smallest_radius_m, list_missing
 from vehicle.errors import VehicleError
@@ -192,7 +193,7 @@ def datasheets(draw: st.DrawFn) -> dict[str, float]:
     return values
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=count_examples(25))
 @given(datasheets())
 def test_any_plausible_datasheet_drives_its_circle(values: dict[str, float]) -> None:
     tractor = build_tractor("any", build_datasheet(values))

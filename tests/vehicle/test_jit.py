@@ -69,6 +69,7 @@ def test_the_second_run_loads_from_disk(run: Run) -> None:
     assert run() == ("7.0 1", "")
 
 
+@pytest.mark.slow
 def test_a_changed_callee_is_compiled_into_its_callers(run: Run, room: Path) -> None:
     run()
     (room / "vehicle" / "one.py").write_text(CALLEE.format("5.0"))
@@ -94,6 +95,7 @@ def test_a_changed_callee_in_another_package_is_compiled_into_its_callers(run: R
     assert start() == "16.0 0\n"
 
 
+@pytest.mark.slow
 def test_what_is_shipped_is_used_where_the_sources_are_the_same(run: Run, room: Path) -> None:
     """Compiled for a generic processor, and loaded on this one where nothing else is kept."""
     types = "(__import__('numba').float64,)"
@@ -118,6 +120,7 @@ def test_a_damaged_file_that_was_shipped_is_as_good_as_none(run: Run, room: Path
     assert run() == ("7.0 1", ""), "what this machine compiled is kept"
 
 
+@pytest.mark.slow
 def test_only_what_python_calls_gets_machine_code(run: Run) -> None:
     """A callee is linked into its caller; called itself, it is compiled for that."""
     code = "from vehicle.two import outer; from vehicle.one import inner; print(outer(3.0), len(inner.overloads), "
@@ -136,6 +139,7 @@ def test_damaged_files_are_compiled_again(run: Run) -> None:
         assert (anew, kept) == ("7.0 0", "7.0 1"), how
 
 
+@pytest.mark.slow
 def test_without_a_folder_that_can_be_written_to(run: Run) -> None:
     """Only the named folder may be used, and it cannot be created: a read-only installation without a home."""
     nowhere = {"NUMBA_CACHE_LOCATOR_CLASSES": "UserProvidedCacheLocator", "NUMBA_CACHE_DIR": f"{__file__}/no"}

@@ -39,7 +39,7 @@ def wander(rng: np.random.Generator, count: int) -> PosePath:
     return PosePath(build_poses(np.column_stack([place, angle])))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.integers(0, 10_000), st.floats(0.05, 1.0), st.floats(0.01, 0.05))
 def test_all_places_and_no_others_are_found(seed: int, clearance_m: float, beside_m: float) -> None:
     rng = np.random.default_rng(seed)

@@ -106,6 +106,7 @@ def test_every_other_byte_stays(runs: Path, farm: Path) -> None:
     assert after["implements"][0] == before["implements"][0] and after["tractors"] == before["tractors"]
 
 
+@pytest.mark.slow
 def test_values_of_ones_own_stay_unless_asked(runs: Path, farm: Path) -> None:
     first = learn_farm_values([runs], farm)
     (turns,) = (one for one in first.values if one.key == "uncertainty.turn_cv")

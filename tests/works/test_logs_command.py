@@ -84,6 +84,7 @@ def test_diagnosis_says_that_such_logs_lack_steering(
 FARM = '[[implements]]\nname = "mower"\nwidth_m = 6.0\n'
 
 
+@pytest.mark.slow
 def test_learning_writes_where_it_is_told_to(headland: Callable[..., Any], taskdata: Path, tmp_path: Path) -> None:
     headland("logs", "import", taskdata, taskdata, taskdata, "-o", tmp_path / "runs")
     farm, other = tmp_path / "farm.toml", tmp_path / "other.toml"

@@ -85,7 +85,7 @@ def test_swaths_climb_less_than_straight_ones() -> None:
     assert measure_climb(layout.swaths, grid) < 0.2 * min(climbs)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(
     some.floats(0.02, 0.12), some.floats(0.0, 1.5), some.floats(15.0, 60.0), some.floats(0.0, 6.0),
     some.booleans(),
@@ -111,7 +111,7 @@ def test_neighbours_keep_their_distance_and_bend_no_tighter_than_tractors(
 
 
 @given(some.floats(-0.02, 0.02), some.floats(-3.0, 3.0))
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 def test_smoothing_keeps_arcs(curvature: float, heading: float) -> None:
     headings = heading + curvature * np.arange(200.0)
     arc = np.cumsum(np.column_stack([np.cos(headings), np.sin(headings)]), axis=0)

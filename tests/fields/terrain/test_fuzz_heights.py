@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from fields.errors import HeadlandError
 from fields.terrain.elevation import read_elevation
+from tests.examples import count_examples
 from tests.fields.terrain.heights import CRS, FIELD, bowl, write_ascii_grid, write_geotiff
 from tests.fields.terrain.test_points import (
     write_agopengps,
@@ -47,7 +48,7 @@ def read_or_refuse(path: Path) -> None:
 
 @pytest.mark.parametrize("write", WRITERS)
 @given(data=st.data())
-@settings(max_examples=8, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=8, suppress_health_check=list(HealthCheck))
 def test_damaged_files(tmp_path: Path, write: Callable[[Path], Path], data: st.DataObject) -> None:
     for old in tmp_path.iterdir():
         old.unlink()
@@ -74,7 +75,7 @@ def test_damaged_files(tmp_path: Path, write: Callable[[Path], Path], data: st.D
         ]
     )
 )
-@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=count_examples(25), suppress_health_check=list(HealthCheck))
 def test_any_text(tmp_path: Path, suffix: str, text: str) -> None:
     path = tmp_path / f"any{suffix}"
     path.write_text(text, encoding="utf-8")

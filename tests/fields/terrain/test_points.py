@@ -159,7 +159,7 @@ def test_a_plane_is_read_from_every_format(tmp_path: Path, write: Callable[[Path
 @given(
     east=st.floats(-0.3, 0.3), north=st.floats(-0.3, 0.3), spacing=st.floats(3.0, 20.0), base=st.floats(-200.0, 3000.0)
 )
-@settings(max_examples=5, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=5, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_points_of_any_plane_give_the_plane(
     tmp_path: Path, east: float, north: float, spacing: float, base: float
 ) -> None:

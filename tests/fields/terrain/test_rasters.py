@@ -78,6 +78,7 @@ def test_fine_cells_are_averaged_and_coarse_ones_bent_smoothly(tmp_path: Path) -
     assert measure_error_m(coarse, hills) < 0.01
 
 
+@pytest.mark.slow
 def test_more_cells_than_fit_in_memory_are_averaged_as_they_are_read(tmp_path: Path) -> None:
     # 2400 by 2000 cells, so read as means of 2 by 2, in strips.
     path = write_geotiff(tmp_path / "drone.tif", build_plane(0.05, -0.03), cell=0.1, margin_m=20.0, dtype="float32")
@@ -90,7 +91,7 @@ def test_more_cells_than_fit_in_memory_are_averaged_as_they_are_read(tmp_path: P
     east=st.floats(-0.3, 0.3), north=st.floats(-0.3, 0.3), cell=st.floats(1.0, 15.0),
     turned=st.floats(-180.0, 180.0), south_up=st.booleans(), base=st.floats(-100.0, 3000.0),
 )  # fmt: skip
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_raster_of_a_plane_gives_the_plane(
     tmp_path: Path, east: float, north: float, cell: float, turned: float, south_up: bool, base: float
 ) -> None:

@@ -19,6 +19,7 @@ from fields.terrain.slopes import (
     summarise_slopes,
     trace_contours,
 )
+from tests.examples import count_examples
 from tests.fields.terrain.heights import FIELD, Surface, bowl, build_plane
 
 
@@ -95,7 +96,7 @@ def test_contours_lie_at_their_heights() -> None:
 
 
 @given(east=st.floats(-0.5, 0.5), north=st.floats(-0.5, 0.5), seed=st.integers(0, 10_000))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=count_examples(20))
 def test_gaps_of_planes_are_filled_by_the_plane(east: float, north: float, seed: int) -> None:
     y, x = np.mgrid[0:20, 0:24] * 1.0
     plane = build_plane(east, north)(x, y)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.examples import count_examples
 from tests.identification.residual_models import build_linear_model, eg105
 from vehicle.identification.cause_selection.evidence import (
     _restrict_to_affected_channels,
@@ -20,7 +21,7 @@ from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=20)
+@settings(max_examples=count_examples(20))
 def test_held_out_losses_are_those_of_fits_without_the_run(seed: int) -> None:
     residual_model = build_linear_model(seed=seed, steering_offset=1.0)
     fit = refine_fit(residual_model, residual_model.fit("steering_offset"))

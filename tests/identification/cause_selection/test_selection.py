@@ -76,6 +76,7 @@ def test_a_covariate_that_is_free_in_every_run_must_explain_far_more_than_an_eff
     assert enters == [False, True]
 
 
+@pytest.mark.slow
 def test_the_hidden_effect_is_first_and_alone(residual_model: ResidualModel) -> None:
     chosen = select_causes(residual_model, eg105())
     # The truth's speed is a mean over the last rows: a clock within the tolerance, without a name.

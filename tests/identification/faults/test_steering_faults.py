@@ -28,7 +28,7 @@ def logs_with(changed: dict) -> list[Log]:  # type: ignore[type-arg]
     return [build_log(frame, name) for name, frame in frames.items()]
 
 
-@settings(max_examples=2, deadline=None)
+@settings(max_examples=2)
 @given(
     st.sampled_from(["there", "back", "waves", "lines"]), st.floats(12.0, 30.0),
     st.one_of(st.none(), st.floats(12.0, 20.0)),

@@ -95,6 +95,7 @@ def test_a_compass_is_told_from_a_drift_by_what_the_wheels_turn(bearing_deg: flo
         assert share == pytest.approx(expected, abs=0.2) and error < 0.1
 
 
+@pytest.mark.slow
 def test_what_a_compass_does_has_a_hint_and_no_name() -> None:
     runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number) for number, run in enumerate(list_drives())]
     logs = [build_log(turn_compass(run, 20.0), run.attrs["name"], wheelbase_m=2.4) for run in runs]

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.examples import count_examples
 from tests.identification.residual_models import build_linear_model, build_programme_model, get_parameters
 from vehicle.identification.fit.residual_fit import (
     EffectFit,
@@ -21,7 +22,7 @@ from vehicle.identification.fit.residual_fit import (
 
 
 @given(st.integers(0, 10**6))
-@settings(max_examples=20)
+@settings(max_examples=count_examples(20))
 def test_a_linear_model_is_fitted_by_least_squares(seed: int) -> None:
     residual_model = build_linear_model(seed=seed, steering_offset=1.2, heading_bias=-2.0)
     fit = refine_fit(residual_model, residual_model.fit("steering_offset", "heading_bias"))

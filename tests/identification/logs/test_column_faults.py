@@ -32,7 +32,7 @@ def assert_one(faults, fault_id, from_s, to_s):  # type: ignore[no-untyped-def]
         assert faults[0][2] == pytest.approx(to_s, abs=5.0)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.sampled_from(RUNS), onsets, lengths)
 def test_frozen_positions_are_found_at_any_onset(name: str, from_s: float, length_s: float | None) -> None:
     to_s = None if length_s is None else from_s + length_s
@@ -53,7 +53,7 @@ def is_pace_changed(frame, from_s, to_s):  # type: ignore[no-untyped-def]
     return fast - slow > max(0.5, 0.4 * middle)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(
     st.sampled_from([
         ("heading_deg", "heading_frozen", BENT), ("speed_mps", "speed_frozen", RUNS),
@@ -82,7 +82,7 @@ def test_a_wheel_angle_frozen_along_a_row_is_not_told_but_one_frozen_in_a_turn_i
     assert [fault[0] for fault in faults] == (["wheel_sensor_frozen"] if told else [])
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=4)
 @given(st.sampled_from(RUNS), onsets, lengths, st.floats(0.6, 2.5), st.integers(0, 999))
 def test_a_lost_fix_is_found_at_any_onset(
     name: str, from_s: float, length_s: float | None, size_m: float, seed: int

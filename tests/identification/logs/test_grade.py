@@ -70,6 +70,7 @@ def test_backwards_it_is_the_way_back_that_counts() -> None:
     assert gain_of(found) == pytest.approx(HILLS.climb, rel=0.25)
 
 
+@pytest.mark.slow
 def test_pitch_that_explains_nothing_is_not_used(frames: list[pd.DataFrame]) -> None:
     level = make_logs({}, 4, brief_programme(), rate_hz=10.0, ground=Ground(wave_m=0.6, length_m=45.0, drift=0.3))
     assert "the speed does not depend on it" in told(read(level))

@@ -25,7 +25,7 @@ def displace(frame: pd.DataFrame, from_s: float, east_m: float, north_m: float) 
     return frame
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(st.sampled_from(RUNS), st.floats(5.0, 50.0), st.floats(1.0, 6.0), st.floats(0.0, 360.0), st.sampled_from([1, 2]))
 def test_a_jump_is_told_and_what_follows_is_kept(
     name: str, from_s: float, size_m: float, towards_deg: float, every: int

@@ -53,6 +53,7 @@ def filtered(
     return gains, roots, out
 
 
+@pytest.mark.slow
 def test_the_first_gains_by_hand() -> None:
     """Heading east, so that east and north stay apart: variance of the state over that of the innovation."""
     gains, roots, _ = filtered(np.array([0.0]), np.zeros((1, 3)), np.zeros((0, 3)))
