@@ -187,7 +187,9 @@ def smooth_contour(contour: FloatArray, smoothing_m: float) -> GuideCurve | None
     reach = math.ceil(3.0 * smoothing_m / STEP_M)
     if count <= reach + 1:
         return None
-    places = shapely.get_coordinates(shapely.line_interpolate_point(line, np.linspace(0.0, line.length, count + 1)))
+    stations = STEP_M * np.arange(count + 1)
+    spare_m = line.length - stations[-1]  # half of it is left out at each end: longer steps would bend the guide more
+    places = shapely.get_coordinates(shapely.line_interpolate_point(line, 0.5 * spare_m + stations))
     steps = np.diff(places, axis=0)
     headings = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) * STEP_M / smoothing_m) ** 2)

@@ -90,7 +90,7 @@ def select_surest(plans: Sequence[PlanFigures]) -> list[PlanFigures]:
     """Plans not clearly less sure than the surest; all plans without a limit."""
     if any(plan.probability is None for plan in plans):
         return list(plans)
-    top = max(plans, key=lambda plan: round(plan.probability or 0.0, 9))
+    top = max(plans, key=lambda plan: (plan.probability or 0.0, plan._probability_error))
     return [plan for plan in plans if not is_clearly_less_sure(plan, top)]
 
 
@@ -136,7 +136,7 @@ def _select_equally_good_plans(
     plans: Sequence[PlanFigures], get_value: Callable[[PlanFigures], float], get_error: Callable[[PlanFigures], float]
 ) -> list[PlanFigures]:
     """Plans whose value exceeds the lowest by no more than the errors of samples and model."""
-    best_plan = min(plans, key=lambda plan: (round(get_value(plan), 6), -round(get_error(plan), 6)))
+    best_plan = min(plans, key=lambda plan: (get_value(plan), -get_error(plan)))
 
     def compute_tolerance(plan: PlanFigures) -> float:
         return STANDARD_ERROR_FACTOR * math.hypot(get_error(plan), get_error(best_plan)) + MODEL_ERROR_SHARE * abs(
@@ -146,8 +146,11 @@ def _select_equally_good_plans(
     return [plan for plan in plans if get_value(plan) - get_value(best_plan) <= compute_tolerance(plan)]
 
 
-def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, float, float, str]:
-    """Fewer tractors, then lower cost, earlier finish, higher probability; the rest breaks ties."""
+def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, float, float, str, str]:
+    """Fewer tractors, then lower cost, earlier finish, higher probability; the rest breaks ties.
+
+    The last item holds every figure in full, so that plans that only rounding makes equal keep an order of their own.
+    """
     return (
         plan.tractors,
         round(plan.expected, 2),
@@ -156,6 +159,7 @@ def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, 
         round(plan.p95_s, 1),
         round(plan.paid, 2),
         plan.strategy,
+        repr(plan),
     )
 
 

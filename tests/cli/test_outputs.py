@@ -89,7 +89,7 @@ def test_what_goes_to_standard_output_is_no_place_for_a_file(command: list[str],
     with (folder / "out.json").open("w") as stream:
         done = subprocess.run(
             [*command, "plan", "good.geojson", *ONE, "--json", "--save", "out.json"],
-            stdout=stream, stderr=subprocess.PIPE, text=True, timeout=60, check=False,
+            stdout=stream, stderr=subprocess.PIPE, text=True, timeout=240, check=False,
         )  # fmt: skip
     assert done.returncode == 2 and "out.json is where this command prints to" in done.stderr
 
@@ -172,7 +172,7 @@ def test_files_are_written_whatever_becomes_of_standard_output(command: list[str
         if not os.path.exists("/dev/full"):
             pytest.skip("needs a device that is always full")
         with open("/dev/full", "w") as stream:
-            done = subprocess.run(words, stdout=stream, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
+            done = subprocess.run(words, stdout=stream, stderr=subprocess.PIPE, text=True, timeout=240, check=False)
         assert done.returncode == 1 and len(done.stderr.splitlines()) == 1, done.stderr
         assert "Standard output cannot be used: No space left on device; map.png was written" in done.stderr
     else:

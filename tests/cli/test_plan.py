@@ -276,7 +276,7 @@ class TestProcess:
             assert process.stdout is not None and process.stderr is not None
             process.stdout.close()
             complaint = process.stderr.read()
-            status = process.wait(60)
+            status = process.wait(240)
         assert status == 0 and complaint == ""
 
     @pytest.mark.slow
@@ -286,7 +286,7 @@ class TestProcess:
         page.write_text("older")
         with begun("plan", "netherlands", "--tractors", "1-6", "--html", str(page), "--processes", "1") as process:
             process.send_signal(signal.SIGINT)
-            out, complaint = process.communicate(timeout=30)
+            out, complaint = process.communicate(timeout=240)
         assert process.returncode == 130
         assert out == "" and "Traceback" not in complaint and len(complaint.splitlines()) <= 1
         assert page.read_text() == "older"
@@ -298,7 +298,7 @@ class TestProcess:
         words = ("plan", "netherlands", "--tractors", "1-6", "--processes", "2")
         with begun(*words, start_new_session=True) as process:
             os.killpg(process.pid, signal.SIGINT)
-            out, complaint = process.communicate(timeout=30)
+            out, complaint = process.communicate(timeout=240)
         assert process.returncode == 130 and out == ""
         assert complaint.strip() == "Error: Interrupted; nothing was written."
 

@@ -262,7 +262,7 @@ class TestTerminals:
         place = folder / "far.geojson"
         place.write_text(json.dumps(feature(SQUARE, name="f\u00e4lt \u2713 \ud800")))
         words = [*command, "field", "far.geojson", "--local"]
-        done = subprocess.run(words, capture_output=True, env={**os.environ, **settings}, timeout=60, check=False)
+        done = subprocess.run(words, capture_output=True, env={**os.environ, **settings}, timeout=240, check=False)
         place.unlink()
         assert done.returncode == 0, done.stderr
         assert b"f?lt ? ?" in done.stdout

@@ -26,19 +26,19 @@ AT_ONCE_S = 5.0  # of a hundred thousand characters; what was parsed first took 
     ],
 )
 def test_toml_that_is_nested_too_deep_is_refused_at_once(text: str, words: str) -> None:
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(ValueError, match=words) as refusal:
         parse_toml(text)
-    assert time.perf_counter() - begin < AT_ONCE_S and "are allowed" in str(refusal.value)
+    assert time.process_time() - begin < AT_ONCE_S and "are allowed" in str(refusal.value)
 
 
 @pytest.mark.parametrize("quotes", ['"\\"', '"', "'", '"""\\"', "'''\"", "\\"])
 def test_strings_without_an_end_are_no_way_to_take_long(quotes: str) -> None:
-    begin = time.perf_counter()
+    begin = time.process_time()
     for text in (f"a = {quotes * 50_000}", f"a = {quotes[0]}{quotes[1:] * 50_000}"):
         with pytest.raises(tomllib.TOMLDecodeError):
             parse_toml(text)
-    assert time.perf_counter() - begin < AT_ONCE_S
+    assert time.process_time() - begin < AT_ONCE_S
 
 
 @pytest.mark.parametrize(

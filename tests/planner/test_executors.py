@@ -44,7 +44,7 @@ class TestCompleted:
         with ThreadPoolExecutor(2) as executor:
             order = []
             for index, _ in iter_completed(
-                executor, lambda wait: first.wait(10) if wait else True, [(True,), (False,)]
+                executor, lambda wait: first.wait(60) if wait else True, [(True,), (False,)]
             ):
                 order.append(index)
                 first.set()
@@ -69,22 +69,22 @@ class TestCompleted:
 
 class TestLocalPool:
     def test_results_and_errors_come_back(self, pool: LocalPool) -> None:
-        assert [future.result(60) for future in [pool.submit(divmod, n, 7) for n in range(20)]] == [
+        assert [future.result(240) for future in [pool.submit(divmod, n, 7) for n in range(20)]] == [
             divmod(n, 7) for n in range(20)
         ]
         with pytest.raises(ZeroDivisionError):
-            pool.submit(divmod, 1, 0).result(60)
+            pool.submit(divmod, 1, 0).result(240)
 
     def test_processes_are_others_and_not_forked(self, pool: LocalPool, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sys, "here_only", True, raising=False)
         with LocalPool(1) as fresh:
-            number = fresh.submit(os.getpid).result(60)
-            known = fresh.submit(eval, "hasattr(__import__('sys'), 'here_only')").result(60)
+            number = fresh.submit(os.getpid).result(240)
+            known = fresh.submit(eval, "hasattr(__import__('sys'), 'here_only')").result(240)
         assert number != os.getpid() and known is False
 
     def test_a_lost_process_is_told(self) -> None:
         with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
-            executor.submit(os._exit, 3).result(60)
+            executor.submit(os._exit, 3).result(240)
 
     def test_a_process_that_cannot_be_started_is_lost(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def broken(*_: Any) -> None:
@@ -101,10 +101,10 @@ class TestLocalPool:
     def test_leaving_by_an_error_ends_what_is_under_way(self) -> None:
         began = time.monotonic()
         with pytest.raises(KeyError), LocalPool(1) as executor:
-            executor.submit(os.getpid).result(60)
+            executor.submit(os.getpid).result(240)
             executor.submit(time.sleep, 600)
             raise KeyError
-        assert time.monotonic() - began < 60
+        assert time.monotonic() - began < 300
 
     @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
     def test_processes_are_deaf_to_interrupts_from_their_first_moment(self) -> None:
@@ -126,7 +126,7 @@ class TestLocalPool:
             "        list(iter_completed(pool, wait, [(bytes(10**7),)] * 40))\n"
         )
         run = subprocess.run([sys.executable, script], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)},
-                             capture_output=True, text=True, timeout=60)  # fmt: skip
+                             capture_output=True, text=True, timeout=240)  # fmt: skip
         assert run.stderr.splitlines()[-1] == "KeyboardInterrupt" and "Exception in thread" not in run.stderr
 
 
@@ -177,8 +177,8 @@ def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> Non
         workers = [int(word) for word in parent.stdout.readline().split()]
         assert len(workers) == 2 and all(alive(worker) for worker in workers)
         parent.send_signal(how)
-        parent.wait(30)
-        deadline = time.monotonic() + 30
+        parent.wait(240)
+        deadline = time.monotonic() + 240
         while any(alive(worker) for worker in workers) and time.monotonic() < deadline:
             time.sleep(0.05)
         assert not any(alive(worker) for worker in workers)

@@ -1,38 +1,45 @@
 """An interrupt that is swallowed comes again; one that was turned into another error is known."""
 
 import contextlib
-import os
 import signal
-import time
+from collections.abc import Callable
 
 import pytest
 
-from planner.pipeline.interrupts import REPEAT_INTERVAL_S, is_interrupt, repeat_interrupts, stop_repeating
+from planner.pipeline import interrupts
+from planner.pipeline.interrupts import is_interrupt, repeat_interrupts, stop_repeating
 
 needs_timers = pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs timers")
 
 
+@pytest.fixture
+def swallow(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
+    """Interrupts the process and loses that; it comes again after longer than any of these tests takes."""
+    monkeypatch.setattr(interrupts, "REPEAT_INTERVAL_S", 60.0)
+
+    def lose() -> None:
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+
+    return lose
+
+
 @needs_timers
-def test_what_is_swallowed_comes_again() -> None:
+def test_what_is_swallowed_comes_again(swallow: Callable[[], None]) -> None:
     before = signal.getsignal(signal.SIGINT)
-    swallowed = 0
     with pytest.raises(KeyboardInterrupt), repeat_interrupts():
-        with contextlib.suppress(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(1.0)
-        swallowed += 1
-        time.sleep(4.0 * REPEAT_INTERVAL_S)
-    assert swallowed == 1 and signal.getsignal(signal.SIGINT) is before
+        swallow()
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 60.0
+        signal.raise_signal(signal.SIGALRM)  # the interval is over
+    assert signal.getsignal(signal.SIGINT) is before and signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
 
 
 @needs_timers
-def test_what_is_taken_comes_no_more() -> None:
+def test_what_is_taken_comes_no_more(swallow: Callable[[], None]) -> None:
     with repeat_interrupts():
-        with contextlib.suppress(KeyboardInterrupt):
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(1.0)
+        swallow()
         stop_repeating()
-        time.sleep(2.0 * REPEAT_INTERVAL_S)
+        assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
 
 
 def test_an_interrupt_in_disguise() -> None:

@@ -1,10 +1,12 @@
 """The choice and its sentence from tables written by hand."""
 
+from collections.abc import MutableSequence
 from dataclasses import replace
 from random import Random
+from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from planner.errors import RequestError
@@ -23,6 +25,13 @@ def plan(tractors: int, paid: float, probability: float | None, late: float = 0.
 TABLE = [
     plan(1, 96.40, 0.61, late=31.0, hours=3.9), plan(2, 120.10, 0.97, late=8.8, hours=2.1), plan(3, 138.30, 0.99),
 ]  # fmt: skip
+
+
+class Reversing(Random):
+    """Luck that reverses what it shuffles."""
+
+    def shuffle(self, x: MutableSequence[Any]) -> None:
+        x.reverse()
 
 
 class TestSentence:
@@ -165,6 +174,8 @@ class TestChoice:
         ),
         st.sampled_from(OBJECTIVES), st.randoms(use_true_random=False),
     )  # fmt: skip
+    @example([(1, 1.0, 0.0, 0.0, 1.0), (1, 1.0, 2.2e-308, 0.0, 1.0)], CHEAPEST, Reversing())
+    @example([(1, 1.0, 0.5, 4e-3, 1.0), (1, 1.0, 0.5, 0.0, 1.0)], FASTEST, Reversing())
     @settings(max_examples=count_examples(80))
     def test_the_order_of_the_plans_does_not_matter(
         self, rows: list[tuple[int, ...]], prefer: str, luck: Random

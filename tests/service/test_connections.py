@@ -28,6 +28,7 @@ from planner.service.gateway.connection_protocol import (
 )
 
 REQUEST = b"GET / HTTP/1.1\r\nhost: x\r\n\r\n"
+PATIENCE_S = 60.0  # for what takes a moment, on a machine that does much else
 
 
 def make_book(**limits: float) -> tuple[ConnectionRegistry, list[float]]:
@@ -115,7 +116,7 @@ def serve(book: ConnectionRegistry) -> Iterator[int]:
 
 
 def connect(port: int, words: bytes = b"") -> socket.socket:
-    made = socket.create_connection(("127.0.0.1", port), timeout=10.0)
+    made = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
     made.sendall(words)
     return made
 
@@ -131,13 +132,12 @@ def read_answer(one: socket.socket, count: int = 1) -> bool:
     return True
 
 
-def wait_until_closed(one: socket.socket) -> float:
-    begun_s = time.monotonic()
+def wait_until_closed(one: socket.socket) -> None:
+    """Read until the other side closes; raises TimeoutError if it never does."""
     with contextlib.suppress(ConnectionError):
         while one.recv(65536):
             pass
     one.close()
-    return time.monotonic() - begun_s
 
 
 def test_who_sends_no_whole_header_is_closed_and_others_are_answered() -> None:
@@ -146,7 +146,8 @@ def test_who_sends_no_whole_header_is_closed_and_others_are_answered() -> None:
         idle = [connect(port, words) for words in (b"", b"GET / HT", b"GET / HTTP/1.1\r\nhost: x\r\n")]
         with connect(port, REQUEST) as good:
             assert read_answer(good)
-        assert all(wait_until_closed(one) < 5.0 for one in idle)
+        for one in idle:
+            wait_until_closed(one)
     assert book.closed_by_reason["no whole header"] == 3
 
 
@@ -170,7 +171,7 @@ def test_a_body_that_does_not_come_and_an_answer_that_is_not_taken_end(monkeypat
     with serve(book) as port:
         half = connect(port, b"POST / HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nhalf")
         deaf = connect(port, b"GET /large HTTP/1.1\r\nhost: x\r\n\r\n")
-        until = time.monotonic() + 5.0
+        until = time.monotonic() + PATIENCE_S
         while len(book.closed_by_reason) < 2 and time.monotonic() < until:
             time.sleep(0.05)
         half.close()
@@ -205,7 +206,7 @@ def test_places_are_given_back() -> None:
         for _ in range(5):
             with connect(port, REQUEST) as one:
                 assert read_answer(one)
-        until = time.monotonic() + 5.0
+        until = time.monotonic() + PATIENCE_S
         while len(book) and time.monotonic() < until:
             time.sleep(0.02)
         assert len(book) == 0

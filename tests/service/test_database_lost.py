@@ -147,6 +147,8 @@ def test_a_file_that_somebody_else_writes_to_is_waited_for_so_long(
     assert 0.4 < time.monotonic() - begin < ENDS_S
     store.check_database()
     assert store.list_events() == [], "who only reads waits for nobody"
+    monkeypatch.undo()
+    store.database.engine.dispose()  # the next connection waits as long as those of a service
     ended = threading.Timer(0.1, lambda: other.execute("COMMIT"))
     ended.start()
     assert store.add_event(None, "office", "afterwards") == 1

@@ -45,13 +45,13 @@ class Held:
     def work(self, name: str) -> Callable[[], str]:
         def held() -> str:
             self.begun.append(name)
-            assert self.go.wait(30)
+            assert self.go.wait(60)
             return name
 
         return held
 
     def await_begun(self, count: int) -> None:
-        until = time.monotonic() + 10
+        until = time.monotonic() + 60
         while len(self.begun) < count:
             assert time.monotonic() < until, self.begun
             time.sleep(0.005)
@@ -61,11 +61,11 @@ def test_a_client_has_one_thing_read_at_a_time_and_others_go_on() -> None:
     queue, held = FairQueue(slots=3), Held()
     slow = [queue.submit_work("a", held.work(f"a{number}")) for number in range(3)]
     held.await_begun(1)
-    assert queue.submit_work("b", lambda: "b").result(10) == "b"
-    assert queue.submit_work("c", lambda: "c").result(10) == "c"
+    assert queue.submit_work("b", lambda: "b").result(60) == "b"
+    assert queue.submit_work("c", lambda: "c").result(60) == "c"
     assert held.begun == ["a0"] and not any(each.done() for each in slow)
     held.go.set()
-    assert [each.result(10) for each in slow] == ["a0", "a1", "a2"]
+    assert [each.result(60) for each in slow] == ["a0", "a1", "a2"]
     queue.close()
 
 
@@ -79,7 +79,7 @@ def test_clients_take_turns() -> None:
     ]  # fmt: skip
     held.go.set()
     for each in (first, *waiting):
-        each.result(10)
+        each.result(60)
     assert order == ["a", "b", "c", "a", "b", "a"]
     queue.close()
 
@@ -108,7 +108,7 @@ def test_what_has_waited_too_long_is_told_so(monkeypatch: pytest.MonkeyPatch) ->
     time.sleep(0.05)
     held.go.set()
     with pytest.raises(BusyError, match="to be read"):
-        late.result(10)
+        late.result(60)
     queue.close()
 
 
@@ -121,15 +121,15 @@ def test_what_waits_is_dropped_at_the_end_and_what_nobody_wants_is_left_out() ->
     queue.close()
     held.go.set()
     with pytest.raises(CancelledError):
-        dropped.result(10)
+        dropped.result(60)
     assert held.begun == ["a"]
 
 
 def test_a_fault_of_one_is_its_own() -> None:
     queue = FairQueue(slots=1)
     with pytest.raises(ZeroDivisionError):
-        queue.submit_work("a", lambda: 1 // 0).result(10)
-    assert queue.submit_work("a", lambda: 1).result(10) == 1
+        queue.submit_work("a", lambda: 1 // 0).result(60)
+    assert queue.submit_work("a", lambda: 1).result(60) == 1
     queue.close()
 
 
@@ -144,7 +144,7 @@ class SlowProcesses:
         self.orders += 1
         self.seconds.append(order.seconds)
         if "quick" not in str(order.arguments):
-            assert self.go.wait(30)
+            assert self.go.wait(60)
         return ReadOutcome(json.dumps({"value": {"fields": [], "field": None, "error": None}}).encode(), 0)
 
     def start_process(self) -> None: ...
@@ -183,10 +183,9 @@ def test_many_slow_summaries_leave_other_routes_and_clients_quick(slow: tuple[Fa
             and time.monotonic() < until
         ):
             time.sleep(0.01)
-        begin = time.monotonic()
         assert client.get("/api/v1/fields", headers=other).status_code == 200
         assert client.get("/api/v1/fields/quick/summary", headers=other).status_code == 200
-        assert time.monotonic() - begin < 5.0 and processes.orders == 2
+        assert processes.orders == 2 and not processes.go.is_set(), "answered while the slow ones wait"
         refused = [each.result() for each in asked if each.done()]
         assert [each.status_code for each in refused] == [429] * (120 - 1 - file_reading.MOST_WAITING_PER_CLIENT)
         assert (
@@ -204,7 +203,7 @@ def test_who_asks_for_the_same_waits_for_the_same_reading(slow: tuple[FastAPI, S
     token = bearer(app, "read")
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client, ThreadPoolExecutor(30) as threads:
         asked = [threads.submit(client.get, "/api/v1/fields/slow/summary", headers=token) for _ in range(30)]
-        until = time.monotonic() + 10
+        until = time.monotonic() + 60
         while processes.orders < 1 and time.monotonic() < until:
             time.sleep(0.01)
         time.sleep(0.2)

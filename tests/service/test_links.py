@@ -481,9 +481,8 @@ def test_stop_all_of_a_fleet_reaches_the_tractors_of_its_neighbour(service: Serv
             hello(operator, "control", None, service.tokens["operator"])
             other.manager.start_fleet_work("bert", time.monotonic())
             assert until(tractor, "resume")
-            begin = time.monotonic()
             operator.send_json({"kind": "stop_all"})
-            assert until(tractor, "stop")["reason"] == "stopped by stop-all" and time.monotonic() - begin < 0.5
+            assert until(tractor, "stop")["reason"] == "stopped by stop-all"
             assert until_event(operator, "stop_all of neighbours")
             assert other.manager.alarms.is_alarm_on("neighbour stopped", None)
     finally:

@@ -304,7 +304,7 @@ def test_every_state_arrives_once_and_orders_are_heard_while_old_ones_are_sent_a
             for _ in range(600):
                 robot.waiting.add(counting.step(0.0))
             driving = asyncio.create_task(robot.run())
-            await asyncio.wait_for(last, 20.0)
+            await asyncio.wait_for(last, 60.0)
             driving.cancel()
             await asyncio.gather(driving, return_exceptions=True)
         return sequences
@@ -345,7 +345,7 @@ def test_a_robot_comes_again_when_the_service_goes_in_the_midst_of_a_greeting(co
 
         async with await asyncio.start_server(going, "127.0.0.1", 0) as server:
             driving = asyncio.create_task(linked(counting, server).run())
-            await asyncio.wait_for(thrice.wait(), 20.0)
+            await asyncio.wait_for(thrice.wait(), 60.0)
             assert not driving.done()
             driving.cancel()
             await asyncio.gather(driving, return_exceptions=True)

@@ -237,7 +237,7 @@ only_forking = pytest.mark.parametrize(
 
 
 def read(reader: ForkingReader | SpawningReader, folder: Path, name: str = "own.geojson", **more: Any) -> Any:
-    how = {"read": "summary field", "options": {"local": True}, "seconds": 60.0, "memory": 512 * MEGABYTE} | more
+    how = {"read": "summary field", "options": {"local": True}, "seconds": 240.0, "memory": 512 * MEGABYTE} | more
     order = ReadOrder(folder=str(folder), arguments=[name], **how)
     return extract_reading_value(reader.read_order(order), order.seconds, order.memory)
 

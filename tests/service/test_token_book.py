@@ -16,7 +16,7 @@ from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from planner.service.store.tables import TokenRow
 
-SOON_S = 3.0  # on a machine where other tests run too
+PATIENCE_S = 60.0  # for what happens within a second, on a machine that does much else
 
 
 @pytest.fixture
@@ -49,13 +49,11 @@ def lost(tmp_path: Path) -> Iterator[Lost]:
     store.close()
 
 
-def known_after(book: TokenCache, text: str, known: bool) -> float:
-    """Seconds until a token is known, or is not."""
+def wait_until_unknown(book: TokenCache, text: str) -> None:
     begin = time.monotonic()
-    while (book.find_token(text) is not None) != known:
-        assert time.monotonic() - begin < SOON_S
+    while book.find_token(text) is not None:
+        assert time.monotonic() - begin < PATIENCE_S
         time.sleep(0.01)
-    return time.monotonic() - begin
 
 
 def test_tokens_of_another_process_are_found_and_revoked_ones_are_not(book: TokenCache, store: Store) -> None:
@@ -65,7 +63,7 @@ def test_tokens_of_another_process_are_found_and_revoked_ones_are_not(book: Toke
     other = store.create_token_text("phone", "read")
     assert asyncio.run(book.identify_token_async(other)).name == "phone"
     store.revoke_token("office")
-    known_after(book, text, False)
+    wait_until_unknown(book, text)
     with pytest.raises(TokenError, match="token is unknown"):
         book.identify_token(text)
     for odd in ("", "hl_", "office", "\0", "\ud800", "hl_" + "x" * 100_000):
@@ -96,15 +94,15 @@ def test_who_was_known_stays_known_while_the_database_is_gone(lost: Lost) -> Non
     lost.lost = True
     begin = time.monotonic()
     while book.last_error is None:
-        assert time.monotonic() - begin < SOON_S
+        assert time.monotonic() - begin < PATIENCE_S
         time.sleep(0.01)
     assert "the server is gone" in book.last_error and book.identify_token(text).scopes == "operator"
     assert "was revoked" in book.find_invalid_tokens(["0" * 64])["0" * 64]
     lost.store.revoke_token("office")
     assert book.find_token(text) is not None
     lost.lost = False
-    known_after(book, text, False)
-    assert book.last_error is None and book.age_s < SOON_S
+    wait_until_unknown(book, text)
+    assert book.last_error is None and book.age_s < PATIENCE_S
     book.close()
 
 

@@ -470,7 +470,7 @@ def test_a_turn_with_room_is_found_quickly() -> None:
     connector = Connector(SQUARE, R, COSTS)
     pairs = [((20.0 + i, 60.0, UP), (23.0 + i, 60.0, DOWN)) for i in range(50)]
     connector.connect(*pairs[0])
-    begin = time.perf_counter()
+    begin = time.process_time()
     for a, b in pairs:
         connector.connect(a, b)
-    assert (time.perf_counter() - begin) / len(pairs) < 0.02  # usually 0.1 ms; this is only against a blow-up
+    assert (time.process_time() - begin) / len(pairs) < 0.02  # usually 0.1 ms; this is only against a blow-up

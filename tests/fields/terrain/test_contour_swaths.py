@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as some
 
 from fields.errors import FieldError
@@ -110,13 +110,18 @@ def test_neighbours_keep_their_distance_and_bend_no_tighter_than_tractors(
         assert gap_m >= min(WIDTH_M, DEPTH_M / 40.0)
 
 
-@given(some.floats(-0.02, 0.02), some.floats(-3.0, 3.0))
+@given(some.floats(-0.02, 0.02), some.floats(-3.0, 3.0), some.floats(40.0, 200.0))
+@example(3.0 / 256.0, 0.0, 199.0 - 1e-9)  # nearly a step more than a whole number of them
 @settings(max_examples=10)
-def test_smoothing_keeps_arcs(curvature: float, heading: float) -> None:
-    headings = heading + curvature * np.arange(200.0)
-    arc = np.cumsum(np.column_stack([np.cos(headings), np.sin(headings)]), axis=0)
+def test_smoothing_keeps_arcs(curvature: float, heading: float, length_m: float) -> None:
+    """Whatever the length of the arc: its guide has the curvature of the arc, lies on it and ends a step before it."""
+    step_m = length_m / 800.0
+    headings = heading + step_m * curvature * np.arange(800.0)
+    arc = step_m * np.cumsum(np.column_stack([np.cos(headings), np.sin(headings)]), axis=0)
+    arc = np.concatenate([[[0.0, 0.0]], arc])
     guide = smooth_contour(arc, 10.0)
     assert guide is not None
+    assert length_m - STEP_M - 1e-6 < guide.length_m < length_m + 1e-6
     assert np.allclose(guide.curvatures, curvature, atol=2e-5)
     assert float(shapely.distance(shapely.LineString(arc), shapely.points(guide.points)).max()) < 0.02
 

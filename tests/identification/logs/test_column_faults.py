@@ -157,6 +157,20 @@ def test_lost_noise_shows_a_long_standstill_on_a_straight_row_from_its_first_qua
     assert_one(found(freeze(clean_frames()["there"], (column,), 17.0, None)), fault_id, 17.0, None)
 
 
+@pytest.mark.parametrize("noise_deg, told", [(0.02, False), (0.2, True)])
+@pytest.mark.parametrize("seed", [7, 52])
+def test_only_noise_beyond_a_digit_shows_that_a_wheel_angle_stood_still(
+    seed: int, noise_deg: float, told: bool
+) -> None:
+    """Straight on at 0.05 degrees, told as 0.0 or 0.1 by the slightest noise, and at 0.0 from 12 to 16 s: no fault."""
+    time = np.arange(0.0, 30.0, 0.1)
+    stands = (time > 12.0) & (time < 16.0)
+    noise = noise_deg * np.random.default_rng(seed).standard_normal(len(time))
+    wheel = np.where(stands, 0.0, np.round(0.05 + noise, 1) + 0.0)
+    columns = {"time_s": time, "easting_m": 0.0 * time, "northing_m": 2.0 * time, "steering_deg": wheel}
+    assert bool(find_column_faults(columns, "run")) is told
+
+
 @pytest.mark.parametrize("digit_deg", [0.1, 0.5, 1.0, 2.0])
 def test_headings_in_steps_are_not_frozen(digit_deg: float) -> None:
     for name, clean in clean_frames().items():

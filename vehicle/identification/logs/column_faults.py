@@ -176,14 +176,19 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
 
 
 def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span]) -> bool:
-    """Whether the value changes to and fro in every other 3 s of driving, so that a standstill is no steady drive."""
+    """Whether the value changes to and fro in every other 3 s of driving, so that a standstill is no steady drive.
+
+    Noise below a digit flips between two values where what is measured lies between them and stands still where it
+    does not: only noise beyond one digit counts.
+    """
     outside: Mask = motion.moving.copy()
     for first, last in spans:
         outside[first : last + 1] = False
     steps = np.diff(values[0])
     changed, turned = np.zeros(len(outside)), np.zeros(len(outside))
     changed[1:] = steps != 0.0
-    turned[1:-1] = steps[1:] * steps[:-1] < 0.0
+    digit = np.abs(steps[steps != 0.0]).min()
+    turned[1:-1] = (steps[1:] * steps[:-1] < 0.0) & (np.abs(steps[1:] - steps[:-1]) > 2.5 * digit)
     width = motion.count_rows(_FROZEN_S)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], outside, [False]])))
     windows = [

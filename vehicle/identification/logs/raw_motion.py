@@ -129,7 +129,9 @@ class RawMotion:
         curvature = self._compute_curvature()
         outside = np.isfinite(curvature)
         outside[rows] = False
-        if np.count_nonzero(outside) < _FEWEST_OUTSIDE or np.std(self.wheel[outside]) == 0.0:
+        if np.count_nonzero(outside) < _FEWEST_OUTSIDE:
+            return False
+        if np.ptp(self.wheel[outside]) == 0.0 or np.ptp(curvature[outside]) == 0.0:
             return False
         if np.corrcoef(self.wheel[outside], curvature[outside])[0, 1] ** 2 < _LEAST_FOLLOWING**2:
             return False
