@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
@@ -22,7 +23,7 @@ from planner.cli.common.options import (
     inject_request_options,
 )
 from planner.request.options import convert_options_to_parameters, list_options
-from planner.request.plan_request import MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
+from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
 from strategies.headland.work_order import HEADLAND_ORDERS
 from strategies.path_planning.turn_kinds import CORNERS
 
@@ -79,7 +80,8 @@ def compare_headlands(
         typer.Option(help="Numbers of headland passes: 1,2,3. By default as many as turns need.", rich_help_panel=WORK),
     ] = None,
     operations_per_year: Annotated[
-        int, typer.Option(help="How often every field is worked in a year, for hours, fuel and cost a year.")
+        int,
+        typer.Option(help="How often a field is worked in a year, for hours, fuel and cost.", rich_help_panel=COSTS),
     ] = 1,
     html: Annotated[
         Optional[Path], typer.Option(help="Write one page with a map of every plan.", rich_help_panel=OUTPUT)
@@ -97,12 +99,14 @@ def compare_headlands(
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import print_remarks
     from planner.cli.plan import DEFAULT_FIELD, ExecutorChoice, check_one_output
+    from planner.errors import RequestError
     from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
     from planner.pipeline.many_fields import expand_field_names, share_obstacles
     from planner.request.option_texts import parse_widths
 
     check_one_output(json, csv)
-    _check_operations(operations_per_year)
+    if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
+        raise RequestError(f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}.")
     names = expand_field_names(
         fields or [DEFAULT_FIELD],
         local=options["local"],
@@ -129,7 +133,7 @@ def compare_headlands(
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)
-    comparison = _compare(questions, executor_choice, operations_per_year)
+    comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)
     _refuse_unreadable_field(comparison)
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
     with write_before_printing(_render_page(comparison, html)):
@@ -172,24 +176,13 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _check_operations(operations_per_year: int) -> None:
-    from planner.errors import RequestError
-
-    if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
-        raise RequestError(
-            f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}, one a day at most."
-        )
-
-
 def _build_request(options: dict[str, Any], farm: str | None) -> PlanRequest:
     """The request of one field and width, the headland left open."""
     shift_s = None if options["deadline"] is None else find_shift_start(farm)
     return PlanRequest.from_options(options, shift_s=shift_s)
 
 
-def _compare(
-    questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice, operations_per_year: int
-) -> HeadlandComparison:
+def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:
     from planner.cli.common.terminal import create_progress_callback, warm_up
     from planner.pipeline.headland_comparison import compare_headlands as compare
 
@@ -198,7 +191,7 @@ def _compare(
         executor_choice.open_executor(len(questions)) as executor,
         create_progress_callback("Comparing headlands") as progress,
     ):
-        return compare(questions, executor, progress, render_refusal, operations_per_year)
+        return compare(questions, executor, progress, render_refusal)
 
 
 def _refuse_unreadable_field(comparison: HeadlandComparison) -> None:

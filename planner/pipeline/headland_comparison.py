@@ -121,7 +121,6 @@ def compare_headlands(
     executor: Executor,
     progress: Progress | None = None,
     describe_refusal: Callable[[HeadlandError], str] = str,
-    operations_per_year: int = 1,
 ) -> HeadlandComparison:
     """Answer all questions on an executor; `progress` is called with (done, total).
 
@@ -137,4 +136,4 @@ def compare_headlands(
                 progress(len(answers), len(questions))
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
-    return HeadlandComparison(tuple(answers[position] for position in range(len(questions))), operations_per_year)
+    return HeadlandComparison(tuple(answers[position] for position in range(len(questions))))

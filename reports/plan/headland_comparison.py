@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePath
 
-from reports.common.language import translate, translate_count
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     FieldPartPlan,
     PlanResult,
@@ -30,10 +30,7 @@ YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_p
 
 @dataclass(frozen=True)
 class HeadlandChoice:
-    """One way to work the headland: kind of corners, "first" or "last", passes, working width.
-
-    With None planning decides, and for the width the request.
-    """
+    """One way to work the headland: kind of corners, "first" or "last", passes, width; None: not given."""
 
     corners: str
     order: str | None
@@ -313,9 +310,11 @@ def list_cut_off(comparison: HeadlandComparison) -> list[str]:
 def _describe_cut_off(each: ComparedPlan) -> list[str]:
     """Where ground is cut off, why, and what would work it."""
     if each.parts or each.cut_off is None:
-        return [describe_part(part) for part in each.parts]
-    return [
-        f"Obstacles cut off {format_area(each.cut_off.m2)} of the field, which no plan works, the most at "
-        f"{format_ground_place(each.cut_off)}: too small or too narrow to be planned on its own. A smaller --margin "
-        "may open a way."
-    ]
+        return [translate_sentence(describe_part(part)) for part in each.parts]
+    sentence = translate(
+        "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A smaller "
+        "--margin may open a way.",
+        area=format_area(each.cut_off.m2),
+        place=format_ground_place(each.cut_off),
+    )
+    return [sentence]

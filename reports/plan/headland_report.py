@@ -280,7 +280,8 @@ def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
 
 
 def _build_year_column(unit: str) -> TableColumn:
-    return TableColumn(translate("{unit}/year", unit=unit), translate("{unit}/\nyear", unit=unit))
+    heading = translate("{unit}/year", unit=unit)
+    return TableColumn(heading, heading.replace("/", "/\n"))
 
 
 def has_fuel(comparison: HeadlandComparison) -> bool:

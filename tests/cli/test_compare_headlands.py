@@ -151,7 +151,7 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
         (("--no-headland",), "No such option"),
         (("--width", "3,,6"), "--width '3,,6' is not a width"),
         (("--width", "3,0"), "working width (--width) is 0 m; use more than 0"),
-        (("--operations-per-year", "0"), "--operations-per-year is 0; use 1 to 366"),
+        (("--operations-per-year", "0"), "--operations-per-year is 0; use 1 to 366."),
         (("--operations-per-year", "1" + "0" * 400), "use 1 to 366"),
         (("--json", "--csv"), "choose one"),
         (("--html", "page.txt"), "does not end in .html"),

@@ -208,7 +208,7 @@ def test_ground_that_is_cut_off_is_explained_once_for_every_width(comparison: He
     assert [row["cut_off_m2"] for row in csv.DictReader(io.StringIO(format_headland_csv(only_wide)))] == ["3600.0"] * 2
     small = HeadlandComparison((compare("east", SQUARE, plan, 1.0, cut_off=UnworkedPiece(120.0, 7.0, 8.0)),))
     (told,) = list_cut_off(small)
-    assert told.startswith("east: Obstacles cut off 120 m2 of the field, which no plan works, the most at x 7 m, y 8 m")
+    assert told.startswith("east: Obstacles cut off 120 m2, the most at x 7 m, y 8 m: too small")
     assert list_cut_off(comparison) == []
 
 
