@@ -160,6 +160,7 @@ class GuidanceFormat:
         per_tractor: the format has no tractors, so each gets its own files.
         names_tractors: paths of files name the tractor; otherwise each tractor has a folder T1, T2, ...
         takes_curves: terminals accept curves, so they are written by default.
+        older: name of the format for older terminals, which read straight lines only; "" for none.
         unsupported_parts: parts of a guidance that it cannot store.
     """
 
@@ -171,6 +172,7 @@ class GuidanceFormat:
     per_tractor: bool = False
     names_tractors: bool = False
     takes_curves: bool = True
+    older: str = ""
     unsupported_parts: tuple[str, ...] = ()
 
 

@@ -458,7 +458,7 @@ def _add_point(parent: Element, kind: str, longitude: float, latitude: float, na
     add_child(parent, "PNT", A=kind, **({} if name is None else {"B": name}), **place)
 
 
-GUIDANCE_FORMAT_4 = GuidanceFormat("isoxml4", "ISOXML version 4", _write_version_4, takes_curves=False)
+GUIDANCE_FORMAT_4 = GuidanceFormat("isoxml4", "ISOXML version 4", _write_version_4, older="isoxml3")
 GUIDANCE_FORMAT_3 = GuidanceFormat(
     "isoxml3",
     "ISOXML version 3",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
@@ -22,7 +23,7 @@ from planner.cli.common.options import (
     inject_request_options,
 )
 from planner.request.options import convert_options_to_parameters, list_options
-from planner.request.plan_request import MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
+from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
 from strategies.headland.work_order import HEADLAND_ORDERS
 from strategies.path_planning.turn_kinds import CORNERS
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     from planner.pipeline.headland_comparison import HeadlandQuestion
     from reports.plan.headland_comparison import HeadlandComparison
 
+MAX_OPERATIONS_PER_YEAR = 366  # one a day
 COMPARED_OPTIONS = ("corners", "headland", "headland_passes", "headland_first", "headland_last", "no_headland")
 """Options of a plan that this command takes as lists, or not at all."""
 SHARED_OPTIONS = tuple(
@@ -41,7 +43,12 @@ SHARED_OPTIONS = tuple(
     if option.name not in COMPARED_OPTIONS
 )
 NO_PLAN_STATUS = 3
-_ONE_FLEET: dict[str, dict[str, Any]] = {
+_CHANGED_OPTIONS: dict[str, dict[str, Any]] = {
+    "width": {
+        "type": str,
+        "default": "3",
+        "help": "Working widths of the implement, metres: 3 or 3,6; with several each is compared.",
+    },
     "tractors": {"default": "2", "help": "Tractor counts to try: 2, 1-3 or 1,2; the best plan of each is compared."},
     "strategies": {
         "default": "split-field",
@@ -55,13 +62,13 @@ def render_refusal(refusal: HeadlandError) -> str:
     return refusal.render_sentence(get_option_name)
 
 
-@inject_request_options(only=SHARED_OPTIONS, changes=_ONE_FLEET)
+@inject_request_options(only=SHARED_OPTIONS, changes=_CHANGED_OPTIONS)
 def compare_headlands(
     context: typer.Context,
     fields: FieldsArgument = None,
     corners: Annotated[
         str, typer.Option(help="Kinds of corners: square, round, auto.", rich_help_panel=WORK)
-    ] = "square,round",
+    ] = ",".join(CORNERS),
     headland_order: Annotated[
         Optional[str],
         typer.Option(
@@ -72,6 +79,10 @@ def compare_headlands(
         Optional[str],
         typer.Option(help="Numbers of headland passes: 1,2,3. By default as many as turns need.", rich_help_panel=WORK),
     ] = None,
+    operations_per_year: Annotated[
+        int,
+        typer.Option(help="How often a field is worked in a year, for hours, fuel and cost.", rich_help_panel=COSTS),
+    ] = 1,
     html: Annotated[
         Optional[Path], typer.Option(help="Write one page with a map of every plan.", rich_help_panel=OUTPUT)
     ] = None,
@@ -81,17 +92,21 @@ def compare_headlands(
     cluster: ClusterOption = None,
     **options: Any,
 ) -> None:
-    """Compare ways to work the headland: corners, order and number of passes, on one field or several.
+    """Compare ways to work the headland: corners, order, number of passes and working width, on one field or several.
 
     Example: headland compare-headlands farm.geojson#* --corners square,round --headland-passes 2,3 --html page.html
     """
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import print_remarks
     from planner.cli.plan import DEFAULT_FIELD, ExecutorChoice, check_one_output
+    from planner.errors import RequestError
     from planner.pipeline.headland_comparison import HeadlandChoices, list_headland_questions
     from planner.pipeline.many_fields import expand_field_names, share_obstacles
+    from planner.request.option_texts import parse_widths
 
     check_one_output(json, csv)
+    if not 1 <= operations_per_year <= MAX_OPERATIONS_PER_YEAR:
+        raise RequestError(f"--operations-per-year is {operations_per_year}; use 1 to {MAX_OPERATIONS_PER_YEAR}.")
     names = expand_field_names(
         fields or [DEFAULT_FIELD],
         local=options["local"],
@@ -107,12 +122,18 @@ def compare_headlands(
     executor_choice = ExecutorChoice(processes, cluster)
     farm = FarmChoice(**convert_options_to_parameters(FarmChoice, options))
     build_inputs = partial(build_plan_inputs, farm=farm.farm, implement=farm.implement, context=context)
-    requests = share_obstacles([_build_request(options, name, farm.farm) for name in names])
+    requests = share_obstacles(
+        [
+            _build_request(options | {"field": name, "width": width_m}, farm.farm)
+            for name in names
+            for width_m in parse_widths(options["width"])
+        ]
+    )
     inputs = [build_inputs(request) for request in requests]
     questions = list_headland_questions(inputs, choices, with_maps=html is not None, simulate_all=farm.simulate_all)
     input_files = {path: what for name in names for path, what in list_input_files(field=name, farm=farm.farm).items()}
     check_output_paths((html, ".html"), input_files=input_files)
-    comparison = _compare(questions, executor_choice)
+    comparison = replace(_compare(questions, executor_choice), operations_per_year=operations_per_year)
     _refuse_unreadable_field(comparison)
     print_remarks(dict.fromkeys(remark for each in comparison.plans for remark in each.remarks))
     with write_before_printing(_render_page(comparison, html)):
@@ -155,10 +176,10 @@ def _parse_pass_counts(text: str) -> tuple[int, ...]:
     return tuple(counts)
 
 
-def _build_request(options: dict[str, Any], field: str, farm: str | None) -> PlanRequest:
-    """The request of one field, the headland left open."""
+def _build_request(options: dict[str, Any], farm: str | None) -> PlanRequest:
+    """The request of one field and width, the headland left open."""
     shift_s = None if options["deadline"] is None else find_shift_start(farm)
-    return PlanRequest.from_options(options | {"field": field}, shift_s=shift_s)
+    return PlanRequest.from_options(options, shift_s=shift_s)
 
 
 def _compare(questions: Sequence[HeadlandQuestion], executor_choice: ExecutorChoice) -> HeadlandComparison:

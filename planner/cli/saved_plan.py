@@ -23,7 +23,7 @@ FORMAT_HELP = "isoxml4, isoxml3, agopengps, kml, shapefile, geojson or gpx."
 OUTPUT_HELP = "File, folder (such as a USB stick) or .zip to write; by default named after the plan."
 CURVES_HELP = (
     "Write curves, or only straight lines, as some terminals refuse curves: a curve of few straight segments is cut "
-    "into them, others are left out. Default: only straight lines in ISOXML, curves in other formats."
+    "into them, others are left out. Default: only straight lines in ISOXML version 3, curves in other formats."
 )
 
 

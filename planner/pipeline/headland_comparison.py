@@ -7,24 +7,28 @@ from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from itertools import product
 
+import shapely
+
+from fields.geometry.field import Field
 from planner.errors import HeadlandError, WorkerError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.many_fields import draw_best_plan, plan_inputs
 from planner.pipeline.planning import PlanningResult
+from planner.pipeline.ranking import locate_piece
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, PlanRequest
+from reports.common.plan_results import UnworkedPiece
 from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison
 from reports.plan.plan_wording import describe_machines
-
-DEFAULT_CORNERS = ("square", "round")
+from strategies.path_planning.turn_kinds import CORNERS
 
 
 @dataclass(frozen=True)
 class HeadlandChoices:
-    """Lists of what to compare; empty lists leave the default: square and round corners, and what the work allows.
+    """Lists of what to compare; empty lists leave the default: all kinds of corners, and what the work allows.
 
-    Every corner is combined with every order and number of passes.
+    Every corner is combined with every order and number of passes; the width is that of the request.
     """
 
     corners: tuple[str, ...] = ()
@@ -35,8 +39,8 @@ class HeadlandChoices:
         """The request with every way to work the headland. Raises RequestError for values that cannot be planned."""
         orders = self.orders or HEADLAND_ORDERS_BY_OPERATION[request.operation]
         ways = [
-            HeadlandChoice(*values)
-            for values in product(self.corners or DEFAULT_CORNERS, orders, self.passes or (None,))
+            HeadlandChoice(*values, request.width_m)
+            for values in product(self.corners or CORNERS, orders, self.passes or (None,))
         ]
         return [
             (
@@ -91,8 +95,18 @@ def answer_headland_question(
         machines=describe_machines(ranking),
         remarks=tuple(result.context.layout.field.remarks),
         meets_request=ranking.missed_by_s is None and ranking.unmet_sentence is None,
+        parts=ranking.parts,
+        cut_off=locate_cut_off_ground(result.context.layout.field),
         map=draw_best_plan(result) if question.with_map else None,
     )
+
+
+def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
+    """All ground that obstacles cut off, at the place of its largest piece; None without any."""
+    if not field.cut_off_parts:
+        return None
+    place = shapely.point_on_surface(max(field.cut_off_parts, key=lambda part: part.area))
+    return locate_piece(field, field.cut_off_m2, place.x, place.y)
 
 
 def _explain_no_plan(result: PlanningResult) -> str:

@@ -108,17 +108,14 @@ NOT_GUIDANCE_REASON = "not for guidance; headland show lists them"
 CURVES_REASON = (
     f"some terminals refuse curves, and these have more than {MAX_SEGMENTS} straight segments; --curves writes them"
 )
+OLDER_REASON = "{title} has straight lines only; --to {name} writes what its terminals read"
 CURVES_WARNING = "The files have curves, which some terminals refuse; keep a version without them at hand."
 
 
 def list_unwritten_content(guidance: PlanGuidance, written: GuidanceFiles) -> list[dict[str, Any]]:
-    """What is not in the files: kind, number and reason."""
+    """What is not in the files: kind, number and reason, of lines their length (m) too."""
     guidance_format = written.format
-    entries: list[dict[str, Any]] = []
-    if written.unwritten_curves:
-        entries.append({
-            "what": "curves", "count": len(written.unwritten_curves), "why": CURVES_REASON,
-        })  # fmt: skip
+    entries = _list_curves(written.unwritten_curves, CURVES_REASON)
     parts = {
         "headland": len(guidance.headland_interior),
         "entrance": int(guidance.entrance is not None),
@@ -129,6 +126,23 @@ def list_unwritten_content(guidance: PlanGuidance, written: GuidanceFiles) -> li
         if part in guidance_format.unsupported_parts and count:
             entries.append({"what": part, "count": count, "why": f"{guidance_format.title} cannot hold it"})
     return entries + [{"what": part, "count": count, "why": NOT_GUIDANCE_REASON} for part, count in guidance.left_out]
+
+
+def list_content_for_newer_terminals(written: GuidanceFiles) -> list[dict[str, Any]]:
+    """What is in the files but cannot be read by terminals of the older format: kind, number, reason and length (m)."""
+    older = find_guidance_format(written.format.older)
+    if older is None:
+        return []
+    curves = tuple(line for line in written.lines if not line.is_straight)
+    return _list_curves(curves, OLDER_REASON.format(title=older.title, name=older.name))
+
+
+def _list_curves(curves: Sequence[WorkLine], reason: str) -> list[dict[str, Any]]:
+    """An entry for curves, if there are any."""
+    if not curves:
+        return []
+    length_m = round(sum(line.length_m for line in curves), 1)
+    return [{"what": "curves", "count": len(curves), "why": reason, "length_m": length_m}]
 
 
 def collect_remarks(guidance: PlanGuidance, written: GuidanceFiles) -> list[str]:
@@ -179,9 +193,16 @@ def build_export_table(guidance: PlanGuidance, written: GuidanceFiles, files: Se
         )
     sentences = [f"Written as {written.format.title}: {_join_files(files)}."]
     sentences += [
-        f"Left out: {one['what']} ({one['count']}): {one['why']}." for one in list_unwritten_content(guidance, written)
+        f"Not for older terminals: {_describe_content(one)}." for one in list_content_for_newer_terminals(written)
     ]
+    sentences += [f"Left out: {_describe_content(one)}." for one in list_unwritten_content(guidance, written)]
     return Group(FittedTable(columns, tuple(rows)), *(format_sentence(one) for one in sentences))
+
+
+def _describe_content(entry: dict[str, Any]) -> str:
+    """``curves (9, 1071 m): why``."""
+    length = f", {entry['length_m']:.0f} m" if "length_m" in entry else ""
+    return f"{entry['what']} ({entry['count']}{length}): {entry['why']}"
 
 
 def _join_files(files: Sequence[str]) -> str:
@@ -189,9 +210,11 @@ def _join_files(files: Sequence[str]) -> str:
 
 
 def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[str]) -> str:
-    """``format``, ``field``, ``area_ha``, ``files``, ``lines`` and ``left_out`` (``what``, ``count``, ``why``) as JSON.
+    """``format``, ``field``, ``area_ha``, ``files``, ``lines``, ``left_out`` and ``not_for_older`` as JSON.
 
-    Lines are in driving order, tractor by tractor; those that are not in the files have ``written`` false.
+    Lines are in driving order, tractor by tractor; those that are not in the files have ``written`` false. ``left_out``
+    and ``not_for_older`` (what terminals of an older version cannot read) have ``what``, ``count``, ``why`` and, of
+    lines, ``length_m``.
     """
     written_positions = {line.driving_position for line in written.lines}
     content = {
@@ -201,6 +224,7 @@ def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[
         "files": list(files),
         "lines": [_build_line_entry(line, line.driving_position in written_positions) for line in guidance.lines],
         "left_out": list_unwritten_content(guidance, written),
+        "not_for_older": list_content_for_newer_terminals(written),
     }
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 

@@ -11,24 +11,31 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import PurePath
 
-from reports.common.language import translate, translate_count
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
+    FieldPartPlan,
     PlanResult,
+    UnworkedPiece,
     get_finished_field_cost,
     get_stated_cost,
     get_stated_end_s,
     get_stated_s,
 )
+from reports.common.units import format_area, format_width
+from reports.plan.plan_wording import describe_part, format_ground_place
 from reports.plan.small_map import SmallMap
+
+YEAR_KEYS = ("hours_per_year", "fuel_l_per_year", "energy_kwh_per_year", "cost_per_year")
 
 
 @dataclass(frozen=True)
 class HeadlandChoice:
-    """One way to work the headland: kind of corners, "first" or "last", number of passes; None: planning decides."""
+    """One way to work the headland: kind of corners, "first" or "last", passes, width; None: not given."""
 
     corners: str
     order: str | None
     passes: int | None = None
+    width_m: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +43,9 @@ class ComparedPlan:
     """The best plan of a field with one way to work its headland, or why there is none.
 
     `requested_field` is the field as named in the request; `map` is a small map of the plan where one was asked for.
-    `meets_request` is False where the plan misses the deadline, the rain or the budget of the request.
+    `meets_request` is False where the plan misses the deadline, the rain or the budget of the request. `parts` and
+    `cut_off` are the ground that it does not reach: parts with plans of their own, and all that obstacles cut off, at
+    the place of its largest piece.
     """
 
     requested_field: str
@@ -50,6 +59,8 @@ class ComparedPlan:
     machines: str | None = None
     remarks: tuple[str, ...] = ()
     meets_request: bool = True
+    parts: tuple[FieldPartPlan, ...] = ()
+    cut_off: UnworkedPiece | None = None
     map: SmallMap | None = field(default=None, repr=False)
 
     @property
@@ -57,6 +68,11 @@ class ComparedPlan:
         """The stated cost with missed ground finished at the plan's own rate."""
         assert self.plan is not None
         return (get_stated_cost(self.plan) or 0.0) + get_finished_field_cost(self.plan) - (self.plan.cost or 0.0)
+
+    @property
+    def cut_off_m2(self) -> float:
+        """Ground that the plan does not reach."""
+        return sum(part.ground.m2 for part in self.parts) or (0.0 if self.cut_off is None else self.cut_off.m2)
 
     @property
     def overlap_m2(self) -> float:
@@ -67,11 +83,17 @@ class ComparedPlan:
 
 @dataclass(frozen=True, eq=False)
 class HeadlandTotals:
-    """One way to work the headland on all fields of a comparison: sums of its plans, where there are any."""
+    """One way to work the headland on all fields of a comparison: sums of its plans, where there are any.
+
+    `names_width` says that other ways have another working width. In a year every field is worked
+    `operations_per_year` times.
+    """
 
     choice: HeadlandChoice
     plans: tuple[ComparedPlan, ...]
     field_count: int
+    names_width: bool = False
+    operations_per_year: int = 1
 
     @cached_property
     def driven(self) -> tuple[PlanResult, ...]:
@@ -97,6 +119,11 @@ class HeadlandTotals:
     def cost(self) -> float:
         """The stated costs."""
         return sum(get_stated_cost(plan) or 0.0 for plan in self.driven)
+
+    @property
+    def paid_cost(self) -> float:
+        """The costs that are paid, without losses on late ground."""
+        return sum(plan.cost or 0.0 if plan.paid_cost is None else plan.paid_cost for plan in self.driven)
 
     @property
     def charged_cost(self) -> float:
@@ -135,12 +162,25 @@ class HeadlandTotals:
         amounts = [plan.energy_kwh for plan in self.driven if plan.energy_kwh is not None]
         return sum(amounts) if amounts and len(amounts) == len(self.driven) else None
 
+    @property
+    def charged_cost_per_year(self) -> float:
+        """The costs of a year with missed ground finished."""
+        return self.operations_per_year * self.charged_cost
+
+    @cached_property
+    def year(self) -> dict[str, float | None]:
+        """Hours of field work, fuel, electricity and what is paid in a year; None where they are not known."""
+        sums = (self.time_s / 3600.0, self.fuel_l, self.energy_kwh, self.paid_cost)
+        values = [self.operations_per_year * one if self.driven and one is not None else None for one in sums]
+        return dict(zip(YEAR_KEYS, values, strict=True))
+
 
 @dataclass(frozen=True, eq=False)
 class HeadlandComparison:
-    """Every way to work the headland on every field, in the order of the request."""
+    """Every way to work the headland on every field, in the order of the request; see HeadlandTotals."""
 
     plans: tuple[ComparedPlan, ...]
+    operations_per_year: int = 1
 
     @cached_property
     def choices(self) -> tuple[HeadlandChoice, ...]:
@@ -174,7 +214,11 @@ class HeadlandComparison:
         by_choice: dict[HeadlandChoice, list[ComparedPlan]] = {}
         for each in plans:
             by_choice.setdefault(each.choice, []).append(each)
-        totals = [HeadlandTotals(choice, tuple(some), len(some)) for choice, some in by_choice.items()]
+        has_widths = len({choice.width_m for choice in self.choices}) > 1
+        totals = [
+            HeadlandTotals(choice, tuple(some), len(some), has_widths, self.operations_per_year)
+            for choice, some in by_choice.items()
+        ]
         return sorted(totals, key=lambda one: (-len(one.driven), round(one.charged_cost, 6), one.time_s))
 
     @cached_property
@@ -198,8 +242,8 @@ def _get_field_work_s(plan: PlanResult) -> float:
 
 
 def name_choice(totals: HeadlandTotals) -> str:
-    """``square, first, 3 passes``, with what planning chose where the request left it open."""
-    parts = [totals.choice.corners, _name_order(totals), _name_passes(totals)]
+    """``square, first, 3 passes, 6 m``, with what planning chose where the request left it open."""
+    parts = [totals.choice.corners, _name_order(totals), _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
@@ -207,13 +251,19 @@ def describe_choice(totals: HeadlandTotals) -> str:
     """``square corners, headland first, 3 passes``."""
     corners = translate("{corners} corners", corners=totals.choice.corners)
     order = _name_order(totals)
-    parts = [corners, translate("headland {order}", order=order) if order else "", _name_passes(totals)]
+    headland = translate("headland {order}", order=order) if order else ""
+    parts = [corners, headland, _name_passes(totals), _name_width(totals)]
     return ", ".join(part for part in parts if part)
 
 
 def _name_order(totals: HeadlandTotals) -> str:
     orders = sorted({plan.headland_order for plan in totals.driven if plan.headland_order})
     return totals.choice.order or "/".join(orders)
+
+
+def _name_width(totals: HeadlandTotals) -> str:
+    width_m = totals.choice.width_m
+    return format_width(width_m) if totals.names_width and width_m is not None else ""
 
 
 def _name_passes(totals: HeadlandTotals) -> str:
@@ -240,3 +290,31 @@ def list_missing(comparison: HeadlandComparison) -> list[str]:
         f"{names[field]}: {translate('every way') if len(ways) == count > 1 else '; '.join(ways)}: {reason}."
         for (field, reason), ways in ways_by_reason.items()
     ]
+
+
+def list_cut_off(comparison: HeadlandComparison) -> list[str]:
+    """A sentence for every part of a field that is cut off, at every width by its best way, and where nothing is."""
+    sentences = []
+    for name, totals in comparison.totals_by_field.items():
+        best_by_width = {one.choice.width_m or 0.0: one for one in reversed(totals) if one.driven}
+        texts_by_label = {}
+        for _, one in sorted(best_by_width.items()):
+            label = ", ".join(filter(None, (comparison.field_names[name], _name_width(one))))
+            texts_by_label[label] = _describe_cut_off(one.plans[0])
+        if any(texts_by_label.values()):
+            whole = [translate("nothing is cut off.")]
+            sentences += [f"{label}: {text}" for label, texts in texts_by_label.items() for text in texts or whole]
+    return sentences
+
+
+def _describe_cut_off(each: ComparedPlan) -> list[str]:
+    """Where ground is cut off, why, and what would work it."""
+    if each.parts or each.cut_off is None:
+        return [translate_sentence(describe_part(part)) for part in each.parts]
+    sentence = translate(
+        "Obstacles cut off {area}, the most at {place}: too small or too narrow for a plan of its own. A smaller "
+        "--margin may open a way.",
+        area=format_area(each.cut_off.m2),
+        place=format_ground_place(each.cut_off),
+    )
+    return [sentence]

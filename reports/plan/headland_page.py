@@ -6,7 +6,13 @@ from typing import Any
 
 from reports.common.rendering import render_template
 from reports.common.wording import format_duration, format_number, insert_non_breaking_spaces
-from reports.plan.headland_comparison import HeadlandComparison, HeadlandTotals, list_missing, name_choice
+from reports.plan.headland_comparison import (
+    HeadlandComparison,
+    HeadlandTotals,
+    list_cut_off,
+    list_missing,
+    name_choice,
+)
 from reports.plan.headland_report import (
     build_cells,
     build_field_cells,
@@ -28,7 +34,7 @@ def render_headland_page(comparison: HeadlandComparison) -> str:
         "headland_comparison.html.j2",
         {
             "title": f"Headlands compared: {names[0] if len(names) == 1 else f'{len(names)} fields'}",
-            "machines": next((each.machines for each in comparison.plans if each.machines), None),
+            "machines": "; ".join(dict.fromkeys(each.machines for each in comparison.plans if each.machines)),
             "answer": [insert_non_breaking_spaces(text) for text in describe_comparison(comparison)],
             "head": [column.heading for column in list_columns(comparison)],
             "rows": _build_rows(list(comparison.totals), comparison.best, with_fuel),
@@ -37,6 +43,7 @@ def render_headland_page(comparison: HeadlandComparison) -> str:
             "field_rows": [
                 {"best": False, "cells": build_field_cells(comparison, field)} for field in comparison.fields
             ],
+            "cut_off": list_cut_off(comparison),
             "missing": list_missing(comparison),
             "fields": [_build_section(comparison, field, with_fuel) for field in comparison.fields],
             "has_missed": any(one["missed"] for one in maps),

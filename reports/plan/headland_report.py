@@ -23,20 +23,24 @@ from reports.common.units import (
     format_square_metres,
     get_area_unit,
     get_small_area_unit,
+    get_volume_unit,
 )
-from reports.common.wording import NO_VALUE, format_duration, format_number, format_price
-from reports.plan.energy_wording import name_energy_column
+from reports.common.wording import NO_VALUE, format_number, format_price
 from reports.plan.headland_comparison import (
+    YEAR_KEYS,
     ComparedPlan,
+    HeadlandChoice,
     HeadlandComparison,
     HeadlandTotals,
     describe_choice,
+    list_cut_off,
     list_missing,
     name_choice,
 )
-from reports.plan.ranking_export import EXPORT_DECIMALS, build_plan_entry, format_csv_cell
+from reports.plan.ranking_export import EXPORT_DECIMALS, build_part_entry, build_plan_entry, format_csv_cell
 
 ALIKE_SHARE = 0.005  # of the cost: ways that differ by less cost the same
+LEAST_ROUNDED_HOURS = 10.0  # fewer have two decimals, as half a minute counts
 MOST_NAMED_FIELDS = 2  # on which another way is better: more are counted
 TOTAL_KEYS = (
     "area_ha", "time_s", "cost", "cost_per_ha", "fuel_l", "energy_kwh", "missed_m2", "overlap_m2", "over_finished_m2",
@@ -53,8 +57,13 @@ def format_money(value: float | None, currency: str | None) -> str:
 
 
 def compute_extra_cost(totals: HeadlandTotals, best: HeadlandTotals) -> float:
-    """How much more one way costs than the best on the same ground."""
-    return totals.charged_cost - best.charged_cost
+    """How much more one way costs than the best on the same ground in a year."""
+    return totals.charged_cost_per_year - best.charged_cost_per_year
+
+
+def format_hours(value: float | None) -> str:
+    """Hours with one decimal, or two where there are few."""
+    return format_number(value, 1 if value is None or value >= LEAST_ROUNDED_HOURS else 2)
 
 
 def describe_comparison(comparison: HeadlandComparison) -> list[str]:
@@ -69,6 +78,7 @@ def describe_comparison(comparison: HeadlandComparison) -> list[str]:
         ]
     return [
         _describe_worth(comparison, best),
+        _describe_year(comparison, best),
         *_describe_unmet(comparison, best),
         *_describe_places(comparison, best),
         *_describe_ground_left(comparison, best),
@@ -86,12 +96,12 @@ def _describe_worth(comparison: HeadlandComparison, best: HeadlandTotals) -> str
             return translate("Only this way works: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
         return translate("One way was compared: {way}: {rate} on {fields}.", way=way, rate=rate, fields=where)
     dearest = others[-1]
-    if compute_extra_cost(dearest, best) <= ALIKE_SHARE * best.charged_cost:
+    if compute_extra_cost(dearest, best) <= ALIKE_SHARE * best.charged_cost_per_year:
         extra = format_money(compute_extra_cost(dearest, best), comparison.currency)
         return translate(
             "All ways cost the same within {extra} on {fields}; the least: {way}.", extra=extra, fields=where, way=way
         )
-    alike = [one for one in others if compute_extra_cost(one, best) <= ALIKE_SHARE * best.charged_cost]
+    alike = [one for one in others if compute_extra_cost(one, best) <= ALIKE_SHARE * best.charged_cost_per_year]
     if alike:
         return translate(
             "Worth it on {fields}: {way}: {saving} less than {dearest}, the dearest; {alike}.",
@@ -125,15 +135,43 @@ def _describe_alike(alike: list[HeadlandTotals], best: HeadlandTotals, compariso
     return translate("{count} other ways cost the same within {extra}", count=len(alike), extra=extra)
 
 
+def _describe_year(comparison: HeadlandComparison, best: HeadlandTotals) -> str:
+    """Hours, fuel and cost of the best way in a year."""
+    energy = _get_energy_per_year(best)
+    figures = [
+        f"{format_hours(best.year['hours_per_year'])} h",
+        *([] if energy is None else [f"{format_number(energy, 0)} {_get_energy_unit(comparison)}"]),
+        format_money(best.year["cost_per_year"], comparison.currency),
+    ]
+    return translate_count(
+        "With {count} operation a year it takes {figures}.",
+        "With {count} operations a year it takes {figures}.",
+        best.operations_per_year,
+        figures=", ".join(figures),
+    )
+
+
+def _get_energy_per_year(totals: HeadlandTotals) -> float | None:
+    """Electricity in kWh, or fuel in the unit of the reader; None where it is not known."""
+    kwh, litres = totals.year["energy_kwh_per_year"], totals.year["fuel_l_per_year"]
+    return kwh if kwh is not None or litres is None else convert_litres(litres)
+
+
+def _get_energy_unit(comparison: HeadlandComparison) -> str:
+    return get_volume_unit() if all(one.energy_kwh is None for one in comparison.totals) else "kWh"
+
+
 def _describe_ground(comparison: HeadlandComparison, totals: HeadlandTotals) -> str:
     names = [comparison.field_names[each.requested_field] for each in totals.plans if each.plan is not None]
     subject = names[0] if len(names) == 1 else _count_fields(len(names))
-    return f"{subject} ({format_hectares(totals.area_ha)})"
+    times = totals.operations_per_year
+    yearly = [] if times == 1 else [translate("{count} operations a year", count=times)]
+    return f"{subject} ({', '.join([format_hectares(totals.area_ha), *yearly])})"
 
 
 def _describe_saving(other: HeadlandTotals, best: HeadlandTotals, comparison: HeadlandComparison) -> str:
     extra = compute_extra_cost(other, best)
-    return f"{format_money(extra, comparison.currency)} ({100.0 * extra / other.charged_cost:.1f} %)"
+    return f"{format_money(extra, comparison.currency)} ({100.0 * extra / other.charged_cost_per_year:.1f} %)"
 
 
 def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -> str:
@@ -166,7 +204,8 @@ def _describe_places(comparison: HeadlandComparison, best: HeadlandTotals) -> It
         if same is None:
             continue
         name = comparison.field_names[field]
-        if driven[0].choice != best.choice and compute_extra_cost(same, driven[0]) > ALIKE_SHARE * same.charged_cost:
+        is_dearer = compute_extra_cost(same, driven[0]) > ALIKE_SHARE * same.charged_cost_per_year
+        if driven[0].choice != best.choice and is_dearer:
             losses[name] = same, driven[0]
         elif len(driven) > 1:
             gains[name] = compute_extra_cost(driven[-1], same)
@@ -202,6 +241,9 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
             driven=format_square_metres(best.over_finished_m2),
         )
     ]
+    cut_off_m2 = sum(each.cut_off_m2 for each in best.plans)
+    if cut_off_m2:
+        texts.append(translate("{area} are cut off for it (see below)", area=format_square_metres(cut_off_m2)))
     if round(least_missed.missed_m2) < round(best.missed_m2):
         area = format_square_metres(least_missed.missed_m2)
         texts.append(translate("{way} misses least ({area})", way=name_choice(least_missed), area=area))
@@ -214,21 +256,14 @@ def _describe_ground_left(comparison: HeadlandComparison, best: HeadlandTotals) 
 def list_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
     """The columns of the table; fuel only where it is known."""
     unit = comparison.currency or translate("Cost")
-    fuel = (
-        (
-            _build_figure_column(
-                name_energy_column([plan for one in comparison.totals for plan in one.driven]), drop_order=1
-            ),
-        )
-        if has_fuel(comparison)
-        else ()
-    )
+    energy = (_build_year_column(_get_energy_unit(comparison)),) if has_fuel(comparison) else ()
     return (
         TableColumn(translate("Headland"), is_text=True, is_unbroken=True),
         TableColumn(f"{unit}/{get_area_unit()}"),
         TableColumn(translate("More")),
-        TableColumn(translate("Time")),
-        *fuel,
+        _build_year_column("h"),
+        *energy,
+        _build_year_column(unit),
         _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit())),
         _build_figure_column(translate("Overlap {unit}", unit=get_small_area_unit()), drop_order=2),
         _build_figure_column(translate("Driven over {unit}", unit=get_small_area_unit())),
@@ -244,6 +279,11 @@ def _build_figure_column(heading: str, drop_order: int = 0) -> TableColumn:
     return TableColumn(heading, f"{first}\n{rest}", drop_order=drop_order)
 
 
+def _build_year_column(unit: str) -> TableColumn:
+    heading = translate("{unit}/year", unit=unit)
+    return TableColumn(heading, heading.replace("/", "/\n"))
+
+
 def has_fuel(comparison: HeadlandComparison) -> bool:
     """Whether the fuel, or the electricity, of every way that works is known."""
     driven = [one for one in comparison.totals if one.driven]
@@ -256,16 +296,16 @@ def has_fuel(comparison: HeadlandComparison) -> bool:
 def build_cells(totals: HeadlandTotals, best: HeadlandTotals | None, with_fuel: bool) -> tuple[str, ...]:
     """The row of one way: what it costs more than the best only where both work on as many fields."""
     if not totals.driven:
-        return (name_choice(totals), *[NO_VALUE] * (6 + with_fuel))
+        return (name_choice(totals), *[NO_VALUE] * (7 + with_fuel))
     is_comparable = best is not None and len(totals.driven) == len(best.driven)
     extra = compute_extra_cost(totals, best) if best is not None and is_comparable else None
-    kwh = totals.energy_kwh
     return (
         name_choice(totals),
         format_number(convert_rate_per_hectare(totals.cost_per_ha), 1),
         NO_VALUE if extra is None else f"+{format_price(max(extra, 0.0))}" if totals is not best else translate("best"),
-        format_duration(totals.time_s),
-        *([format_number(convert_litres(totals.fuel_l) if kwh is None else kwh, 0)] if with_fuel else []),
+        format_hours(totals.year["hours_per_year"]),
+        *([format_number(_get_energy_per_year(totals), 0)] if with_fuel else []),
+        format_price(totals.year["cost_per_year"]),
         format_number(convert_square_metres(totals.missed_m2), 0),
         format_number(convert_square_metres(totals.overlap_m2), 0),
         format_number(convert_square_metres(totals.over_finished_m2), 0),
@@ -284,6 +324,8 @@ def build_headland_table(comparison: HeadlandComparison) -> RenderableType:
         if len(comparison.fields) > 1:
             parts += [Text(""), _build_field_table(comparison)]
         parts += [format_sentence(describe_figures(comparison), style="dim"), Text("")]
+    cut_off = list_cut_off(comparison)
+    parts += [format_title(translate("Cut off")), *map(format_sentence, cut_off), Text("")] if cut_off else []
     missing = list_missing(comparison)
     parts += [format_title(translate("Without a plan")), *map(format_sentence, missing)] if missing else []
     return Group(*parts)
@@ -295,8 +337,8 @@ def describe_figures(comparison: HeadlandComparison) -> str:
         "Sums of the best plan of every field. Missed: not worked; overlap: worked more than once; driven over: "
         "finished ground under wheels, headland included; cost per hectare that is worked."
     )
-    more = translate("More: cost on all fields above the best, with missed ground finished.")
-    return f"{figures} {more}"
+    year = translate("Per year: all fields, as driven and paid. More: with missed ground finished, above the best.")
+    return f"{figures} {year}"
 
 
 def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...]:
@@ -307,7 +349,7 @@ def list_field_columns(comparison: HeadlandComparison) -> tuple[TableColumn, ...
         TableColumn(translate("Best headland"), is_text=True, is_unbroken=True),
         TableColumn(translate("Saves")),
         TableColumn(f"{unit}/{get_area_unit()}"),
-        TableColumn(translate("Time")),
+        _build_year_column("h"),
         _build_figure_column(translate("Missed {unit}", unit=get_small_area_unit()), drop_order=1),
         TableColumn(get_area_unit()),
     )
@@ -325,7 +367,7 @@ def build_field_cells(comparison: HeadlandComparison, name: str) -> tuple[str, .
         name_choice(best),
         format_price(compute_extra_cost(dearest, best)) if len(driven) > 1 else NO_VALUE,
         format_number(convert_rate_per_hectare(best.cost_per_ha), 1),
-        format_duration(best.time_s),
+        format_hours(best.year["hours_per_year"]),
         format_number(convert_square_metres(best.missed_m2), 0),
         format_number(convert_hectares(best.area_ha), 2),
     )
@@ -339,29 +381,36 @@ def _build_field_table(comparison: HeadlandComparison) -> FittedTable:
 def format_headland_json(comparison: HeadlandComparison) -> str:
     """The comparison as JSON text with a trailing newline.
 
-    Keys: ``answer`` (sentences), ``currency``, ``best`` (a way: ``corners``, ``headland_order``, ``headland_passes``;
-    null where none works everywhere), ``totals`` (one per way, the best first: the way, ``fields``, `TOTAL_KEYS`) and
-    ``fields`` (one per field and way: the way, ``headland_m``, ``plan`` as in the JSON of a plan, ``refusal``).
+    Keys: ``answer`` (sentences), ``cut_off`` (sentences), ``currency``, ``operations_per_year``, ``best`` (a way:
+    ``corners``, ``headland_order``, ``headland_passes``, ``width_m``; null where none works everywhere), ``totals``
+    (one per way, the best first: the way, ``fields``, `TOTAL_KEYS`, `YEAR_KEYS`) and ``fields`` (one per field and way:
+    the way, ``headland_m``, ``plan`` and ``parts`` as in the JSON of a plan, ``refusal``).
     """
     best = comparison.best
     content = {
         "answer": describe_comparison(comparison),
+        "cut_off": list_cut_off(comparison),
         "currency": comparison.currency,
-        "best": None if best is None else _build_choice_entry(best),
+        "operations_per_year": comparison.operations_per_year,
+        "best": None if best is None else _build_choice_entry(best.choice),
         "totals": [_build_totals_entry(one) for one in comparison.totals],
         "fields": [_build_field_entry(each) for each in comparison.plans],
     }
     return json.dumps(make_json_safe(content, EXPORT_DECIMALS), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _build_choice_entry(totals: HeadlandTotals) -> dict[str, Any]:
-    choice = totals.choice
-    return {"corners": choice.corners, "headland_order": choice.order, "headland_passes": choice.passes}
+def _build_choice_entry(choice: HeadlandChoice) -> dict[str, Any]:
+    return {
+        "corners": choice.corners,
+        "headland_order": choice.order,
+        "headland_passes": choice.passes,
+        "width_m": choice.width_m,
+    }
 
 
 def _build_totals_entry(totals: HeadlandTotals) -> dict[str, Any]:
     figures = {key: getattr(totals, key) if totals.driven else None for key in TOTAL_KEYS}
-    return {**_build_choice_entry(totals), "fields": len(totals.driven), **figures}
+    return {**_build_choice_entry(totals.choice), "fields": len(totals.driven), **figures, **totals.year}
 
 
 def _build_field_entry(each: ComparedPlan) -> dict[str, Any]:
@@ -369,12 +418,11 @@ def _build_field_entry(each: ComparedPlan) -> dict[str, Any]:
         "requested_field": each.requested_field,
         "field": each.field_name or None,
         "area_ha": each.area_ha or None,
-        "corners": each.choice.corners,
-        "headland_order": each.choice.order,
-        "headland_passes": each.choice.passes,
+        **_build_choice_entry(each.choice),
         "headland_m": each.headland_m,
         "plan": None if each.plan is None else build_plan_entry(each.plan),
         "meets_request": None if each.plan is None else each.meets_request,
+        "parts": [build_part_entry(part) for part in each.parts],
         "refusal": each.refusal,
     }
 
@@ -383,13 +431,17 @@ def format_headland_csv(comparison: HeadlandComparison) -> str:
     """A row per field and way: the way, the figures of its best plan, or the reason why there is none."""
     head = (
         "requested_field", "field", "area_ha", "corners", "headland_order", "headland_passes", "headland_m",
-        *CSV_PLAN_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason",
+        *CSV_PLAN_KEYS, "overlap_m2", "cost_per_ha", "currency", "reason", "width_m", "operations_per_year", *YEAR_KEYS,
+        "cut_off_m2",
     )  # fmt: skip
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
     writer.writerow(head)
     for each in comparison.plans:
-        cells = make_json_safe(list(_iter_csv_cells(each, comparison.currency)), EXPORT_DECIMALS)
+        (totals,) = comparison.sum_over_fields([each])
+        year = (each.choice.width_m, comparison.operations_per_year, *totals.year.values())
+        values = [*_iter_csv_cells(each, comparison.currency), *year, None if each.plan is None else each.cut_off_m2]
+        cells = make_json_safe(values, EXPORT_DECIMALS)
         writer.writerow(map(format_csv_cell, cells))
     return buffer.getvalue()
 

@@ -235,13 +235,13 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     else:
         sentences = [*_list_advice(ranking), translate("Best plan: {result}.", result=result), *details]
         sentences += _describe_deadline(ranking, best, best_is_cheapest)
-    sentences += [_describe_part(part) for part in ranking.parts]
+    sentences += [describe_part(part) for part in ranking.parts]
     if ranking.cut_off_m2 and not ranking.parts:
         sentences.append(f"Obstacles cut off {format_area(ranking.cut_off_m2)} of the field, which no plan works.")
     return sentences + _describe_other_plans(ranking, best, cheapest, best_is_cheapest)
 
 
-def _describe_part(part: FieldPartPlan) -> str:
+def describe_part(part: FieldPartPlan) -> str:
     """Where a part of the field is, what cuts it off, what would pass, and its own plan."""
     way = "no way leads there within the field"
     if part.neck_width_m > 0.0:

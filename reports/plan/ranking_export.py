@@ -135,7 +135,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "currency": ranking.currency,
             "samples": ranking.samples,
             "unmet": ranking.unmet_sentence,
-            "parts": [_build_part_entry(part) for part in ranking.parts],
+            "parts": [build_part_entry(part) for part in ranking.parts],
             "changes": list(ranking.changes),
             "pull": _build_pull_entry(ranking.pull),
             "remarks": list(ranking.field_remarks),
@@ -153,7 +153,7 @@ def _build_pull_entry(pull: PullFigures | None) -> dict[str, Any] | None:
     return {**figures, "questioned": pull.is_questioned, "question": question_pull(pull) or None}
 
 
-def _build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
+def build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
     """A part of the field that is cut off, with its own plan."""
     places = {
         name: {key: make_json_safe(getattr(place, key), EXPORT_DECIMALS) for key in UNWORKED_PIECE_KEYS}

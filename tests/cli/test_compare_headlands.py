@@ -42,13 +42,27 @@ def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) ->
     head = next(index for index, line in enumerate(lines) if line.startswith("Headland "))
     headings = sorted(" ".join(lines[head - 2 : head + 1]).split())  # in three lines all columns have room
     assert headings == sorted(
-        ["Headland", "EUR/ha", "More", "Time", "Fuel", "l", "Missed", "m2", "Overlap", "m2", "Driven", "over", "m2"]
+        [
+            "Headland",
+            "EUR/ha",
+            "More",
+            "h/year",
+            "l/year",
+            "EUR/year",
+            "Missed",
+            "m2",
+            "Overlap",
+            "m2",
+            "Driven",
+            "over",
+            "m2",
+        ]
     )
     rows = [mask_figures(line) for line in lines[head + 1 : head + 3]]
     assert sorted(rows, key=lambda row: "best" not in row) == rows
     assert {row.split(",")[0] for row in rows} == {"square", "round"}
     for row in rows:
-        assert re.fullmatch(r"(square|round), last, # passes # (best|#) # # # # #", row), row
+        assert re.fullmatch(r"(square|round), last, # passes # (best|#) # # # # # #", row), row
     assert lines[head + 4].split()[:4] == ["Field", "Best", "headland", "Saves"]
     assert [line.split()[0] for line in lines[head + 5 : head + 7]] == ["north", "south"]
     assert len(lines) <= 24
@@ -57,8 +71,9 @@ def test_first_screen_at_80_columns(headland: Callable[..., Any], farm: Path) ->
 @pytest.mark.slow
 def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path, tmp_path: Path) -> None:
     page = tmp_path / "headlands.html"
-    told = json.loads(headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--json", "--html", page).out)
-    outcome = headland("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--csv")
+    asked = ("compare-headlands", f"{farm}#*", *QUICK, *WAYS, "--operations-per-year", "3")
+    told = json.loads(headland(*asked, "--json", "--html", page).out)
+    outcome = headland(*asked, "--csv")
     rows = list(csv.DictReader(io.StringIO(outcome.out)))
     assert [(row["field"], row["corners"], row["headland_order"], row["headland_passes"]) for row in rows] == [
         (field, corners, "last", "3") for field in ("north", "south") for corners in ("square", "round")
@@ -68,12 +83,17 @@ def test_json_csv_and_page_say_the_same(headland: Callable[..., Any], farm: Path
         assert float(row["time_s"]) == entry["plan"]["time_s"] and float(row["cost"]) == entry["plan"]["cost"]
         assert row["corners"] == entry["corners"] and entry["refusal"] is None
     assert {one["corners"] for one in told["totals"]} == {"square", "round"}
-    assert told["best"] == {"corners": told["totals"][0]["corners"], "headland_order": "last", "headland_passes": 3}
+    assert told["best"] == {
+        "corners": told["totals"][0]["corners"], "headland_order": "last", "headland_passes": 3, "width_m": 3.0,
+    }  # fmt: skip
     for one in told["totals"]:
         mine = [row for row in rows if row["corners"] == one["corners"]]
         assert one["cost"] == pytest.approx(sum(float(row["cost"]) for row in mine))
         assert one["cost_per_ha"] == pytest.approx(sum(float(row["finished_cost"]) for row in mine) / 0.228)
         assert one["fields"] == 2 and one["area_ha"] == pytest.approx(0.228)
+        for year, single, scale in (("hours", "time_s", 3600.0), ("fuel_l", "fuel_l", 1.0), ("cost", "cost", 1.0)):
+            summed = 3.0 * sum(float(row[single]) for row in mine) / scale
+            assert one[f"{year}_per_year"] == pytest.approx(summed, rel=1e-4), year
     text = page.read_text(encoding="utf-8")
     assert text.count("<svg") == 4 and "src=" not in text and "<script" not in text
     assert " ".join(told["answer"][0].split()[:3]) in text.replace("\N{NO-BREAK SPACE}", " ")
@@ -104,6 +124,14 @@ def test_a_lost_file_is_refused_alone_and_named_among_others(
     assert "lost.geojson: every way: There is no field file" in " ".join(outcome.out.split())
 
 
+def test_widths_are_compared(headland: Callable[..., Any], farm: Path) -> None:
+    options = (*QUICK, "--corners", "round", "--headland-order", "last")
+    lines = headland("compare-headlands", f"{farm}#south", *options, "--width", "2.5,3").out.splitlines()
+    rows = [line for line in lines if line.startswith("round, last, ")]
+    assert sorted(re.sub(r".* passes, ([\d.]+ m) .*", r"\1", row) for row in rows) == ["2.5 m", "3 m"]
+    assert lines[0].startswith("Worth it on south (0.11 ha): round corners, ") and max(map(len, lines)) <= 80
+
+
 def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: Path) -> None:
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-order", "last",
                        "--start", "8:00", "--deadline", "8:02", "--samples", "100")  # fmt: skip
@@ -123,6 +151,10 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
         (("--headland-passes", "two"), "--headland-passes 'two' is not a list"),
         (("--headland-passes", "999999999999"), "is not a list of numbers"),
         (("--no-headland",), "No such option"),
+        (("--width", "3,,6"), "--width '3,,6' is not a width"),
+        (("--width", "3,0"), "working width (--width) is 0 m; use more than 0"),
+        (("--operations-per-year", "0"), "--operations-per-year is 0; use 1 to 366."),
+        (("--operations-per-year", "1" + "0" * 400), "use 1 to 366"),
         (("--json", "--csv"), "choose one"),
         (("--html", "page.txt"), "does not end in .html"),
         (("--html", "farm.html.geojson"), "does not end in .html"),

@@ -62,22 +62,25 @@ def test_every_form_is_written_beside_the_plan(headland: Run, plan: Path, form: 
     assert files() - {"plan.json"} == NEW[form]
     told = json.loads(done.out)
     assert told["format"] == form and {str(Path(name)) for name in told["files"]} == NEW[form]
-    curves = 0 if form.startswith("isoxml") else 1
+    curves = 0 if form == "isoxml3" else 1
     assert sum(line["written"] for line in told["lines"]) == 3 + curves
     assert [line["name"] for line in told["lines"]][1:3] == ["T1 02 track 1", "T2 01 track 2a"]
     assert ("curves" in {one["what"] for one in told["left_out"]}) == (curves == 0)
+    assert [one["what"] for one in told["not_for_older"]] == (["curves"] if form == "isoxml4" else [])
 
 
 def test_the_table_tells_what_was_written_and_what_not(headland: Run, plan: Path) -> None:
     done = headland("export", plan, "--to", "isoxml4")
     assert done.status == 0
     assert "Written as ISOXML version 4: plan-isoxml4/TASKDATA/TASKDATA.XML." in done.out
-    assert "Left out: curves (1): some terminals refuse curves, and these have more than 8" in done.out
-    assert "Left out: turns (2)" in done.out
+    assert "Not for older terminals: curves (1, 94 m): ISOXML version 3 has straight lines" in done.out
+    assert "Left out: turns (2)" in done.out and "Left out: curves" not in done.out
+    done = headland("export", plan, "--to", "isoxml3")
+    assert "Left out: curves (1, 94 m): some terminals refuse curves, and these have more" in done.out
 
 
-def test_curves_come_with_a_warning(headland: Run, plan: Path) -> None:
-    done = headland("export", plan, "--to", "isoxml4", "--curves")
+def test_curves_for_terminals_of_version_3_come_with_a_warning(headland: Run, plan: Path) -> None:
+    done = headland("export", plan, "--to", "isoxml3", "--curves")
     assert done.status == 0 and len(done.sentences) == 1 and "terminals refuse" in done.sentences[0]
 
 
@@ -172,19 +175,22 @@ def test_a_folder_that_takes_no_files_is_refused(headland: Run, plan: Path) -> N
 
 
 def test_a_plan_of_a_field_is_exported_with_it(headland: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The lines of a real plan lie in the boundary that was planned, and work most of it."""
+    """The lines of a real plan lie in the boundary that was planned, have its worked metres, and work most of it."""
     monkeypatch.chdir(tmp_path)
     ring: Any = ((10.0, -30.0), (10.0006, -30.0), (10.0006, -29.9993), (10.0, -29.9993))
     Path("farm.geojson").write_text(json.dumps(polygon(*ring)), encoding="utf-8")
     words = ("--width", "6", "--tractors", "1", "--strategies", "split-field", "--processes", "1", "--json")
     assert headland("plan", "farm.geojson", *words, "--save", "plan.json").status == 0
     Path("farm.geojson").unlink()
-    assert headland("export", "plan.json", "--to", "isoxml4", "--curves").status == 0
+    assert headland("export", "plan.json", "--to", "isoxml4").status == 0
     field = read_field("plan-isoxml4")
     assert (
         field.name == "farm" and np.abs(field.to_wgs84(shapely.get_coordinates(field.boundary))[:4] - ring).max() < 1e-6
     )
     lines = [one.line for one in field.guidance_lines]
     assert all(shapely.covers(field.boundary.buffer(0.01), line) for line in lines)
+    legs = [leg for mission in json.loads(Path("plan.json").read_text())["tractors"] for leg in mission]
+    worked = [shapely.LineString(leg["points_m"]) for leg in legs if leg["implement"]]
+    assert sum(line.length for line in lines) == pytest.approx(sum(line.length for line in worked), abs=0.1)
     swept = shapely.union_all([line.buffer(3.0, cap_style="flat") for line in lines])
     assert shapely.intersection(swept, field.boundary).area > 0.9 * field.boundary.area

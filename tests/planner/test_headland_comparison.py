@@ -4,6 +4,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 import pytest
 import shapely
 
+from fields.geometry.field import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.context import PlanningContext
@@ -18,7 +20,12 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M, find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import build_inputs_without_farm
-from planner.pipeline.headland_comparison import HeadlandChoices, compare_headlands, list_headland_questions
+from planner.pipeline.headland_comparison import (
+    HeadlandChoices,
+    compare_headlands,
+    list_headland_questions,
+    locate_cut_off_ground,
+)
 from planner.request.plan_request import PlanRequest
 from reports.plan.headland_comparison import HeadlandChoice, HeadlandComparison
 from tests.examples import seldom
@@ -93,7 +100,7 @@ class TestChoices:
         choices = HeadlandChoices(("square", "round"), ("first", "last"), (2, 3))
         asked = choices.list_requests(PlanRequest())
         assert [choice for choice, _ in asked] == [
-            HeadlandChoice(corners, order, passes)
+            HeadlandChoice(corners, order, passes, 3.0)
             for corners in ("square", "round")
             for order in ("first", "last")
             for passes in (2, 3)
@@ -103,10 +110,11 @@ class TestChoices:
                 choice.corners, choice.order, choice.passes,
             )  # fmt: skip
 
-    @pytest.mark.parametrize(("operation", "count"), [("till", 4), ("sow", 2), ("mow", 2)])
+    @pytest.mark.parametrize(("operation", "count"), [("till", 6), ("sow", 3), ("mow", 3)])
     def test_default_is_what_the_work_allows(self, operation: str, count: int) -> None:
         asked = HeadlandChoices().list_requests(PlanRequest(operation=operation))
         assert len(asked) == count and all(choice.passes is None for choice, _ in asked)
+        assert {choice.corners for choice, _ in asked} == {"square", "round", "auto"}
 
     def test_headland_that_is_not_worked_is_refused(self) -> None:
         with pytest.raises(RequestError, match="leaves the headland"):
@@ -165,3 +173,25 @@ def test_sums_add_up(comparison: HeadlandComparison) -> None:
         assert totals.cost_per_ha == pytest.approx(sum(one.finished_cost or 0.0 for one in results) / 0.252)
     assert comparison.best is not None
     assert comparison.best.charged_cost == min(one.charged_cost for one in comparison.totals)
+
+
+def test_a_part_beyond_a_neck_is_cut_off_for_wide_machines(tmp_path: Path) -> None:
+    """Rectangles of 60 m and 30 m by 40 m with a way of 4 m between, for machines of 6 m."""
+    bell = shapely.union_all([shapely.box(0, 0, 60, 40), shapely.box(60, 18, 80, 22), shapely.box(80, 0, 110, 40)])
+    path = tmp_path / "bell.geojson"
+    path.write_text(shapely.to_geojson(bell), encoding="utf-8")
+    request = PlanRequest(str(path), local=True, tractors=(1,), strategies=("split-field",), width_m=6.0)
+    questions = list_headland_questions([build_inputs_without_farm(request)], HeadlandChoices(("round",), ("last",)))
+    (each,) = compare_headlands(questions, SerialExecutor()).plans
+    assert each.choice.width_m == 6.0 and each.cut_off_m2 == pytest.approx(30 * 40, abs=1.0)
+    assert [part.neck_width_m for part in each.parts] == [pytest.approx(4.0, abs=0.1)]
+
+
+def test_all_that_obstacles_cut_off_is_at_the_place_of_most() -> None:
+    """Two pieces that are too small for plans, of 20 m2 and 90 m2: the place is in the larger."""
+    pieces = (shapely.box(0, 0, 4, 5), shapely.box(20, 20, 30, 29))
+    cut = replace(Field("f", shapely.box(0, 0, 50, 50)), cut_off_parts=pieces)
+    piece = locate_cut_off_ground(cut)
+    assert piece is not None and piece.m2 == pytest.approx(110.0)
+    assert pieces[1].contains(shapely.Point(piece.x_m, piece.y_m)) and piece.lat is None
+    assert locate_cut_off_ground(replace(cut, cut_off_parts=())) is None

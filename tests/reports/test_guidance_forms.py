@@ -26,6 +26,7 @@ from reports.plan.guidance_export import (
     GUIDANCE_FORMATS,
     collect_remarks,
     find_guidance_format,
+    list_content_for_newer_terminals,
     list_unwritten_content,
     write_guidance,
 )
@@ -57,9 +58,9 @@ def turned(one: SavedPlan, turn_rad: float, scale: float) -> SavedPlan:
     return replace(one, plan=replace(one.plan, missions=missions), ground=ground)
 
 
-def put(folder: Path, form: GuidanceFormat, guidance: PlanGuidance) -> list[Path]:
+def put(folder: Path, form: GuidanceFormat, guidance: PlanGuidance, curves: bool | None = True) -> list[Path]:
     """What is written, in a folder; what a person would name to read the fields again."""
-    made = write_guidance(guidance, form, include_curves=True)
+    made = write_guidance(guidance, form, curves)
     for name, content in made.files.items():
         place = folder / name
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -181,17 +182,65 @@ def test_isoxml_is_valid_against_the_published_schemas(tmp_path: Path, name: str
                     assert [error.reason for error in rules.iter_errors(tmp_path / "one.xml")] == []
 
 
-def test_isoxml_has_straight_lines_unless_curves_are_asked_for() -> None:
+def test_isoxml_has_curves_in_version_4_and_straight_lines_in_version_3() -> None:
     guidance = build_guidance(saved())
-    (root,) = taskdata("isoxml4", guidance)
-    assert [one.get("B") for one in root.iter("GPN")] == ["T1 02 track 1", "T2 01 track 2a", "T2 02 track 2b"]
+    straight = ["T1 02 track 1", "T2 01 track 2a", "T2 02 track 2b"]
+    (root,) = taskdata("isoxml4", guidance, curves=False)
+    assert [one.get("B") for one in root.iter("GPN")] == straight
     assert {one.get("C") for one in root.iter("GPN")} == {"1"}
-    (root,) = taskdata("isoxml4", guidance, curves=True)
+    lines = [one for root in taskdata("isoxml3", guidance) for one in root.iter("LSG") if one.get("A") == "5"]
+    assert [(one.get("B"), len(one)) for one in lines] == [(name, 2) for name in straight]
+    (root,) = taskdata("isoxml4", guidance)
     kinds = [(one.get("C"), len(one.findall("LSG/PNT"))) for one in root.iter("GPN")]
     assert kinds == [("3", len(BEND)), ("1", 2), ("1", 2), ("1", 2)]
     assert [[one.get("B") for one in group] for group in root.iter("GGP")] == [
         ["T1 01 round 1 side 1", "T1 02 track 1"], ["T2 01 track 2a", "T2 02 track 2b"],
     ]  # fmt: skip
+
+
+def measure_worked_m(one: SavedPlan) -> float:
+    """Length of all legs with the implement down, from the legs themselves."""
+    legs = [leg.points for mission in one.plan.missions for leg in mission.legs if leg.implement]
+    return float(sum(np.hypot(*np.diff(points, axis=0).T).sum() for points in legs))
+
+
+@settings(max_examples=10, deadline=None, derandomize=True)
+@given(turn=st.floats(0.0, 6.28), scale=st.floats(0.7, 3.0))
+def test_isoxml_4_has_every_metre_that_is_worked(
+    tmp_path_factory: pytest.TempPathFactory, turn: float, scale: float
+) -> None:
+    """The lengths of the file, by our reader and by one that shares nothing with it, are those of the legs."""
+    one, form = turned(saved(), turn, scale), find_guidance_format("isoxml4")
+    assert form is not None
+    folder = tmp_path_factory.mktemp("whole")
+    (place,) = put(folder, form, build_guidance(one), curves=None)
+    field = read_field(place)
+    ours_m = sum(line.line.length for line in field.guidance_lines)
+    assert ours_m == pytest.approx(measure_worked_m(one), abs=0.01)
+    data, _ = pytest.importorskip("isoxml.util.isoxml_io").isoxml_from_path(place / "TASKDATA.XML")
+    patterns = [each for group in data.partfields[0].guidance_groups for each in group.guidance_patterns]
+    strings = [
+        in_metres(one, [(float(point.east), float(point.north)) for point in each.line_strings[0].points])
+        for each in patterns
+    ]
+    others_m = sum(np.hypot(*np.diff(points, axis=0).T).sum() for points in strings)
+    assert others_m == pytest.approx(measure_worked_m(one), abs=0.01)
+    assert [each.type.name for each in patterns] == ["Curve", "AB", "AB", "AB"]
+
+
+def test_what_older_terminals_cannot_read_is_told() -> None:
+    """The bend is 94 m long with an amplitude of 4 m: 94 (1 + (4 pi / 94)^2 / 4) m, nearly."""
+    guidance, newer, older = build_guidance(saved()), *map(find_guidance_format, ("isoxml4", "isoxml3"))
+    assert newer is not None and older is not None
+    made = write_guidance(guidance, newer)
+    assert made.unwritten_curves == () and collect_remarks(guidance, made) == []
+    (entry,) = list_content_for_newer_terminals(made)
+    assert (entry["what"], entry["count"]) == ("curves", 1) and "--to isoxml3" in entry["why"]
+    assert entry["length_m"] == pytest.approx(94.0 + 94.0 * (4.0 * math.pi / 94.0) ** 2 / 4.0, abs=0.1)
+    (left_out, *_) = list_unwritten_content(guidance, write_guidance(guidance, older))
+    assert (left_out["what"], left_out["count"], left_out["length_m"]) == ("curves", 1, entry["length_m"])
+    assert list_content_for_newer_terminals(write_guidance(guidance, newer, include_curves=False)) == []
+    assert list_content_for_newer_terminals(write_guidance(guidance, older, include_curves=True)) == []
 
 
 def test_what_is_left_out_is_told() -> None:
@@ -212,7 +261,7 @@ def test_what_is_left_out_is_told() -> None:
 
 
 def test_nothing_but_curves_is_refused_where_they_are_not_wanted() -> None:
-    guidance, form = build_guidance(saved()), find_guidance_format("isoxml4")
+    guidance, form = build_guidance(saved()), find_guidance_format("isoxml3")
     assert form is not None
     bent = replace(guidance.tractors[0], lines=guidance.tractors[0].lines[:1])
     with pytest.raises(ReportError, match=r"all of them are curves; add curves\.$"):
@@ -286,7 +335,7 @@ def test_a_curve_of_few_straight_stretches_is_cut_into_them() -> None:
     first, *rest = one.plan.missions[0].legs
     mission = replace(one.plan.missions[0], legs=(replace(first, points=corners), *rest))
     one = replace(one, plan=replace(one.plan, missions=(mission, one.plan.missions[1])))
-    form = find_guidance_format("isoxml4")
+    form = find_guidance_format("isoxml3")
     assert form is not None
     guidance = build_guidance(one)
     made = write_guidance(guidance, form)

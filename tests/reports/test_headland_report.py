@@ -1,5 +1,6 @@
 """A comparison of headlands in words and tables, from figures made by hand; pages of it and of many fields."""
 
+import csv
 import io
 import json
 import shutil
@@ -12,10 +13,22 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from reports.common.plan_results import PlanDrive, PlanResult
-from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison, list_missing
+from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanResult, UnworkedPiece
+from reports.plan.headland_comparison import (
+    ComparedPlan,
+    HeadlandChoice,
+    HeadlandComparison,
+    list_cut_off,
+    list_missing,
+    name_choice,
+)
 from reports.plan.headland_page import render_headland_page
-from reports.plan.headland_report import build_headland_table, describe_comparison, format_headland_json
+from reports.plan.headland_report import (
+    build_headland_table,
+    describe_comparison,
+    format_headland_csv,
+    format_headland_json,
+)
 from reports.plan.many_fields import build_many_fields_table, sum_over_fields
 from reports.plan.many_fields_page import render_many_fields_page
 from reports.plan.ranking_export import build_plan_entry
@@ -94,6 +107,7 @@ def test_the_answer_says_which_how_much_and_where(comparison: HeadlandComparison
     assert describe_comparison(comparison) == [
         "Worth it on 2 fields (3.00 ha): round corners, headland last, 2 passes: 12 EUR (11.1 %) less than square, "
         "first, 3 passes.",
+        "With 1 operation a year it takes 2.57 h, 92 EUR.",
         "It saves most on west: 12 EUR against the dearest way there.",
         "It misses 1000 m2 and drives over 20 m2 of finished ground; square, first, 3 passes misses least (0 m2).",
     ]
@@ -103,21 +117,24 @@ def test_first_screen_at_80_columns(comparison: HeadlandComparison) -> None:
     assert print_table(build_headland_table(comparison), 80) == [
         "Worth it on 2 fields (3.00 ha): round corners, headland last, 2 passes: 12 EUR",
         "(11.1 %) less than square, first, 3 passes.",
+        "With 1 operation a year it takes 2.57 h, 92 EUR.",
         "It saves most on west: 12 EUR against the dearest way there.",
         "It misses 1000 m2 and drives over 20 m2 of finished ground; square, first, 3",
         "passes misses least (0 m2).",
         "",
-        "Headland                EUR/ha More    Time Missed m2 Overlap m2 Driven over m2",
-        "round, last, 2 passes     32.0 best 2:34:00      1000        300             20",
-        "square, first, 3 passes   36.0  +12 3:00:00         0        300            100",
+        "                                                                   Driven",
+        "                                                    Missed Overlap   over",
+        "Headland                EUR/ha More h/year EUR/year     m2      m2     m2",
+        "round, last, 2 passes     32.0 best   2.57       92   1000     300     20",
+        "square, first, 3 passes   36.0  +12   3.00      108      0     300    100",
         "",
-        "Field Best headland         Saves EUR/ha    Time Missed m2   ha",
-        "east  round, last, 2 passes  0.00   36.0 0:54:00      1000 1.00",
-        "west  round, last, 2 passes    12   30.0 1:40:00         0 2.00",
+        "Field Best headland         Saves EUR/ha h/year Missed m2   ha",
+        "east  round, last, 2 passes  0.00   36.0   0.90      1000 1.00",
+        "west  round, last, 2 passes    12   30.0   1.67         0 2.00",
         "Sums of the best plan of every field. Missed: not worked; overlap: worked more",
         "than once; driven over: finished ground under wheels, headland included; cost",
-        "per hectare that is worked. More: cost on all fields above the best, with missed",
-        "ground finished.",
+        "per hectare that is worked. Per year: all fields, as driven and paid. More: with",
+        "missed ground finished, above the best.",
         "",
     ]
 
@@ -127,9 +144,72 @@ def test_no_line_is_too_long_with_fuel(comparison: HeadlandComparison, width: in
     plans = tuple(replace(each, plan=replace(each.plan, fuel_l=12.4)) for each in comparison.plans if each.plan)
     lines = print_table(build_headland_table(HeadlandComparison(plans)), width)
     assert max(map(len, lines)) <= width
-    assert width < 80 or any("Fuel" in line for line in lines)
+    assert width < 80 or any("l/" in line for line in lines)
     part = (replace(plans[0], plan=replace(comparison.plans[0].plan, fuel_l=None)), *plans[1:])  # type: ignore[type-var]
-    assert "Fuel" not in " ".join(print_table(build_headland_table(HeadlandComparison(part)), 120))
+    assert " l/" not in " ".join(print_table(build_headland_table(HeadlandComparison(part)), 120))
+
+
+def test_a_year_is_every_operation_on_all_fields(comparison: HeadlandComparison) -> None:
+    """Three times 9240 s are 7.7 h and 277.20 EUR; square costs 36 EUR more in a year. Risked money is not paid."""
+    plans = tuple(
+        replace(
+            each, plan=replace(each.plan, fuel_l=10.0, paid_cost=each.plan.cost, expected_cost=1.1 * each.plan.cost)
+        )
+        for each in comparison.plans
+        if each.plan and each.plan.cost
+    )
+    yearly = HeadlandComparison(plans, operations_per_year=3)
+    round_, square = yearly.totals
+    assert list(round_.year.values()) == pytest.approx([7.7, 60.0, None, 277.2]) and round_.time_s == 9240.0
+    answer = describe_comparison(HeadlandComparison(comparison.plans, operations_per_year=3))
+    assert answer[0].startswith("Worth it on 2 fields (3.00 ha, 3 operations a year): round corners")
+    assert "36 EUR (11.1 %) less than square" in answer[0]
+    assert describe_comparison(yearly)[1] == "With 3 operations a year it takes 7.70 h, 60 l, 277 EUR."
+    data = json.loads(format_headland_json(yearly))
+    assert data["operations_per_year"] == 3 and data["totals"][1]["hours_per_year"] == pytest.approx(9.0)
+    assert data["totals"][1]["cost_per_year"] == pytest.approx(square.year["cost_per_year"]) == pytest.approx(324.0)
+    rows = list(csv.DictReader(io.StringIO(format_headland_csv(yearly))))
+    assert [float(row["cost_per_year"]) for row in rows] == pytest.approx([108.0, 97.2, 216.0, 180.0])
+    nothing = ComparedPlan("farm.geojson#west", ROUND, refusal="No path leads from track 1.")
+    assert set(HeadlandComparison((nothing,)).totals[0].year.values()) == {None}
+
+
+def test_widths_are_named_where_there_are_several(comparison: HeadlandComparison) -> None:
+    ways = [replace(SQUARE, width_m=width_m) for width_m in (3.0, 4.5)]
+    plans = tuple(compare("east", way, make_plan(3600.0, 0.0, 10_000.0), 1.0) for way in ways)
+    names = [name_choice(one) for one in HeadlandComparison(plans).totals]
+    assert names == ["square, first, 3 passes, 3 m", "square, first, 3 passes, 4.5 m"]
+    assert [name_choice(one) for one in HeadlandComparison(plans[:1]).totals] == ["square, first, 3 passes"]
+    ways_told = [one["width_m"] for one in json.loads(format_headland_json(HeadlandComparison(plans)))["totals"]]
+    assert ways_told == [3.0, 4.5]
+
+
+def test_ground_that_is_cut_off_is_explained_once_for_every_width(comparison: HeadlandComparison) -> None:
+    """A neck of 4 m lets 3 m through and not 6 m; a piece too small for a plan of its own has a place as well."""
+    plan = make_plan(3600.0, 0.0, 10_000.0)
+    part = FieldPartPlan(2, UnworkedPiece(3600.0, 200.0, 30.0), UnworkedPiece(0.0, 145.0, 30.0), 4.0, plan)
+    narrow, wide = (replace(SQUARE, width_m=width_m) for width_m in (3.0, 6.0))
+    plans = (
+        compare("east", narrow, plan, 1.0),
+        compare("east", wide, plan, 1.0, parts=(part,)),
+        compare("east", replace(wide, corners="round"), plan, 1.0, parts=(part,)),
+        compare("west", narrow, plan, 1.0),
+        compare("west", wide, plan, 1.0),
+    )
+    assert list_cut_off(HeadlandComparison(plans)) == [
+        "east, 3 m: nothing is cut off.",
+        "east, 6 m: 0.36 ha at x 200 m, y 30 m are cut off: the way there is 4.0 m wide at x 145 m, y 30 m; narrower "
+        "machines would pass. Planned on its own (part 2) it takes 1:00:00, 100.0 % worked; tractors go round by road.",
+    ]
+    only_wide = HeadlandComparison(plans[1:3])
+    assert "3600 m2 are cut off for it (see below)" in describe_comparison(only_wide)[-1]
+    assert "Cut off" in print_table(build_headland_table(only_wide), 80)
+    assert json.loads(format_headland_json(only_wide))["fields"][0]["parts"][0]["neck_width_m"] == 4.0
+    assert [row["cut_off_m2"] for row in csv.DictReader(io.StringIO(format_headland_csv(only_wide)))] == ["3600.0"] * 2
+    small = HeadlandComparison((compare("east", SQUARE, plan, 1.0, cut_off=UnworkedPiece(120.0, 7.0, 8.0)),))
+    (told,) = list_cut_off(small)
+    assert told.startswith("east: Obstacles cut off 120 m2, the most at x 7 m, y 8 m: too small")
+    assert list_cut_off(comparison) == []
 
 
 def test_a_field_with_another_best_way_is_named(comparison: HeadlandComparison) -> None:
@@ -153,7 +233,7 @@ def test_many_fields_with_another_best_way_are_counted(comparison: HeadlandCompa
         compare("west", ROUND, make_plan(4800.0, 0.0, 20_000.0), 2.0),
     ]
     sentences = describe_comparison(HeadlandComparison(tuple(plans)))
-    assert sentences[1] == "On 3 of 4 fields another way is better, by 12 EUR together; the second table names them."
+    assert sentences[2] == "On 3 of 4 fields another way is better, by 12 EUR together; the second table names them."
 
 
 def test_ways_that_cost_the_same_are_said_to(comparison: HeadlandComparison) -> None:
@@ -183,7 +263,7 @@ def test_ways_that_fail_come_last_and_are_not_compared(comparison: HeadlandCompa
     assert list_missing(partial) == ["west: round, last, 2 passes: No path leads from track 1."]
     assert describe_comparison(partial)[0].startswith("Only this way works: square corners")
     data = json.loads(format_headland_json(partial))
-    assert data["best"] == {"corners": "square", "headland_order": "first", "headland_passes": 3}
+    assert data["best"] == {"corners": "square", "headland_order": "first", "headland_passes": 3, "width_m": None}
     assert [(one["corners"], one["fields"]) for one in data["totals"]] == [("square", 2), ("round", 1)]
     nothing = HeadlandComparison((failed,))
     assert nothing.best is None and describe_comparison(nothing) == [
