@@ -101,13 +101,24 @@ def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResul
     )
 
 
-def iter_answers(executor: Executor, questions: Sequence[FieldQuestion]) -> Iterator[tuple[int, FieldAnswer]]:
+def iter_answers(
+    executor: Executor,
+    questions: Sequence[FieldQuestion],
+    report_work: Callable[[list[str]], None] = lambda names: None,
+) -> Iterator[tuple[int, FieldAnswer]]:
     """Yield (index, answer) as questions are answered; raises WorkerError if processes keep ending.
+
+    `report_work` is called with the names of the fields at work.
 
     Each question is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
     """
     try:
-        yield from iter_completed(executor, answer_question, [(question,) for question in questions])
+        yield from iter_completed(
+            executor,
+            answer_question,
+            [(question,) for question in questions],
+            lambda indices: report_work([questions[index].field_name for index in indices]),
+        )
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
 

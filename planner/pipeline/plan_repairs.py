@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
@@ -28,6 +28,20 @@ SPEED_SHARES, WIDTH_SHARES = (0.75, 0.5, 0.35), (0.75, 0.5, 0.35)
 MIN_TRIED_KMH, MIN_TRIED_WIDTH_M = 2.0, 0.5
 Prepare = Callable[..., PlanningContext]
 """`prepare_context` with all inputs but the request, as `request`, and the repairs, as `layout_repairs`."""
+Attempt = tuple[str, PlanRequest, Candidate]
+"""A change in words, the request with it, and the candidate to try."""
+ANY_FIELD_STRATEGY = "split-field"  # tractors with swaths of their own: no formation has to fit
+RESTRICTIONS = {
+    "no_headland": "work the headland",
+    "headland_m": "leave out the headland depth",
+    "radius_m": "leave out the turning radius",
+    "turn": "allow every kind of turn",
+    "corners": "leave out the kind of corners",
+    "bearing_deg": "leave out the direction of the tracks",
+    "entrance": "leave out the entrance",
+    "margin_m": "leave out the margin",
+}
+"""What a request may ask for that leaves less room than its default, by parameter: how it is lifted, in words."""
 
 
 @dataclass(eq=False)
@@ -74,6 +88,15 @@ class CandidateEvaluations:
         if outcome.run is not None:
             self.plans[index] = outcome.run.plan
             self.best = _choose_better(self.best, outcome, self.request.time_limit_s)
+
+    def refuse_rest(self, context: PlanningContext, packed_context: bytes) -> None:
+        """Refuse the candidates that nothing came of in the time there was."""
+        for index, candidate in enumerate(self.candidates):
+            if index not in self.results:
+                refusal = PlanResult(
+                    candidate.strategy, candidate.tractors, self.request.turn, False, "planning ran out of time"
+                )
+                self._keep_outcome(index, TaskOutcome(refusal), (context, packed_context))
 
     def get_context(self, key: tuple[str, int]) -> tuple[PlanningContext, bytes]:
         """The context in which a strategy with a number of tractors was planned, and the same packed."""
@@ -142,44 +165,70 @@ def _has_room_to_turn(context: PlanningContext) -> bool:
 def find_working_changes(
     evaluations: CandidateEvaluations, prepare: Prepare, layout_repairs: LayoutRepairs
 ) -> tuple[str, ...]:
-    """The smallest changes of a request without a plan that make its first candidate work, in words."""
+    """Changes of a request without a plan that make its first candidate work, in words: what is advised was tried.
+
+    First what the request itself restricts is lifted, one thing at a time; then the machine changes.
+    """
     if any(result.feasible for result in evaluations.results.values()):
         return ()
     request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
     changes = []
-    for options in (_iter_deeper(request), _iter_slower(request), _iter_narrower(request)):
-        for text, changed in options:
-            try:
-                context = prepare(request=changed, layout_repairs=layout_repairs)
-                ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), candidate)], None)
-            except HeadlandError:
-                continue
-            if outcome.result.feasible:
-                changes.append(text)
-                break
-        if changes and request.headland_passes is not None:  # too few passes were asked for: nothing else is wrong
+    for attempts in (
+        _iter_own(request, candidate),
+        _iter_slower(request, candidate),
+        _iter_narrower(request, candidate),
+    ):
+        changes += [
+            next((text for text, *attempt in attempts if _works(evaluations, prepare, layout_repairs, *attempt)), "")
+        ]
+        if changes[0]:  # what was asked for is in the way: the machine is not
             break
-    return tuple(changes)
+    return tuple(change for change in changes if change)
 
 
-def _iter_deeper(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
-    """The request with more headland passes, where it says how many."""
+def _works(
+    evaluations: CandidateEvaluations,
+    prepare: Prepare,
+    layout_repairs: LayoutRepairs,
+    request: PlanRequest,
+    candidate: Candidate,
+) -> bool:
+    """Whether a candidate of a changed request can be driven, with the repairs that were made of the first."""
+    try:
+        context = prepare(request=request, layout_repairs=layout_repairs)
+        ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), candidate)], None)
+    except HeadlandError:
+        return False
+    return outcome.result.feasible
+
+
+def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
+    """The request with fewer tractors, with more headland passes than it says, or without one of its restrictions."""
+    for tractors in sorted({candidate.tractors - 1, 1} - {0, candidate.tractors}, reverse=True):
+        words = f"use {tractors} tractor{'s' if tractors > 1 else ''}"
+        yield words, request, replace(candidate, tractors=tractors)
+    if candidate.strategy != ANY_FIELD_STRATEGY and ANY_FIELD_STRATEGY not in request.strategies:
+        yield f"use the strategy {ANY_FIELD_STRATEGY}", request, replace(candidate, strategy=ANY_FIELD_STRATEGY)
     if request.headland_passes is not None:
         for passes in range(request.headland_passes + 1, request.headland_passes + 1 + MAX_MORE_PASSES):
-            yield f"work {passes} headland passes", replace(request, headland_passes=passes)
+            yield f"work {passes} headland passes", replace(request, headland_passes=passes), candidate
+    defaults = {each.name: each.default for each in fields(PlanRequest)}
+    for name, words in RESTRICTIONS.items():
+        if getattr(request, name) != defaults[name]:
+            yield words, replace(request, **{name: defaults[name]}), candidate
 
 
-def _iter_slower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+def _iter_slower(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
     """The request at lower working speeds, in whole km/h."""
     for share in SPEED_SHARES:
         speed_kmh = round(share * request.speed_mps / MPS_PER_KMH)
         if speed_kmh >= MIN_TRIED_KMH:
-            yield f"drive {speed_kmh} km/h", replace(request, speed_mps=speed_kmh * MPS_PER_KMH)
+            yield f"drive {speed_kmh} km/h", replace(request, speed_mps=speed_kmh * MPS_PER_KMH), candidate
 
 
-def _iter_narrower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+def _iter_narrower(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
     """The request with narrower implements, in half metres."""
     for share in WIDTH_SHARES:
         width_m = round(2.0 * share * request.width_m) / 2.0
         if MIN_TRIED_WIDTH_M <= width_m < request.width_m:
-            yield f"use an implement of {width_m:g} m", replace(request, width_m=width_m)
+            yield f"use an implement of {width_m:g} m", replace(request, width_m=width_m), candidate

@@ -16,6 +16,7 @@ from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.incumbents import order_candidates
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
@@ -139,6 +140,7 @@ def plan(
     report_stage: StageReport | None = None,
     with_pictures: bool = False,
     simulate_all: bool = False,
+    time_share: TimeShare = NO_LIMIT,
 ) -> PlanningResult:
     """Simulate and rank every candidate of a request, and return the answer.
 
@@ -161,7 +163,9 @@ def plan(
     SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be
     planned. A candidate that cannot be driven is ranked last with its reason; one that cannot win is pruned with its
     lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
-    they are planned again with repairs of the layout (planner.pipeline.plan_repairs).
+    they are planned again with repairs of the layout (planner.pipeline.plan_repairs). A `time_share`, for executors in
+    this thread alone, ends planning with what is found by then, and leaves out the parts of a divided field; raises
+    TimeSpentError where not even a layout is found.
     """
     _check_type(request)
     candidates = list_candidates(request)
@@ -175,6 +179,7 @@ def plan(
         supply=supply,
         times=times,
         yard=yard,
+        time_share=time_share,
     )
     if executor is None:
         how: dict[str, Any] = {"progress": progress, "report_stage": report_stage}
@@ -186,10 +191,15 @@ def plan(
     report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
     evaluations = CandidateEvaluations(request, candidates, executor, report, with_pictures)
     packed_context = pack_context(context)
-    for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
-        evaluations.evaluate_wave(context, packed_context, wave)
-    layout_repairs = repair_refused(evaluations, prepare)
-    changes = find_working_changes(evaluations, prepare, layout_repairs)
+    changes: tuple[str, ...] = ()
+    try:
+        for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
+            evaluations.evaluate_wave(context, packed_context, wave)
+        layout_repairs = repair_refused(evaluations, prepare)
+        changes = find_working_changes(evaluations, prepare, layout_repairs)
+    except TimeSpentError:
+        time_share.lift()
+        evaluations.refuse_rest(context, packed_context)
     result = _build_result(context, evaluations, changes, cost_terms)
 
     def plan_part(part_request: PlanRequest) -> PlanRanking:
@@ -202,6 +212,8 @@ def plan(
             executor=executor,
         ).ranking
 
+    if time_share is not NO_LIMIT:
+        return result
     return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
 
 
