@@ -28,8 +28,8 @@ from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
-from planner.pipeline.fingerprint import hash_content
-from planner.pipeline.height_files import hash_height_files
+from planner.pipeline.fingerprint import hash_content, hash_height_files
+from planner.pipeline.plan_repairs import explain_refusal
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
@@ -274,7 +274,7 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
             return FieldTime(*found, is_lasting=not share.is_cut, is_cut=share.is_cut)
         if share.is_cut:
             raise TimeSpentError
-        reason = reason or next((candidate.reason for candidate in result.ranking.plans if candidate.reason), "")
+        reason = reason or explain_refusal(result.ranking)
     return FieldTime(reason=reason)
 
 

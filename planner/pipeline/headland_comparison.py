@@ -11,7 +11,7 @@ from planner.errors import HeadlandError, WorkerError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.many_fields import draw_best_plan, plan_inputs
-from planner.pipeline.planning import PlanningResult
+from planner.pipeline.plan_repairs import explain_refusal
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, PlanRequest
 from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison
@@ -83,7 +83,7 @@ def answer_headland_question(
         name,
         choice,
         plan=best,
-        refusal=None if best is not None else _explain_no_plan(result),
+        refusal=None if best is not None else explain_refusal(ranking),
         field_name=ranking.field_name,
         area_ha=ranking.area_ha,
         headland_m=result.context.layout.headland_m,
@@ -93,13 +93,6 @@ def answer_headland_question(
         meets_request=ranking.missed_by_s is None and ranking.unmet_sentence is None,
         map=draw_best_plan(result) if question.with_map else None,
     )
-
-
-def _explain_no_plan(result: PlanningResult) -> str:
-    """The first reason, and what was found to work."""
-    reason = next((plan.reason for plan in result.ranking.plans if plan.reason), "no plan is feasible")
-    changes = result.ranking.changes
-    return f"{reason.rstrip('.')}. Found to work: {' or '.join(changes)}" if changes else reason
 
 
 def compare_headlands(

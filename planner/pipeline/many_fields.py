@@ -31,8 +31,7 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.fingerprint import hash_content, hash_file
-from planner.pipeline.height_files import hash_height_files
+from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE

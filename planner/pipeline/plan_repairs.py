@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
+from itertools import islice
 
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
@@ -19,7 +20,7 @@ from planner.evaluation.layout_repairs import LayoutRepairs
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, pack_context
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
+from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult, build_merit_sort_key
 from strategies.path_planning.turns import TurnReach
 from vehicle.missions.plan import Plan
 
@@ -34,6 +35,7 @@ ANY_FIELD_STRATEGY = "split-field"  # tractors with swaths of their own: no form
 RESTRICTIONS = {
     "no_headland": "work the headland",
     "headland_m": "leave out the headland depth",
+    "headland_passes": "leave out the number of headland passes",
     "radius_m": "leave out the turning radius",
     "turn": "allow every kind of turn",
     "corners": "leave out the kind of corners",
@@ -162,6 +164,12 @@ def _has_room_to_turn(context: PlanningContext) -> bool:
     return not describe_shallow_headland(context.request, context.driving_rules.radius_m, reach)
 
 
+def explain_refusal(ranking: PlanRanking) -> str:
+    """The first reason why no plan of a ranking works, and what was found to work."""
+    reason = next((plan.reason for plan in ranking.plans if plan.reason), "no plan is feasible")
+    return f"{reason.rstrip('.')}. Found to work: {' or '.join(ranking.changes)}" if ranking.changes else reason
+
+
 def find_working_changes(
     evaluations: CandidateEvaluations, prepare: Prepare, layout_repairs: LayoutRepairs
 ) -> tuple[str, ...]:
@@ -172,18 +180,15 @@ def find_working_changes(
     if any(result.feasible for result in evaluations.results.values()):
         return ()
     request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
-    changes = []
-    for attempts in (
-        _iter_own(request, candidate),
-        _iter_slower(request, candidate),
-        _iter_narrower(request, candidate),
-    ):
-        changes += [
-            next((text for text, *attempt in attempts if _works(evaluations, prepare, layout_repairs, *attempt)), "")
-        ]
-        if changes[0]:  # what was asked for is in the way: the machine is not
-            break
-    return tuple(change for change in changes if change)
+
+    def find_first(attempts: Iterator[Attempt]) -> list[str]:
+        working = (words for words, *change in attempts if _works(evaluations, prepare, layout_repairs, *change))
+        return list(islice(working, 1))
+
+    own = find_first(_iter_own(request, candidate))
+    return tuple(
+        own or [*find_first(_iter_slower(request, candidate)), *find_first(_iter_narrower(request, candidate))]
+    )
 
 
 def _works(
@@ -203,7 +208,7 @@ def _works(
 
 
 def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
-    """The request with fewer tractors, with more headland passes than it says, or without one of its restrictions."""
+    """The request with fewer tractors, with more headland passes than it says, or without a restriction, or all."""
     for tractors in sorted({candidate.tractors - 1, 1} - {0, candidate.tractors}, reverse=True):
         words = f"use {tractors} tractor{'s' if tractors > 1 else ''}"
         yield words, request, replace(candidate, tractors=tractors)
@@ -213,9 +218,10 @@ def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
         for passes in range(request.headland_passes + 1, request.headland_passes + 1 + MAX_MORE_PASSES):
             yield f"work {passes} headland passes", replace(request, headland_passes=passes), candidate
     defaults = {each.name: each.default for each in fields(PlanRequest)}
-    for name, words in RESTRICTIONS.items():
-        if getattr(request, name) != defaults[name]:
-            yield words, replace(request, **{name: defaults[name]}), candidate
+    given = [name for name in RESTRICTIONS if getattr(request, name) != defaults[name]]
+    for names in [*([name] for name in given), *([given] if len(given) > 1 else [])]:
+        words = " and ".join(RESTRICTIONS[name] for name in names)
+        yield words, replace(request, **{name: defaults[name] for name in names}), candidate
 
 
 def _iter_slower(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:

@@ -21,7 +21,7 @@ from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.pipeline.plan_repairs import CandidateEvaluations, find_working_changes, repair_refused
+from planner.pipeline.plan_repairs import CandidateEvaluations, Prepare, find_working_changes, repair_refused
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
@@ -164,8 +164,7 @@ def plan(
     planned. A candidate that cannot be driven is ranked last with its reason; one that cannot win is pruned with its
     lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
     they are planned again with repairs of the layout (planner.pipeline.plan_repairs). A `time_share`, for executors in
-    this thread alone, ends planning with what is found by then, and leaves out the parts of a divided field; raises
-    TimeSpentError where not even a layout is found.
+    this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
     """
     _check_type(request)
     candidates = list_candidates(request)
@@ -190,31 +189,31 @@ def plan(
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
     report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
     evaluations = CandidateEvaluations(request, candidates, executor, report, with_pictures)
-    packed_context = pack_context(context)
-    changes: tuple[str, ...] = ()
-    try:
-        for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
-            evaluations.evaluate_wave(context, packed_context, wave)
-        layout_repairs = repair_refused(evaluations, prepare)
-        changes = find_working_changes(evaluations, prepare, layout_repairs)
-    except TimeSpentError:
-        time_share.lift()
-        evaluations.refuse_rest(context, packed_context)
+    changes = _evaluate_candidates(context, evaluations, prepare, simulate_all)
     result = _build_result(context, evaluations, changes, cost_terms)
 
     def plan_part(part_request: PlanRequest) -> PlanRanking:
-        return plan(
-            part_request,
-            field=field,
-            tractor=tractor,
-            implement=implement,
-            supply=supply,
-            executor=executor,
-        ).ranking
+        inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
+        return plan(part_request, executor=executor, **inputs).ranking
 
     if time_share is not NO_LIMIT:
         return result
     return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
+
+
+def _evaluate_candidates(
+    context: PlanningContext, evaluations: CandidateEvaluations, prepare: Prepare, simulate_all: bool
+) -> tuple[str, ...]:
+    """Evaluate every candidate, with repairs where none works; what was found to work instead where that fails too."""
+    packed_context, candidates = pack_context(context), evaluations.candidates
+    try:
+        for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
+            evaluations.evaluate_wave(context, packed_context, wave)
+        return find_working_changes(evaluations, prepare, repair_refused(evaluations, prepare))
+    except TimeSpentError:
+        context.time_share.lift()
+        evaluations.refuse_rest(context, packed_context)
+        return ()
 
 
 def _iter_part_plans(

@@ -123,7 +123,7 @@ class Connector:
         costs: TurnCosts,
         kinds: tuple[str, ...] = TURN_KINDS,
         max_reverse_m: float = math.inf,
-        before_search: Callable[[], None] = lambda: None,
+        before_search: Callable[[], None] | None = None,
     ) -> None:
         require_radius(radius_m)
         if free.is_empty or free.area == 0.0:
@@ -131,11 +131,8 @@ class Connector:
         for kind in kinds:
             if kind not in TURN_KINDS:
                 raise TurnError(f'Turn kind "{kind}" is unknown; use {", ".join(TURN_KINDS)}.')
-        self.free = free
-        self.radius_m = radius_m
-        self.costs = costs
-        self.kinds = tuple(kinds)
-        self.max_reverse_m = max_reverse_m
+        self.free, self.radius_m, self.costs = free, radius_m, costs
+        self.kinds, self.max_reverse_m = tuple(kinds), max_reverse_m
         self._before_search = before_search
         self._guard = free.buffer(_TOLERANCE_M - _SAGITTA_M)
         shapely.prepare(self._guard)
@@ -189,7 +186,8 @@ class Connector:
 
     def _search(self, a: Pose, b: Pose) -> DrivePath | None:
         """As `connect`, for ends in the same part of the region."""
-        self._before_search()
+        if self._before_search is not None:
+            self._before_search()
         best = self._find_best_primitive(a, b)
         if best is None or self._is_long_detour(best, a, b):
             best = self._pick_quicker(best, self._find_route(a, b))
@@ -482,7 +480,7 @@ class ConnectorCache:
     """
 
     connectors: dict[tuple[bytes, float, TurnCosts, tuple[str, ...], float], Connector] = field(default_factory=dict)
-    before_search: Callable[[], None] = lambda: None
+    before_search: Callable[[], None] | None = None
 
     def get_connector(
         self,

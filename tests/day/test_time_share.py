@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from planner.cli.common.progress import StageBar
 from planner.day.field_times import FieldTimeCache, FieldTimeTask, compute_field_time, compute_field_times
 from planner.day.input_file import load_day
 from planner.day.planning import plan_day, prepare_day
+from planner.evaluation.context import prepare_context
 from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.pipeline.executors import LocalPool, SerialExecutor, iter_completed
 from planner.request.plan_request import PlanRequest
@@ -122,6 +124,12 @@ def test_the_rest_of_the_day_is_planned_and_the_hard_field_named(
     )
     assert question in day.advice
     assert "no plan was found in 10 min of computing" in day.unworked_fields[0].reason
+
+
+def test_a_context_sent_to_another_process_has_no_limit() -> None:
+    context = prepare_context(REQUEST, build_task().field, time_share=TimeShare(1e6))
+    sent = pickle.loads(pickle.dumps(context))
+    assert sent.time_share.is_spent() is False and sent.build_job(1).connector.connect((20, 20, 0.0), (20, 40, 0.0))
 
 
 def test_progress_names_what_is_at_work() -> None:
