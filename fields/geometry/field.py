@@ -275,7 +275,7 @@ def _check_margin(margin_m: float, field: Field) -> None:
 
 
 def _measure_worked_m2(workable: WorkableGround) -> float:
-    return workable.margin_boundary.area - math.fsum(part.area for part in workable.small_obstacles)
+    return float(workable.margin_boundary.area) - math.fsum(part.area for part in workable.small_obstacles)
 
 
 def _measure_free_m2(field: Field) -> float:

@@ -67,7 +67,6 @@ DRIVEN: list[tuple[Field, dict[str, Any]]] = [
     (SQUARE, {"width_m": 6.0, "tractors": (4,), "strategies": ("row-by-row",)}),
     (ELL, {"tractors": (6,), "strategies": ("col-by-col",), "width_m": 12.0}),
     (TREE, {"turn": "omega", "width_m": 12.0, "radius_m": 14.0, "strategies": ("interleaved",)}),
-    (POND, {"width_m": 6.0, "radius_m": 10.0, "strategies": ("split-field",), "turn": "omega"}),
 ]
 """Refused because no plan can be driven."""
 DEFAULTS = {each.name: each.default for each in members(PlanRequest)}
