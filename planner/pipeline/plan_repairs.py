@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, fields, replace
 from itertools import islice
+from typing import Any
 
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
@@ -217,7 +218,7 @@ def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
     if request.headland_passes is not None:
         for passes in range(request.headland_passes + 1, request.headland_passes + 1 + MAX_MORE_PASSES):
             yield f"work {passes} headland passes", replace(request, headland_passes=passes), candidate
-    defaults = {each.name: each.default for each in fields(PlanRequest)}
+    defaults: dict[str, Any] = {each.name: each.default for each in fields(PlanRequest)}
     given = [name for name in RESTRICTIONS if getattr(request, name) != defaults[name]]
     for names in [*([name] for name in given), *([given] if len(given) > 1 else [])]:
         words = " and ".join(RESTRICTIONS[name] for name in names)
