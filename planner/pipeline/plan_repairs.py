@@ -183,7 +183,11 @@ def find_working_changes(
     request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
 
     def find_first(attempts: Iterator[Attempt]) -> list[str]:
-        working = (words for words, *change in attempts if _works(evaluations, prepare, layout_repairs, *change))
+        working = (
+            words
+            for words, changed, tried in attempts
+            if _can_be_driven(evaluations, prepare, layout_repairs, changed, tried)
+        )
         return list(islice(working, 1))
 
     own = find_first(_iter_own(request, candidate))
@@ -192,7 +196,7 @@ def find_working_changes(
     )
 
 
-def _works(
+def _can_be_driven(
     evaluations: CandidateEvaluations,
     prepare: Prepare,
     layout_repairs: LayoutRepairs,
