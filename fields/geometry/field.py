@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from dataclasses import field as member
 from functools import cached_property
@@ -25,6 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 MIN_REPORTED_M2 = 1.0
 HOLE_NAME = "a hole of the field"
 MIN_WORKED_SHARE = 0.1  # of the ground; with less, the margin is too wide for the field
+SMALLER_MARGIN_SHARES = (0.5, 0.25, 0.1, 0.0)  # of a margin that is too wide, tried for advice
 FENCE_HALF_WIDTH_M = 0.001
 MIN_FENCE_MARGIN_M = 0.2  # error of the guidance, so that fences are never touched
 MAX_POINTS_UNSIMPLIFIED, MAX_POINTS = 2_000, 5_000
@@ -203,14 +204,24 @@ class Field:
         for number, own_m in (own_margins_m or {}).items():
             margins_m[number] = max(margin_m, own_m)
         workable = compute_workable_ground(self.boundary, obstacles, margins_m, max_small_m, extra_margin_m)
+
+        def reduce_margin(most_m: float) -> WorkableGround:
+            least_m = [min(one_m, most_m) for one_m in margins_m]
+            return compute_workable_ground(self.boundary, obstacles, least_m, max_small_m, extra_margin_m)
+
         if workable.boundary.area < MIN_FIELD_AREA_M2:
             causes = "Obstacles and fences" if self.fences else "Obstacles"
             raise FieldError(
                 f"{causes} with a margin ({mark_parameter('margin_m')}) of {margin_m:g} m leave "
                 f"{workable.boundary.area:.3g} m2 of field '{self.name}' in one piece; a field needs at least "
-                f"{MIN_FIELD_AREA_M2:g} m2, so check the obstacles or use a smaller margin."
+                f"{MIN_FIELD_AREA_M2:g} m2, so {_advise_on_margin(margin_m, self, reduce_margin)}."
             )
-        _check_workable_ground(workable, margin_m, self)
+        if _is_mostly_margin(workable, margin_m, self):
+            raise FieldError(
+                f"The margin ({mark_parameter('margin_m')}) of {margin_m:g} m is too wide for field '{self.name}': it "
+                f"leaves {_measure_worked_m2(workable):.0f} of {_measure_free_m2(self):.0f} m2 in one piece; "
+                f"{_advise_on_margin(margin_m, self, reduce_margin)}."
+            )
         cut_off_m2 = math.fsum(part.area for part in workable.cut_off_parts)
         remark = f"Obstacles cut off {cut_off_m2:.0f} m2 of the field; this part is not worked."
         remarks = (*self.remarks, remark) if cut_off_m2 >= MIN_REPORTED_M2 else self.remarks
@@ -259,21 +270,33 @@ def _check_margin(margin_m: float, field: Field) -> None:
     if margin_m >= across_m:
         raise FieldError(
             f"The margin ({mark_parameter('margin_m')}) is {margin_m:g} m, but field '{field.name}' is only "
-            f"{across_m:.0f} m across; use a smaller margin."
+            f"{across_m:.0f} m across; use less than {0.5 * across_m:.0f} m."
         )
 
 
-def _check_workable_ground(workable: WorkableGround, margin_m: float, field: Field) -> None:
-    """Refuse a margin that takes nearly all ground that obstacles and fences leave."""
-    worked_m2 = workable.margin_boundary.area - math.fsum(part.area for part in workable.small_obstacles)
+def _measure_worked_m2(workable: WorkableGround) -> float:
+    return float(workable.margin_boundary.area) - math.fsum(part.area for part in workable.small_obstacles)
+
+
+def _measure_free_m2(field: Field) -> float:
+    return replace(field, original_boundary=field.boundary).area_without_margin_m2
+
+
+def _is_mostly_margin(workable: WorkableGround, margin_m: float, field: Field) -> bool:
+    """Whether a margin takes nearly all ground that obstacles and fences leave."""
+    worked_m2 = _measure_worked_m2(workable)
     if margin_m == 0.0 or worked_m2 >= MIN_WORKED_SHARE * field.boundary.area:
-        return
-    without_margin_m2 = replace(field, original_boundary=field.boundary).area_without_margin_m2
-    if worked_m2 < MIN_WORKED_SHARE * without_margin_m2:
-        raise FieldError(
-            f"The margin ({mark_parameter('margin_m')}) of {margin_m:g} m is too wide for field '{field.name}': it "
-            f"leaves {worked_m2:.0f} of {without_margin_m2:.0f} m2 in one piece; use a smaller margin."
-        )
+        return False
+    return worked_m2 < MIN_WORKED_SHARE * _measure_free_m2(field)
+
+
+def _advise_on_margin(margin_m: float, field: Field, reduce: Callable[[float], WorkableGround]) -> str:
+    """The widest of some smaller margins that leaves a field, tried; else the obstacles themselves leave none."""
+    for smaller_m in (round(share * margin_m, 2) for share in SMALLER_MARGIN_SHARES):
+        workable = reduce(smaller_m)
+        if workable.boundary.area >= MIN_FIELD_AREA_M2 and not _is_mostly_margin(workable, smaller_m, field):
+            return f"use a margin of {smaller_m:g} m"
+    return "check the obstacles"
 
 
 def _simplify_outline(polygon: shapely.Polygon, label: str) -> tuple[shapely.Polygon, tuple[str, ...]]:

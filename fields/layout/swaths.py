@@ -40,6 +40,8 @@ MAX_LINES = 20_000
 MAX_HEADLAND_M = 1e5
 GRID_M = 1e-6
 MIN_THICKNESS_M = 1e-5
+WIDTH_STEP_M = 0.5  # of working widths that are advised
+SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
 """Thinner parts of the inner region are rounding errors."""
 SAME_LINE_M, SAME_CURVE_M = 1e-3, 0.05
 """Distances of parallel swaths differ by less; those of curved ones also by how far their steps of a metre sag."""
@@ -211,13 +213,49 @@ def lay_swaths(
     rules = PatternRules(width_m, trim_m, min_length_m, EDGE_SLACK_M, field.area_m2)
     choice = _choose_pattern(field, edges, rules, bearing_deg)
     if choice is None:
+        advice = _advise_on_turning_room(field, edges, rules, bearing_deg)
         raise FieldError(
             f"No track of {min_length_m:g} m fits field '{field.name}' ({field.area_ha:.3g} ha) with a headland of "
-            f"{headland_m:g} m{_describe_bearing(bearing_deg)}; use a smaller headland or another bearing."
+            f"{headland_m:g} m{_describe_bearing(bearing_deg)}; {advice}."
         )
     bearing_rad, pattern = choice
     inner = _trim_region(region, edges, compute_axes(bearing_rad), trim_m)
     return Layout(field, bearing_rad, width_m, headland_m, build_swaths(pattern, compute_axes(bearing_rad)), inner)
+
+
+def _advise_on_turning_room(field: Field, edges: FloatArray, rules: PatternRules, bearing_deg: float | None) -> str:
+    """What leaves a track between two headlands: another bearing or less headland where either does, tried."""
+    free = _choose_pattern(field, edges, rules, None) if bearing_deg is not None else None
+    if free is not None:
+        return f"use a bearing ({mark_parameter('bearing_deg')}) of {convert_to_compass_deg(free[0]):.0f} degrees"
+    for share in SHALLOWER_SHARES:
+        shallower = replace(rules, trim_m=share * rules.trim_m)
+        if _choose_pattern(field, edges, shallower, bearing_deg) is not None:
+            headland_m = share * (rules.trim_m - EDGE_SLACK_M) + 0.5 * rules.width_m
+            return f"use a headland ({mark_parameter('headland_m')}) of {headland_m:.1f} m"
+    return _advise_on_width(field)
+
+
+def _advise_on_passes(field: Field, width_m: float, headland_passes: int) -> str:
+    """How many headland passes leave ground for a track, else how narrow an implement does; both tried."""
+    for passes in range(min(headland_passes - 1, math.floor(_measure_inner_radius_m(field) / width_m)), 0, -1):
+        if _fill_inside_headland(field, width_m, passes) is not None:
+            depth = f"a headland ({mark_parameter('headland_m')}) of {passes * width_m:g} m"
+            return f"use {passes} headland pass{'es' if passes > 1 else ''}, {depth}"
+    return _advise_on_width(field)
+
+
+def _advise_on_width(field: Field) -> str:
+    """How narrow an implement leaves ground for a track inside one headland pass, tried from the widest on."""
+    for steps in range(math.floor(_measure_inner_radius_m(field) / WIDTH_STEP_M), 0, -1):
+        if _fill_inside_headland(field, steps * WIDTH_STEP_M, 1) is not None:
+            return f"use an implement ({mark_parameter('width_m')}) of {steps * WIDTH_STEP_M:g} m or less"
+    return "check the outline, as no implement is narrow enough"
+
+
+def _measure_inner_radius_m(field: Field) -> float:
+    """The radius of the largest circle in the field: a headland as deep leaves nothing."""
+    return float(shapely.maximum_inscribed_circle(field.boundary).length)
 
 
 def check_width(field: Field, width_m: float) -> None:
@@ -236,9 +274,9 @@ def _inset_boundary(field: Field, width_m: float) -> shapely.Geometry:
             if has_obstacles
             else f"Field '{field.name}'"
         )
-        fix = "check the obstacles, or use a smaller margin or" if has_obstacles else "use"
+        fix = f"{'check the obstacles, or ' if has_obstacles else ''}{_advise_on_width(field)}"
         raise FieldError(
-            f"{subject} is nowhere wider than the working width of {width_m:g} m; {fix} a narrower implement.",
+            f"{subject} is nowhere wider than the working width of {width_m:g} m; {fix}.",
             parameter="width_m",
         )
     span_m = math.dist(region.bounds[:2], region.bounds[2:])
@@ -251,6 +289,26 @@ def _inset_boundary(field: Field, width_m: float) -> shapely.Geometry:
     return region
 
 
+def _fill_inside_headland(
+    field: Field,
+    width_m: float,
+    headland_passes: int,
+    bearing_deg: float | None = None,
+    min_length_m: float = MIN_THICKNESS_M,
+    min_spacing_m: float = 0.0,
+) -> tuple[float, shapely.Geometry, SwathPattern] | None:
+    """Bearing (rad), region and pattern of the swaths inside headland passes; None if no track fits."""
+    region = compute_inner_region(field, headland_passes * width_m)
+    rules = PatternRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area, min_spacing_m)
+    edges = collect_edges(region)
+    choice = _choose_pattern(field, edges, rules, bearing_deg) if len(edges) else None
+    if choice is None and len(edges):
+        choice = _choose_pattern(field, edges, replace(rules, min_length_m=MIN_THICKNESS_M), bearing_deg)
+    bearing_rad = orient_bearing_by_outline(field, choice[0]) if choice else 0.0
+    pattern = fill_region(region, bearing_rad, rules) if choice else None
+    return None if pattern is None else (bearing_rad, region, pattern)
+
+
 def _lay_inside_headland(
     field: Field,
     width_m: float,
@@ -261,21 +319,15 @@ def _lay_inside_headland(
     min_spacing_m: float,
 ) -> Layout:
     """Swaths over all ground inside the headland passes."""
-    depth = headland_passes * width_m
-    region = compute_inner_region(field, depth)
-    rules = PatternRules(width_m, 0.0, min_length_m, 0.5 * width_m, region.area, min_spacing_m)
-    edges = collect_edges(region)
-    choice = _choose_pattern(field, edges, rules, bearing_deg) if len(edges) else None
-    if choice is None and len(edges):
-        choice = _choose_pattern(field, edges, replace(rules, min_length_m=MIN_THICKNESS_M), bearing_deg)
-    bearing_rad = orient_bearing_by_outline(field, choice[0]) if choice else 0.0
-    pattern = fill_region(region, bearing_rad, rules) if choice else None
-    if pattern is None:
+    filled = _fill_inside_headland(field, width_m, headland_passes, bearing_deg, min_length_m, min_spacing_m)
+    if filled is None:
         raise FieldError(
             f"No track fits field '{field.name}' ({field.area_ha:.3g} ha) inside a headland of {headland_m:g} m, "
-            f"worked in passes of {width_m:g} m{_describe_bearing(bearing_deg)}; use a smaller headland "
-            f"({mark_parameter('headland_m')}).",
+            f"worked in passes of {width_m:g} m{_describe_bearing(bearing_deg)}; "
+            f"{_advise_on_passes(field, width_m, headland_passes)}."
         )
+    bearing_rad, region, pattern = filled
+    depth = headland_passes * width_m
     swaths = number_from_longer_side(build_swaths(pattern, compute_axes(bearing_rad)))
     return Layout(field, bearing_rad, width_m, depth, swaths, region, headland_passes, min_spacing_m=min_spacing_m)
 

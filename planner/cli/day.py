@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -74,6 +75,13 @@ def plan_day_file(
         typer.Option("--cache", help="Folder for simulated field times; it may be deleted at any time."),
     ] = None,
     processes: Annotated[Optional[int], typer.Option(help="Processes to use; by default one per core.")] = None,
+    field_minutes: Annotated[
+        float,
+        typer.Option(
+            help="Most computing for one fleet on one field, minutes; then the best plan found so far is taken, and it "
+            "says so."
+        ),
+    ] = 10.0,
     **options: Any,
 ) -> None:
     """Simulate every fleet on every field that it fits, and assign the fields to the fleets in the best order.
@@ -97,13 +105,15 @@ def plan_day_file(
         raise RequestError(f"--cache {cache} is a file; give the name of a folder.")
     if certainty is not None and not 50.0 <= certainty <= 99.0:
         raise RequestError(f"--certainty is {certainty:g}; use 50 to 99 percent.")
+    if not field_minutes > 0.0:
+        raise RequestError(f"--field-minutes is {field_minutes:g}; use more than 0.")
     day_file, farm_file = _load_day_and_farm(file, options["farm"], options["rain"], certainty)
     check_output_paths(
         (html, ".html"), (png, ".png"), (map_png, ".png"), input_files=_list_input_files(file, day_file, farm_file)
     )
     prepared = prepare_day(day_file, farm_file)
     print_remarks(f"{one.name}: {text}" for one in prepared.fields for text in one.remarks)
-    result = _compute_day_plan(prepared, cache, samples, seed, processes)
+    result = _compute_day_plan(prepared, cache, samples, seed, processes, field_minutes)
     with write_before_printing(_render_day_outputs(result, html, png, map_png)):
         _print_result(result, json, csv, explain)
     if not result.jobs:
@@ -168,22 +178,34 @@ def _list_input_files(file: str, day_file: DayFile, farm_file: FarmFile) -> dict
 
 
 def _compute_day_plan(
-    prepared: PreparedDay, cache: Path | None, samples: int, seed: int, processes: int | None
+    prepared: PreparedDay, cache: Path | None, samples: int, seed: int, processes: int | None, field_minutes: float
 ) -> DayResult:
-    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.cli.common.progress import open_stage_bar
+    from planner.cli.common.terminal import warm_up
     from planner.day.field_times import FieldTimeCache, find_cache_folder
     from planner.day.planning import plan_day
     from planner.pipeline.executors import create_executor
+    from reports.common.language import mark_text
 
+    stage = mark_text("Simulating fields")
     store = FieldTimeCache(find_cache_folder() / "field-times" if cache is None else cache)
     unknown_count = prepared.count_uncached_field_times(store)
     if unknown_count:
         warm_up()
     with (
         create_executor(max(unknown_count, 1), processes) as executor,
-        create_progress_callback("Simulating fields") as progress,
+        open_stage_bar(stage) as bar,
     ):
-        return plan_day(prepared, cache=store, executor=executor, progress=progress, samples=samples, seed=seed)
+        return plan_day(
+            prepared,
+            cache=store,
+            executor=executor,
+            progress=partial(bar.report, stage),
+            report_work=bar.show_work,
+            samples=samples,
+            seed=seed,
+            field_minutes=field_minutes,
+        )
 
 
 def _print_result(result: DayResult, json: bool, csv: bool, explain: bool) -> None:

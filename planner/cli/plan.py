@@ -26,13 +26,17 @@ from planner.cli.common.options import (
 )
 from planner.request.options import convert_options_to_parameters
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
+from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.cli.common.outputs import OutputContent
+    from planner.cli.common.progress import StageBar
     from planner.pipeline.farm_inputs import PlanInputs
     from planner.pipeline.many_fields import FieldAnswer, FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
+
+PLANNING = mark_text("Planning fields")
 
 
 @dataclass(frozen=True)
@@ -98,7 +102,8 @@ def plan_batch(
     A page is written before the table is printed, and after all of the CSV.
     """
     from planner.cli.common.outputs import check_output_paths
-    from planner.cli.common.terminal import create_progress_callback, warm_up
+    from planner.cli.common.progress import open_stage_bar
+    from planner.cli.common.terminal import warm_up
     from planner.pipeline.many_fields import FieldQuestion, hash_question, read_answer_file, share_obstacles
 
     check_output_paths(
@@ -113,8 +118,8 @@ def plan_batch(
     questions = [FieldQuestion(build_inputs(one), every_plan, html is not None) for one in requests]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
-    with create_progress_callback("Planning fields") as progress, _open_record_printer(json, csv, explain) as show:
-        records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, progress, show)
+    with open_stage_bar(PLANNING) as bar, _open_record_printer(json, csv, explain) as show:
+        records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, bar, show)
         _write_index_page(records, html)
     _print_field_remarks(records)
     return all(_has_accepted_plan(record) for record in records)
@@ -126,7 +131,7 @@ def _collect_records(
     executor_choice: ExecutorChoice,
     checkpoint: Path | None,
     earlier_records: Mapping[str, Record],
-    progress: Callable[[int, int], None],
+    bar: StageBar,
     print_record: Callable[[Record], None],
 ) -> list[Record]:
     """Answers as records in the order of the questions, each printed as soon as all before it are."""
@@ -142,9 +147,9 @@ def _collect_records(
     writer.replace_records(earlier_records.values())
     try:
         with executor_choice.open_executor(len(pending)) as executor:
-            answers_by_position = iter_answers(executor, [questions[index] for index in pending])
+            answers_by_position = iter_answers(executor, [questions[index] for index in pending], bar.show_work)
             while True:
-                progress(len(finished), len(questions))
+                bar.report(PLANNING, len(finished), len(questions))
                 while printed_count in finished:
                     print_record(finished[printed_count])
                     printed_count += 1

@@ -9,7 +9,7 @@ import json
 import os
 import secrets
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -24,11 +24,12 @@ from fields.geometry.field import Field
 from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
 from planner.errors import WorkerError
 from planner.evaluation.field_physics import get_elevation_name
+from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
-from planner.pipeline.fingerprint import hash_content
-from planner.pipeline.height_files import hash_height_files
+from planner.pipeline.fingerprint import hash_content, hash_height_files
+from planner.pipeline.plan_repairs import explain_refusal
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
@@ -91,6 +92,7 @@ def remove_unfinished_file(draft: Path) -> None:
         return
 
 
+DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
 GRAPH_ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
 PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills")
 ANONYMOUS = "field"
@@ -104,7 +106,8 @@ class FieldTime:
     """The quickest plan of a fleet on a field; `graph` is None if there is no plan, for the reason in `reason`.
 
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
-    ones if it collects. `is_lasting` is False for a refusal of heights, whose sentence names files that may change.
+    ones if it collects. `is_lasting` is False for a refusal of heights, whose sentence names files that may change, and
+    where `is_cut`: planning ran out of time, and the plan is the best of those found by then.
     """
 
     strategy: str = ""
@@ -116,6 +119,7 @@ class FieldTime:
     refills: int | None = None
     reason: str = ""
     is_lasting: bool = True
+    is_cut: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,11 +180,14 @@ def compute_field_times(
     cache: FieldTimeCache,
     executor: Executor,
     progress: Progress | None = None,
+    field_minutes: float = DEFAULT_FIELD_MINUTES,
+    report_work: Callable[[list[str]], None] = lambda names: None,
 ) -> tuple[FieldTimeTable, bool]:
     """All field times, and whether new ones could be cached.
 
     Cached times are not simulated again, and equal tasks of several fleets only once. `progress` is called with (done,
-    all). The result does not depend on executor and cache.
+    all), `report_work` with the names of the fields at work. A fleet's plan of a field takes at most about
+    `field_minutes` of computing; but for plans that this cuts short, the result depends on neither executor nor cache.
     """
     keys = [[None if task is None else task.key for task in row] for row in rows]
     task_by_key = {
@@ -194,9 +201,14 @@ def compute_field_times(
     }
     missing_keys = [key for key in task_by_key if key not in known_times]
     is_cached = True
+    missing_tasks = [(task_by_key[key], field_minutes) for key in missing_keys]
+
+    def report_fields(indices: list[int]) -> None:
+        report_work([missing_tasks[index][0].field.name for index in indices])
+
     try:
         for done, (index, field_time) in enumerate(
-            iter_completed(executor, compute_field_time, [(task_by_key[key],) for key in missing_keys]), start=1
+            iter_completed(executor, compute_field_time, missing_tasks, report_fields), start=1
         ):
             known_times[missing_keys[index]] = field_time
             if field_time.is_lasting:
@@ -214,8 +226,22 @@ def count_uncached_field_times(rows: Sequence[Sequence[FieldTimeTask | None]], c
     return sum(_unpack_field_time(cache.read(key)) is None for key in keys)
 
 
-def compute_field_time(task: FieldTimeTask) -> FieldTime:
-    """The quickest plan of a fleet on a field, with fewer tractors if not all can work together."""
+def compute_field_time(task: FieldTimeTask, field_minutes: float = DEFAULT_FIELD_MINUTES) -> FieldTime:
+    """The quickest plan of a fleet on a field, with fewer tractors if not all can work together.
+
+    After `field_minutes` of computing it is the best of those found so far.
+    """
+    share = TimeShare(60.0 * field_minutes)
+    try:
+        return _search_field_time(task, share)
+    except TimeSpentError:
+        return FieldTime(
+            reason=f"no plan was found in {field_minutes:g} min of computing", is_lasting=False, is_cut=True
+        )
+
+
+def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
+    """The field time within a share of computing; raises TimeSpentError where that ends before there is a plan."""
     reason = ""
     for count in range(task.request.tractors[0], 0, -1):
         try:
@@ -226,6 +252,7 @@ def compute_field_time(task: FieldTimeTask) -> FieldTime:
                 implement=task.implement,
                 supply=task.supply,
                 executor=SerialExecutor(),
+                time_share=share,
             )
         except HeadlandError as refusal:
             return FieldTime(reason=str(refusal), is_lasting=refusal.parameter not in HEIGHT_PARAMETERS)
@@ -235,10 +262,19 @@ def compute_field_time(task: FieldTimeTask) -> FieldTime:
             ordered_run = enforce_planned_order(run, context.tractor, context.implement)
             fuel = measure_leg_consumption(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
             graph = build_leg_graph(ordered_run, fuel)
-            return FieldTime(
-                best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph, best.refills
+            found = (
+                best.strategy,
+                count,
+                float(best.time_s or 0.0),
+                best.worked_pct,
+                best.missed_m2,
+                graph,
+                best.refills,
             )
-        reason = reason or next((candidate.reason for candidate in result.ranking.plans if candidate.reason), "")
+            return FieldTime(*found, is_lasting=not share.is_cut, is_cut=share.is_cut)
+        if share.is_cut:
+            raise TimeSpentError
+        reason = reason or explain_refusal(result.ranking)
     return FieldTime(reason=reason)
 
 

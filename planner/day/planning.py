@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -20,6 +20,7 @@ from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
 from fields.text_files import quote_path
 from planner.day.field_times import (
+    DEFAULT_FIELD_MINUTES,
     FieldTime,
     FieldTimeCache,
     FieldTimeTable,
@@ -136,6 +137,7 @@ class _SolvedDay:
     fleet_samples: tuple[FleetDaySamples, ...]
     samples: int
     seed: int
+    field_minutes: float
 
 
 def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
@@ -191,8 +193,10 @@ def plan_day(
     cache: FieldTimeCache | None = None,
     executor: Executor | None = None,
     progress: Progress | None = None,
+    report_work: Callable[[list[str]], None] = lambda names: None,
     samples: int = DEFAULT_SAMPLES,
     seed: int = 1,
+    field_minutes: float = DEFAULT_FIELD_MINUTES,
 ) -> DayResult:
     """Simulate missing field times, assign fields to fleets, and estimate probabilities by Monte Carlo.
 
@@ -204,16 +208,25 @@ def plan_day(
         day.save("day.html")                # the page; also .json, .csv and .png
 
     `day` is a day file or a prepared day. Returns a DayResult: `jobs`, `unworked_fields`, `fleets`, `cost`, `advice`.
-    The result depends neither on the executor nor on the cache. `progress` is called with (done, all) field times.
+    A fleet's plan of a field takes at most about `field_minutes` of computing on one core; where that is too little,
+    the plan is the best of those found by then, and `questions` says so. That alone depends on the speed of the
+    machine; apart from it, the result depends neither on the executor nor on the cache. `progress` is called with
+    (done, all) field times, `report_work` with the names of the fields at work.
     """
     prepared = day if isinstance(day, PreparedDay) else prepare_day(*load_day(day))
     table, is_cached = compute_field_times(
-        prepared.tasks, cache or FieldTimeCache(None), executor or SerialExecutor(), progress
+        prepared.tasks,
+        cache or FieldTimeCache(None),
+        executor or SerialExecutor(),
+        progress,
+        field_minutes,
+        report_work,
     )
     problem = build_problem(prepared.day, prepared.farm, prepared.fields, prepared.road_km, table, prepared.frame, seed)
     solution = solve_day(problem, seed=seed)
     fleet_samples = _sample_fleet_days(prepared, table, problem, solution.routes, samples, seed)
-    return _build_result(_SolvedDay(prepared, table, problem, solution, fleet_samples, samples, seed), is_cached)
+    solved = _SolvedDay(prepared, table, problem, solution, fleet_samples, samples, seed, field_minutes)
+    return _build_result(solved, is_cached)
 
 
 def _sample_fleet_days(
@@ -293,7 +306,7 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         samples=solved.samples,
         seed=solved.seed,
         advice="",
-        questions=tuple(_question_pulls(solved)),
+        questions=(*_question_cut_plans(solved), *_question_pulls(solved)),
         remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
         fields=tuple(field.name for field in prepared.fields),
         windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
@@ -435,6 +448,20 @@ def _list_remarks(solved: _SolvedDay) -> list[str]:
     if len(solved.prepared.places) == len(solved.prepared.fields):
         remarks.append("The place of the yard is unknown, so every fleet starts at its first field.")
     return remarks
+
+
+def _question_cut_plans(solved: _SolvedDay) -> list[str]:
+    """Which fields a fleet was not planned on to the end, for lack of computing time."""
+    sentences = []
+    for fleet, row in zip(solved.prepared.day.fleets, solved.table, strict=True):
+        for field, field_time in zip(solved.prepared.fields, row, strict=True):
+            if field_time is not None and field_time.is_cut:
+                outcome = "this is the best plan found by then" if field_time.graph else "no plan was found by then"
+                sentences.append(
+                    f"{field.name}, {fleet.name}: planning took more than {solved.field_minutes:g} min of computing; "
+                    f"{outcome}. Give it more (--field-minutes)."
+                )
+    return sentences
 
 
 def _question_pulls(solved: _SolvedDay) -> list[str]:

@@ -9,14 +9,12 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import shapely
 
 from fields.geometry.entrances import check_entrance, move_entrance_to_outline
 from fields.geometry.field import MIN_FENCE_MARGIN_M, Field
 from fields.geometry.field_parts import cut_field_part
-from fields.layout.bearings import find_handedness
-from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
+from fields.layout.headland_passes import HeadlandPass
 from fields.layout.options import replace_bearings
 from fields.layout.swaths import (
     Layout,
@@ -42,7 +40,7 @@ from planner.evaluation.field_physics import (
     build_field_physics,
     check_fuel_is_known,
 )
-from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m
+from planner.evaluation.headland_depth import add_headland_remark, choose_headland_m, lay_directed_passes
 from planner.evaluation.layout_choice import (
     Report,
     build_effort_rates,
@@ -53,6 +51,7 @@ from planner.evaluation.layout_choice import (
 from planner.evaluation.layout_repairs import NO_REPAIRS, LayoutRepairs
 from planner.evaluation.machine_outlines import bend_around_obstacles, build_body, build_outline_boxes
 from planner.evaluation.slope_costs import build_slope_weigher
+from planner.evaluation.time_share import NO_LIMIT, TimeShare
 from planner.farm.settings import FarmTimes, Yard
 from planner.farm.workday import Workday, build_workday
 from planner.request.option_texts import MPS_PER_KMH
@@ -68,7 +67,6 @@ from planner.request.service_points import check_capacity, locate_service_point
 from planner.risk.assessment import DecisionCriteria, build_decision_criteria
 from planner.risk.costs import CostTerms
 from planner.traffic.trajectories import TrajectoryCache
-from strategies.headland.pass_shares import reverse_pass
 from strategies.path_planning.collision_check import FenceChecker
 from strategies.path_planning.connector import Connector, ConnectorCache, TurnCosts
 from strategies.path_planning.errors import StrategyError
@@ -95,7 +93,7 @@ INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that
 FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
 OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
-_CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations")
+_CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations", "time_share")
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
 WIDE_TURN_FACTORS = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well enough
@@ -117,7 +115,7 @@ class PlanningContext:
     holds lines bent round small obstacles, `criteria` the risk settings, `supply` what every tractor carries,
     `cost_terms` the prices and `workday` the day of a farm (None without one). `path_finders` are shared by the layouts
     compared. `layout_repairs` are what planning changed because plans could not be driven. `physics` are
-    heights and load.
+    heights and load. `time_share` limits the computing where this context was made; it is not sent to another process.
     """
 
     request: PlanRequest
@@ -141,6 +139,7 @@ class PlanningContext:
     path_finders: ConnectorCache = member(default_factory=ConnectorCache)
     layout_repairs: LayoutRepairs = member(default_factory=LayoutRepairs)
     physics: FieldPhysics = LEVEL_GROUND
+    time_share: TimeShare = NO_LIMIT
 
     def build_job(self, tractors: int) -> FieldJob:
         """A job for this many tractors; all jobs of a context share their cached paths and turns."""
@@ -305,6 +304,7 @@ def prepare_context(
     layout_repairs: LayoutRepairs = NO_REPAIRS,
     report_layouts: Report | None = None,
     physics: FieldPhysics | None = None,
+    time_share: TimeShare = NO_LIMIT,
 ) -> PlanningContext:
     """Read the field and the tractor, time the turns, size the headland, lay out the swaths.
 
@@ -312,7 +312,8 @@ def prepare_context(
     request. `uncertainty`, `cost_terms`, `times`, `yard` and `supply` come from a farm; the request or the field names
     the service point of the supply. `layout_repairs` are changes because plans could not be driven as asked.
     `report_layouts` is called with (layouts compared, all of them). `physics` replaces heights and soil of the request.
-    Raises FieldError, VehicleError, StrategyError or RequestError.
+    Half of a `time_share` may go into comparing layouts; then those compared so far decide. Raises FieldError,
+    VehicleError, StrategyError or RequestError.
     """
     request = fill_in_default_names(request, field, tractor)
     with attach_parameter("field"):
@@ -349,9 +350,10 @@ def prepare_context(
         supply=supply,
         cost_terms=cost_terms,
         workday=workday,
-        path_finders=ConnectorCache(),
+        path_finders=ConnectorCache(before_search=time_share.check),
         layout_repairs=layout_repairs,
         physics=physics,
+        time_share=time_share,
     )
     refusal: StrategyError | None = None
     has_obstacles = bool(field.obstacles or field.boundary.interiors)
@@ -400,15 +402,18 @@ def _lay_out_field(
         if request.swaths == STRAIGHT
         else [lay_contours(request, field, headland_m, passing_m, create.keywords["physics"].terrain, radius_m)]
     )
-    for layout in layouts:
-        try:
-            contexts.append(build_context(layout))
-        except StrategyError as refusal:  # obstacles leave no swath of this layout, but may of another
-            refusals.append(refusal)
-    if not contexts:
-        raise refusals[0]
     weigh = build_slope_weigher(request, create.keywords["physics"], tractor, field.default_ground)
-    context = contexts[choose_quickest_job_index([option.build_job(1) for option in contexts], report_layouts, weigh)]
+    with create.keywords["time_share"].save_half() as time_share:
+        for layout in layouts:
+            if contexts and time_share.is_spent():
+                break
+            try:
+                contexts.append(build_context(layout))
+            except StrategyError as refusal:  # obstacles leave no swath of this layout, but may of another
+                refusals.append(refusal)
+        if not contexts:
+            raise refusals[0]
+        context = contexts[choose_quickest_job_index([one.build_job(1) for one in contexts], report_layouts, weigh)]
     if request.cell_bearings:
         context = build_context(replace_bearings(context.layout, dict(request.cell_bearings)))
     return context
@@ -471,7 +476,7 @@ def _complete_context(
     turn_times = turn_clock.measure_best_times(request.width_m, turning_room_m, turn_kinds)
     turn_s = tuple(turn_clock.estimate_detour_s() if seconds is None else seconds for seconds in turn_times)
     bend_m = CORNER_BEND_RAD * turn_clock.driving_rules.radius_m
-    headland_passes = _lay_headland_passes(field, request.width_m, layout.headland_passes, bend_m)
+    headland_passes = lay_directed_passes(field, request.width_m, layout.headland_passes, bend_m)
     return create(
         layout=layout,
         driving_rules=replace(turn_clock.driving_rules, turn_s=turn_s),
@@ -484,15 +489,4 @@ def _complete_context(
         if headland_passes
         else shapely.Polygon(),
         obstacle_bends=obstacle_bends,
-    )
-
-
-def _lay_headland_passes(field: Field, width_m: float, pass_count: int, bend_m: float) -> tuple[HeadlandPass, ...]:
-    """The headland passes; their direction is mirrored on a mirrored field."""
-    headland_passes = lay_headland_passes(field, width_m, pass_count, bend_m)
-    boundary = field.boundary
-    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
-    is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
-    return (
-        headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
     )

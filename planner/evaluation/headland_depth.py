@@ -1,12 +1,17 @@
-"""How deep the headland is: as asked for in metres or passes, or as turns need; what is said where they need more."""
+"""The headland: how deep it is, as asked for in metres or passes or as turns need, and which way it is driven."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
 
+import numpy as np
+
 from fields.geometry.field import Field
+from fields.layout.bearings import find_handedness
+from fields.layout.headland_passes import HeadlandPass, lay_headland_passes
 from planner.request.plan_request import PlanRequest
+from strategies.headland.pass_shares import reverse_pass
 from strategies.path_planning.turns import TurnReach, compute_headland_m
 
 ROUNDING_M = 1e-6
@@ -35,4 +40,15 @@ def describe_shallow_headland(request: PlanRequest, radius_m: float, reach: Turn
     return (
         f"{subject} {passes * request.width_m:g} m deep, and turns need {needed_m:g} m "
         f"({math.ceil(needed_m / request.width_m - ROUNDING_M)} passes): where they do not fit, they lead over tracks."
+    )
+
+
+def lay_directed_passes(field: Field, width_m: float, pass_count: int, bend_m: float) -> tuple[HeadlandPass, ...]:
+    """The headland passes; their direction is mirrored on a mirrored field."""
+    headland_passes = lay_headland_passes(field, width_m, pass_count, bend_m)
+    boundary = field.boundary
+    rings = [np.asarray(ring.coords)[:-1, :2] for ring in (boundary.exterior, *boundary.interiors)]
+    is_left_handed = find_handedness(rings, [] if field.entrance is None else [field.entrance]) > 0
+    return (
+        headland_passes if is_left_handed else tuple(reverse_pass(headland_pass) for headland_pass in headland_passes)
     )

@@ -21,6 +21,7 @@ from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
 from fields.terrain.elevation_grid import ElevationGrid
 from planner.errors import RequestError, mark_parameter
+from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.headland.pass_legs import get_headland_legs
 from strategies.headland.pass_shares import share_headland
@@ -177,7 +178,7 @@ def choose_quickest_job_index(
     """Index of the job that one tractor finishes soonest; the first one if others gain little.
 
     With `weigh` the cost of a job is what that makes of its seconds on level ground. The headland passes are timed once
-    for each number of them. `report` is called with (jobs timed, all jobs).
+    for each number of them; where time is spent, those timed decide. `report` is called with (jobs timed, all jobs).
     """
     if len(jobs) == 1:
         return 0
@@ -187,12 +188,17 @@ def choose_quickest_job_index(
         if report:
             report(number, len(jobs))
         passes = job.layout.headland_passes
-        if passes not in headlands:
-            headlands[passes] = _estimate_headland_s(job)
+        try:
+            if passes not in headlands:
+                headlands[passes] = _estimate_headland_s(job)
+            level_s = _estimate_time_s(job, *headlands[passes])
+        except TimeSpentError:
+            break
         extra_passes = max(0, passes - jobs[0].layout.headland_passes)
-        level_s = _estimate_time_s(job, *headlands[passes])
         cost = level_s if weigh is None else weigh(job, level_s)
         costs.append(cost * (1.0 + EXTRA_PASS_CHARGE * extra_passes))
+    if not costs:
+        return 0
     best = min(range(len(costs)), key=lambda place: (round(costs[place], 1), place))
     return best if costs[best] < (1.0 - MIN_GAIN) * costs[0] else 0
 

@@ -174,25 +174,33 @@ def create_executor(task_count: int, processes: int | None = None) -> Executor:
 
 
 def iter_completed(
-    executor: Executor, function: Callable[..., T], arguments: list[tuple[Any, ...]]
+    executor: Executor,
+    function: Callable[..., T],
+    arguments: list[tuple[Any, ...]],
+    report_work: Callable[[list[int]], None] = lambda indices: None,
 ) -> Iterator[tuple[int, T]]:
     """Yield (index, function(*arguments[index])) as tasks finish; pending tasks are cancelled if the caller stops.
 
     A `LocalPool` holds hardly any pending task: it finishes these, or drops them when left by an exception.
+    `report_work` is called with the indices of the tasks at work before one is begun and while all are waited for.
     """
     window = executor.task_window if isinstance(executor, LocalPool) else len(arguments)
+    running = window // TASKS_PER_PROCESS if isinstance(executor, LocalPool) else window
     waiting: dict[Future[T], int] = {}
     pending = list(enumerate(arguments))[::-1]
     try:
         while pending or waiting:
             while pending and len(waiting) < window:
                 index, task_arguments = pending.pop()
+                report_work([*waiting.values(), index][:running])
                 waiting[executor.submit(function, *task_arguments)] = index
                 yield from _pop_finished(waiting)
             if pending:
                 index, task_arguments = pending.pop()
+                report_work([*list(waiting.values())[:running], index])
                 yield index, function(*task_arguments)
             elif waiting:
+                report_work(list(waiting.values())[:running])
                 wait(waiting, return_when=FIRST_COMPLETED)
             yield from _pop_finished(waiting)
     finally:

@@ -7,7 +7,8 @@ import dataclasses
 import hashlib
 import json
 import platform
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,6 +16,10 @@ from typing import Any
 
 import shapely
 from pydantic import BaseModel
+
+from fields.errors import FieldError
+from fields.formats.archive import ArchiveMembers
+from fields.terrain.point_files import AGOPENGPS_FILE
 
 PACKAGES = ("fields", "vehicle", "strategies", "planner", "reports")
 LIBRARIES = ("numba", "numpy", "ortools", "pymunk", "pyogrio", "pyproj", "scipy", "shapely")
@@ -114,3 +119,27 @@ def _convert_to_plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_convert_to_plain(item) for item in value]
     return value if value is None or isinstance(value, str | int | float | bool) else repr(value)
+
+
+def hash_height_files(name: str | None) -> list[tuple[str, str | None]] | None:
+    """What heights of this name hold: hashes by the ends of the files' names; None without heights.
+
+    The files are those of the same stem, as one beside the heights may say their coordinate system, or those that are
+    read in a folder.
+    """
+    if name is None:
+        return None
+    place = Path(name)
+    folder, stem = (place, "") if place.is_dir() else (place.parent, place.stem.lower())
+    return [(str(path.relative_to(folder)).lower()[len(stem) :], hash_file(path)) for path in _list_height_files(place)]
+
+
+def _list_height_files(place: Path) -> Iterable[Path]:
+    """The files of heights; none where they cannot be listed, which is refused when they are read."""
+    with suppress(OSError, ValueError, FieldError):
+        if not place.is_dir():
+            start = f"{place.stem}.".lower()
+            return sorted(path for path in place.parent.iterdir() if f"{path.name}.".lower().startswith(start))
+        own = sorted(path for path in place.iterdir() if path.name.lower() == AGOPENGPS_FILE)
+        return own or [place / member for member in ArchiveMembers(place)]
+    return []

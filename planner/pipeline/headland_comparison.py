@@ -14,7 +14,7 @@ from planner.errors import HeadlandError, WorkerError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.many_fields import draw_best_plan, plan_inputs
-from planner.pipeline.planning import PlanningResult
+from planner.pipeline.plan_repairs import explain_refusal
 from planner.pipeline.ranking import locate_piece
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, PlanRequest
@@ -87,7 +87,7 @@ def answer_headland_question(
         name,
         choice,
         plan=best,
-        refusal=None if best is not None else _explain_no_plan(result),
+        refusal=None if best is not None else explain_refusal(ranking),
         field_name=ranking.field_name,
         area_ha=ranking.area_ha,
         headland_m=result.context.layout.headland_m,
@@ -107,13 +107,6 @@ def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
         return None
     place = shapely.point_on_surface(max(field.cut_off_parts, key=lambda part: part.area))
     return locate_piece(field, field.cut_off_m2, place.x, place.y)
-
-
-def _explain_no_plan(result: PlanningResult) -> str:
-    """The first reason, and what was found to work."""
-    reason = next((plan.reason for plan in result.ranking.plans if plan.reason), "no plan is feasible")
-    changes = result.ranking.changes
-    return f"{reason.rstrip('.')}. Found to work: {' or '.join(changes)}" if changes else reason
 
 
 def compare_headlands(

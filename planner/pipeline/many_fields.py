@@ -31,8 +31,7 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.fingerprint import hash_content, hash_file
-from planner.pipeline.height_files import hash_height_files
+from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
@@ -101,13 +100,24 @@ def plan_inputs(inputs: PlanInputs, simulate_all: bool = False) -> PlanningResul
     )
 
 
-def iter_answers(executor: Executor, questions: Sequence[FieldQuestion]) -> Iterator[tuple[int, FieldAnswer]]:
+def iter_answers(
+    executor: Executor,
+    questions: Sequence[FieldQuestion],
+    report_work: Callable[[list[str]], None] = lambda names: None,
+) -> Iterator[tuple[int, FieldAnswer]]:
     """Yield (index, answer) as questions are answered; raises WorkerError if processes keep ending.
+
+    `report_work` is called with the names of the fields at work.
 
     Each question is one task: on a cluster one worker plans a field, and another takes over if that worker ends.
     """
     try:
-        yield from iter_completed(executor, answer_question, [(question,) for question in questions])
+        yield from iter_completed(
+            executor,
+            answer_question,
+            [(question,) for question in questions],
+            lambda indices: report_work([questions[index].field_name for index in indices]),
+        )
     except BrokenExecutor:
         raise WorkerError(LOST_WORKER_MESSAGE) from None
 

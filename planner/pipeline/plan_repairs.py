@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from itertools import islice
+from typing import Any
 
 from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate
@@ -19,7 +21,7 @@ from planner.evaluation.layout_repairs import LayoutRepairs
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, pack_context
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
+from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult, build_merit_sort_key
 from strategies.path_planning.turns import TurnReach
 from vehicle.missions.plan import Plan
 
@@ -28,6 +30,21 @@ SPEED_SHARES, WIDTH_SHARES = (0.75, 0.5, 0.35), (0.75, 0.5, 0.35)
 MIN_TRIED_KMH, MIN_TRIED_WIDTH_M = 2.0, 0.5
 Prepare = Callable[..., PlanningContext]
 """`prepare_context` with all inputs but the request, as `request`, and the repairs, as `layout_repairs`."""
+Attempt = tuple[str, PlanRequest, Candidate]
+"""A change in words, the request with it, and the candidate to try."""
+ANY_FIELD_STRATEGY = "split-field"  # tractors with swaths of their own: no formation has to fit
+RESTRICTIONS = {
+    "no_headland": "work the headland",
+    "headland_m": "leave out the headland depth",
+    "headland_passes": "leave out the number of headland passes",
+    "radius_m": "leave out the turning radius",
+    "turn": "allow every kind of turn",
+    "corners": "leave out the kind of corners",
+    "bearing_deg": "leave out the direction of the tracks",
+    "entrance": "leave out the entrance",
+    "margin_m": "leave out the margin",
+}
+"""What a request may ask for that leaves less room than its default, by parameter: how it is lifted, in words."""
 
 
 @dataclass(eq=False)
@@ -74,6 +91,15 @@ class CandidateEvaluations:
         if outcome.run is not None:
             self.plans[index] = outcome.run.plan
             self.best = _choose_better(self.best, outcome, self.request.time_limit_s)
+
+    def refuse_rest(self, context: PlanningContext, packed_context: bytes) -> None:
+        """Refuse the candidates that nothing came of in the time there was."""
+        for index, candidate in enumerate(self.candidates):
+            if index not in self.results:
+                refusal = PlanResult(
+                    candidate.strategy, candidate.tractors, self.request.turn, False, "planning ran out of time"
+                )
+                self._keep_outcome(index, TaskOutcome(refusal), (context, packed_context))
 
     def get_context(self, key: tuple[str, int]) -> tuple[PlanningContext, bytes]:
         """The context in which a strategy with a number of tractors was planned, and the same packed."""
@@ -139,47 +165,81 @@ def _has_room_to_turn(context: PlanningContext) -> bool:
     return not describe_shallow_headland(context.request, context.driving_rules.radius_m, reach)
 
 
+def explain_refusal(ranking: PlanRanking) -> str:
+    """The first reason why no plan of a ranking works, and what was found to work."""
+    reason = next((plan.reason for plan in ranking.plans if plan.reason), "no plan is feasible")
+    return f"{reason.rstrip('.')}. Found to work: {' or '.join(ranking.changes)}" if ranking.changes else reason
+
+
 def find_working_changes(
     evaluations: CandidateEvaluations, prepare: Prepare, layout_repairs: LayoutRepairs
 ) -> tuple[str, ...]:
-    """The smallest changes of a request without a plan that make its first candidate work, in words."""
+    """Changes of a request without a plan that make its first candidate work, in words: what is advised was tried.
+
+    First what the request itself restricts is lifted, one thing at a time; then the machine changes.
+    """
     if any(result.feasible for result in evaluations.results.values()):
         return ()
     request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
-    changes = []
-    for options in (_iter_deeper(request), _iter_slower(request), _iter_narrower(request)):
-        for text, changed in options:
-            try:
-                context = prepare(request=changed, layout_repairs=layout_repairs)
-                ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), candidate)], None)
-            except HeadlandError:
-                continue
-            if outcome.result.feasible:
-                changes.append(text)
-                break
-        if changes and request.headland_passes is not None:  # too few passes were asked for: nothing else is wrong
-            break
-    return tuple(changes)
+
+    def find_first(attempts: Iterator[Attempt]) -> list[str]:
+        working = (
+            words
+            for words, changed, tried in attempts
+            if _can_be_driven(evaluations, prepare, layout_repairs, changed, tried)
+        )
+        return list(islice(working, 1))
+
+    own = find_first(_iter_own(request, candidate))
+    return tuple(
+        own or [*find_first(_iter_slower(request, candidate)), *find_first(_iter_narrower(request, candidate))]
+    )
 
 
-def _iter_deeper(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
-    """The request with more headland passes, where it says how many."""
+def _can_be_driven(
+    evaluations: CandidateEvaluations,
+    prepare: Prepare,
+    layout_repairs: LayoutRepairs,
+    request: PlanRequest,
+    candidate: Candidate,
+) -> bool:
+    """Whether a candidate of a changed request can be driven, with the repairs that were made of the first."""
+    try:
+        context = prepare(request=request, layout_repairs=layout_repairs)
+        ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), candidate)], None)
+    except HeadlandError:
+        return False
+    return outcome.result.feasible
+
+
+def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
+    """The request with fewer tractors, with more headland passes than it says, or without a restriction, or all."""
+    for tractors in sorted({candidate.tractors - 1, 1} - {0, candidate.tractors}, reverse=True):
+        words = f"use {tractors} tractor{'s' if tractors > 1 else ''}"
+        yield words, request, replace(candidate, tractors=tractors)
+    if candidate.strategy != ANY_FIELD_STRATEGY and ANY_FIELD_STRATEGY not in request.strategies:
+        yield f"use the strategy {ANY_FIELD_STRATEGY}", request, replace(candidate, strategy=ANY_FIELD_STRATEGY)
     if request.headland_passes is not None:
         for passes in range(request.headland_passes + 1, request.headland_passes + 1 + MAX_MORE_PASSES):
-            yield f"work {passes} headland passes", replace(request, headland_passes=passes)
+            yield f"work {passes} headland passes", replace(request, headland_passes=passes), candidate
+    defaults: dict[str, Any] = {each.name: each.default for each in fields(PlanRequest)}
+    given = [name for name in RESTRICTIONS if getattr(request, name) != defaults[name]]
+    for names in [*([name] for name in given), *([given] if len(given) > 1 else [])]:
+        words = " and ".join(RESTRICTIONS[name] for name in names)
+        yield words, replace(request, **{name: defaults[name] for name in names}), candidate
 
 
-def _iter_slower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+def _iter_slower(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
     """The request at lower working speeds, in whole km/h."""
     for share in SPEED_SHARES:
         speed_kmh = round(share * request.speed_mps / MPS_PER_KMH)
         if speed_kmh >= MIN_TRIED_KMH:
-            yield f"drive {speed_kmh} km/h", replace(request, speed_mps=speed_kmh * MPS_PER_KMH)
+            yield f"drive {speed_kmh} km/h", replace(request, speed_mps=speed_kmh * MPS_PER_KMH), candidate
 
 
-def _iter_narrower(request: PlanRequest) -> Iterator[tuple[str, PlanRequest]]:
+def _iter_narrower(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
     """The request with narrower implements, in half metres."""
     for share in WIDTH_SHARES:
         width_m = round(2.0 * share * request.width_m) / 2.0
         if MIN_TRIED_WIDTH_M <= width_m < request.width_m:
-            yield f"use an implement of {width_m:g} m", replace(request, width_m=width_m)
+            yield f"use an implement of {width_m:g} m", replace(request, width_m=width_m), candidate

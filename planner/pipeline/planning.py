@@ -16,11 +16,12 @@ from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.incumbents import order_candidates
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
 from planner.pipeline.outputs.pictures import build_refused_picture, build_run_picture
 from planner.pipeline.outputs.saved_plans import write_saved_plan
-from planner.pipeline.plan_repairs import CandidateEvaluations, find_working_changes, repair_refused
+from planner.pipeline.plan_repairs import CandidateEvaluations, Prepare, find_working_changes, repair_refused
 from planner.pipeline.ranking import check_margin, list_candidates, locate_piece, rank_plans
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, evaluate_task, pack_context
 from planner.request.plan_request import PlanRequest
@@ -139,6 +140,7 @@ def plan(
     report_stage: StageReport | None = None,
     with_pictures: bool = False,
     simulate_all: bool = False,
+    time_share: TimeShare = NO_LIMIT,
 ) -> PlanningResult:
     """Simulate and rank every candidate of a request, and return the answer.
 
@@ -161,7 +163,8 @@ def plan(
     SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be
     planned. A candidate that cannot be driven is ranked last with its reason; one that cannot win is pruned with its
     lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
-    they are planned again with repairs of the layout (planner.pipeline.plan_repairs).
+    they are planned again with repairs of the layout (planner.pipeline.plan_repairs). A `time_share`, for executors in
+    this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
     """
     _check_type(request)
     candidates = list_candidates(request)
@@ -175,6 +178,7 @@ def plan(
         supply=supply,
         times=times,
         yard=yard,
+        time_share=time_share,
     )
     if executor is None:
         how: dict[str, Any] = {"progress": progress, "report_stage": report_stage}
@@ -185,24 +189,31 @@ def plan(
     check_margin(context, feasible=True)  # a margin that takes most of the field is refused even if plans are feasible
     report = progress if report_stage is None else _start_stage(report_stage, SIMULATING, len(candidates))
     evaluations = CandidateEvaluations(request, candidates, executor, report, with_pictures)
-    packed_context = pack_context(context)
-    for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
-        evaluations.evaluate_wave(context, packed_context, wave)
-    layout_repairs = repair_refused(evaluations, prepare)
-    changes = find_working_changes(evaluations, prepare, layout_repairs)
+    changes = _evaluate_candidates(context, evaluations, prepare, simulate_all)
     result = _build_result(context, evaluations, changes, cost_terms)
 
     def plan_part(part_request: PlanRequest) -> PlanRanking:
-        return plan(
-            part_request,
-            field=field,
-            tractor=tractor,
-            implement=implement,
-            supply=supply,
-            executor=executor,
-        ).ranking
+        inputs: dict[str, Any] = {"field": field, "tractor": tractor, "implement": implement, "supply": supply}
+        return plan(part_request, executor=executor, **inputs).ranking
 
+    if time_share is not NO_LIMIT:
+        return result
     return replace(result, ranking=replace(result.ranking, parts=tuple(_iter_part_plans(result, plan_part))))
+
+
+def _evaluate_candidates(
+    context: PlanningContext, evaluations: CandidateEvaluations, prepare: Prepare, simulate_all: bool
+) -> tuple[str, ...]:
+    """Evaluate every candidate, with repairs where none works; what was found to work instead where that fails too."""
+    packed_context, candidates = pack_context(context), evaluations.candidates
+    try:
+        for wave in [list(range(len(candidates)))] if simulate_all else order_candidates(context, candidates):
+            evaluations.evaluate_wave(context, packed_context, wave)
+        return find_working_changes(evaluations, prepare, repair_refused(evaluations, prepare))
+    except TimeSpentError:
+        context.time_share.lift()
+        evaluations.refuse_rest(context, packed_context)
+        return ()
 
 
 def _iter_part_plans(

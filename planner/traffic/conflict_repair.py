@@ -17,7 +17,7 @@ from planner.traffic.precedence import ScheduledPlan
 from strategies.program.strategy_record import MAX_REPAIRS, Simulate
 from vehicle.missions.plan import DRIVE_IN, GATE_MARGIN_M, HEADLAND_PASS, Leg, LegGate, Plan
 from vehicle.missions.run import CONFLICT, DONE, STALL, Conflict, SimulationRun
-from vehicle.records import REC_SPEED, REC_STATUS, WORKING
+from vehicle.records import REC_PLACE, REC_SPEED, REC_STATUS, WAITING, WORKING
 
 CONFLICT_CLEAR_M = 10.0  # the other must have driven this far past the place of the conflict
 SCHEDULE_SLACKS = (1.0, 2.0)  # times the usual time between two tractors, tried in this order
@@ -25,6 +25,7 @@ MAX_SCHEDULED_REPAIRS = 6  # more rarely help a scheduled plan
 MAX_SOLO_RATIO = 1.01  # if a schedule takes this much longer than driving alone, repairs may be quicker
 MAX_SLOW_SCHEDULE_REPAIRS = 10  # repairs tried in that case
 SLOW_WORK_SHARE, KMH_PER_MPS = 0.8, 3.6  # of the planned speed: less is told
+MIN_MOVING_MPS = 0.05  # less is said to be standing
 
 Scheduler = Callable[[Plan, float], ScheduledPlan | None]
 """Schedules a plan so that no tractors meet, with a slack (times the usual time between two); None if it fails."""
@@ -141,11 +142,22 @@ def _explain_failure(run: SimulationRun, conflict: Conflict | None) -> str:
     if conflict is not None:
         return (
             f"tractors {conflict.first + 1} and {conflict.second + 1} meet after {conflict.time_s:.0f} s, "
-            "and no way of waiting that was tried avoids it; use fewer tractors or another headland"
+            "and no way of waiting that was tried avoids it"
         )
     if run.outcome == STALL:
-        return "tractors wait for each other and none moves any more"
+        return _explain_stall(run)
     return f"a tractor does not finish: still driving after {run.time_s[-1]:.0f} s{_describe_slow_work(run)}"
+
+
+def _explain_stall(run: SimulationRun) -> str:
+    """Why none gets on: one tractor that cannot follow its path, and where, or all that are not done wait."""
+    unfinished = np.flatnonzero(~np.isfinite(run.finish_s)).tolist()
+    lost = next((tractor for tractor in unfinished if run.get_statuses(tractor)[-1] != WAITING), None)
+    if lost is None:
+        return "tractors wait for each other and none moves any more"
+    (x, y), speed_mps = run.record[-1, lost, REC_PLACE], abs(float(run.record[-1, lost, REC_SPEED]))
+    how = "drives beside its path" if speed_mps > MIN_MOVING_MPS else "stands still"
+    return f"tractor {lost + 1} {how} at ({x:.0f}, {y:.0f}) m and gets no farther: it cannot follow its path there"
 
 
 def _describe_slow_work(run: SimulationRun) -> str:

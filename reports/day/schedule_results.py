@@ -110,7 +110,7 @@ class DayResult(ShownResult):
     planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
     field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
     and `p95_done_s` in half and in 95 % of the samples. `questions` are about tractors that seem too weak for their
-    implement.
+    implement, and plans that were cut short for lack of computing time.
     """
 
     start_s: float

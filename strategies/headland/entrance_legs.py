@@ -82,7 +82,7 @@ def _find_entrance_path(job: FieldJob, gate: EntranceLane, pose: Pose, *, outwar
 def _build_no_path_error(job: FieldJob, pose: Pose, description: str) -> StrategyError:
     return NoPathFromError(
         f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from {description} "
-        f"(at {pose[0]:.0f}, {pose[1]:.0f} m) inside the field; use a wider headland or another entrance.",
+        f"(at {pose[0]:.0f}, {pose[1]:.0f} m) inside the field.",
         pose[:2],
     )
 

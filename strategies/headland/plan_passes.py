@@ -211,7 +211,7 @@ def _join_headland(
         origin_name, goal_name = ("headland", "tracks") if first else ("tracks", "headland")
         raise NoPathFromError(
             f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from the {origin_name} to the "
-            f"{goal_name} (at {a[0]:.0f}, {a[1]:.0f} m) inside the field; use a wider headland.",
+            f"{goal_name} (at {a[0]:.0f}, {a[1]:.0f} m) inside the field.",
             a[:2],
         )
     task = (mission if first else headland_legs).legs[0].task

@@ -10,7 +10,7 @@ arcs.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
@@ -112,8 +112,8 @@ class Connector:
 
     `free` is where the path point may be (Polygon or MultiPolygon, metres, holes are obstacles). `kinds` are the turns
     allowed; without "switch-back" nothing is driven in reverse. Routes are always allowed. A manoeuvre holds at most
-    `max_reverse_m` in reverse, and a route one manoeuvre at either end. Raises TurnError for an empty region, a radius
-    that is not positive or an unknown kind.
+    `max_reverse_m` in reverse, and a route one manoeuvre at either end. `before_search` is called before every search
+    and may raise. Raises TurnError for an empty region, a radius that is not positive or an unknown kind.
     """
 
     def __init__(
@@ -123,6 +123,7 @@ class Connector:
         costs: TurnCosts,
         kinds: tuple[str, ...] = TURN_KINDS,
         max_reverse_m: float = math.inf,
+        before_search: Callable[[], None] | None = None,
     ) -> None:
         require_radius(radius_m)
         if free.is_empty or free.area == 0.0:
@@ -130,11 +131,9 @@ class Connector:
         for kind in kinds:
             if kind not in TURN_KINDS:
                 raise TurnError(f'Turn kind "{kind}" is unknown; use {", ".join(TURN_KINDS)}.')
-        self.free = free
-        self.radius_m = radius_m
-        self.costs = costs
-        self.kinds = tuple(kinds)
-        self.max_reverse_m = max_reverse_m
+        self.free, self.radius_m, self.costs = free, radius_m, costs
+        self.kinds, self.max_reverse_m = tuple(kinds), max_reverse_m
+        self._before_search = before_search
         self._guard = free.buffer(_TOLERANCE_M - _SAGITTA_M)
         shapely.prepare(self._guard)
         self._parts = shapely.get_parts(self._guard)
@@ -183,10 +182,12 @@ class Connector:
     @cached_property
     def _unlimited(self) -> Connector:
         """The same connector without a limit of reversing."""
-        return Connector(self.free, self.radius_m, self.costs, self.kinds)
+        return Connector(self.free, self.radius_m, self.costs, self.kinds, before_search=self._before_search)
 
     def _search(self, a: Pose, b: Pose) -> DrivePath | None:
         """As `connect`, for ends in the same part of the region."""
+        if self._before_search is not None:
+            self._before_search()
         best = self._find_best_primitive(a, b)
         if best is None or self._is_long_detour(best, a, b):
             best = self._pick_quicker(best, self._find_route(a, b))
@@ -479,6 +480,7 @@ class ConnectorCache:
     """
 
     connectors: dict[tuple[bytes, float, TurnCosts, tuple[str, ...], float], Connector] = field(default_factory=dict)
+    before_search: Callable[[], None] | None = None
 
     def get_connector(
         self,
@@ -491,7 +493,7 @@ class ConnectorCache:
         """The connector for these; raises TurnError as Connector does."""
         key = region.wkb, radius_m, costs, kinds, max_reverse_m
         if key not in self.connectors:
-            self.connectors[key] = Connector(region, radius_m, costs, kinds, max_reverse_m)
+            self.connectors[key] = Connector(region, radius_m, costs, kinds, max_reverse_m, self.before_search)
         return self.connectors[key]
 
     def __getstate__(self) -> dict[str, object]:

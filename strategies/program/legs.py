@@ -129,7 +129,7 @@ def build_turn_legs(job: FieldJob, a: SwathPass, b: SwathPass) -> list[Leg]:
         x, y, _ = job.get_exit_pose(a)
         raise NoPathError(
             f"No path with a turning radius of {job.driving_rules.radius_m:.1f} m leads from track {a.swath.line} "
-            f"to track {b.swath.line} (at {x:.0f}, {y:.0f} m) inside the field; use a wider headland or another turn.",
+            f"to track {b.swath.line} (at {x:.0f}, {y:.0f} m) inside the field.",
             (a.swath, b.swath),
         )
     job.turn_counts[path.kind] = job.turn_counts.get(path.kind, 0) + 1

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -180,8 +181,27 @@ class TestRefusals:
             lay_headland_passes(rectangle(100, 50), width, count, bend)
 
     def test_no_room_inside_the_rounds(self) -> None:
-        with pytest.raises(FieldError, match=r"use a smaller headland \(headland_m\)"):
+        with pytest.raises(FieldError, match=r"use 3 headland passes, a headland \(headland_m\) of 9 m"):
             lay_swaths(rectangle(100, 20), 3.0, 12.0, headland_passes=4)
+        with pytest.raises(FieldError, match=r"use an implement \(width_m\) of 9.5 m or less"):
+            lay_swaths(rectangle(100, 20), 12.0, 12.0, headland_passes=1)
+
+    @pytest.mark.parametrize(("width", "passes"), [(3.0, 4), (12.0, 1), (7.0, 3)])
+    def test_what_is_advised_has_room(self, width: float, passes: int) -> None:
+        with pytest.raises(FieldError) as refused:
+            lay_swaths(rectangle(100, 20), width, passes * width, headland_passes=passes)
+        passes_advised = re.search(r"use (\d) headland pass", str(refused.value))
+        width_advised = re.search(r"\(width_m\) of ([\d.]+) m", str(refused.value))
+        passes, width = (
+            (int(passes_advised[1]), width) if passes_advised else (1, float(width_advised[1] if width_advised else 0))
+        )
+        assert lay_swaths(rectangle(100, 20), width, passes * width, headland_passes=passes).swaths
+
+    def test_a_headland_left_for_turning_is_advised_less_deep_or_crossed_another_way(self) -> None:
+        with pytest.raises(FieldError, match=r"use a headland \(headland_m\) of 10.9 m"):
+            lay_swaths(rectangle(30, 30), 3.0, 14.0, bearing_deg=0.0)
+        with pytest.raises(FieldError, match=r"use a bearing \(bearing_deg\) of 90 degrees"):
+            lay_swaths(rectangle(100, 20), 3.0, 9.0, bearing_deg=0.0)
 
 
 @pytest.mark.parametrize("count", [2, 3])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 from rich.console import Console
@@ -15,6 +15,7 @@ from reports.common.language import Reader, get_language, get_units, translate, 
 
 PRIOR_S = 4.0  # the seconds that were expected count as much as that many seconds observed
 REFRESHES_PER_S = 4
+MOST_NAMED = 2  # of what is at work, so that the line holds the bar as well
 WIDE_COLUMNS = 80
 
 
@@ -27,6 +28,7 @@ class StageBar:
             self.words = translate(words)
         self.left_s: float | None = None
         self.share: float | None = None
+        self.at_work: tuple[str, ...] = ()
         self._expected_s: dict[str, float] = {}
         self._begun_s = self._reported_s = time.monotonic()
 
@@ -50,6 +52,15 @@ class StageBar:
             before_s += expected_s
         self.share = share if total else None
         self._estimate_from_share(share)
+
+    def show_work(self, names: Sequence[str]) -> None:
+        """Name what is at work now, such as fields; each once."""
+        self.at_work = tuple(dict.fromkeys(names))
+
+    def describe(self) -> str:
+        """The words of the stage, with what is at work: ``Planning fields: 3 of 9 (north, south)``."""
+        shown = (*self.at_work[:MOST_NAMED], *(["..."] if len(self.at_work) > MOST_NAMED else []))
+        return f"{self.words} ({', '.join(shown)})" if shown else self.words
 
     def _estimate(self, done_s: float, all_s: float) -> None:
         """The time left: what was expected, corrected by how long the stages have taken so far."""
@@ -82,7 +93,7 @@ class _WordsColumn(ProgressColumn):
         """Called several times a second; keeps the bar up to date as well."""
         task.total = None if self._bar.share is None else 1.0
         task.completed = self._bar.share or 0.0
-        return Text(self._bar.words)
+        return Text(self._bar.describe())
 
 
 class _LeftColumn(TextColumn):

@@ -235,6 +235,7 @@ def _run_job(
     )
 
     def simulate(plan: Plan) -> SimulationRun:
+        context.time_share.check()
         return rehearsal.simulate(plan, compute_timeout_s(plan))
 
     def build(job: FieldJob) -> RefinedPlan:
@@ -310,6 +311,7 @@ def _build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler
     )
 
     def schedule(plan: Plan, slack: float) -> ScheduledPlan | None:
+        context.time_share.check()
         solo_runs.expect_plan(plan)
         return schedule_plan(plan, rules, slack)
 

@@ -203,7 +203,7 @@ def find_service_conflict(run: SimulationRun, job: FieldJob) -> str | None:
         if after.from_s < before.to_s - OVERLAP_TOLERANCE_S:
             return (
                 f"tractors {before.tractor + 1} and {after.tractor + 1} are served at the same time after "
-                f"{after.from_s:.0f} s, but only one can be served at a time; fewer tractors may help"
+                f"{after.from_s:.0f} s, but only one can be served at a time"
             )
     return None
 

@@ -1,0 +1,144 @@
+"""The advice of a refusal is followed, by reading it: then there is a plan, or another refusal, and never the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import fields as members
+from dataclasses import replace
+from typing import Any
+
+import pytest
+import shapely
+
+from fields.geometry.field import Field
+from fields.geometry.obstacles import Obstacle
+from planner.errors import HeadlandError
+from planner.evaluation.context import prepare_context
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.plan_repairs import RESTRICTIONS
+from planner.pipeline.planning import plan
+from planner.request.plan_request import PlanRequest
+from tests.planner.shapes import L_SHAPE, SHAPES
+
+STRIP = Field("strip", shapely.box(0, 0, 120, 17))
+LANE = Field("lane", shapely.box(0, 0, 150, 7))
+SQUARE = Field("square", shapely.box(0, 0, 40, 40))
+GARDEN = Field("garden", shapely.box(0, 0, 18, 14))
+WEDGE = Field("wedge", shapely.Polygon([(0, 0), (110, 0), (0, 30)]))
+ELL = Field("ell", shapely.Polygon(L_SHAPE))
+POND = Field("pond", shapely.box(0, 0, 60, 60), obstacles=(Obstacle("pond", shapely.Point(30, 30), 18.0),))
+TREE = Field("tree", shapely.box(0, 0, 70, 50), obstacles=(Obstacle("tree", shapely.Point(22, 25), 1.0),))
+GATE = Field("gate", shapely.box(0, 0, 60, 40), entrance=(0.0, 20.0))
+LAID_OUT: list[tuple[Field, dict[str, Any]]] = [
+    (STRIP, {"width_m": 12.0}),
+    (STRIP, {"width_m": 3.0, "headland_passes": 4}),
+    (STRIP, {"width_m": 3.0, "headland_m": 20.0}),
+    (STRIP, {"width_m": 24.0, "no_headland": True}),
+    (LANE, {"width_m": 6.0}),
+    (LANE, {"width_m": 9.0}),
+    (LANE, {"width_m": 1.5, "headland_passes": 6}),
+    (SQUARE, {"width_m": 24.0}),
+    (SQUARE, {"width_m": 6.0, "headland_passes": 5}),
+    (SQUARE, {"width_m": 3.0, "headland_m": 60.0}),
+    (SQUARE, {"headland_m": 21.0, "no_headland": True}),
+    (STRIP, {"headland_m": 9.0, "no_headland": True, "bearing_deg": 0.0}),
+    (GARDEN, {"width_m": 8.0}),
+    (GARDEN, {"headland_m": 8.0}),
+    (WEDGE, {"width_m": 18.0}),
+    (WEDGE, {"headland_passes": 6}),
+    (POND, {"width_m": 12.0}),
+    (POND, {"width_m": 24.0}),
+    (TREE, {"width_m": 24.0, "headland_passes": 2}),
+    (SHAPES["thin strip"], {"width_m": 14.0}),
+    (STRIP, {"width_m": 9.0}),
+    (POND, {"margin_m": 40.0}),
+    (TREE, {"margin_m": 60.0}),
+    (SQUARE, {"radius_m": 2.0}),
+    (SQUARE, {"radius_m": 90.0}),
+]
+"""Refused while the field is laid out."""
+DRIVEN: list[tuple[Field, dict[str, Any]]] = [
+    (SQUARE, {"turn": "u", "headland_passes": 1, "strategies": ("split-field",)}),
+    (STRIP, {"turn": "u", "width_m": 6.0, "headland_passes": 1, "strategies": ("split-field",)}),
+    (STRIP, {"turn": "omega", "radius_m": 9.0, "headland_passes": 1, "strategies": ("split-field",)}),
+    (GATE, {"turn": "u", "width_m": 6.0, "radius_m": 12.0, "strategies": ("split-field",)}),
+    (SQUARE, {"tractors": (20,), "strategies": ("split-field",)}),
+    (SQUARE, {"width_m": 6.0, "tractors": (4,), "strategies": ("row-by-row",)}),
+    (ELL, {"tractors": (6,), "strategies": ("col-by-col",), "width_m": 12.0}),
+    (TREE, {"turn": "omega", "width_m": 12.0, "radius_m": 14.0, "strategies": ("interleaved",)}),
+]
+"""Refused because no plan can be driven."""
+DEFAULTS = {each.name: each.default for each in members(PlanRequest)}
+
+
+def use_passes(request: PlanRequest, passes: str, headland_m: str) -> PlanRequest:
+    """The request with less headland, said as it says it."""
+    if request.headland_passes is not None:
+        return replace(request, headland_passes=int(passes))
+    return replace(request, headland_m=float(headland_m))
+
+
+Change = Callable[..., PlanRequest]
+READINGS: list[tuple[str, Change]] = [
+    (r"use (\d+) headland pass(?:es)?, a headland \(headland_m\) of ([\d.]+) m", use_passes),
+    (r"use a headland \(headland_m\) of ([\d.]+) m", lambda request, m: replace(request, headland_m=float(m))),
+    (r"use an implement \(width_m\) of ([\d.]+) m or less", lambda request, m: replace(request, width_m=float(m))),
+    (r"use a bearing \(bearing_deg\) of (\d+) deg", lambda request, deg: replace(request, bearing_deg=float(deg))),
+    (r"use a margin of ([\d.]+) m", lambda request, m: replace(request, margin_m=float(m))),
+    (r"radius.* use (?:a smaller one, )?([\d.]+) m or more", lambda request, m: replace(request, radius_m=float(m))),
+    (r"^use an implement of ([\d.]+) m$", lambda request, m: replace(request, width_m=float(m))),
+    (r"^drive (\d+) km/h$", lambda request, kmh: replace(request, speed_mps=float(kmh) / 3.6)),
+    (r"^work (\d+) headland passes$", lambda request, passes: replace(request, headland_passes=int(passes))),
+    (r"^use (\d+) tractors?$", lambda request, count: replace(request, tractors=(int(count),))),
+    (r"^use the strategy ([\w-]+)$", lambda request, name: replace(request, strategies=(name,))),
+]
+"""How advice reads, and what it does to a request."""
+
+
+def follow(advice: str, request: PlanRequest) -> PlanRequest:
+    """The request as advised; fails for advice that says nothing to do."""
+    parameters = {words: name for name, words in RESTRICTIONS.items()}
+    if set(advice.split(" and ")) <= set(parameters):
+        return replace(request, **{parameters[words]: DEFAULTS[parameters[words]] for words in advice.split(" and ")})
+    for pattern, change in READINGS:
+        found = re.search(pattern, advice)
+        if found:
+            return change(request, *found.groups())
+    raise AssertionError(f"nothing to do in: {advice}")
+
+
+def leave_out_numbers(sentence: str) -> str:
+    """The sentence as one remembers it: the same refusal of another width is the same."""
+    return re.sub(r"[\d.]+", "0", sentence)
+
+
+def refuse_layout(field: Field, request: PlanRequest) -> str:
+    """The sentence of a refusal of the layout; empty where the field is laid out."""
+    try:
+        prepare_context(request, field)
+    except HeadlandError as refusal:
+        return str(refusal)
+    return ""
+
+
+@pytest.mark.parametrize(("field", "options"), LAID_OUT)
+def test_advice_of_a_field_that_cannot_be_laid_out(field: Field, options: dict[str, Any]) -> None:
+    request = PlanRequest(field=field.name, **{"tractors": (1,), **options})
+    refusal = refuse_layout(field, request)
+    assert refusal, "this field is laid out: not a case of this test"
+    again = refuse_layout(field, follow(refusal, request))
+    assert leave_out_numbers(again) != leave_out_numbers(refusal), again
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("field", "options"), DRIVEN)
+def test_advice_where_no_plan_can_be_driven(field: Field, options: dict[str, Any]) -> None:
+    """Every change that was found to work gives a plan."""
+    request = PlanRequest(field=field.name, **{"tractors": (1,), **options})
+    ranking = plan(request, field=field, executor=SerialExecutor()).ranking
+    assert ranking.best is None, "there is a plan: not a case of this test"
+    assert ranking.changes, ranking.plans[0].reason
+    for change in ranking.changes:
+        changed = plan(follow(change, request), field=field, executor=SerialExecutor()).ranking
+        assert changed.best is not None, (change, changed.plans[0].reason)
