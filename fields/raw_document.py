@@ -13,9 +13,6 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 from zlib import crc32
 
-from fields.errors import FieldError
-from fields.text_files import shorten_value
-
 LOCAL_METRES, WGS84 = "local_metres", "wgs84"
 UNKNOWN_CRS = "unknown"
 """The coordinate system of a file that should name one and does not."""
@@ -128,13 +125,8 @@ class GeoShape(Protocol):
 
 
 def write_shape_text(shape: GeoShape) -> str:
-    """A shape with its coordinate system as the text by which `is_shape_text` knows it; raises FieldError."""
+    """A shape with its coordinate system as the text by which `is_shape_text` knows it."""
     content, crs = shape.__geo_interface__, getattr(shape, "crs", None)
-    if not isinstance(content, Mapping):
-        raise FieldError(
-            f"The __geo_interface__ of the field is {shorten_value(content)}; give a shape with a geometry.",
-            parameter="field",
-        )
     if crs is not None and "crs" not in content:
         content = {**content, "crs": {"type": "name", "properties": {"name": convert_crs_to_text(crs)}}}
     return json.dumps(content, default=_convert_to_plain)

@@ -46,7 +46,7 @@ def describe_hidden_strategies() -> list[str]:
     """A sentence on every strategy of another package that has a name of Headland's."""
     return [
         f"Strategy {one.name!r} of the package {get_package_name(one)} is left out, as Headland has one of that name; "
-        "it needs another."
+        "rename it there."
         for one in list_entry_points()
         if one.name in STRATEGY_NAMES
     ]

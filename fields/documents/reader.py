@@ -42,12 +42,7 @@ HEIGHT_SUFFIXES = (*RASTER_SUFFIXES, *POINT_SUFFIXES)
 
 
 def read_field(
-    where: FieldSource,
-    *,
-    local: bool = False,
-    name: str | None = None,
-    crs: str | None = None,
-    swap_axes: bool = False,
+    where: FieldSource, *, local: bool = False, name: str | None = None, crs: str | None = None, swap_axes: bool = False
 ) -> Field:
     """Read one field.
 

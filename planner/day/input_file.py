@@ -348,9 +348,9 @@ def _find_day_contradictions(day: DayFile, farm: FarmFile) -> Iterator[str]:
     for field in day.fields:
         if field.name == YARD:
             yield f"a field is called {YARD!r}, which is the name of the yard; give it another name"
+    known = list_strategy_names()
     for name in day.strategies:
-        if name not in list_strategy_names():
-            known = list_strategy_names()
+        if name not in known:
             yield f"the strategy {name!r} is unknown{suggest_name(name, known)}; use {', '.join(known)}"
     if not day.strategies:
         yield "strategies is empty; name one or more, or leave it out"

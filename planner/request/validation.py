@@ -109,20 +109,16 @@ def _list_scaled_options(model: type) -> dict[str, RequestOption]:
     return {one.name: one for one in list_options(model) if one.limits is not None and one.limits.scale != 1.0}
 
 
-def _convert_option_units(
-    model: type, named_values: Mapping[str, Any], positional: Mapping[str, Any]
-) -> dict[str, Any]:
+def _convert_option_units(model: type, named: Mapping[str, Any], positional: Mapping[str, Any]) -> dict[str, Any]:
     """The named values with those of options in the units of their parameters; raises RequestError."""
-    converted = dict(named_values)
+    converted = dict(named)
     for name, option in _list_scaled_options(model).items():
-        if name not in named_values:
+        if name not in named:
             continue
         value, limits, parameter = converted.pop(name), option.limits, option.parameter
-        if parameter in named_values or parameter in positional:
-            raise RequestError(
-                f"{mark_parameter(name)} and {mark_parameter(parameter)} are the same in two units; leave out one of "
-                "them."
-            )
+        if parameter in named or parameter in positional:
+            marks = f"{mark_parameter(name)} and {mark_parameter(parameter)}"
+            raise RequestError(f"{marks} are the same in two units; leave out one of them.")
         if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
             raise RequestError(f"{mark_parameter(name)} is {shorten_value(value)}; give a number.")
         assert limits is not None

@@ -103,12 +103,6 @@ def test_what_is_no_field_is_refused_in_one_sentence(shape: Any) -> None:
         read_field(PlanRequest(field=shape).field, local=True)
 
 
-def test_a_geo_interface_that_holds_nothing_is_refused_by_the_request() -> None:
-    with pytest.raises(FieldError, match="__geo_interface__ of the field is 3; give a shape") as refusal:
-        PlanRequest(field=type("Odd", (), {"__geo_interface__": 3})())
-    assert refusal.value.parameter == "field"
-
-
 def test_plans_are_made_saved_driven_again_and_compared(tmp_path: Any) -> None:
     frame = geopandas.GeoDataFrame({"name": ["North"]}, geometry=[PARCEL_M], crs=GRID)
     request = PlanRequest(field=frame, **SMALL)

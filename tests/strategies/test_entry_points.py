@@ -84,7 +84,7 @@ def test_the_blocks_of_the_example_are_neighbours(blocks: Path, jobs: object) ->
     job = jobs.rectangle(6, tractors=3)  # type: ignore[attr-defined]
     missions = get_strategy("blocks").build(job).missions
     worked = [[leg.task.number for leg in one.legs if leg.task is not None and leg.task.is_work] for one in missions]
-    assert [sorted(set(lines)) for lines in worked] == [[1, 2], [3, 4], [5, 6]]
+    assert [sorted(set(lines)) for lines in worked] == [[0, 1], [2, 3], [4, 5]]
 
 
 def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
@@ -133,7 +133,7 @@ def test_a_name_of_headland_stays_headlands_and_a_remark_says_so(install: Instal
     install("rival", "raise RuntimeError", {"split-field": "rival:STRATEGY"})
     assert get_strategy("split-field") is STRATEGIES["split-field"]
     assert describe_hidden_strategies() == [
-        "Strategy 'split-field' of the package rival is left out, as Headland has one of that name; it needs another."
+        "Strategy 'split-field' of the package rival is left out, as Headland has one of that name; rename it there."
     ]
 
 
