@@ -1,10 +1,17 @@
-"""The content of a field file in any format, before its numbers are checked."""
+"""The content of a field file in any format, before its numbers are checked, and shapes of other libraries as text.
+
+A shape is whatever has a `__geo_interface__` (https://gist.github.com/sgillies/2217756): shapely geometries, features,
+GeoSeries, GeoDataFrames. As the name of a field it is GeoJSON in a text, which is compared, sent and saved like any
+name; its `crs`, if it has one, goes with it. Imports no library, as every request needs this.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
+from zlib import crc32
 
 LOCAL_METRES, WGS84 = "local_metres", "wgs84"
 UNKNOWN_CRS = "unknown"
@@ -65,6 +72,7 @@ class FieldDocument:
         headland_edges: inner edges of headlands.
         unassigned: points and lines without a role; where they lie says what they are.
         notes: sentences on what the reader of the format skipped or repaired.
+        is_shape: it is no file, but a shape of another library.
     """
 
     polygons: tuple[RawPolygon, ...]
@@ -82,6 +90,7 @@ class FieldDocument:
     headland_edges: tuple[RawLine, ...] = ()
     unassigned: tuple[RawShape, ...] = ()
     notes: tuple[str, ...] = ()
+    is_shape: bool = False
 
 
 @dataclass(frozen=True)
@@ -101,3 +110,43 @@ class FieldFormat:
     read: Callable[[str, str], FieldDocument]
     holds: Callable[[frozenset[str]], bool] = lambda names: False
     parse: Callable[[bytes, str], FieldDocument] | None = None
+
+
+SHAPE_NAME = "shape"  # in messages; a shape has none of its own
+
+
+@runtime_checkable
+class GeoShape(Protocol):
+    """A shape of any library."""
+
+    @property
+    def __geo_interface__(self) -> Mapping[str, Any]:
+        """The shape as GeoJSON has it."""
+
+
+def write_shape_text(shape: GeoShape) -> str:
+    """A shape with its coordinate system as the text by which `is_shape_text` knows it."""
+    content, crs = shape.__geo_interface__, getattr(shape, "crs", None)
+    if crs is not None and "crs" not in content:
+        content = {**content, "crs": {"type": "name", "properties": {"name": convert_crs_to_text(crs)}}}
+    return json.dumps(content, default=_convert_to_plain)
+
+
+def is_shape_text(name: str) -> bool:
+    """Whether the name of a field is the text of a shape."""
+    return name.startswith("{")
+
+
+def name_field(name: str) -> str:
+    """The name of a field for people and tables; that of a shape differs from those of other shapes."""
+    return f"{SHAPE_NAME}-{crc32(name.encode()):08x}" if is_shape_text(name) else name
+
+
+def convert_crs_to_text(crs: Any) -> Any:
+    """A coordinate system of pyproj as a text such as "EPSG:25832"; other values as they are."""
+    return crs.to_string() if hasattr(crs, "to_string") else crs
+
+
+def _convert_to_plain(value: Any) -> Any:
+    """A number of numpy as Python's, anything else as a text."""
+    return value.item() if hasattr(value, "item") else str(value)

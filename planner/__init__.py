@@ -1,6 +1,4 @@
-"""Headland's Python interface: from a request to ranked plans, from measured logs to a diagnosis.
-
-    from planner import PlanRequest, plan, plan_day, study, diagnose, replay, HeadlandError
+"""From a request to ranked plans, from measured logs to a diagnosis. Programs import these names from `headland`.
 
 request     what is asked of a plan, checked; option names and texts
 farm        the farm file: machines, prices, times, and the workday

@@ -1,15 +1,109 @@
-"""The strategies by name, in the order in which they are offered.
+"""The strategies by name: those of Headland in the order in which they are offered, and those of other packages.
 
-Each has a module named like it with the record STRATEGY; strategies/__init__.py explains how to add one.
+Each of Headland's has a module named like it with the record STRATEGY; strategies/__init__.py explains how to add one.
+Those of other packages (strategies.names) are loaded when they are named, so that a broken one harms nobody else.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
+from dataclasses import replace
+from functools import cache, partial, wraps
 from importlib import import_module
+from importlib.metadata import EntryPoint
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
 
-from strategies.names import STRATEGY_NAMES
-from strategies.program.strategy_record import Strategy
+from fields.errors import HeadlandError, suggest_name
+from strategies.names import STRATEGY_NAMES, get_package_name, list_entry_points, list_strategy_names
+from strategies.path_planning.errors import StrategyError
+from strategies.program.strategy_record import RefinedPlan, Strategy
+from vehicle.missions.plan import Plan
 
 STRATEGIES: dict[str, Strategy] = {
     name: import_module(f"strategies.{name.replace('-', '_')}").STRATEGY for name in STRATEGY_NAMES
 }
+
+
+def get_strategy(name: str) -> Strategy:
+    """The strategy of a name; raises StrategyError for an unknown one, and for one that cannot be loaded."""
+    if name in STRATEGIES:
+        return STRATEGIES[name]
+    found = [one for one in list_entry_points() if one.name == name]
+    if not found:
+        strategy_list = ", ".join(list_strategy_names())
+        raise StrategyError(
+            f"Strategy {name!r} is unknown{suggest_name(name, list_strategy_names())}; use one of: {strategy_list}."
+        )
+    if len(found) > 1:
+        packages = " and ".join(map(get_package_name, found))
+        raise StrategyError(f"Strategy {name!r} is in {packages}; uninstall one of them.")
+    return _load_strategy(found[0])
+
+
+def describe_hidden_strategies() -> list[str]:
+    """A sentence on every strategy of another package that has a name of Headland's."""
+    return [
+        f"Strategy {one.name!r} of the package {get_package_name(one)} is left out, as Headland has one of that name; "
+        "rename it there."
+        for one in list_entry_points()
+        if one.name in STRATEGY_NAMES
+    ]
+
+
+def list_source_files(names: Collection[str]) -> list[Path]:
+    """The source files of those of the strategies that are of other packages."""
+    files: list[Path] = []
+    for one in list_entry_points():
+        spec = None if one.name not in names or one.name in STRATEGIES else find_spec(one.module.partition(".")[0])
+        for folder in (spec and spec.submodule_search_locations) or ():
+            files += sorted(Path(folder).rglob("*.py"))
+        files += [Path(spec.origin)] if spec is not None and spec.origin is not None else []
+    return files
+
+
+@cache
+def _load_strategy(entry: EntryPoint) -> Strategy:
+    """The record of an entry point, whose functions raise StrategyError alone."""
+    name, package = entry.name, get_package_name(entry)
+    try:
+        record = entry.load()
+    except Exception as error:
+        raise StrategyError(
+            f"Strategy {name!r} of the package {package} cannot be loaded ({type(error).__name__}: {error}); repair or "
+            "uninstall that package."
+        ) from error
+    if not isinstance(record, Strategy) or record.name != name:
+        what = f"named {record.name!r}" if isinstance(record, Strategy) else f"a {type(record).__name__}"
+        raise StrategyError(
+            f"{entry.value} of the package {package} is {what}; for the strategy {name!r} it must be a "
+            "headland.Strategy of that name."
+        )
+    convert = partial(_convert_faults, name=name, package=package)
+    return replace(
+        record,
+        build=convert(record.build),
+        refine=record.refine and convert(record.refine),
+        build_bound=record.build_bound and convert(record.build_bound),
+    )
+
+
+def _convert_faults(function: Callable[..., Any], name: str, package: str) -> Callable[..., Any]:
+    """A function of a strategy, whose faults become a reason why it has no plan."""
+
+    @wraps(function)
+    def call(*inputs: Any) -> Any:
+        try:
+            output = function(*inputs)
+            if not isinstance(output, Plan | RefinedPlan):
+                raise TypeError(f"it gives a {type(output).__name__} in place of a plan")
+        except HeadlandError:
+            raise
+        except Exception as error:
+            raise StrategyError(
+                f"Strategy {name!r} failed in the package {package} ({type(error).__name__}: {error})."
+            ) from error
+        return output
+
+    return call

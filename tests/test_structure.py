@@ -48,7 +48,7 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """What each top-level package may import; reports know result types and what guidance files hold."""
 SERVICE_COMMANDS = ("planner.cli.server", "planner.cli.robots")
-BY_NAME = {"fields", "planner", "planner.pipeline.kernels", "strategies.registry"}
+BY_NAME = {"fields", "planner", "planner.cli.alias.headland", "planner.pipeline.kernels", "strategies.registry"}
 """Modules that import others by a name made at run time."""
 
 Graph = dict[str, set[str]]

@@ -101,6 +101,13 @@ def apply_coordinate_options(
         document = replace(document, crs=crs)
     elif document.crs == UNKNOWN_CRS and local:
         document = replace(document, crs=None)
+    elif document.crs == UNKNOWN_CRS and document.is_shape:
+        raise FieldError(
+            f"{label} has no coordinate system; add {mark_parameter('crs')}='EPSG:4326' if its numbers are longitude "
+            f"and latitude, another code if they are of a map grid, or {mark_parameter('local')}=True if they are "
+            "metres without a place on the earth.",
+            parameter="crs",
+        )
     elif document.crs == UNKNOWN_CRS:
         raise FieldError(
             f"{label} does not name its coordinate system (a Shapefile has it in a .prj file); add it, or name it with "

@@ -29,24 +29,26 @@ from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, rea
 from fields.geometry.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
 from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
-from fields.raw_document import FieldDocument, RawPolygon, RawShape
+from fields.raw_document import FieldDocument, GeoShape, RawPolygon, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
 from fields.text_files import shorten_value
 
 MAX_LISTED_FIELDS = 12
+FieldSource = str | Path | GeoShape
+"""A field as users name it: a sample, a file, or a shape of another library."""
 HEIGHT_SUFFIXES = (*RASTER_SUFFIXES, *POINT_SUFFIXES)
 """Of files with heights (fields.terrain); another `elevation` of a boundary is no name of a file."""
 
 
 def read_field(
-    where: str | Path, *, local: bool = False, name: str | None = None, crs: str | None = None, swap_axes: bool = False
+    where: FieldSource, *, local: bool = False, name: str | None = None, crs: str | None = None, swap_axes: bool = False
 ) -> Field:
     """Read one field.
 
     Args:
-        where: name of a sample field, or a file or folder in one of the formats. ``file#KEY`` chooses one of several
-            polygons by feature id, properties id, name, or 0-based position among the polygons, in this order.
+        where: a sample, a file or folder in one of the formats, or a shape such as a GeoDataFrame. ``file#KEY`` chooses
+            one of several polygons by feature id, properties id, name, or 0-based position, in this order.
         local: the coordinates are local metres; otherwise they are longitude and latitude unless the file
             itself names another system.
         name: name for the field; otherwise taken from the file.
@@ -66,7 +68,7 @@ def read_field(
     Raises:
         FieldError: the file cannot be read or does not describe one usable field.
     """
-    source = parse_field_reference(str(where))
+    source = parse_field_reference(where)
     label = f"'{source.name}'"
     document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, label)
     polygon = _choose_polygon(document, source.key, local, label)
@@ -129,7 +131,7 @@ def _find_elevation_file(polygon: RawPolygon, source: FieldReference, label: str
             f"{label} names the heights {shorten_value(name)}; put the file beside the field file, and give its name "
             "without folders."
         )
-    return str(Path(source.place).parent / name)
+    return name if source.is_shape else str(Path(source.place).parent / name)
 
 
 def _list_reader_remarks(document: FieldDocument, unused: Sequence[RawShape]) -> tuple[str, ...]:
@@ -164,7 +166,7 @@ class FieldSummary:
 
 
 def list_fields(
-    where: str | Path, *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+    where: FieldSource, *, local: bool = False, crs: str | None = None, swap_axes: bool = False
 ) -> tuple[FieldSummary, ...]:
     """Every field of a file or sample, in the order of the file; arguments as in `read_field`.
 
@@ -175,10 +177,10 @@ def list_fields(
 
 
 def list_fields_with_notes(
-    where: str | Path, *, local: bool = False, crs: str | None = None, swap_axes: bool = False
+    where: FieldSource, *, local: bool = False, crs: str | None = None, swap_axes: bool = False
 ) -> tuple[tuple[FieldSummary, ...], tuple[str, ...]]:
     """The fields of a file as `list_fields` gives them, and the reader's notes on what it skipped or repaired."""
-    source = parse_field_reference(str(where))
+    source = parse_field_reference(where)
     document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, f"'{source.name}'")
     parents = find_parent_polygons(document.polygons)
     fields = tuple(
@@ -249,6 +251,11 @@ def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
         rows.append(f"{summary.key} ({'not usable' if summary.area_ha is None else f'{summary.area_ha:.2f} ha'})")
     remaining = len(offered) - len(rows)
     remainder = f" and {remaining} more ({mark_parameter('list_fields')} lists all)" if remaining else ""
+    if document.is_shape:
+        return (
+            "give one alone, such as frame.explode().iloc[[0]] of a GeoDataFrame or shape.geoms[0] of shapely: "
+            f"{', '.join(rows)}{remainder}"
+        )
     return f"choose one by adding #ID or #position (from 0) to the file name: {', '.join(rows)}{remainder}"
 
 

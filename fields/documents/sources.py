@@ -5,13 +5,21 @@ from __future__ import annotations
 import difflib
 import os
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 
 from fields.errors import FieldError
 from fields.formats import agopengps, geojson, geopackage, gpx, isoxml, kml, shapefile
 from fields.formats.archive import ArchiveMembers, is_archive, list_names
-from fields.raw_document import FieldDocument, FieldFormat
+from fields.raw_document import (
+    SHAPE_NAME,
+    UNKNOWN_CRS,
+    FieldDocument,
+    FieldFormat,
+    GeoShape,
+    is_shape_text,
+    write_shape_text,
+)
 from fields.sample_fields import list_sample_names, read_sample_text
 from fields.text_files import quote_path
 
@@ -76,19 +84,21 @@ class FieldReference:
     """The parts of the name of a field.
 
     Attributes:
-        place: name of a sample, or path of a file.
+        place: name of a sample, path of a file, or the text of a shape.
         key: the text after the last "#", which chooses one of several fields, or None.
         is_sample: whether `place` is a sample.
+        is_shape: whether `place` is the text of a shape.
     """
 
     place: str
     key: str | None
     is_sample: bool
+    is_shape: bool = False
 
     @property
     def name(self) -> str:
         """Its name in messages."""
-        return Path(self.place).stem or Path(self.place).resolve().name
+        return SHAPE_NAME if self.is_shape else Path(self.place).stem or Path(self.place).resolve().name
 
     def read_document(self) -> FieldDocument:
         """Its content, unchecked.
@@ -99,6 +109,9 @@ class FieldReference:
         label = f"'{self.name}'"
         if self.is_sample:
             return geojson.parse_geojson(read_sample_text(self.place), label)
+        if self.is_shape:  # only files are in degrees where they do not say so
+            shape = geojson.parse_geojson(self.place, label)
+            return replace(shape, crs=shape.crs or (None if shape.frame else UNKNOWN_CRS), is_shape=True)
         if not os.path.exists(self.place) and self.place:
             raise FieldError(_explain_missing_file(self.place))
         field_format = find_field_format(self.place)
@@ -111,8 +124,11 @@ class FieldReference:
         return document
 
 
-def parse_field_reference(where: str) -> FieldReference:
-    """The sample or file that a name means; a "#" is part of the file name if such a file exists."""
+def parse_field_reference(where: str | Path | GeoShape) -> FieldReference:
+    """The sample, file or shape that a name means; a "#" is part of the file name if such a file exists."""
+    where = write_shape_text(where) if isinstance(where, GeoShape) else str(where)
+    if is_shape_text(where) and not os.path.exists(where):
+        return FieldReference(where, None, False, is_shape=True)
     if "#" in where and not os.path.exists(where):
         place, _, key = where.rpartition("#")
         return FieldReference(place, key, place in list_sample_names())
@@ -120,13 +136,13 @@ def parse_field_reference(where: str) -> FieldReference:
 
 
 def find_field_file(where: str) -> Path | None:
-    """The file that the name of a field means, None for a sample."""
+    """The file that the name of a field means, None for a sample or a shape."""
     source = parse_field_reference(where)
-    return None if source.is_sample else Path(source.place)
+    return None if source.is_sample or source.is_shape else Path(source.place)
 
 
 def list_field_files(where: str) -> tuple[Path, ...]:
-    """Every file that a field of this name may be read from, empty for a sample; the files need not exist.
+    """Every file that a field of this name may be read from, empty for samples and shapes; they need not exist.
 
     All files of a folder; for a Shapefile its parts with the same stem, for ISOXML the other XML files of its folder.
     """

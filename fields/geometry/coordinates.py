@@ -73,7 +73,7 @@ def build_field_frame(document: FieldDocument, rings: list[FloatArray], local: b
     if document.crs is not None and not is_wgs84_longitude_latitude(source_crs):
         degrees = [project(ring, source_crs, "EPSG:4326") for ring in rings]
         return _build_earth_frame(document, source_crs, rings, degrees, label)
-    _check_degrees(rings[0], label)
+    _check_degrees(rings[0], label, has_crs=document.crs is not None)
     return _build_earth_frame(document, "EPSG:4326", rings, rings, label)
 
 
@@ -105,14 +105,17 @@ def _build_earth_frame(
     return FieldFrame(source_crs, crs, origin, unshifted.crosses_180)
 
 
-def _check_degrees(outer: FloatArray, label: str) -> None:
+def _check_degrees(outer: FloatArray, label: str, *, has_crs: bool) -> None:
     """Refuse metres, and latitude before longitude, in a file that should hold degrees."""
     x, y = outer[np.argmax(np.abs(outer).max(axis=1))]
     span = np.ptp(outer, axis=0)
     if np.abs(outer[:, 0]).max() > 180.0 or np.abs(outer[:, 1]).max() > 90.0:
         is_swapped = (np.abs(outer) <= (90.0, 180.0)).all() and span.max() < MAX_FIELD_SPAN_DEG
         swap_fix = f"look like latitude before longitude; swap them with {mark_parameter('swap_axes')}"
-        fix = swap_fix if is_swapped else f"look like metres; add {mark_parameter('local')}"
+        metres_fix = f"look like metres; add {mark_parameter('local')}"
+        if has_crs:
+            metres_fix = f"look like metres; give {mark_parameter('local')} in place of {mark_parameter('crs')}"
+        fix = swap_fix if is_swapped else metres_fix
         raise FieldError(f"Coordinates of {label} such as ({x:g}, {y:g}) {fix}.")
     width_deg = min(span[0], 360.0 - span[0]) if span[0] > 180.0 else span[0]
     if max(width_deg, span[1]) > MAX_FIELD_SPAN_DEG:

@@ -307,6 +307,7 @@ def plan(
     """
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
     from planner.cli.common.terminal import print_remarks
+    from strategies.registry import describe_hidden_strategies
 
     check_one_output(json, csv)
     selection = parse_selection(
@@ -333,7 +334,8 @@ def plan(
     result = _simulate_plans(
         build_inputs(request), executor_choice, pictures=html is not None, every_plan=choice.simulate_all
     )
-    print_remarks([*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)])
+    remarks = [*result.context.layout.field.remarks, *_describe_learned_values(result.ranking)]
+    print_remarks([*remarks, *describe_hidden_strategies()])
     is_answer_seen = sys.stdout.isatty() and not (json or csv)
     with write_before_printing(_render_plan_outputs(result, html, png, save, is_answer_seen)):
         _print_ranking(result.ranking, json, csv, choice.simulate_all, explain)

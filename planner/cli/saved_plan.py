@@ -173,7 +173,7 @@ def _summarise_plan(saved_run: SavedPlanRun) -> dict[str, Any]:
 
     stated = read_stated_figures(saved_run.saved)
     return {
-        "field": saved_run.request.field,
+        "field": saved_run.request.field_name,
         "strategy": _get_strategy(saved_run),
         "start": _format_start(saved_run),
         "time_s": saved_run.run.duration_s,
@@ -188,7 +188,7 @@ def _format_title(saved_run: SavedPlanRun) -> str:
     description = ", ".join(
         filter(None, (_get_strategy(saved_run), format_tractor_count(saved_run.saved.plan.tractors)))
     )
-    title = f"{saved_run.request.field}: {description}"
+    title = f"{saved_run.request.field_name}: {description}"
     undelayed = format_duration(saved_run.run.duration_s)
     stated = read_stated_figures(saved_run.saved)
     if stated is None:

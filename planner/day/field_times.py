@@ -28,7 +28,7 @@ from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
-from planner.pipeline.fingerprint import hash_content, hash_height_files
+from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
 from planner.pipeline.plan_repairs import explain_refusal
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
@@ -140,8 +140,8 @@ class FieldTimeTask:
         nameless = replace(self.field, name=ANONYMOUS, source="", remarks=(), elevation=None)
         if elevation_name is None:
             nameless = replace(nameless, crs=None, origin_m=(0.0, 0.0))
-        heights = hash_height_files(elevation_name)
-        return hash_content(nameless, request, self.tractor, self.implement, self.supply, heights, worker=__name__)
+        files = hash_height_files(elevation_name), hash_strategies(request.strategies)
+        return hash_content(nameless, request, self.tractor, self.implement, self.supply, files, worker=__name__)
 
 
 FieldTimeTable = tuple[tuple[FieldTime | None, ...], ...]

@@ -29,7 +29,7 @@ from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FileSection, Yard, define_number, define_value
 from planner.request.option_texts import DAY_S, MAX_TRACTORS, convert_time_to_text, parse_clock, parse_number_pair
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, MAX_PRICE
-from strategies.registry import STRATEGIES
+from strategies.names import STRATEGY_NAMES, list_strategy_names
 from vehicle.model.validation_messages import describe_validation_errors
 
 YARD = "yard"
@@ -211,7 +211,7 @@ class DayFile(FileSection):
     certainty_pct: float | None = define_number(
         None, 50.0, 99.0, "percent of samples within the times used for planning", "mean times"
     )
-    strategies: tuple[str, ...] = define_value(tuple(STRATEGIES), "names in quotes", "all of them")
+    strategies: tuple[str, ...] = define_value(STRATEGY_NAMES, "names in quotes", "all of them")
     yard: Yard | None = define_value(None, "lon and lat", "that of the farm")
 
     @field_validator("fields", "fleets", "roads", mode="before")
@@ -348,9 +348,10 @@ def _find_day_contradictions(day: DayFile, farm: FarmFile) -> Iterator[str]:
     for field in day.fields:
         if field.name == YARD:
             yield f"a field is called {YARD!r}, which is the name of the yard; give it another name"
+    known = list_strategy_names()
     for name in day.strategies:
-        if name not in STRATEGIES:
-            yield f"the strategy {name!r} is unknown{suggest_name(name, STRATEGIES)}; use {', '.join(STRATEGIES)}"
+        if name not in known:
+            yield f"the strategy {name!r} is unknown{suggest_name(name, known)}; use {', '.join(known)}"
     if not day.strategies:
         yield "strategies is empty; name one or more, or leave it out"
     yield from _find_shortages(day, farm)

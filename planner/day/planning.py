@@ -202,7 +202,7 @@ def plan_day(
 
     Example:
 
-        day = planner.plan_day("day.toml")  # a file as headland day new writes it
+        day = headland.plan_day("day.toml")  # a file as headland day new writes it
         day                                 # in a notebook: advice, work over time, the jobs
         day.to_pandas()                     # a row per job: start_s, end_s, p95_end_s, cost
         day.save("day.html")                # the page; also .json, .csv and .png

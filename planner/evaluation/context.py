@@ -26,6 +26,7 @@ from fields.layout.swaths import (
 from planner.errors import RequestError, attach_parameter
 from planner.evaluation.battery_supply import build_battery_supply
 from planner.evaluation.context_inputs import (
+    FieldChoice,
     choose_radius_m,
     complete_cost_terms,
     fill_in_default_names,
@@ -293,7 +294,7 @@ class PlanningContext:
 
 def prepare_context(
     request: PlanRequest,
-    field: Field | str | Path | None = None,
+    field: FieldChoice = None,
     tractor: Tractor | str | Path | None = None,
     implement: Implement | None = None,
     uncertainty: UncertaintySettings | None = None,

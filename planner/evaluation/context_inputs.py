@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from fields.documents.reader import read_field
+from fields.documents.reader import FieldSource, read_field
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
@@ -19,32 +20,30 @@ from vehicle.model.gnss import NO_ERROR, Table, load_default_error_table, load_e
 from vehicle.model.ground import list_ground_names
 from vehicle.model.tractor import Tractor
 
+FieldChoice = Field | FieldSource | None
+"""What replaces the field of a request."""
 # Planned turns are this much wider than full lock, so that guidance has something to correct with.
 RADIUS_FACTOR = 1.08
 
 
 def fill_in_default_names(
-    request: PlanRequest, field: Field | str | Path | None, tractor: Tractor | str | Path | None
+    request: PlanRequest, field: FieldChoice, tractor: Tractor | str | Path | None
 ) -> PlanRequest:
     """The request with the names of the field and tractor that replace its own."""
 
-    def choose_name(override: Field | Tractor | str | Path | None, requested_name: str) -> str:
-        return (
-            requested_name
-            if override is None
-            else override.name
-            if isinstance(override, Field | Tractor)
-            else str(override)
-        )
+    def choose_name(override: Any, requested_name: str) -> Any:
+        if override is None:
+            return requested_name
+        return override.name if isinstance(override, Field | Tractor) else override
 
     return replace(request, field=choose_name(field, request.field), tractor=choose_name(tractor, request.tractor))
 
 
-def read_requested_field(request: PlanRequest, field: Field | str | Path | None) -> Field:
+def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
     """The field of the request or the one that replaces it, with the entrance and obstacles of the request."""
     if not isinstance(field, Field):
-        name = request.field if field is None else str(field)
-        field = read_field(name, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
+        where = request.field if field is None else field
+        field = read_field(where, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
     if request.entrance is not None:
         field = set_entrance(field, request.entrance)
     field = add_obstacles(leave_out_obstacles(field, request.ignored), request.obstacles)

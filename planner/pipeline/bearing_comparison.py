@@ -107,4 +107,4 @@ def compare_bearings(
         else answer
         for position, each in enumerate(inputs)
     )
-    return BearingComparison(inputs[0].request.field, rows)
+    return BearingComparison(inputs[0].request.field_name, rows)

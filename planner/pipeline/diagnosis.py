@@ -74,7 +74,7 @@ def diagnose(
 
     Example:
 
-        diagnosis = planner.diagnose(["run1.csv", "run2.csv"], tractor="eg105")
+        diagnosis = headland.diagnose(["run1.csv", "run2.csv"], tractor="eg105")
         diagnosis.headline                 # the verdict in one or two sentences
         diagnosis.to_pandas()              # a row per effect: status, value with interval, gain
         diagnosis.save("diagnosis.html")   # the page; .json is what headland diagnose --json prints
@@ -265,7 +265,7 @@ def replay(
 
     Example:
 
-        run = planner.replay("run.csv", tractor="eg105")
+        run = headland.replay("run.csv", tractor="eg105")
         run.replayed.errors[5.0].cross_cm  # error across over pieces of 5 s, cm
         run.to_pandas()                    # a row per length of the pieces: cross_cm, along_cm, heading_deg
         run.plot()                         # the measured and the simulated path

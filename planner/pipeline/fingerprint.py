@@ -7,7 +7,7 @@ import dataclasses
 import hashlib
 import json
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -46,6 +46,13 @@ def hash_file(path: Path) -> str | None:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError:
         return None
+
+
+def hash_strategies(names: Collection[str]) -> list[str | None]:
+    """SHA-256 of the source files of strategies that are of other packages, which `hash_code` leaves out."""
+    from strategies.registry import list_source_files
+
+    return [hash_file(path) for path in list_source_files(names)]
 
 
 @cache

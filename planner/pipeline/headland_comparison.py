@@ -76,7 +76,7 @@ def answer_headland_question(
     question: HeadlandQuestion, describe_refusal: Callable[[HeadlandError], str] = str
 ) -> ComparedPlan:
     """Plan one field with one way to work its headland, in the current process."""
-    name, choice = question.inputs.request.field, question.choice
+    name, choice = question.inputs.request.field_name, question.choice
     try:
         result = plan_inputs(question.inputs, question.simulate_all)
     except HeadlandError as refusal:

@@ -31,7 +31,7 @@ from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import find_driven_over_ground
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
-from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files
+from planner.pipeline.fingerprint import hash_content, hash_file, hash_height_files, hash_strategies
 from planner.pipeline.outputs.pictures import list_simplified_rings
 from planner.pipeline.planning import PlanningResult, plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE
@@ -54,7 +54,7 @@ class FieldQuestion:
     @property
     def field_name(self) -> str:
         """The field as named in the request."""
-        return self.inputs.request.field
+        return self.inputs.request.field_name
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +129,7 @@ def hash_question(inputs: PlanInputs, simulate_all: bool = False) -> str:
     names = (request.tractor, inputs.tractor, request.rain, request.rain_mm, request.gnss_table, soil_table)
     files = [Path(name) for name in names if isinstance(name, str | Path) and os.path.isfile(name)]
     hashes = [hash_file(path) for path in (*list_field_files(request.field), *files)]
+    hashes += hash_strategies(request.strategies)
     return hash_content(inputs, simulate_all, hashes, hash_height_files(_find_elevation_name(request)))
 
 

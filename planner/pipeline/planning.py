@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
-from fields.geometry.field import Field
 from fields.geometry.field_parts import list_field_parts
 from planner.errors import HeadlandError, RequestError
 from planner.evaluation.candidates.incumbents import order_candidates
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.context_inputs import FieldChoice
 from planner.evaluation.time_share import NO_LIMIT, TimeShare, TimeSpentError
 from planner.farm.settings import FarmTimes, Yard
 from planner.pipeline.executors import create_executor
@@ -127,7 +127,7 @@ def _check_type(request: object) -> None:
 def plan(
     request: PlanRequest,
     *,
-    field: Field | str | Path | None = None,
+    field: FieldChoice = None,
     tractor: Tractor | str | Path | None = None,
     implement: Implement | None = None,
     uncertainty: UncertaintySettings | None = None,
@@ -146,7 +146,7 @@ def plan(
 
     Example:
 
-        answer = planner.plan(planner.PlanRequest(field="denmark", tractors=(1, 2), start_s="07:00"))
+        answer = headland.plan(headland.PlanRequest(field="denmark", tractors=(1, 2), start_s="07:00"))
         answer                             # in a notebook: the plan to take, its map, all plans in a table
         answer.ranking.best.time_s         # seconds of the best plan; ranking.best is None where no plan works
         answer.to_pandas()                 # a row per plan, as headland plan --csv
@@ -156,15 +156,16 @@ def plan(
     Returns a PlanningResult: `ranking` (all plans, the best in `ranking.best`), `run` (the simulated run of the best
     plan), `plans` (legs and gates of every feasible plan by strategy and tractors), `pictures`, `context`.
 
-    `field` and `tractor` (objects, names or files) replace those of the request; `implement` gives hitch and length,
-    its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from a farm, `supply` is what
-    its implement carries. `executor` simulates the candidates, by default in fresh processes on all cores; the result
-    does not depend on it. `progress` is called with (done, total), `report_stage` with the stage in words (LAYING_OUT,
-    SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a request that cannot be
-    planned. A candidate that cannot be driven is ranked last with its reason; one that cannot win is pruned with its
-    lower bound, except on small fields and with `simulate_all`. Where no plan of a number of tractors can be driven,
-    they are planned again with repairs of the layout (planner.pipeline.plan_repairs). A `time_share`, for executors in
-    this thread, ends planning with what is found by then, without parts; TimeSpentError where no layout is.
+    `field` and `tractor` (objects, names or files; for a field also shapes) replace those of the request; `implement`
+    gives hitch and length, its width is that of the request. `uncertainty`, `cost_terms`, `times` and `yard` come from
+    a farm, `supply` is what its implement carries. `executor` simulates the candidates, by default in fresh processes
+    on all cores; the result does not depend on it. `progress` is called with (done, total), `report_stage` with the
+    stage in words (LAYING_OUT, SIMULATING), done and total, which is 0 while it is unknown. Raises HeadlandError for a
+    request that cannot be planned. A candidate that cannot be driven is ranked last with its reason; one that cannot
+    win is pruned with its lower bound, except on small fields and with `simulate_all`. Where no plan of a number of
+    tractors can be driven, they are planned again with repairs of the layout (planner.pipeline.plan_repairs). A
+    `time_share`, for executors in this thread, ends planning with what is found by then, without parts; TimeSpentError
+    where no layout is.
     """
     _check_type(request)
     candidates = list_candidates(request)

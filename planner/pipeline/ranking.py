@@ -36,7 +36,7 @@ from reports.common.plan_results import (
     get_stated_end_s,
 )
 from reports.common.wording import round_up_to_minute
-from strategies.registry import STRATEGIES
+from strategies.registry import describe_hidden_strategies, get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
@@ -132,8 +132,8 @@ def list_candidates(request: PlanRequest) -> list[Candidate]:
     for tractors in request.tractors:
         names = list(request.strategies)
         if tractors == 1:
-            formations = [name for name in names if STRATEGIES[name].side_by_side]
-            own_swath_names = [name for name in names if not STRATEGIES[name].side_by_side]
+            formations = [name for name in names if get_strategy(name).side_by_side]
+            own_swath_names = [name for name in names if not get_strategy(name).side_by_side]
             names = own_swath_names or formations[:1]
         candidates += [Candidate(name, tractors) for name in names]
     return candidates
@@ -417,4 +417,5 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         *describe_pull(_compute_pull(context), find_requested_rule(context.request), context.physics.soil),
         *describe_ground(context),
         *layout.field.remarks,
+        *describe_hidden_strategies(),
     )

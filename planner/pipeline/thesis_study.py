@@ -62,7 +62,7 @@ def study(*, executor: Executor | None = None, progress: Progress | None = None)
 
     Example:
 
-        result = planner.study()           # some minutes
+        result = headland.study()           # some minutes
         result.claims[0].holds             # whether the simulation confirms it
         result.to_pandas()                 # a row per printed time: thesis_s, time_s, difference_pct
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import Protocol
 
 from fields.text_files import shorten_value
-from planner.errors import RequestError, mark_parameter, suggest_name
+from planner.errors import HeadlandError, RequestError, mark_parameter
 from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
 
@@ -73,6 +73,12 @@ class RequestValues(Protocol):
     def et0_mm(self) -> float | None: ...
 
     @property
+    def gnss(self) -> bool: ...
+
+    @property
+    def gnss_table(self) -> str | None: ...
+
+    @property
     def start_s(self) -> int | None: ...
 
     @property
@@ -83,23 +89,22 @@ class RequestValues(Protocol):
 
 
 def check_fleet(tractors: tuple[int, ...], strategies: tuple[str, ...]) -> None:
-    """Raise RequestError for no or too many tractors, and for no or unknown strategies."""
-    from strategies.registry import STRATEGIES
+    """Raise RequestError for no or too many tractors, and for no, unknown or broken strategies."""
+    from strategies.registry import STRATEGIES, get_strategy
 
     if not tractors:
         raise RequestError(f"No tractor count is given in {mark_parameter('tractors')}; use for instance 1 to 6.")
     for count in tractors:
         if not 1 <= count <= MAX_TRACTORS:
             raise RequestError(f"{count} tractors cannot be planned; use 1 to {MAX_TRACTORS}.", parameter="tractors")
-    strategy_list = ", ".join(STRATEGIES)
     if not strategies:
+        strategy_list = ", ".join(STRATEGIES)
         raise RequestError(f"No strategy is given; use one or more of: {strategy_list}.", parameter="strategies")
-    for name in strategies:
-        if name not in STRATEGIES:
-            raise RequestError(
-                f"Strategy {name!r} is unknown{suggest_name(name, STRATEGIES)}; use one of: {strategy_list}.",
-                parameter="strategies",
-            )
+    try:
+        for name in strategies:
+            get_strategy(name)
+    except HeadlandError as refusal:
+        raise RequestError(str(refusal), parameter="strategies") from refusal
 
 
 def check_places(entrance: tuple[float, float] | None, obstacles: Iterable[str], ignored: Iterable[str]) -> None:
@@ -239,3 +244,11 @@ def check_implement(request: RequestValues) -> None:
     from planner.request.implement_choice import find_requested_rule
 
     find_requested_rule(request)
+
+
+def check_gnss(request: RequestValues) -> None:
+    """Raise RequestError for a table of position errors that is not asked for."""
+    if request.gnss_table is not None and not request.gnss:
+        raise RequestError(
+            f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
+        )

@@ -9,6 +9,7 @@ from typing import Any
 
 from fields.text_files import shorten_value
 from planner.errors import RequestError, mark_parameter
+from strategies.names import STRATEGY_NAMES
 
 DAY_S = 24 * 3600
 MPS_PER_KMH = 1.0 / 3.6
@@ -133,9 +134,7 @@ def parse_number_pair(text: str, parameter: str) -> tuple[float, float]:
 
 
 def parse_strategies(text: str) -> tuple[str, ...]:
-    """ "all", or names separated by commas, each once and in the order given; PlanRequest refuses unknown ones."""
-    from strategies.registry import STRATEGIES
-
+    """ "all" of Headland's, or names with commas, each once and in their order; PlanRequest refuses unknown ones."""
     if text.strip() == "all":
-        return tuple(STRATEGIES)
+        return STRATEGY_NAMES
     return tuple(dict.fromkeys(name.strip() for name in text.split(",")))

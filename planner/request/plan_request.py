@@ -11,11 +11,13 @@ from typing import Annotated, Any
 
 from pydantic.dataclasses import dataclass
 
+from fields.raw_document import name_field
 from planner.errors import RequestError, mark_parameter
 from planner.request.option_checks import (
     FULL_CIRCLE_DEG,
     check_bearings,
     check_fleet,
+    check_gnss,
     check_ground,
     check_headland,
     check_implement,
@@ -44,6 +46,7 @@ from planner.request.validation import (
     ClockTime,
     Count,
     Counts,
+    FieldText,
     Names,
     Number,
     Place,
@@ -74,10 +77,8 @@ HEADLAND_ORDERS_BY_OPERATION = {
 """When the headland may be worked: a sown headland must not be driven over, nor a standing crop."""
 STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven over before it is worked
 KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
-MAX_MARGIN_M = 100.0
-MAX_SAMPLES = 1_000_000
-MAX_MOISTURE_PCT = 100.0
-MAX_DEPTH_CM = 100.0
+MAX_MARGIN_M, MAX_SAMPLES = 100.0, 1_000_000
+MAX_MOISTURE_PCT, MAX_DEPTH_CM = 100.0, 100.0
 STRAIGHT, CONTOUR = "straight", "contour"
 SWATH_FORMS = (STRAIGHT, CONTOUR)
 FASTEST, CHEAPEST, SUREST, LEAST_FUEL = "fastest", "cheapest", "surest", "fuel"
@@ -102,18 +103,18 @@ _PRICE = NumberLimits(high=MAX_PRICE)
 class PlanRequest:
     """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
 
-    Clock times may be given as `datetime.time` or as "13:00"; `start_s` and `deadline_s` hold seconds.
+    Clock times may be given as `datetime.time` or "13:00", and speeds in km/h: `speed_kmh` sets `speed_mps`, and so on.
 
-    `field` and `tractor` are names or files. Planning decides what is None: the headland by the turn that must fit it,
-    the bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline
-    that is earlier than the start is on the next day. The clearance is between machines with their implements; on
+    `field` and `tractor` are names or files; a field may be a GeoDataFrame, a shapely polygon or anything else with a
+    `__geo_interface__`, kept as a text. Planning decides what is None: the headland by the turn that must fit it, the
+    bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline that
+    is earlier than the start is on the next day. The clearance is between machines with their implements; on
     neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. Machines may
-    reach over its open edges by `overhang_m`, or by what an edge allows. With
-    `no_headland` the headland is left as room for turning, else it is worked in passes, `headland_passes` of them or as
-    many as `headland_m` takes. `cell_bearings` are pairs of a cell's number and its bearing. `entrance` (longitude and
-    latitude, or x and y of a field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or
-    "lon,lat,radius in metres" to avoid besides those of the field, `ignored` names or numbers of obstacles of the field
-    that are left out.
+    reach over its open edges by `overhang_m`, or by what an edge allows. With `no_headland` the headland is left as
+    room for turning, else it is worked in passes, `headland_passes` of them or as many as `headland_m` takes.
+    `cell_bearings` are pairs of a cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a
+    field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or "lon,lat,radius in metres" to
+    avoid besides those of the field, `ignored` names or numbers of obstacles of the field that are left out.
 
     `elevation` holds heights of the field, `soil` is a name or file of vehicle.model.soil, and `moisture_pct` chooses
     between its rows; without them the ground is level and pulls at nothing. With `swaths` "contour" tracks follow
@@ -128,7 +129,7 @@ class PlanRequest:
     """
 
     field: Annotated[
-        Text,
+        FieldText,
         OptionHelp(
             "A sample or a field file.",
             FIELD,
@@ -349,7 +350,7 @@ class PlanRequest:
         NumberLimits(low=1),
     ] = None
     crs: Annotated[
-        str | None, OptionHelp("Coordinate system of a file that names none, such as EPSG:25832.", FIELD)
+        Text | None, OptionHelp("Coordinate system of a file that names none, such as EPSG:25832.", FIELD)
     ] = None
     swap_axes: Annotated[bool, OptionHelp("The file has latitude or northing first: exchange the two.", FIELD)] = False
     guidance_line: Annotated[
@@ -373,7 +374,7 @@ class PlanRequest:
         ),
     ] = None
     elevation_crs: Annotated[
-        str | None, OptionHelp("Coordinate system of heights that name none, such as EPSG:25832.", FIELD)
+        Text | None, OptionHelp("Coordinate system of heights that name none, such as EPSG:25832.", FIELD)
     ] = None
     moisture_pct: Annotated[
         Number | None,
@@ -426,10 +427,7 @@ class PlanRequest:
         check_samples(self)
         check_ground(self)
         check_implement(self)
-        if self.gnss_table is not None and not self.gnss:
-            raise RequestError(
-                f"{mark_parameter('gnss_table')} is used with {mark_parameter('gnss')} alone; set that as well."
-            )
+        check_gnss(self)
 
     def __repr__(self) -> str:
         """What differs from the defaults, as Python would write it."""
@@ -451,6 +449,11 @@ class PlanRequest:
         return cls(**parameters | ({"gnss": True} if "gnss_table" in parameters else {}))
 
     @property
+    def field_name(self) -> str:
+        """The field as it was named; of a shape a short name."""
+        return name_field(self.field)
+
+    @property
     def effective_turn_speed_mps(self) -> float:
         """Largest speed in turns: the one asked for, else the working speed; bends are driven more slowly."""
         return self.speed_mps if self.turn_speed_mps is None else self.turn_speed_mps
@@ -470,9 +473,8 @@ class PlanRequest:
     @property
     def time_limit_s(self) -> float | None:
         """Seconds from start to deadline, over midnight if need be; None without a deadline."""
-        if self.deadline_s is None or self.start_s is None:
-            return None
-        return float((self.deadline_s - self.start_s) % DAY_S)
+        deadline_s, start_s = self.deadline_s, self.start_s
+        return None if deadline_s is None or start_s is None else float((deadline_s - start_s) % DAY_S)
 
     def format_clock_after(self, elapsed_s: float | None) -> str:
         """The clock so many seconds after the start, with the day where that is another one; "" without a clock."""

@@ -11,10 +11,18 @@ from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
 from pydantic import BeforeValidator, ConfigDict, ValidationError, ValidationInfo
 
+from fields.raw_document import GeoShape, convert_crs_to_text, is_shape_text, name_field, write_shape_text
 from fields.text_files import shorten_value
 from planner.errors import HeadlandError, RequestError, mark_parameter, suggest_name
 from planner.request.option_texts import convert_clock_to_seconds, convert_time_to_text
-from planner.request.options import NumberLimits, OptionHelp, find_annotation_metadata, get_plain_type
+from planner.request.options import (
+    NumberLimits,
+    OptionHelp,
+    RequestOption,
+    find_annotation_metadata,
+    get_plain_type,
+    list_options,
+)
 
 MAX_NUMBER = 10**18
 STRICT = ConfigDict(strict=True, extra="forbid")
@@ -38,9 +46,14 @@ def _convert_to_tuple(value: Any, info: ValidationInfo) -> Any:
     return _convert_to_number(value, info)
 
 
-def _convert_path_to_text(value: Any) -> Any:
-    """The path of a file as a text."""
-    return str(value) if isinstance(value, Path) else value
+def _convert_to_text(value: Any) -> Any:
+    """The path of a file, or a coordinate system of pyproj, as a text."""
+    return str(value) if isinstance(value, Path) else convert_crs_to_text(value)
+
+
+def _convert_field_to_text(value: Any) -> Any:
+    """A shape as GeoJSON, or the path of a file, as a text."""
+    return write_shape_text(value) if isinstance(value, GeoShape) else _convert_to_text(value)
 
 
 def _convert_clock(value: Any, info: ValidationInfo) -> Any:
@@ -48,7 +61,8 @@ def _convert_clock(value: Any, info: ValidationInfo) -> Any:
     return _convert_to_number(convert_clock_to_seconds(value, str(info.field_name)), info)
 
 
-Text = Annotated[str, BeforeValidator(_convert_path_to_text)]
+Text = Annotated[str, BeforeValidator(_convert_to_text)]
+FieldText = Annotated[str, BeforeValidator(_convert_field_to_text)]
 Count = Annotated[int, BeforeValidator(_convert_to_number)]
 ClockTime = Annotated[int, BeforeValidator(_convert_clock)]
 TimeText = Annotated[str, BeforeValidator(convert_time_to_text)]
@@ -71,19 +85,45 @@ _TYPE_TEXTS: dict[Any, str] = {
 
 
 def raise_request_errors(model: type[Model]) -> type[Model]:
-    """Let a pydantic dataclass raise RequestError instead of ValidationError; a decorator."""
+    """Let a pydantic dataclass raise RequestError instead of ValidationError; a decorator.
+
+    A parameter may be given in the unit of its option as well: `speed_kmh` for `speed_mps`.
+    """
     initialise: Any = model.__init__
 
     @functools.wraps(initialise)
     def initialise_or_refuse(self: Any, *values: Any, **named_values: Any) -> None:
+        positional = dict(zip(model.__annotations__, values, strict=False))
+        named_values = _convert_option_units(model, named_values, positional)
         try:
             initialise(self, *values, **named_values)
         except ValidationError as error:
-            given = dict(zip(model.__annotations__, values, strict=False)) | named_values
-            raise _build_request_error(model, error, given) from None
+            raise _build_request_error(model, error, positional | named_values) from None
 
     model.__init__ = initialise_or_refuse  # type: ignore[method-assign]
     return model
+
+
+def _list_scaled_options(model: type) -> dict[str, RequestOption]:
+    """Options in another unit than their parameter, such as speed_kmh, by name."""
+    return {one.name: one for one in list_options(model) if one.limits is not None and one.limits.scale != 1.0}
+
+
+def _convert_option_units(model: type, named: Mapping[str, Any], positional: Mapping[str, Any]) -> dict[str, Any]:
+    """The named values with those of options in the units of their parameters; raises RequestError."""
+    converted = dict(named)
+    for name, option in _list_scaled_options(model).items():
+        if name not in named:
+            continue
+        value, limits, parameter = converted.pop(name), option.limits, option.parameter
+        if parameter in named or parameter in positional:
+            marks = f"{mark_parameter(name)} and {mark_parameter(parameter)}"
+            raise RequestError(f"{marks} are the same in two units; leave out one of them.")
+        if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
+            raise RequestError(f"{mark_parameter(name)} is {shorten_value(value)}; give a number.")
+        assert limits is not None
+        converted[parameter] = value if value is None else float(value) * limits.scale
+    return converted
 
 
 def _build_request_error(model: type, error: ValidationError, given: Mapping[str, Any]) -> Exception:
@@ -94,16 +134,24 @@ def _build_request_error(model: type, error: ValidationError, given: Mapping[str
         return cause
     annotations = get_type_hints(model, include_extras=True)
     if name not in annotations:
-        return TypeError(f"{model.__name__} has no parameter {name!r}{suggest_name(name, annotations)}.")
+        close = suggest_name(name, (*annotations, *_list_scaled_options(model)))
+        return RequestError(
+            f"{model.__name__} has no parameter {shorten_value(name)}{close}; headland guide options lists them.",
+            parameter=name,
+        )
     type_text = _TYPE_TEXTS[get_plain_type(annotations[name])]
     return RequestError(f"{mark_parameter(name)} is {shorten_value(given[name])}; give {type_text}.")
 
 
 def format_given_values(request: Any) -> str:
-    """A request with the values that differ from its defaults, as Python would write it."""
+    """A request with the values that differ from its defaults, as Python would write it; of a shape only a name."""
     values = [(each.name, getattr(request, each.name)) for each in fields(request)]
     defaults = {each.name: each.default for each in fields(request)}
-    given = (f"{name}={value!r}" for name, value in values if value != defaults[name])
+    given = (
+        f"{name}=<{name_field(value)}>" if isinstance(value, str) and is_shape_text(value) else f"{name}={value!r}"
+        for name, value in values
+        if value != defaults[name]
+    )
     return f"{type(request).__name__}({', '.join(given)})"
 
 

@@ -58,9 +58,9 @@ def compare_plan_with_runs(plan: str | Path, paths: Sequence[str | Path]) -> Pla
     field, is_field_known = _find_compared_field(saved_run, projected_runs, planned)
     field_runs = [run for run in projected_runs if _compute_inside_share(run, field) > MIN_INSIDE_SHARE]
     if not field_runs:
+        name = saved_run.request.field_name
         raise RequestError(
-            f"None of {count_noun(len(runs), 'run')} is in the field {saved_run.request.field!r} of the plan; give "
-            "runs in this field."
+            f"None of {count_noun(len(runs), 'run')} is in the field {name!r} of the plan; give runs in this field."
         )
     tractor, implement = read_machines(saved_run.saved, saved_run.request)
     tool_offset_m = tractor.antenna_forward_m + implement.hitch_m
@@ -110,7 +110,7 @@ def build_planned_run(saved_run: SavedPlanRun, tractor: int) -> ProjectedRun:
         compute_speeds(time_s, xy),
         is_working,
         width_m=saved_run.request.width_m,
-        field=saved_run.request.field,
+        field=saved_run.request.field_name,
     )
 
 
@@ -152,7 +152,7 @@ def _compute_inside_share(run: ProjectedRun, field: shapely.Polygon) -> float:
 
 
 def _choose_comparison_name(runs: Sequence[ProjectedRun], saved_run: SavedPlanRun) -> str:
-    return next((run.field for run in runs if run.field), Path(saved_run.request.field).stem)
+    return next((run.field for run in runs if run.field), Path(saved_run.request.field_name).stem)
 
 
 def _build_comparison_side(

@@ -96,6 +96,25 @@ def test_every_parameter_is_an_option() -> None:
     assert {option.parameter for option in list_options(PlanRequest)} == {each.name for each in fields(PlanRequest)}
 
 
-def test_parameters_that_there_are_not_are_a_fault_of_the_program() -> None:
-    with pytest.raises(TypeError, match="PlanRequest has no parameter 'widht_m'"):
-        PlanRequest(widht_m=3.0)  # type: ignore[call-arg]
+@pytest.mark.parametrize(("name", "meant"), [("widht_m", "width_m"), ("width", "width_m"), ("speed_kph", "speed_kmh")])
+def test_parameters_that_there_are_not_are_refused_with_the_nearest_one(name: str, meant: str) -> None:
+    with pytest.raises(RequestError, match=f"no parameter '{name}' .did you mean '{meant}'.*guide options") as refusal:
+        PlanRequest(**{name: 3.0})  # type: ignore[arg-type]
+    assert refusal.value.parameter == name
+
+
+@pytest.mark.parametrize("stem", ["speed", "turn_speed", "min_speed", "max_speed"])
+def test_speeds_are_taken_in_both_units_but_not_in_both_at_once(stem: str) -> None:
+    working = {"min_speed": {"speed_mps": 2.0}}.get(stem, {})
+    request = PlanRequest(**working, **{f"{stem}_kmh": 5.4})  # type: ignore[arg-type]
+    assert getattr(request, f"{stem}_mps") == pytest.approx(1.5)
+    assert eval(repr(request)) == request
+    with pytest.raises(RequestError, match=f"{stem}_kmh and {stem}_mps are the same in two units; leave out one"):
+        PlanRequest(**{f"{stem}_kmh": 5.4, f"{stem}_mps": 1.5})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("value", ["fast", True, (5.0,)])
+def test_a_speed_that_is_no_number_is_refused_by_the_name_it_was_given(value: Any) -> None:
+    with pytest.raises(RequestError, match=r"^speed_kmh is .*; give a number") as refusal:
+        PlanRequest(speed_kmh=value)  # type: ignore[call-arg]
+    assert refusal.value.parameter == "speed_kmh"

@@ -67,7 +67,7 @@ from strategies.formations.leftover import rank_start_corners
 from strategies.path_planning.errors import NoPathError, NoPathFromError, StrategyError
 from strategies.program.field_job import FieldJob
 from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
-from strategies.registry import STRATEGIES
+from strategies.registry import get_strategy
 from vehicle.missions.plan import HEADLAND_PASS, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
@@ -155,7 +155,7 @@ def _run_unless_pruned(
     context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None
 ) -> CandidateRun | PrunedCandidate:
     """The run of a candidate, or its bound if the incumbent beats it."""
-    strategy = STRATEGIES[candidate.strategy]
+    strategy = get_strategy(candidate.strategy)
     if candidate.jump is not None and not strategy.takes_jump:
         raise StrategyError(f"Strategy {strategy.name!r} has its own order of tracks; leave out the jump.")
     job = replace(context.build_job(candidate.tractors), jump=candidate.jump)

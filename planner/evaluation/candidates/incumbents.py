@@ -31,7 +31,7 @@ from reports.common.plan_results import PlanResult, get_finished_field_s
 from strategies.path_planning.errors import StrategyError
 from strategies.program.field_job import FieldJob
 from strategies.program.strategy_record import RefinedPlan, Strategy
-from strategies.registry import STRATEGIES
+from strategies.registry import STRATEGIES, get_strategy
 from vehicle.missions.plan import Plan
 
 MIN_SWATH_WORK_S = 900.0  # of work on swaths: on smaller fields every plan is simulated, as that is quick
@@ -91,7 +91,7 @@ def prune_candidate(context: PlanningContext, candidate: Candidate, incumbent: I
         return None
     if first is None or pruned is None:
         return None
-    if STRATEGIES[candidate.strategy].side_by_side:
+    if get_strategy(candidate.strategy).side_by_side:
         pruned = (
             relax_bound_for_corners(pruned)
             if is_pruned_at_all_corners(pruned)
@@ -136,7 +136,7 @@ def _iter_starts(context: PlanningContext, candidate: Candidate) -> Iterator[_Ca
 
     The real plan may take longer if the headland passes need transitions that keep tractors farther apart.
     """
-    strategy = STRATEGIES[candidate.strategy]
+    strategy = get_strategy(candidate.strategy)
     job = replace(context.build_job(candidate.tractors), jump=candidate.jump)
     for corner in iter_corners(job) if strategy.side_by_side else (job.corner,):
         try:

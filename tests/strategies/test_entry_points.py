@@ -1,0 +1,159 @@
+"""Strategies of other packages: the one of the guide runs, and broken ones are refused only where they are named."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+import shapely
+
+from fields.geometry.field import Field
+from planner.errors import RequestError
+from planner.guide.guide_pages import read_page
+from planner.pipeline.executors import SerialExecutor
+from planner.pipeline.farm_inputs import build_inputs_without_farm
+from planner.pipeline.many_fields import hash_question
+from planner.pipeline.planning import plan
+from planner.request.plan_request import PlanRequest
+from strategies import registry
+from strategies.names import STRATEGY_NAMES, list_strategy_names
+from strategies.registry import STRATEGIES, describe_hidden_strategies, get_strategy
+
+ROOT = Path(__file__).parents[2]
+FACE = ROOT / "planner/cli/alias"
+FIELD = Field("box", shapely.box(0.0, 0.0, 60.0, 90.0))
+Install = Callable[..., Path]
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Install:
+    """Put a package with one module and entry points on the path, as an installer would."""
+    monkeypatch.syspath_prepend(str(FACE))
+    registry._load_strategy.cache_clear()
+
+    def write(module: str, source: str, entries: dict[str, str], package: str = "") -> Path:
+        folder = tmp_path / f"{package or module}-1.0.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package or module}\nVersion: 1.0\n")
+        lines = "".join(f"{name} = {value}\n" for name, value in entries.items())
+        (folder / "entry_points.txt").write_text(f"[headland.strategies]\n{lines}")
+        (tmp_path / f"{module}.py").write_text(source, encoding="utf-8")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        monkeypatch.delitem(sys.modules, module, raising=False)
+        return tmp_path
+
+    return write
+
+
+@pytest.fixture
+def blocks(install: Install) -> Path:
+    """The example of the guide, with the name and entry points of its pyproject.toml."""
+    text = read_page("strategies").text
+    (source,) = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    (toml,) = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    project = tomllib.loads(toml)["project"]
+    assert len(source.splitlines()) <= 35
+    return install("headland_blocks", source, project["entry-points"]["headland.strategies"], project["name"])
+
+
+def test_the_example_of_the_guide_plans(blocks: Path) -> None:
+    assert list_strategy_names() == (*STRATEGY_NAMES, "blocks")
+    assert "blocks" not in PlanRequest().strategies
+    request = PlanRequest(strategies=("blocks",), tractors=(1, 2), width_m=6.0, local=True)
+    answer = plan(request, field=FIELD, executor=SerialExecutor())
+    assert [one.strategy for one in answer.ranking.plans if one.feasible] == ["blocks", "blocks"]
+    name = answer.run.plan.notes["strategy"]
+    assert name == "blocks" and answer.ranking.best.worked_pct > 90.0
+
+
+@pytest.mark.slow
+def test_other_processes_load_it_as_well(blocks: Path) -> None:
+    request = PlanRequest(strategies=("blocks",), tractors=(2,), width_m=6.0, local=True)
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        elsewhere = plan(request, field=FIELD, executor=pool).ranking.plans[0]
+    assert elsewhere.feasible and elsewhere == plan(request, field=FIELD, executor=SerialExecutor()).ranking.plans[0]
+
+
+def test_the_blocks_of_the_example_are_neighbours(blocks: Path, jobs: object) -> None:
+    job = jobs.rectangle(6, tractors=3)  # type: ignore[attr-defined]
+    missions = get_strategy("blocks").build(job).missions
+    worked = [[leg.task.number for leg in one.legs if leg.task is not None and leg.task.is_work] for one in missions]
+    assert [sorted(set(lines)) for lines in worked] == [[0, 1], [2, 3], [4, 5]]
+
+
+def test_an_answer_depends_on_the_source_of_the_strategy(blocks: Path) -> None:
+    question = build_inputs_without_farm(PlanRequest(strategies=("blocks",)))
+    before, own = hash_question(question), hash_question(build_inputs_without_farm(PlanRequest()))
+    (blocks / "headland_blocks.py").write_text("# changed")
+    assert hash_question(question) != before
+    assert hash_question(build_inputs_without_farm(PlanRequest())) == own
+
+
+@pytest.mark.parametrize(
+    ("name", "source", "words"),
+    [
+        ("missing", "import nowhere_at_all", r"of the package broken cannot be loaded \(ModuleNotFoundError: .*repair"),
+        (
+            "wordless",
+            "STRATEGY = {}",
+            "broken_wordless:STRATEGY of the package broken is a dict; .* headland.Strategy",
+        ),
+        (
+            "misnamed",
+            "from headland import Strategy\nSTRATEGY = Strategy('other', 'words', lambda job: None)",
+            "is named 'other'; for the strategy 'misnamed' it must be",
+        ),
+    ],
+)
+def test_a_broken_one_is_refused_where_it_is_named(install: Install, name: str, source: str, words: str) -> None:
+    install(f"broken_{name}", source, {name: f"broken_{name}:STRATEGY"}, "broken")
+    with pytest.raises(RequestError, match=words) as refusal:
+        PlanRequest(strategies=("split-field", name))
+    assert refusal.value.parameter == "strategies" and "\n" not in str(refusal.value)
+    assert PlanRequest(strategies=("split-field",)).strategies == ("split-field",)
+
+
+def test_faults_while_planning_are_a_reason_and_leave_other_plans(install: Install) -> None:
+    source = "from headland import Strategy\nSTRATEGY = Strategy('faulty', 'words', lambda job: {BODY})"
+    install("faulty_one", source.replace("{BODY}", "1 // 0"), {"faulty": "faulty_one:STRATEGY"})
+    request = PlanRequest(strategies=("faulty", "split-field"), tractors=(1,), width_m=6.0, local=True)
+    ranking = plan(request, field=FIELD, executor=SerialExecutor()).ranking
+    assert ranking.best is not None and ranking.best.strategy == "split-field"
+    assert ranking.plans[-1].reason is not None
+    assert "Strategy 'faulty' failed in the package faulty_one (ZeroDivisionError" in ranking.plans[-1].reason
+
+
+def test_a_name_of_headland_stays_headlands_and_a_remark_says_so(install: Install) -> None:
+    install("rival", "raise RuntimeError", {"split-field": "rival:STRATEGY"})
+    assert get_strategy("split-field") is STRATEGIES["split-field"]
+    assert describe_hidden_strategies() == [
+        "Strategy 'split-field' of the package rival is left out, as Headland has one of that name; rename it there."
+    ]
+
+
+def test_two_packages_with_one_name_are_refused_where_it_is_named(install: Install) -> None:
+    install("first_one", "", {"twice": "first_one:STRATEGY"})
+    install("second_one", "", {"twice": "second_one:STRATEGY"})
+    with pytest.raises(RequestError, match="Strategy 'twice' is in first_one and second_one; uninstall one"):
+        PlanRequest(strategies=("twice",))
+
+
+def test_the_command_line_offers_it_and_names_it_among_the_known(blocks: Path) -> None:
+    code = "from planner.cli.main import main; main()"
+    environment = os.environ | {"PYTHONPATH": f"{blocks}:{ROOT}:{FACE}", "COLUMNS": "200"}
+
+    def run(*words: str) -> subprocess.CompletedProcess[str]:
+        command, how = [sys.executable, "-c", code, *words], {"capture_output": True, "text": True, "check": False}
+        return subprocess.run(command, cwd=blocks, env=environment, **how)  # type: ignore[call-overload,no-any-return]
+
+    text = " ".join(run("plan", "--help").stdout.replace("│", " ").split())
+    assert "Of other packages: blocks." in text
+    refused = run("plan", "denmark", "--strategies", "block")
+    assert refused.returncode == 2
+    assert "'block' is unknown (did you mean 'blocks'?); use one of: row-by-row," in refused.stderr
