@@ -34,8 +34,15 @@ from fields.raw_document import LOCAL_METRES
 from fields.terrain.elevation_grid import ElevationError, FloatArray
 from fields.terrain.height_units import find_axis_units, find_unit_m, name_unit
 from fields.terrain.rasters import RASTER_SUFFIXES
-from fields.text_files import count_noun, explain_parse_error, quote_path, read_bytes, read_text
-from fields.text_tables import decode_table, read_table_rows
+from fields.text_files import (
+    count_noun,
+    decode_table,
+    explain_parse_error,
+    quote_path,
+    read_bytes,
+    read_table_rows,
+    read_text,
+)
 
 AGOPENGPS_FILE = "elevation.txt"
 AGOPENGPS_HEADER = ("latitude", "longitude", "elevation", "quality")

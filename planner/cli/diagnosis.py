@@ -180,7 +180,7 @@ def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str |
 
 def _choose_mapping(mapping: str | None, column: list[str] | None) -> dict[str, str]:
     """The columns of --mapping and --column together; raises LogError."""
-    from vehicle.identification.logs.column_mapping import parse_mapping
+    from vehicle.identification.logs.table import parse_mapping
 
     pairs = [*parse_mapping(mapping).items(), *parse_mapping(column).items()]
     return parse_mapping([f"{key}={name}" for key, name in pairs])

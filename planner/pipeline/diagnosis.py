@@ -16,9 +16,9 @@ from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_k
 from planner.pipeline.next_drive_plan import build_next_drive_plan
 from reports.common.notebook import ResultView, ShownResult
 from reports.diagnosis.notebook import build_replay_view
-from vehicle.identification.logs.column_mapping import MappingSource
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
 from vehicle.identification.logs.schema import Log
+from vehicle.identification.logs.table import MappingSource
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (

@@ -7,8 +7,7 @@ import io
 import math
 from pathlib import Path
 
-from fields.text_files import check_header, shorten_value
-from fields.text_tables import read_table_text
+from fields.text_files import check_header, read_table_text, shorten_value
 from planner.errors import RequestError, mark_parameter
 
 TABLE_SUFFIX = ".csv"

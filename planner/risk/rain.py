@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fields.text_files import check_header, shorten_value
-from fields.text_tables import read_table_text
+from fields.text_files import check_header, read_table_text, shorten_value
 from planner.errors import RequestError, mark_parameter
 from planner.request.option_texts import DAY_S, parse_clock
 from planner.risk.random_events import create_generator

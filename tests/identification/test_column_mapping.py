@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 
 from tests.identification.log_tables import refusal, table, to_degrees
 from vehicle.identification.errors import ColumnError
-from vehicle.identification.logs.column_mapping import map_columns, parse_mapping
-from vehicle.identification.logs.column_names import parse_target, recognise_column
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
-from vehicle.identification.logs.table import extract_columns, read_table
+from vehicle.identification.logs.schema import parse_target, recognise_column
+from vehicle.identification.logs.table import extract_columns, map_columns, parse_mapping, read_table
 
 # Names of one quantity in the unit of the contract: what people's loggers write.
 NAMES = {
@@ -216,21 +215,21 @@ def test_any_form_of_csv_gives_the_same_table(
 
 
 def test_thousands_are_told_from_decimals_and_texts_stay() -> None:
-    from fields.text_tables import normalise_table
+    from fields.text_files import normalise_table
 
     text = "a;b;c\n1.234,5;-0,25;1,2 km\n1.234.567,0;7;31.12.2024\n"
     assert normalise_table(text) == 'a,b,c\n1234.5,-0.25,"1,2 km"\n1234567.0,7,31.12.2024\n'
 
 
 def test_a_plain_table_is_left_as_it_is() -> None:
-    from fields.text_tables import normalise_table
+    from fields.text_files import normalise_table
 
     text = 'time_s,place\r\n1.5,"a; b; c"\r\n\r\n2.5,"d, e"\r\n'
     assert normalise_table(text) is text or normalise_table(text) == text
 
 
 def test_commas_in_quotes_are_decimal_where_no_number_has_a_point() -> None:
-    from fields.text_tables import normalise_table
+    from fields.text_files import normalise_table
 
     assert normalise_table('a,b\n"1,5",2\n') == "a,b\n1.5,2\n"
     assert normalise_table('a,b\n"1,5",2.5\n') == 'a,b\n"1,5",2.5\n'

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fields.text_tables import read_table_text
+from fields.text_files import read_table_text
 from vehicle.errors import VehicleError
 from vehicle.model.validation_messages import describe_validation_errors
 

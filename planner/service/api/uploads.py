@@ -50,7 +50,6 @@ FORM_DEPENDENCIES = [Depends(refuse_unknown_form_parts)]
 CRS_HELP = "Coordinate system of a file that names none, such as EPSG:25832."
 SWAP_AXES_HELP = "The file has latitude or northing first: exchange the two."
 LOCAL_METRES_HELP = "The file holds local metres, not longitude and latitude."
-MAPPING_HELP = "A column of the log by ours, such as time_s=Zeit or speed_kmh=v; one part of the form each."
 UPLOAD_DEFAULT_HELP = " By default as given with the upload."
 
 
@@ -61,8 +60,6 @@ def build_files_router(path: str) -> APIRouter:
     _add_list_route(router, kind)
     if kind == "field":
         _add_field_upload_route(router)
-    elif kind == "log":
-        _add_log_upload_route(router)
     else:
         _add_upload_route(router, kind)
     add_file_change_routes(router, kind)
@@ -100,26 +97,6 @@ def _add_upload_route(router: APIRouter, kind: str) -> None:
     ) -> FileInfo:
         """Upload a file. It is read before it is stored, and refused in a sentence if it is not of its kind."""
         return await _store_upload(request, caller, kind, file, name, {}, replace)
-
-
-def _add_log_upload_route(router: APIRouter) -> None:
-    @router.post(
-        "",
-        status_code=201,
-        responses=document_errors(401, 403, 409, 422),
-        operation_id="upload_log",
-        dependencies=FORM_DEPENDENCIES,
-    )
-    async def upload_log(
-        request: Request,
-        who: PlanAccess,
-        file: UploadParameter,
-        name: NameParameter = None,
-        mapping: Annotated[list[str] | None, Form(description=MAPPING_HELP)] = None,
-        replace: ReplaceParameter = False,
-    ) -> FileInfo:
-        """Upload a log. It is read before it is stored; a diagnosis reads it with the same mapping."""
-        return await _store_upload(request, who, "log", file, name, {"mapping": mapping} if mapping else {}, replace)
 
 
 def _add_field_upload_route(router: APIRouter) -> None:
@@ -303,9 +280,7 @@ async def _check_upload(
     try:
         await reader.check_upload(build_client_queue_key(request, caller), kind, file_path, inputs, **options)
     except HeadlandError as refusal:
-        refusal.parameter = (
-            refusal.parameter if refusal.parameter in ("crs", "swap_axes", "local", "mapping") else "file"
-        )
+        refusal.parameter = refusal.parameter if refusal.parameter in ("crs", "swap_axes", "local") else "file"
         raise
 
 

@@ -6,7 +6,7 @@ it names beside it. What a file of the farm or the day names is looked for among
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -78,16 +78,6 @@ class InputCollector:
         """The name of the log of Headland, or the path of an uploaded one."""
         return name if name == SAMPLE_LOG else self.add_file("log", name, "logs")
 
-    def find_log_mapping(self, names: Sequence[str]) -> list[str]:
-        """The columns of uploaded logs as given with their uploads, which one request needs alike."""
-        rows = [self._store.get_file("log", _strip_suffix("log", name)) for name in names if name != SAMPLE_LOG]
-        mappings = [row.options.get("mapping", []) for row in rows]
-        odd = next((row.name for row, mapping in zip(rows, mappings, strict=True) if mapping != mappings[0]), None)
-        if odd is not None:
-            sentence = f"The columns of {odd!r} are named unlike those of {rows[0].name!r}; diagnose it on its own."
-            raise ServiceError(sentence, parameter="logs")
-        return mappings[0] if mappings else []
-
     def add_farm_tractors(self, text: str, folder: str) -> None:
         """The tractor files that the text of a farm names, in a folder, as far as there are any."""
         for kind, name in _list_names_in_toml(text, _list_farm_tractors):
@@ -142,8 +132,6 @@ def collect_inputs(store: Store, request: JobRequest) -> tuple[dict[str, Any], I
             )
     elif isinstance(request, DiagnosisJobRequest):
         values["logs"] = [collector.add_log(name) for name in request.logs]
-        mapping = request.mapping or collector.find_log_mapping(request.logs)
-        values |= {"mapping": mapping} if mapping else {}
         values["tractor"] = collector.add_tractor(request.tractor, "tractor")
     return values, collector.inputs
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -120,20 +120,23 @@ def summarize_farm(file_path: str) -> dict[str, Any]:
     return summary
 
 
-def summarize_log(file_path: str, mapping: Sequence[str] = ()) -> dict[str, Any]:
+def summarize_log(file_path: str) -> dict[str, Any]:
     """Size and remarks of a log, or why it cannot be used as it is; raises LogError for a file without a table.
 
-    `mapping` has the columns of the file by ours, such as "time_s=Zeit".
+    Columns under other names are no reason to refuse it, as a diagnosis may map them.
     """
     from fields.errors import HeadlandError
     from planner.request.parameter_names import strip_unit
-    from vehicle.identification.logs.column_mapping import list_mapped_conventions, map_columns, parse_mapping
+    from vehicle.identification.errors import ColumnError
     from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
     from vehicle.identification.logs.table import extract_columns, read_table
 
-    columns = parse_mapping(mapping)
-    frame = map_columns(read_table(resolve_log_path(file_path)), columns, Path(file_path).stem)
-    extract_columns(frame, Path(file_path).stem)
+    frame = read_table(resolve_log_path(file_path))
+    try:
+        extract_columns(frame, Path(file_path).stem)
+    except ColumnError as refusal:
+        if not refusal.mapping:
+            raise
     summary: dict[str, Any] = {
         "rows": len(frame),
         "columns": [str(name) for name in frame.columns],
@@ -142,7 +145,7 @@ def summarize_log(file_path: str, mapping: Sequence[str] = ()) -> dict[str, Any]
         "error": None,
     }
     try:
-        log = build_log(frame, Path(file_path).stem, list_mapped_conventions(columns))
+        log = build_log(frame, Path(file_path).stem)
     except HeadlandError as refusal:
         return summary | {"error": refusal.render_sentence(strip_unit)}
     return summary | {"seconds": round(float(log.time_s[-1] - log.time_s[0]), 3), "remarks": list_remarks(log)}

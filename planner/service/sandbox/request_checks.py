@@ -80,8 +80,8 @@ def check_diagnosis_request(values: Mapping[str, Any]) -> None:
     The logs are read when the job is done.
     """
     from fields.errors import attach_parameter
-    from vehicle.identification.logs.column_mapping import parse_mapping
     from vehicle.identification.logs.reader import parse_conventions
+    from vehicle.identification.logs.table import parse_mapping
     from vehicle.identification.verdict.demo_logs import draw_hidden_effect
     from vehicle.model.ground import find_ground_index
     from vehicle.model.tractor import resolve_tractor

@@ -27,8 +27,7 @@ import numpy as np
 
 from fields.nested_text import parse_toml
 from fields.terrain.height_units import FOOT_M
-from fields.text_files import explain_parse_error, quote_path, read_text, shorten_value
-from fields.text_tables import read_table_rows
+from fields.text_files import explain_parse_error, quote_path, read_table_rows, read_text, shorten_value
 from planner.errors import suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import parse_timestamp

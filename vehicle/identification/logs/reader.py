@@ -14,13 +14,6 @@ import numpy as np
 
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
-from vehicle.identification.logs.column_mapping import (
-    MappingSource,
-    list_mapped_conventions,
-    map_columns,
-    parse_mapping,
-)
-from vehicle.identification.logs.column_names import parse_target, recognise_column
 from vehicle.identification.logs.column_quality import (
     LONGEST_STEP_S,
     describe_silent_steering,
@@ -46,11 +39,21 @@ from vehicle.identification.logs.schema import (
     LogConvention,
     Rows,
     Suspicion,
+    parse_target,
+    recognise_column,
     split_drive_segments,
 )
 from vehicle.identification.logs.sensor_checks import correct_sensors
 from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
-from vehicle.identification.logs.table import Columns, extract_columns, read_table
+from vehicle.identification.logs.table import (
+    Columns,
+    MappingSource,
+    extract_columns,
+    list_mapped_conventions,
+    map_columns,
+    parse_mapping,
+    read_table,
+)
 from vehicle.identification.logs.terrain import STEEPEST_DEG
 from vehicle.identification.logs.time_stamps import even_time_stamps, is_bundled
 

@@ -69,7 +69,7 @@ export const patch = async (path, body) =>
 export async function upload(path, file, more = {}) {
   const form = new FormData();
   form.append("file", file, file.name);
-  for (const [name, value] of Object.entries(more)) if (value) for (const each of [value].flat()) form.append(name, each);
+  for (const [name, value] of Object.entries(more)) if (value) form.append(name, value);
   return json(await ask("POST", path, form));
 }
 
