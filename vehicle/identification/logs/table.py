@@ -232,8 +232,8 @@ def _list_pairs(mapping: MappingSource) -> list[tuple[str, str]]:
     if isinstance(mapping, str | Path):
         return _read_mapping_file(mapping)
     if isinstance(mapping, Mapping):
-        return list(mapping.items())
-    pairs = [(key.strip(), column.strip()) for key, _, column in (text.partition("=") for text in mapping or ())]
+        return [(str(key), str(column)) for key, column in mapping.items()]
+    pairs = [(key.strip(), column.strip()) for key, _, column in (str(text).partition("=") for text in mapping or ())]
     for (key, column), text in zip(pairs, mapping or (), strict=True):
         if not key or not column:
             raise LogError(f"{mark_parameter('mapping')} {text!r} names no column; write it like time_s=Zeit.")
