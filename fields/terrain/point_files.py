@@ -5,7 +5,6 @@ Heights are third coordinates, or a column or property with a usual name, which 
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -35,7 +34,15 @@ from fields.raw_document import LOCAL_METRES
 from fields.terrain.elevation_grid import ElevationError, FloatArray
 from fields.terrain.height_units import find_axis_units, find_unit_m, name_unit
 from fields.terrain.rasters import RASTER_SUFFIXES
-from fields.text_files import check_header, count_noun, explain_parse_error, quote_path, read_bytes, read_text
+from fields.text_files import (
+    count_noun,
+    decode_table,
+    explain_parse_error,
+    quote_path,
+    read_bytes,
+    read_table_rows,
+    read_text,
+)
 
 AGOPENGPS_FILE = "elevation.txt"
 AGOPENGPS_HEADER = ("latitude", "longitude", "elevation", "quality")
@@ -45,7 +52,6 @@ POINT_SUFFIXES = (".csv", ".txt", ".geojson", ".json", ".kml", ".kmz", ".gpx", "
 HEIGHT_NAMES = ("elevation", "elev", "altitude", "alt", "height", "ele", "z", "hoehe", "höhe", "elevtn", "elevatn")
 LONGITUDE_NAMES, LATITUDE_NAMES = ("longitude", "lon", "lng", "long"), ("latitude", "lat")
 EAST_NAMES, NORTH_NAMES = ("easting", "east", "x"), ("northing", "north", "y")
-DELIMITERS = ",;\t"
 GPX_POINT_LAYERS = ("waypoints", "route_points", "track_points")
 MIN_POINTS = 10
 _UNIT = re.compile(r"^(?P<name>.+?)[\s_]*[\[(]?(?P<unit>us-ft|us_ft|ftus|metres|meters|feet|foot|mm|cm|ft|m)?[\])]?$")
@@ -122,21 +128,14 @@ def _find_height_unit(column: str, path: str) -> tuple[float, tuple[str, ...]]:
 
 def _read_text_table(path: str) -> HeightPoints:
     """A table of comma-separated text, or Elevation.txt of AgOpenGPS, which has such a table below its header."""
-    text = read_bytes(path, "a table of points", ElevationError).decode("utf-8-sig", errors="replace")
+    text = decode_table(read_bytes(path, "a table of points", ElevationError))
     lines = [line for line in text.splitlines() if line.strip()]
     start = next((at for at, line in enumerate(lines[:20]) if _is_agopengps_header(line)), None)
     if start is not None:
         return _parse_agopengps(lines[start:], path)
-    if not lines:
+    rows = read_table_rows(path, "a table of points", ElevationError)
+    if not rows:
         raise ElevationError(f"{quote_path(path)} is empty; give points with their heights.")
-    delimiter = max(DELIMITERS, key=lines[0].count)
-    check_header(lines[0], quote_path(path), ElevationError, delimiter)
-    try:
-        rows = list(csv.reader(lines, delimiter=delimiter))
-    except csv.Error as error:
-        raise ElevationError(
-            f"{quote_path(path)} is not a CSV file ({error}); save it as comma-separated text."
-        ) from None
     header = [cell.strip() for cell in rows[0]]
     height = _find_column(header, HEIGHT_NAMES)
     names = (_find_column(header, LONGITUDE_NAMES), _find_column(header, LATITUDE_NAMES))
@@ -149,17 +148,17 @@ def _read_text_table(path: str) -> HeightPoints:
             "and northing, and elevation_m."
         )
     unit_m, remarks = _find_height_unit(height, path)
-    table = _parse_cells(rows[1:], [header.index(name) for name in (names[0], names[1], height)], delimiter != ",")
+    table = _parse_cells(rows[1:], [header.index(name) for name in (names[0], names[1], height)])
     return _build_points(path, crs, table[:, :2], table[:, 2] * unit_m, remarks)
 
 
-def _parse_cells(rows: list[list[str]], places: list[int], allows_comma: bool) -> FloatArray:
+def _parse_cells(rows: list[list[str]], places: list[int]) -> FloatArray:
     """The numbers of some cells of every row, NaN for what is none."""
 
     def parse(row: list[str], place: int) -> float:
         text = row[place].strip() if place < len(row) else ""
         try:
-            return float(text.replace(",", ".") if allows_comma else text)
+            return float(text)
         except ValueError:
             return math.nan
 
@@ -174,7 +173,7 @@ def _parse_agopengps(lines: list[str], path: str) -> HeightPoints:
     """Rows of Elevation.txt: latitude, longitude, elevation (ground, metres), quality; without RTK all of them."""
     width = len(lines[0].split(","))
     rows = [cells for line in lines[1:] if len(cells := line.split(",")) == width]
-    table = _parse_cells(rows, [1, 0, 2, 3], allows_comma=False)
+    table = _parse_cells(rows, [1, 0, 2, 3])
     fixed = table[:, 3] == RTK_FIXED
     remarks = []
     if fixed.sum() >= MIN_POINTS and not fixed.all():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
@@ -22,6 +22,13 @@ NOT_SAVED_STATUS = 3
 FixOption = Annotated[
     Optional[list[str]],
     typer.Option("--fix", help="A convention to convert from, such as steering-left-positive; may be repeated."),
+]
+MappingOption = Annotated[
+    Optional[str], typer.Option(help='A file (TOML) of the columns of the logs, such as speed_kmh = "v".')
+]
+ColumnOption = Annotated[
+    Optional[list[str]],
+    typer.Option("--column", help="The column of the logs for one of ours: time_s=Zeit, speed_kmh=v; may be repeated."),
 ]
 ElevationOption = Annotated[
     Optional[str], typer.Option(help="Heights of the ground, a raster or points, in place of roll and pitch.")
@@ -48,6 +55,8 @@ def diagnose(
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,
+    mapping: MappingOption = None,
+    column: ColumnOption = None,
     as_driven: Annotated[
         bool, typer.Option("--as-driven", help="Take the vehicle size from the logs where the tractor file differs.")
     ] = False,
@@ -90,14 +99,16 @@ def diagnose(
     limit_linear_algebra_threads()
     from planner.cli.common.outputs import check_output_paths, list_input_files, write_before_printing
 
-    _check_demo_options(demo, logs, seed, hide, fix, as_driven)
+    _check_demo_options(demo, logs, seed, hide, {"--fix": fix, "--mapping": mapping, "--column": column}, as_driven)
+    columns = _choose_mapping(mapping, column)
     heights = _choose_heights(elevation, elevation_crs, crs, demo)
     soil_line = _choose_soil_line(save_soil, moisture, ground, demo)
     soil_table = None if soil_line is None else soil_line.path
     outputs = (html, ".html"), (save, ".toml"), (next_drive, ".json"), (soil_table, ".csv")
-    check_output_paths(*outputs, input_files=list_input_files(logs=logs or (), tractor=tractor, elevation=elevation))
+    input_files = list_input_files(logs=logs or (), tractor=tractor, elevation=elevation, mapping=mapping)
+    check_output_paths(*outputs, input_files=input_files)
     diagnosis, hidden = _run_diagnosis(
-        logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights
+        logs, tractor, ground, fix, as_driven, 1 if seed is None else seed, hide, holdout or None, heights, columns
     )
     soil_results, unsaved_soil = _render_soil(diagnosis, soil_line)
     with write_before_printing([*_render_report(diagnosis, hidden, html, save, next_drive), *soil_results]):
@@ -135,15 +146,16 @@ def _render_report(
 
 
 def _check_demo_options(
-    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, fix: list[str] | None, as_driven: bool
+    demo: bool, logs: list[str] | None, seed: int | None, hide: str | None, conversions: dict[str, Any], as_driven: bool
 ) -> None:
     """Raise RequestError for both or neither of logs and --demo, and for an option that would be ignored."""
     from planner.errors import RequestError
 
     if demo == bool(logs):
         raise RequestError("Give either log files or --demo.")
-    if demo and fix:
-        raise RequestError("--fix converts log files; leave it out with --demo.")
+    for name, value in conversions.items():
+        if demo and value:
+            raise RequestError(f"{name} converts log files; leave it out with --demo.")
     if demo and as_driven:
         raise RequestError("--as-driven takes the size from log files; leave it out with --demo.")
     for name, value in (("--seed", seed), ("--hide", hide)):
@@ -164,6 +176,14 @@ def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str |
         if value is not None:
             raise RequestError(f"{name} {value} needs heights; add --elevation or leave out {name}.")
     return None
+
+
+def _choose_mapping(mapping: str | None, column: list[str] | None) -> dict[str, str]:
+    """The columns of --mapping and --column together; raises LogError."""
+    from vehicle.identification.logs.table import parse_mapping
+
+    pairs = [*parse_mapping(mapping).items(), *parse_mapping(column).items()]
+    return parse_mapping([f"{key}={name}" for key, name in pairs])
 
 
 def _choose_soil_line(save_soil: str | None, moisture: float | None, ground: str, demo: bool) -> SoilLine | None:
@@ -197,7 +217,7 @@ def _render_soil(
 
 def _run_diagnosis(
     logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, as_driven: bool, seed: int,
-    hide: str | None, holdout: list[str] | None, heights: HeightFile | None,
+    hide: str | None, holdout: list[str] | None, heights: HeightFile | None, mapping: dict[str, str],
 ) -> tuple[Diagnosis, HiddenEffect | None]:  # fmt: skip
     """The diagnosis, and without logs what the demonstration had hidden."""
     from planner.cli.common.terminal import create_progress_callback
@@ -210,8 +230,8 @@ def _run_diagnosis(
                 tractor=tractor, ground=ground, seed=seed, hidden_effect=hide, holdout=holdout, progress=progress
             )
         diagnosis = explain(
-            logs, tractor=tractor, ground=ground, fixes=fix or (), use_driven_size=as_driven, holdout=holdout,
-            heights=heights, progress=progress,
+            logs, tractor=tractor, ground=ground, fixes=fix or (), mapping=mapping, use_driven_size=as_driven,
+            holdout=holdout, heights=heights, progress=progress,
         )  # fmt: skip
         return diagnosis, None
 
@@ -241,6 +261,8 @@ def replay(
     tractor: TractorOption = "eg105",
     ground: GroundOption = "soil",
     fix: FixOption = None,
+    mapping: MappingOption = None,
+    column: ColumnOption = None,
     elevation: ElevationOption = None,
     elevation_crs: ElevationCrsOption = None,
     crs: LogCrsOption = None,
@@ -259,10 +281,10 @@ def replay(
     from planner.pipeline.diagnosis import replay as simulate
     from reports.diagnosis.replay import build_replay_table, draw_replay, format_replay_json, render_replay_page
 
-    heights = _choose_heights(elevation, elevation_crs, crs, demo=False)
-    input_files = list_input_files(logs=[log], tractor=tractor, elevation=elevation)
+    heights, columns = _choose_heights(elevation, elevation_crs, crs, demo=False), _choose_mapping(mapping, column)
+    input_files = list_input_files(logs=[log], tractor=tractor, elevation=elevation, mapping=mapping)
     check_output_paths((png, ".png"), (html, ".html"), input_files=input_files)
-    result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), heights=heights)
+    result = simulate(log, tractor=tractor, ground=ground, fixes=fix or (), mapping=columns, heights=heights)
     results: list[tuple[Path, OutputContent]] = []
     if png:
         from reports.plan.map_figure import render_png

@@ -18,6 +18,7 @@ from reports.common.notebook import ResultView, ShownResult
 from reports.diagnosis.notebook import build_replay_view
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
 from vehicle.identification.logs.schema import Log
+from vehicle.identification.logs.table import MappingSource
 from vehicle.identification.logs.vehicle_size import refuse_other_vehicle, scale_to_logs
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
@@ -65,6 +66,7 @@ def diagnose(
     tractor: Tractor | str | Path = "eg105",
     ground: str = "soil",
     fixes: Sequence[str] = (),
+    mapping: MappingSource = None,
     use_driven_size: bool = False,
     holdout: HeldOut | None = None,
     heights: HeightFile | str | Path | None = None,
@@ -82,18 +84,20 @@ def diagnose(
     Returns a TractorDiagnosis: `findings` (every effect), `before` and `after` (errors by length of the pieces),
     `tractor` (the extended one, to plan with), `next_drive` and more.
 
-    `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes`; `tractor` is an object,
-    a name or a file. Logs that cannot be of this tractor are refused with the size that they suggest, or diagnosed with
-    a tractor of that size with `use_driven_size`. Runs in `holdout` (names or patterns, "#2" for the second, how many,
+    `logs` are one or more Log objects, or files and glob patterns, which are read with `fixes` and `mapping`: the
+    columns of the files by ours ({"speed_kmh": "v"}), or a file of them. `tractor` is an object, a name or a file. Logs
+    that cannot be of this tractor are refused with the size that they suggest, or diagnosed with a tractor of that size
+    with `use_driven_size`. Runs in `holdout` (names or patterns, "#2" for the second, how many,
     or "auto") have no part in anything; the result's `holdout` has their errors before and after, and `is_savable` says
     whether the extended tractor is worth saving. `heights` are those of the ground, a file as for plans; without it,
     `elevation_m` of the logs counts where they lack roll or pitch. `progress` is called with (done, an estimate of
-    all). Raises LogError, VehicleError and, for heights, ElevationError.
+    all). Raises LogError (for columns under other names a ColumnError, whose `mapping` they suggest), VehicleError and,
+    for heights, ElevationError.
     """
     with attach_parameter("tractor"):
         machine = resolve_tractor(tractor)
     with attach_parameter("logs"):
-        parsed_logs = collect_logs(logs, fixes, machine)
+        parsed_logs = collect_logs(logs, fixes, machine, mapping)
     height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
     parsed_logs = add_known_ground(parsed_logs, height_file)
     with attach_parameter("holdout"):
@@ -152,7 +156,7 @@ def _explain_logs(
     return _add_plan_gain(replace(diagnosis, evidence=evidence, next_drive_plan=drive_plan), machine)
 
 
-def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log]:
+def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor, mapping: MappingSource = None) -> list[Log]:
     """Return given logs and those read from files; files are read together, as they share an origin."""
     if isinstance(logs, str | Path | Log):
         logs = [logs]
@@ -160,7 +164,7 @@ def collect_logs(logs: Logs, fixes: Sequence[str], machine: Tractor) -> list[Log
         raise RequestError(f"No log is given; name one file or more in {mark_parameter('logs')}.")
     given_logs = [log for log in logs if isinstance(log, Log)]
     files = [Path(log) if Path(log).exists() else log for log in logs if not isinstance(log, Log)]
-    return [*given_logs, *(read_logs(files, fixes, machine.wheelbase_m) if files else ())]
+    return [*given_logs, *(read_logs(files, fixes, machine.wheelbase_m, mapping) if files else ())]
 
 
 def _add_plan_gain(diagnosis: Diagnosis, machine: Tractor) -> TractorDiagnosis:
@@ -259,9 +263,11 @@ def replay(
     tractor: Tractor | str | Path = "eg105",
     ground: str = "soil",
     fixes: Sequence[str] = (),
+    mapping: MappingSource = None,
     heights: HeightFile | str | Path | None = None,
 ) -> Replay:
-    """Replay a log (an object, or a file read with `fixes`) with the effects of a tractor (object, name or file).
+    """Replay a log (an object, or a file read with `fixes` and `mapping`) with the effects of a tractor (object, name
+    or file).
 
     Example:
 
@@ -278,7 +284,7 @@ def replay(
     with attach_parameter("tractor"):
         machine = resolve_tractor(tractor)
     with attach_parameter("log"):
-        run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m)
+        run = log if isinstance(log, Log) else read_log(log, fixes, machine.wheelbase_m, mapping=mapping)
         height_file = HeightFile(heights) if isinstance(heights, str | Path) else heights
         (run,) = add_known_ground([run], height_file)
         course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fields.text_files import check_header, read_text, shorten_value
+from fields.text_files import check_header, read_table_text, shorten_value
 from planner.errors import RequestError, mark_parameter
 from planner.request.option_texts import DAY_S, parse_clock
 from planner.risk.random_events import create_generator
@@ -68,14 +68,14 @@ def parse_rain(text: str, start_s: int | None) -> RainForecast:
         return _parse_percentages(text, start_s)
     if not text.lower().endswith(".csv"):
         raise RequestError(f"{mark_parameter('rain')} {shorten_value(text)} is none of: {RAIN_FORMATS}.")
-    return parse_ensemble(read_text(Path(text), "a CSV file", RequestError), shorten_value(text), start_s)
+    return parse_ensemble(read_table_text(Path(text), "a CSV file", RequestError), shorten_value(text), start_s)
 
 
 def parse_ensemble(text: str, file_name: str, start_s: int | None) -> RainForecast:
     """Rain from the text of a CSV file as in `parse_rain`; `file_name` names it in refusals."""
-    check_header(text.removeprefix("\ufeff"), f"{mark_parameter('rain')} file {file_name}", RequestError)
+    check_header(text, f"{mark_parameter('rain')} file {file_name}", RequestError)
     _reject_empty_line(text, file_name)
-    rows = csv.DictReader(io.StringIO(text.removeprefix("\ufeff")))
+    rows = csv.DictReader(io.StringIO(text))
     names = {(name or "").strip().lower(): name for name in rows.fieldnames or ()}
     column = next((name for name in ("time", "hours") if name in names), None)
     if column is None:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,11 @@ REFUSED = [
     ("diagnose run.csv --seed 3", "--seed 3 needs the demonstration; add --demo"),
     ("diagnose run.csv --hide side_slip", "--hide side_slip needs the demonstration; add --demo"),
     ("diagnose --demo --fix time-ms", "--fix converts log files; leave it out with --demo"),
+    ("diagnose --demo --column time_s=Zeit", "--column converts log files; leave it out with --demo"),
+    ("diagnose run.csv --column time_s=Zeit", "run has no column 'Zeit' for --column time_s=Zeit (it has: time_s,"),
+    ("diagnose run.csv --column time=time_s --column time_s=speed_mps", "contradicts the unit of that column (mps)"),
+    ("replay run.csv --mapping run.csv", "The mapping 'run.csv' is not TOML"),
+    ("replay run.csv --mapping run.html --html run.html", "The mapping 'run.html' is not TOML"),
     ("diagnose run.csv --demo", "either log files or --demo"),
     ("diagnose", "either log files or --demo"),
     ("diagnose x*.csv", "x*.csv matches no file"),
@@ -71,11 +77,26 @@ def test_a_replay_tells_what_it_left_out(headland: Run, folder: Path) -> None:
     frame.loc[[30, 40], "heading_deg"] = np.nan
     frame.to_csv("run.csv", index=False)
     text = " ".join(headland("replay", "run.csv").out.split())
-    assert "run: column 'speed_ms' is unknown and was ignored; rename it speed_mps" in text
+    assert "run: column 'speed_ms' is unknown and was ignored; map it to speed_mps" in text
     assert "run: 2 rows left out: heading_deg missing or not a number (first in line 32)." in text
     assert "No commanded speed was logged, so the measured speed was replayed and none is simulated." in text
     found = json.loads(headland("replay", "run.csv", "--json").out)
     assert found["rows_gated"] == 2 and len(found["notes"]) == 3
+
+
+def test_what_a_refusal_of_columns_suggests_reads_the_log(headland: Run, folder: Path) -> None:
+    """The options of the sentence are copied, then written into a mapping file; both replay as the log of our names."""
+    expected = headland("replay", "run.csv", "--json").out
+    names = ["Zeit", "X [m]", "Y [m]", "Kurs (°)", "v [m/s]", "Lenkwinkel Soll"]
+    log().set_axis(names, axis=1).to_csv("run.csv", index=False, sep=";", decimal=",", encoding="cp1252")
+    refused = headland("replay", "run.csv")
+    (sentence,) = refused.sentences
+    assert refused.status == 2 and "no column time_s, easting_m, northing_m, steering_command_deg or" in sentence
+    options = shlex.split(sentence.partition(", add ")[2].removesuffix("."))
+    assert headland("replay", "run.csv", *options, "--json").out == expected
+    lines = [f"{key} = '{name}'" for key, _, name in (pair.partition("=") for pair in options[1::2])]
+    Path("columns.toml").write_text("\n".join(lines), encoding="utf-8")
+    assert headland("replay", "run.csv", "--mapping", "columns.toml", "--json").out == expected
 
 
 def test_a_replay_draws_a_speed_only_where_it_simulated_one(headland: Run, folder: Path) -> None:

@@ -25,9 +25,9 @@ def test_a_plain_log_needs_no_remark() -> None:
 def test_ignored_columns_are_named_with_what_they_may_be() -> None:
     frame = table().drop(columns=["heading_deg", "speed_mps"]).assign(heading=45.0, speed_ms=1.5, Roll=0.0, rpm=1800)
     assert list_remarks(build_log(frame, "run")) == [
-        "run: column 'heading' is unknown and was ignored; rename it heading_deg if that is what it holds.",
-        "run: column 'speed_ms' is unknown and was ignored; rename it speed_mps if that is what it holds.",
-        "run: column 'Roll' is unknown and was ignored; rename it roll_deg if that is what it holds.",
+        "run: column 'heading' is unknown and was ignored; map it to heading_deg if that is what it holds.",
+        "run: column 'speed_ms' is unknown and was ignored; map it to speed_mps if that is what it holds.",
+        "run: column 'Roll' is unknown and was ignored; map it to roll_deg if that is what it holds.",
         "run: column 'rpm' is unknown and was ignored.",
     ]
     assert said(heading=1.0) == ["run: column 'heading' is unknown and was ignored."]  # heading_deg is there

@@ -132,6 +132,18 @@ def test_a_log_says_what_it_is(client: TestClient, token: dict[str, str]) -> Non
     assert found["rows"] == 400 and found["seconds"] == pytest.approx(39.9) and found["error"] is None
 
 
+def test_a_log_of_other_names_is_kept_and_says_which_mapping_reads_it(
+    client: TestClient, token: dict[str, str]
+) -> None:
+    content = LOG.replace("time_s", "Zeit").replace("speed_mps", "v [m/s]").replace(",", ";").replace(".", ",").encode()
+    assert upload(client, "logs", token, "run.csv", content).status_code == 201
+    assert 'add mapping "time_s=Zeit" mapping' in client.get("/api/v1/logs/run/summary").json()["error"]
+    for pair, status in (("time_s=Zeit", 202), ("tim=Zeit", 422)):
+        answer = client.post("/api/v1/diagnoses", json={"logs": ["run"], "mapping": [pair]}, headers=token)
+        assert answer.status_code == status, answer.json()
+    assert "mapping tim=Zeit is for no column" in answer.json()["error"]
+
+
 @pytest.mark.parametrize("name", ["..%2F..%2Fetc%2Fpasswd", "%2Fetc%2Fpasswd", "..", "%00", "%ff", "a" * 5000])
 def test_names_in_addresses_lead_nowhere_else(shared: Shared, name: str) -> None:
     client, _ = shared

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from fields.text_files import read_text
+from fields.text_files import read_table_text
 from vehicle.errors import VehicleError
 from vehicle.model.validation_messages import describe_validation_errors
 
@@ -27,7 +27,7 @@ def load_table(path: str | Path | None, own_name: str, row_type: type[Row], noun
         text = (resources.files("vehicle") / "data" / "work" / own_name).read_text(encoding="utf-8")
         place = own_name
     else:
-        text, place = read_text(path, "a CSV table", VehicleError), os.fspath(path)
+        text, place = read_table_text(path, "a CSV table", VehicleError), os.fspath(path)
     lines = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     try:
         rows = tuple(_parse_row(line, row_type, f"Line {lines.line_num} of {place}", noun) for line in lines)

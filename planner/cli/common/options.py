@@ -56,6 +56,7 @@ _OPTION_NAMES = {
     "field": "the field",
     "headland_order": "--headland-first or --headland-last",
     "list_fields": strip_unit("list_fields"),
+    "mapping": "--column",
 }
 
 

@@ -31,7 +31,7 @@ class WriteError(HeadlandError):
 def list_input_files(
     *, field: str | None = None, tractor: str | None = None, gnss_table: str | None = None, logs: Sequence[str] = (),
     farm: str | None = None, rain: str | None = None, elevation: str | None = None, soil: str | None = None,
-    rain_mm: str | None = None,
+    rain_mm: str | None = None, mapping: str | None = None,
 ) -> dict[str | Path, str]:  # fmt: skip
     """The files that a command reads and what they are, for `check_outputs`."""
     files: dict[str | Path, str] = {}
@@ -44,6 +44,8 @@ def list_input_files(
             files[text.strip()] = "the file of rain"
     if gnss_table is not None:
         files[gnss_table] = "the table of GNSS errors"
+    if mapping is not None:
+        files[mapping] = "the mapping of columns"
     if elevation is not None:
         files[elevation] = "the file of heights"
     if soil is not None:

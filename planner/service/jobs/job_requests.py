@@ -97,6 +97,7 @@ class DiagnosisJobRequest(JobRequest):
     tractor: ShortText = Field("eg105", description="eg105, mr1000a or an uploaded tractor.")
     ground: ShortText = Field("soil", description="Ground the logs were made on: soil or asphalt.")
     fix: Annotated[ShortTexts, Field(description="Conventions to convert from.")] = []
+    mapping: Annotated[ShortTexts, Field(description="Columns of all logs by ours, such as time_s=Zeit.")] = []
     as_driven: bool = Field(False, description="Where the file is of another vehicle, take its size from the logs.")
     holdout: Annotated[
         ShortTexts,
@@ -119,6 +120,10 @@ class DiagnosisJobRequest(JobRequest):
         if self.demo and self.fix:
             raise RequestError(
                 f"{mark_parameter('fixes')} converts log files; leave it out with {mark_parameter('demo')}."
+            )
+        if self.demo and self.mapping:
+            raise RequestError(
+                f"{mark_parameter('mapping')} is for log files; leave it out with {mark_parameter('demo')}."
             )
         if self.demo and self.as_driven:
             raise RequestError(

@@ -132,6 +132,7 @@ def run_diagnosis_job(job: JobContext) -> list[ResultFile]:
             tractor=request.tractor,
             ground=request.ground,
             fixes=request.fix,
+            mapping=request.mapping,
             use_driven_size=request.as_driven,
             holdout=request.holdout or None,
             progress=report_progress,

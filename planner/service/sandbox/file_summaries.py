@@ -121,14 +121,22 @@ def summarize_farm(file_path: str) -> dict[str, Any]:
 
 
 def summarize_log(file_path: str) -> dict[str, Any]:
-    """Size and remarks of a log, or why it cannot be used as it is; raises LogError for a file without a table."""
+    """Size and remarks of a log, or why it cannot be used as it is; raises LogError for a file without a table.
+
+    Columns under other names are no reason to refuse it, as a diagnosis may map them.
+    """
     from fields.errors import HeadlandError
     from planner.request.parameter_names import strip_unit
+    from vehicle.identification.errors import ColumnError
     from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path
     from vehicle.identification.logs.table import extract_columns, read_table
 
     frame = read_table(resolve_log_path(file_path))
-    extract_columns(frame, Path(file_path).stem)
+    try:
+        extract_columns(frame, Path(file_path).stem)
+    except ColumnError as refusal:
+        if not refusal.mapping:
+            raise
     summary: dict[str, Any] = {
         "rows": len(frame),
         "columns": [str(name) for name in frame.columns],

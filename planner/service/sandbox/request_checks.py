@@ -81,6 +81,7 @@ def check_diagnosis_request(values: Mapping[str, Any]) -> None:
     """
     from fields.errors import attach_parameter
     from vehicle.identification.logs.reader import parse_conventions
+    from vehicle.identification.logs.table import parse_mapping
     from vehicle.identification.verdict.demo_logs import draw_hidden_effect
     from vehicle.model.ground import find_ground_index
     from vehicle.model.tractor import resolve_tractor
@@ -90,6 +91,7 @@ def check_diagnosis_request(values: Mapping[str, Any]) -> None:
         find_ground_index(values.get("ground", "soil"))
     with attach_parameter("fixes"):
         parse_conventions(values.get("fix", ()))
+    parse_mapping(values.get("mapping", ()))
     with attach_parameter("hide"):
         draw_hidden_effect(1, tractor, values.get("hide"))
 

@@ -16,7 +16,6 @@ Without a mapping, columns are found by usual names.
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ import numpy as np
 
 from fields.nested_text import parse_toml
 from fields.terrain.height_units import FOOT_M
-from fields.text_files import check_header, explain_parse_error, quote_path, read_bytes, read_text, shorten_value
+from fields.text_files import explain_parse_error, quote_path, read_table_rows, read_text, shorten_value
 from planner.errors import suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import parse_timestamp
@@ -49,7 +48,6 @@ USUAL_COLUMNS: dict[str, tuple[str, ...]] = {
 REQUIRED_COLUMNS = ("time", "longitude", "latitude")
 TRUE_TEXTS = frozenset(("1", "1.0", "true", "on", "yes", "working", "down"))
 MPS_PER_KMH = 1.0 / 3.6
-DELIMITERS = ",;\t"
 
 
 @dataclass(frozen=True)
@@ -63,7 +61,7 @@ class _ColumnMapping:
 
 def read_csv_log(path: str, mapping: str | None) -> LogContents:
     """The run of a CSV file, by a mapping file or usual column names; raises LogError."""
-    rows, encoding_note = _read_rows(path)
+    rows = _read_rows(path)
     header = [cell.strip() for cell in rows[0]]
     column_mapping = _find_usual_columns(header, path) if mapping is None else _read_mapping(mapping, header, path)
     cells = {
@@ -71,20 +69,18 @@ def read_csv_log(path: str, mapping: str | None) -> LogContents:
         for name, column in column_mapping.columns.items()
     }
     time_s, start = _parse_times(cells["time"])
-    decimal_mark = "," if any("," in cell for cell in cells["longitude"]) else "."
-    lonlat = np.column_stack([_parse_numbers(cells[name], decimal_mark) for name in ("longitude", "latitude")])
+    lonlat = np.column_stack([_parse_numbers(cells[name]) for name in ("longitude", "latitude")])
     run = LoggedRun(
         Path(path).stem,
         "CSV",
         lonlat,
         time_s,
-        _find_speed_mps(cells, decimal_mark),
+        _find_speed_mps(cells),
         _parse_work_states(cells.get("works")),
         column_mapping.width_m,
         start,
         column_mapping.field or Path(path).stem,
-        notes=(encoding_note,) if encoding_note else (),
-        elevation_m=_find_elevation_m(cells, decimal_mark),
+        elevation_m=_find_elevation_m(cells),
     )
     return LogContents((remove_unusable_rows(run),))
 
@@ -93,25 +89,12 @@ def _read_csv_by_usual_names(path: str, label: str) -> LogContents:
     return read_csv_log(path, None)
 
 
-def _read_rows(path: str) -> tuple[list[list[str]], str]:
-    """The cells of the file, and a remark on its encoding."""
-    content, encoding_note = read_bytes(path, "a CSV file", LogError), ""
-    if b"\0" in content:
-        raise LogError(f"{quote_path(path)} is not a CSV file: it contains binary data; save it as text.")
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text, encoding_note = content.decode("latin-1"), "the file is not UTF-8; it is read as Latin-1"
-    first = text.split("\n", 1)[0]
-    delimiter = max(DELIMITERS, key=first.count)
-    check_header(text, quote_path(path), LogError, delimiter)
-    try:
-        rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(cell.strip() for cell in row)]
-    except csv.Error as error:
-        raise LogError(f"{quote_path(path)} is not a CSV file ({error}); save it as comma-separated text.") from None
+def _read_rows(path: str) -> list[list[str]]:
+    """The cells of the file; raises LogError."""
+    rows = read_table_rows(path, "a CSV file", LogError)
     if len(rows) < 3:
         raise LogError(f"{quote_path(path)} has fewer than two rows below its header; give a log with timed positions.")
-    return rows, encoding_note
+    return rows
 
 
 def _find_usual_columns(header: list[str], path: str) -> _ColumnMapping:
@@ -175,7 +158,7 @@ def _check_mapping(
 
 def _parse_times(cells: list[str]) -> tuple[Array, str]:
     """Seconds (n,), and the first date and time as text unless the cells are seconds."""
-    seconds = _parse_numbers(cells, ",")
+    seconds = _parse_numbers(cells)
     if np.isfinite(seconds).mean() > 0.5:
         return seconds, ""
     stamps = np.array([parse_timestamp(cell) for cell in cells])
@@ -185,25 +168,25 @@ def _parse_times(cells: list[str]) -> tuple[Array, str]:
     return stamps - known_stamps[0], datetime.fromtimestamp(float(known_stamps[0]), UTC).strftime("%Y-%m-%dT%H:%M:%S")
 
 
-def _find_speed_mps(cells: Mapping[str, list[str]], decimal_mark: str) -> Array | None:
+def _find_speed_mps(cells: Mapping[str, list[str]]) -> Array | None:
     if "speed_mps" in cells:
-        return _parse_numbers(cells["speed_mps"], decimal_mark)
-    return _parse_numbers(cells["speed_kmh"], decimal_mark) * MPS_PER_KMH if "speed_kmh" in cells else None
+        return _parse_numbers(cells["speed_mps"])
+    return _parse_numbers(cells["speed_kmh"]) * MPS_PER_KMH if "speed_kmh" in cells else None
 
 
-def _find_elevation_m(cells: Mapping[str, list[str]], decimal_mark: str) -> Array | None:
+def _find_elevation_m(cells: Mapping[str, list[str]]) -> Array | None:
     if "elevation_m" in cells:
-        return _parse_numbers(cells["elevation_m"], decimal_mark)
-    return _parse_numbers(cells["elevation_ft"], decimal_mark) * FOOT_M if "elevation_ft" in cells else None
+        return _parse_numbers(cells["elevation_m"])
+    return _parse_numbers(cells["elevation_ft"]) * FOOT_M if "elevation_ft" in cells else None
 
 
 def _parse_work_states(cells: list[str] | None) -> Mask | None:
     return None if cells is None else np.array([cell.strip().lower() in TRUE_TEXTS for cell in cells])
 
 
-def _parse_numbers(cells: list[str], decimal_mark: str) -> Array:
+def _parse_numbers(cells: list[str]) -> Array:
     """Numbers (n,), NaN for other text."""
-    return np.array([_parse_number(cell.replace(",", ".") if decimal_mark == "," else cell) for cell in cells])
+    return np.array([_parse_number(cell) for cell in cells])
 
 
 def _parse_number(text: str) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import glob
 import os
 from collections.abc import Iterable, Sequence
@@ -40,11 +39,21 @@ from vehicle.identification.logs.schema import (
     LogConvention,
     Rows,
     Suspicion,
+    parse_target,
+    recognise_column,
     split_drive_segments,
 )
 from vehicle.identification.logs.sensor_checks import correct_sensors
 from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
-from vehicle.identification.logs.table import Columns, extract_columns, read_table
+from vehicle.identification.logs.table import (
+    Columns,
+    MappingSource,
+    extract_columns,
+    list_mapped_conventions,
+    map_columns,
+    parse_mapping,
+    read_table,
+)
 from vehicle.identification.logs.terrain import STEEPEST_DEG
 from vehicle.identification.logs.time_stamps import even_time_stamps, is_bundled
 
@@ -57,7 +66,6 @@ _SHORT_SEGMENTS = f"in segments shorter than {SHORTEST_SEGMENT_S:g} s"
 _REPEATED = "positions repeat the row before"
 _LARGE_SHARE = 0.25  # chosen, of the rows of a log: so many are told with its name
 _SHOWN_NAMES = 3  # names of logs with the same remark
-_NEAR_LIKENESS = 0.7  # of difflib's likeness: speed_ms is speed_mps, rpm is nothing
 
 
 def list_remarks(log: Log) -> list[str]:
@@ -121,14 +129,13 @@ def _describe_repeated_files(log: Log) -> list[str]:
 
 
 def _describe_ignored_columns(log: Log) -> list[str]:
-    absent = [name for name in COLUMNS if getattr(log, name) is None]
     unset = (("shuttle", log.shuttle == 1.0), ("implement", log.implement == 0.0))
-    absent += [name for name, default in unset if default.all()]
+    absent = [name for name in COLUMNS if getattr(log, name) is None] + [name for name, is_set in unset if is_set.all()]
     messages = []
     for name in log.ignored_columns:
-        near_names = [absent_name for absent_name in absent if absent_name.startswith(f"{name.lower()}_")]
-        near_names = near_names or difflib.get_close_matches(name.lower(), absent, 1, _NEAR_LIKENESS)
-        hint = f"; rename it {near_names[0]} if that is what it holds" if near_names else ""
+        target = parse_target(key := recognise_column(name))
+        is_lacked = target is not None and target.column in absent
+        hint = f"; map it to {key} if that is what it holds" if is_lacked else ""
         messages.append(f"column {name!r} is unknown and was ignored{hint}")
     return messages
 
@@ -173,34 +180,40 @@ def read_log(
     fixes: Iterable[LogConvention | str] = (),
     wheelbase_m: float | None = None,
     reference: tuple[float, float] | None = None,
+    mapping: MappingSource = None,
 ) -> Log:
     """Read one run from a CSV or Parquet file.
 
     `fixes` are conventions to convert from (values of LogFix); `wheelbase_m` sharpens the check for radians;
-    `reference` is the longitude and latitude (deg) of the origin for positions in degrees. Raises LogError, in one
-    sentence, for a file that is no log, a log without a usable segment, and a convention that looks wrong and is not
-    among the fixes.
+    `reference` is the longitude and latitude (deg) of the origin for positions in degrees; `mapping` names the columns
+    of the file. Raises LogError, in one sentence, for a file that is no log, a log without a usable segment, and a
+    convention that looks wrong and is not among the fixes; ColumnError where columns are missing, with a mapping.
     """
-    path = resolve_log_path(path)
-    return build_log(read_table(path), path.stem, fixes, wheelbase_m, reference)
+    path, columns = resolve_log_path(path), parse_mapping(mapping)
+    frame = map_columns(read_table(path), columns, path.stem)
+    return build_log(
+        frame, path.stem, parse_conventions(fixes) | list_mapped_conventions(columns), wheelbase_m, reference
+    )
 
 
 def read_logs(
     paths: str | Path | Iterable[str | Path],
     fixes: Iterable[LogConvention | str] = (),
     wheelbase_m: float | None = None,
+    mapping: MappingSource = None,
 ) -> list[Log]:
     """Read runs from files and glob patterns, in the given order and sorted within a pattern, each file once.
 
-    Positions in degrees share one origin: the first position of the first file. Raises LogError as read_log does, and
-    when a pattern matches no file.
+    `mapping` names columns that every file has. Positions in degrees share one origin: the first position of the first
+    file. Raises LogError as read_log does, and when a pattern matches no file.
     """
-    fix_set = parse_conventions(fixes)
+    keys = parse_mapping(mapping)
+    fix_set = parse_conventions(fixes) | list_mapped_conventions(keys)
     logs: list[Log] = []
     reference = None
     files = find_log_files([paths] if isinstance(paths, str | Path) else paths)
     for (path, other_paths), name in zip(files.items(), _name_logs(list(files)), strict=True):
-        frame = read_table(path)
+        frame = map_columns(read_table(path), keys, name)
         if reference is None and LogConvention.POSITION_DEGREES in fix_set:
             columns = extract_columns(frame, name)[0]
             reference = find_first_place(convert_columns(columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))

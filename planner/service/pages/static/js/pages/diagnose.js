@@ -27,6 +27,7 @@ export async function open(main, shell, [id = null]) {
   });
   await draw();
   const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105" });
+  const columns = el("input", { name: "mapping", placeholder: "time_s=Zeit speed_kmh=v" });
   const ground = el("select", { name: "ground" }, option("soil"), option("asphalt"));
   const heldOut = el("select", { name: "holdout" }, option("none"), option("auto", "a quarter of them"));
   const ask = async (request, action) => {
@@ -34,16 +35,21 @@ export async function open(main, shell, [id = null]) {
     try { location.hash = `#/diagnose/${part((await post("diagnoses", request)).id)}`; } catch (error) { put(trouble, sorry(error)); } finally { action.disabled = false; }
   };
   const holdout = () => (heldOut.value === "auto" ? { holdout: ["auto"] } : {});
-  const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value, ...holdout() }, run), "main");
+  const mapping = () => (columns.value.trim() ? { mapping: pairsIn(columns.value) } : {});
+  const run = button("Diagnose", () => ask({ logs: [...chosen], tractor: tractor.value(), ground: ground.value, ...holdout(), ...mapping() }, run), "main");
   const demo = button("Demonstrate with simulated logs", () => ask({ demo: true, tractor: tractor.value(), ground: ground.value }, demo));
   const sample = button("Try it with a sample log", () => ask({ logs: ["sample"] }, sample));
   put(main, heading("Diagnose", "Compares the simulation with measured logs and names what it gets wrong."), !token.get() && lookingOnly(),
     el("div", { class: "stack steps" },
-      el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run per file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."), list),
+      el("section", { class: "panel stack" }, el("h2", {}, "Logs"), labelled("Add logs", file, "CSV, one run per file: time_s, easting_m, northing_m, steering_command_deg or steering_deg, and more."),
+        labelled("Columns under other names", columns, "What a refusal suggests can be pasted here."), list),
       el("section", { class: "panel stack" }, el("h2", {}, "Tractor and ground"), el("div", { class: "two even" }, tractor.node, labelled("Ground", ground)),
         labelled("Hold out runs", heldOut, "Runs with no part in anything show what the result is worth; a tractor file that does not help there is not saved.")),
       trouble, el("div", { class: "row" }, run, sample, demo), await earlier("diagnoses", "diagnose", "Earlier diagnoses")));
 }
+
+/** Pairs such as time_s=Zeit in a text, in quotes where a name has blanks; what stands between them is left out. */
+const pairsIn = (text) => [...text.matchAll(/"([^"]+)"|([^\s"]+=[^\s"]+)/g)].map((found) => found[1] ?? found[2]);
 
 async function report(main, shell, id) {
   const asked = await get(`diagnoses/${part(id)}`), trouble = el("div");
