@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
 
+from planner.service.gateway.back_office import BackOffice
 from planner.service.jobs import job_runs, workers
 from planner.service.settings import ServiceSettings
 from tests.service.fake_service import CONTROL
@@ -122,3 +124,15 @@ def test_a_worker_without_a_job_loads_what_the_first_one_needs(monkeypatch: pyte
     with pytest.raises(StopIteration):
         workers.run_worker(ServiceSettings(data=tmp_path), "w")
     assert heard == ["claim", "load", "claim", "claim", "run", "claim"]
+
+
+def test_the_login_address_waits_until_the_pages_can_be_shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Any) -> None:
+    office, pauses = BackOffice(ServiceSettings(data=tmp_path), lambda *_: None), list[float]()
+
+    async def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        office.url = "http://127.0.0.1:1" if sum(pauses) > 600.0 else None
+
+    monkeypatch.setattr("asyncio.sleep", pause)
+    asyncio.run(office.wait_until_ready())
+    assert sum(pauses) > 600.0, "ten minutes on a busy machine are no reason to give up"

@@ -56,8 +56,15 @@ export async function open(main, shell) {
   another();
   const ofFarm = el("div", { class: "grid" });
   const machine = el("p", { class: "lead", role: "status" });
-  let tractor = null, farm = null;
-  const showMachine = async () => { if (farm) say(machine, await nameTractor({ tractor: tractorOf(ofFarm, tractor.value(), farm.value()), farm: farm.value() })); };
+  let tractor = null, farm = null, latest = null;
+  // The name of the file at once, then what the file calls the tractor.
+  const showMachine = async () => {
+    if (!farm) return;
+    const chosen = latest = { tractor: tractorOf(ofFarm, tractor.value(), farm.value()), farm: farm.value() };
+    say(machine, chosen.tractor);
+    const name = await nameTractor(chosen);
+    if (chosen === latest) say(machine, name);
+  };
   const listMachines = async (name) => { put(ofFarm, name ? await machinesOf(name, draft, labels) : null); return showMachine(); };
   ofFarm.addEventListener("change", showMachine);
   tractor = await filePicker("tractors", labels.tractor, { name: "tractor", accept: ".toml", first: SAMPLE_TRACTOR, chosen: draft.tractors, changed: showMachine });

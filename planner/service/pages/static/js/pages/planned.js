@@ -19,6 +19,7 @@ export async function open(main, shell, [id]) {
   const head = heading(name, askedWords(asked.request)), nameFirst = (tractor) => tractor && say(head.querySelector("h1"), `${tractor}: ${name}`);
   const job = followJob("plans", id, { job: asked, again: again(), done: (done, node) => shown(done, node, closing, nameFirst).then(() => get("me").catch(() => null)).then((me) => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
   put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), head, job.node);
+  nameFirst(asked.request?.tractor);
   if (asked.status !== "done") nameTractor(asked.request ?? {}).then(nameFirst);
   closing.push(job.close);
   return () => closing.forEach((close) => close());
