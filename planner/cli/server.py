@@ -34,7 +34,6 @@ BACKGROUND_HELP = (
 SHUTDOWN_S = 5
 MAX_FRAME_BYTES = 2**18
 BACKLOG, ACCEPTS_PER_TURN = 1024, 32
-OFFICE_START_S = 30.0
 
 
 def serve(
@@ -104,6 +103,8 @@ def _check_folder(folder: Path) -> None:
 
 def _run_server(settings: ServiceSettings) -> None:
     """Serve until the process is ended."""
+    import asyncio
+
     import uvicorn
 
     from planner.cli.common.terminal import warm_up
@@ -127,7 +128,7 @@ def _run_server(settings: ServiceSettings) -> None:
     )  # fmt: skip
 
     class AnnouncingServer(uvicorn.Server):
-        """Announces its address as soon as it listens."""
+        """Announces its address once the office can show pages there; it can be ended before."""
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets)
@@ -138,8 +139,11 @@ def _run_server(settings: ServiceSettings) -> None:
                 sockets[0].listen(
                     BACKLOG
                 )  # connections that may wait; uvicorn's backlog is how many it accepts at a time
-                await office.wait_until_ready(OFFICE_START_S)
-                _print_service_address(settings, app.state.logins, sockets[0].getsockname()[1])
+                self.announcement = asyncio.create_task(self.announce(sockets[0].getsockname()[1]))
+
+        async def announce(self, port: int) -> None:
+            await office.wait_until_ready()
+            _print_service_address(settings, app.state.logins, port)
 
     with _open_socket(settings) as server_socket:
         warm_up()

@@ -13,6 +13,7 @@ from babel.messages.catalog import Catalog
 from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
+from planner.request.option_labels import LABELS, STRATEGY_LABELS
 from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT
 
@@ -65,7 +66,7 @@ def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
     texts = {
         *PAGE_WORDS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
-        *iter_sentences(),
+        *iter_sentences(), *LABELS.values(), *STRATEGY_LABELS.values(),
     }  # fmt: skip
     singulars = {text[0] for text in texts if isinstance(text, tuple)}  # a catalogue holds a key once
     return frozenset(texts - singulars)

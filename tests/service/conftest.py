@@ -15,7 +15,7 @@ from planner.service.settings import ServiceSettings
 from planner.service.store.service_store import Store
 from tests.service.databases import KINDS, database
 from tests.service.fake_service import CONTROL, Made, fake_app
-from tests.service.watching import BROWSER, WatchedPage, serve_app
+from tests.service.watching import BROWSER, LONGEST_WAIT_S, WatchedPage, serve_app
 
 BOTH = "operator planner"
 HERE = "http://127.0.0.1:8765"
@@ -88,7 +88,8 @@ def pages() -> Iterator[tuple[str, Made]]:
 def browser() -> Iterator[Browser]:
     """A real browser without a window."""
     with sync_playwright() as play:
-        found = play.chromium.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-gpu"])
+        arguments = ["--no-sandbox", "--disable-gpu"]
+        found = play.chromium.launch(executable_path=BROWSER, args=arguments, timeout=1000 * LONGEST_WAIT_S)
         yield found
         found.close()
 

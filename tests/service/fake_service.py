@@ -12,6 +12,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
+from planner.request.option_labels import LABELS, STRATEGY_LABELS
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
 from planner.service.errors import ServiceError
 from planner.service.fleets.video_addresses import check_video_address, find_origin
@@ -152,6 +153,10 @@ def _files(app: FastAPI, made: Made) -> None:
             return JSONResponse({"error": "width is -1; use metres above 0.", "parameter": "width"}, 422)
         return JSONResponse({"id": "made", "name": body.get("name")}, 202)
 
+    @app.get("/api/v1/tractors/{name}/summary")
+    def tractor_summary(name: str) -> dict[str, Any]:
+        return {"name": "Yanmar EG105" if name == "eg105" else name}
+
     @app.get("/api/v1/fields/{name}/summary")
     def summary(name: str) -> dict[str, Any]:
         field = {
@@ -182,6 +187,10 @@ def _job(kind: str, name: str, status: str, made: Made) -> dict[str, Any]:
 
 def _forms(app: FastAPI) -> None:
     """The forms themselves, without files of a store."""
+
+    @app.get("/api/v1/forms/plan")
+    def plan_labels() -> dict[str, Any]:
+        return {"labels": LABELS, "strategies": STRATEGY_LABELS}
 
     @app.get("/api/v1/forms/{kind}")
     def example(kind: str) -> dict[str, Any]:

@@ -141,6 +141,7 @@ def result() -> dict[str, Any]:
     not_tried = {**refused, "strategy": "col-by-col", "reason": "skipped: its best case is slower", "bound_s": 900.0}
     return {
         "field": {"name": "north field", "area_ha": 0.72},
+        "scenario": {"tractor": "Yanmar EG105"},
         "plans": [*plans, refused, not_tried],
         "best": plans[0],
         "advice": "Three tractors with split-field are done in 0:07:50; one fewer takes 3 min more.",

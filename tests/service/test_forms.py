@@ -19,6 +19,7 @@ from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, Yard
 from planner.service.jobs.job_requests import PLAN_OPTIONS
 from planner.service.pages.static_files import STATIC_FOLDER
 from planner.service.sandbox.form_texts import read_day_form, read_farm_form
+from strategies.names import STRATEGY_NAMES
 from tests.examples import count_examples
 from tests.service.conftest import SMALL, Shared
 from tests.service.test_library import add, add_field
@@ -167,6 +168,37 @@ def test_the_page_asks_for_every_option_of_a_plan() -> None:
     text = (scripts / "planoptions.js").read_text() + (scripts / "pages" / "plan.js").read_text()
     words = set(re.findall(r"\w+", text))
     assert [name for name in PLAN_OPTIONS if name not in words] == []
+
+
+def test_every_option_has_a_label_with_its_unit(shared: Shared) -> None:
+    client, _ = shared
+    labels = client.get("/api/v1/forms/plan").json()["labels"]
+    assert set(PLAN_OPTIONS) <= set(labels)
+    units = {name: option.limits.unit for name, option in PLAN_OPTIONS.items() if option.limits and option.limits.unit}
+    assert [name for name, unit in units.items() if not labels[name].endswith(f", {unit}")] == [] and len(units) > 10
+    assert not [label for label in labels.values() if label.startswith("-") or "_" in label], "no names of programs"
+    rows = re.findall(r'\["(\w+)", (?:num\(|\{)', (STATIC_FOLDER / "js" / "planoptions.js").read_text())
+    assert set(rows) <= set(labels) and len(rows) > 35
+
+
+def test_a_refusal_comes_with_the_labels_of_the_form_too(shared: Shared) -> None:
+    client, token = shared
+    body = {"headland": 6.0, "headland_passes": 2}
+    answer = client.post("/api/v1/plans", json=body, headers=token)
+    assert answer.status_code == 422 and answer.json() == {
+        "error": "headland is its depth, and headland_passes says in how many passes it is worked; leave out one of "
+        "them.",
+        "parameter": "headland",
+        "labelled": "\u201cHeadland depth, m\u201d is its depth, and \u201cPasses on the headland\u201d says in how "
+        "many passes it is worked; leave out one of them.",
+    }
+
+
+def test_the_form_offers_every_strategy_in_words(shared: Shared) -> None:
+    client, _ = shared
+    strategies = client.get("/api/v1/forms/plan").json()["strategies"]
+    assert tuple(strategies) == STRATEGY_NAMES
+    assert all(label.startswith(f"{name}: ") for name, label in strategies.items())
 
 
 def test_the_forms_ask_for_keys_that_the_files_have() -> None:

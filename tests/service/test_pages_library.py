@@ -269,7 +269,6 @@ def test_every_choice_of_a_plan_is_asked_and_asked_again(service: Service, tmp_p
     page.check("input[name=local]")
     page.wait_for_selector("text=1: Strommast")
     page.uncheck("[name=keep]")
-    page.click("summary:has-text('Tractor and farm files')")
     page.select_option("select[name=farms]", "own")
     page.wait_for_selector("[name=implement] option:text-is('drill')", state="attached")
     page.select_option("[name=implement]", "drill")

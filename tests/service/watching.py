@@ -20,6 +20,7 @@ BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
 needs_browser = pytest.mark.skipif(
     BROWSER is None and not os.environ.get("HEADLAND_TEST_BROWSER"), reason="no browser is installed"
 )
+LONGEST_WAIT_S = 240.0  # as long as a service may take to start: a busy machine is slow, and no fault of the page
 WIDE: ViewportSize = {"width": 1280, "height": 860}
 NARROW: ViewportSize = {"width": 390, "height": 844}
 
@@ -48,7 +49,7 @@ class WatchedPage:
         self.said: list[str] = []
         self.asked: list[str] = []
         self.page: Page = browser.new_context(viewport=WIDE, color_scheme="light", reduced_motion="reduce").new_page()
-        self.page.set_default_timeout(15_000)
+        self.page.set_default_timeout(1000 * LONGEST_WAIT_S)
         self.page.on("console", self._note_message)
         self.page.on("pageerror", self._note_error)
         self.page.on("request", self._note_request)
@@ -79,7 +80,8 @@ class WatchedPage:
 
 def until(page: Page, holds: Callable[[], bool]) -> None:
     """Wait until something holds, and fail where it does not in good time."""
-    for _ in range(400):
+    end_s = time.monotonic() + LONGEST_WAIT_S
+    while time.monotonic() < end_s:
         if holds():
             return
         page.wait_for_timeout(25)

@@ -13,6 +13,7 @@ from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
+from planner.request.option_labels import LABELS, STRATEGY_LABELS
 from planner.service.access.permissions import Caller, require_right
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, document_errors
@@ -66,6 +67,19 @@ class FormInfo(ApiModel):
     values: dict[str, Any]
     faults: list[FormFault]
     choices: dict[str, list[str]]
+
+
+class PlanFormInfo(ApiModel):
+    """What forms call the options of a plan, with units, and its strategies, by name."""
+
+    labels: dict[str, str]
+    strategies: dict[str, str]
+
+
+@form_router.get("/plan", responses=document_errors(401, 403), operation_id="read_plan_labels")
+async def read_plan_labels(_caller: ReadAccess) -> PlanFormInfo:
+    """Labels of the options and strategies of a plan."""
+    return PlanFormInfo(labels=LABELS, strategies=STRATEGY_LABELS)
 
 
 @form_router.get("/{kind}", responses=document_errors(401, 403, 422), operation_id="read_form_example")

@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from planner.errors import HeadlandError
+from planner.request.option_labels import quote_label
 from planner.request.validation_messages import describe_fault, format_location
 from planner.service.errors import StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
@@ -31,10 +32,11 @@ class ApiModel(BaseModel):
 
 
 class ErrorInfo(ApiModel):
-    """A refusal: one sentence, and the parameter at fault if there is one."""
+    """A refusal: one sentence and its parameter; `labelled` is the sentence with labels of forms, where it has any."""
 
     error: str
     parameter: str | None = None
+    labelled: str | None = None
 
 
 class HealthInfo(ApiModel):
@@ -219,7 +221,9 @@ def add_error_handlers(app: FastAPI, rename_parameter: Callable[[str], str]) -> 
         status = getattr(error, "http_status", 422)
         headers = {"www-authenticate": "Bearer"} if status == 401 else {}
         parameter = None if error.parameter is None else rename_parameter(error.parameter)
-        return build_error_response(status, error.render_sentence(rename_parameter), parameter, **headers)
+        sentence, labelled = error.render_sentence(rename_parameter), error.render_sentence(quote_label)
+        answer = {"error": sentence, "parameter": parameter} | ({"labelled": labelled} if labelled != sentence else {})
+        return JSONResponse(answer, status, headers)
 
     async def handle_invalid_request(_request: Request, error: Exception) -> JSONResponse:
         assert isinstance(error, RequestValidationError)

@@ -62,6 +62,15 @@ def build_toml_file(name: str, text: str) -> ResultFile:
     return name, text.encode(), "application/toml"
 
 
+def load_job_libraries() -> None:
+    """Load what plans take beside this module: the compiled simulator, where it is on disk, and what draws maps."""
+    import matplotlib.backends.backend_agg
+    import matplotlib.figure  # noqa: F401
+
+    if not list_missing_kernels():
+        warm_up_simulation()
+
+
 def _load_simulator(job: JobContext) -> None:
     """Load the compiled simulator, and compile what is missing of it on all cores that jobs may use."""
     job.report_progress(0, 0, "Loading the simulator")
@@ -90,7 +99,7 @@ def run_day_job(job: JobContext) -> list[ResultFile]:
             seed=request.seed,
             progress=lambda done, all: job.report_progress(done, all, "Simulating fields"),
         )
-    job.report_progress(1, 1, "Writing the results")
+    job.report_progress(0, 0, "Writing the results")
     files = list(_write_day_results(result))
     job.report_progress(
         1, 1, "Done" if result.jobs else f"No field can be done; the closest is {result.closest_field}."
@@ -170,7 +179,7 @@ def run_plan_job(job: JobContext) -> list[ResultFile]:
             report_stage=lambda words, done, all: job.report_progress(done, all, words),
             simulate_all=simulates_all,
         )
-    job.report_progress(1, 1, "Writing the results")
+    job.report_progress(0, 0, "Writing the results")
     files = list(_write_plan_results(planned))
     job.report_progress(1, 1, _describe_plan_outcome(planned.ranking))
     return files

@@ -75,13 +75,18 @@ def run_worker(settings: ServiceSettings, worker: str) -> None:
     """Run jobs until the server is gone or ends this; the main function of the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_service, daemon=True).start()
-    store = Store(settings)
+    store, is_prepared = Store(settings), bool(settings.job_functions)  # other kinds of jobs load what they need
     while True:
         job = _claim_next_job(store, worker)
-        if job is None:
+        if job is not None:
+            run_and_store_job(store, worker, job)
+        elif is_prepared:
             time.sleep(CLAIM_PERIOD_S)
         else:
-            run_and_store_job(store, worker, job)
+            from planner.service.jobs.job_runs import load_job_libraries
+
+            load_job_libraries()
+        is_prepared = True
 
 
 def run_and_store_job(store: Store, worker: str, job: JobRow) -> None:

@@ -1,7 +1,7 @@
 // The service over HTTP. Its errors are the sentences it answers with.
 import { t } from "./language.js";
 
-const TOKEN = "headland-token";
+const TOKEN = "headland-token", ANSWER_MS = 200;
 const ROOT = new URL("api/v1/", document.baseURI);
 
 /** A refusal in the service's words; `parameter` names the wrong value, if one was. */
@@ -13,11 +13,30 @@ export class ServiceError extends Error {
   }
 }
 
-/** The token of this tab: it is forgotten when the tab is closed. */
+/** The token of this tab. A new tab gets it from one that is open; it is gone when the last of them is closed. */
 export const token = {
   get: () => sessionStorage.getItem(TOKEN),
   set: (value) => (value ? sessionStorage.setItem(TOKEN, value) : sessionStorage.removeItem(TOKEN)),
+  /** Forget it in all tabs that have the same. */
+  forget: () => { tabs.postMessage({ forgotten: token.get() }); token.set(null); },
 };
+
+// Tabs of one browser give each other the token; it is never stored on the disk.
+const tabs = new BroadcastChannel(TOKEN);
+let answered = () => {};
+tabs.addEventListener("message", ({ data }) => {
+  const own = token.get();
+  if (data.wanted && own) tabs.postMessage({ token: own });
+  if (data.token && !own) { token.set(data.token); answered(); }
+  if (data.forgotten && data.forgotten === own) token.set(null);
+});
+
+/** Ask the other tabs for their token where this one has none; ends with the first answer, or without one in time. */
+export const askOtherTabs = () => !token.get() && new Promise((done) => {
+  answered = done;
+  tabs.postMessage({ wanted: true });
+  setTimeout(done, ANSWER_MS);
+});
 
 export function socketUrl(path) {
   const url = new URL(path, ROOT);
@@ -41,7 +60,7 @@ async function ask(method, path, body = null, headers = {}, cache = "no-store") 
 async function refusal(answer) {
   const body = await answer.json().catch(() => ({}));
   const detail = typeof body.detail === "string" ? body.detail : null;
-  const sentence = body.error || detail || t`The service answered with status ${answer.status}.`;
+  const sentence = body.labelled || body.error || detail || t`The service answered with status ${answer.status}.`;
   return new ServiceError(sentence, answer.status, body.parameter || null);
 }
 

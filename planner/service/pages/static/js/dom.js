@@ -74,7 +74,7 @@ export function sorry(error) {
 const tokenLink = () => el("a", { class: "button small", href: "#/access" }, "Enter a token");
 
 /** Shown above a form that cannot be sent without a token. */
-export const lookingOnly = () => note("View only: submitting this form needs a token.", "warn", tokenLink());
+export const lookingOnly = () => note("You can look at everything here. To add, plan or change something, enter a token, or open the address that headland serve printed last.", "warn", tokenLink());
 
 /** Announce a text to screen readers. */
 export const speak = (words) => say(document.getElementById("spoken"), words);

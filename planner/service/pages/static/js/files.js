@@ -4,14 +4,15 @@ import { t, translate } from "./language.js";
 import { items, upload, get, part } from "./api.js";
 
 const CHOSEN = "headland-chosen-";
+export const SAMPLE_TRACTOR = "eg105";
 
 /** The file of a kind that was added or picked last in this tab; it is chosen wherever that kind is asked for. */
 export const lastChosen = (kind) => sessionStorage.getItem(CHOSEN + kind);
 export const rememberChoice = (kind, name) => sessionStorage.setItem(CHOSEN + kind, name);
 
 /** A select of the files of a kind with an upload beside it; `changed(name)` after every choice. */
-export async function filePicker(kind, title, { accept = "", changed = () => {}, none = null, first = null, chosen = null, hint = "" } = {}) {
-  const select = el("select", { name: kind, onchange: () => { put(trouble); changed(select.value); } }), trouble = el("div", { class: "stack" });
+export async function filePicker(kind, title, { name = kind, accept = "", changed = () => {}, none = null, first = null, chosen = null, hint = "" } = {}) {
+  const select = el("select", { name, onchange: () => { put(trouble); changed(select.value); } }), trouble = el("div", { class: "stack" });
   const file = el("input", { type: "file", accept, "aria-label": t`Add a file: ${translate(title)}` });
   let all = [];
   const list = async (wanted = select.value || first) => {
@@ -66,6 +67,13 @@ function howToRead(said, again) {
   return el("div", { class: "panel stack" }, labelled("Its coordinate system", crs, "Ask whoever made the file; EPSG:4326 is longitude and latitude."),
     el("label", { class: "check" }, swap, "Latitude or northing comes first"), el("label", { class: "check" }, local, "Local metres"),
     el("div", {}, button("Add with these settings", () => again({ crs: crs.value.trim(), swap_axes: swap.checked, local: local.checked }), "main small")));
+}
+
+/** The tractor of a plan request as its file calls it; with a farm, as it is chosen there. */
+export async function nameTractor({ tractor = "", farm = "" }) {
+  if (farm) return tractor || t`First tractor of ${farm}`;
+  const summary = await get(`tractors/${part(tractor || SAMPLE_TRACTOR)}/summary`).catch(() => null);
+  return summary?.name ?? tractor;
 }
 
 /** The field of a name, with its rings in metres: {field, error, fields} as the reader has it.

@@ -2,16 +2,27 @@
 import { el, put, say, button, note, sorry } from "./dom.js";
 import { t, translate } from "./language.js";
 import { get, post, items, save, part } from "./api.js";
-import { capital, moment, size, DASH } from "./words.js";
+import { capital, moment, percent, size, DASH } from "./words.js";
 
 const LOOK_MS = 700, SHOWN_EARLIER = 12, ENDS = new Set(["done", "failed", "cancelled"]);
 
+/** What is being done now, in words and as a bar; `tell(words, done, all)`, without numbers where they are unknown. */
+export function progressBar() {
+  const words = el("p", { role: "status" }, "Loading\u2026"), bar = el("progress", { "aria-label": "Progress" });
+  const tell = (doing, done = null, all = null) => {
+    if (all) { bar.max = all; bar.value = done; } else bar.removeAttribute("value");
+    const stage = capital(translate(doing));
+    say(words, all ? t`${stage}: ${done} of ${all}, ${percent((100 * done) / all)}` : stage);
+  };
+  return { node: [words, bar], tell };
+}
+
 /** Follow a job until it ends, then call `done(job)`. Returns a node and a function that stops following. */
-export function followJob(kind, id, { done, again = null }) {
-  const node = el("div", { class: "stack" }), words = el("p", { role: "status" }), bar = el("progress", { "aria-label": "Progress" });
+export function followJob(kind, id, { done, again = null, job: first = null }) {
+  const node = el("div", { class: "stack" }), progress = progressBar();
   const path = `${kind}/${part(id)}`, error = el("div");
   const cancel = button("Cancel", async () => { cancel.disabled = true; await post(`${path}/cancel`).catch(failed); }, "danger");
-  const running = el("div", { class: "panel stack" }, words, bar, el("div", { class: "row" }, cancel));
+  const running = el("div", { class: "panel stack" }, progress.node, el("div", { class: "row" }, cancel));
   const failed = (why) => put(error, note(why.message, "error"));
   let timer = 0, closed = false;
   const look = async () => {
@@ -34,10 +45,10 @@ export function followJob(kind, id, { done, again = null }) {
     put(node, note(sentence, job.status === "failed" ? "error" : ""), again && el("div", { class: "actions" }, again));
   };
   const tell = (job) => {
-    const { done: part = null, all = null, words: doing = "" } = job.progress ?? {};
-    if (all) { bar.max = all; bar.value = part; } else bar.removeAttribute("value");
-    say(words, job.status === "queued" ? "Waiting for its turn." : all ? t`${capital(translate(doing || "Running"))} (${part} of ${all})` : capital(translate(doing || "Running")));
+    const { done: part = null, all = null, words = "" } = job.progress ?? {};
+    progress.tell(job.status === "queued" ? "Waiting for its turn." : words || "Starting", part, all);
   };
+  if (first && !ENDS.has(first.status)) tell(first);
   put(node, running, error);
   look();
   return { node, close: () => { closed = true; clearTimeout(timer); } };

@@ -28,11 +28,13 @@ function byPattern(text) {
   for (const { begin, end, pattern, names, to } of patterns) {
     if (!text.startsWith(begin) || !text.endsWith(end)) continue;
     const values = pattern.exec(text)?.slice(1);
-    if (values) return fillIn(to, Object.fromEntries(values.map((value, k) => [names[k], TYPED.has(names[k]) ? value : translate(value)])));
+    if (values) return fillIn(to, Object.fromEntries(values.map((value, k) => [names[k], TYPED.has(names[k]) ? value : translateQuoted(value)])));
   }
   return text;
 }
 
+// A label in quotes is translated within them.
+const translateQuoted = (value) => { const label = /^\u201c(.*)\u201d$/.exec(value)?.[1]; return label ? `\u201c${translate(label)}\u201d` : translate(value); };
 const fillIn = (text, values) => text.replace(/\{(\w+)\}/g, (found, name) => values[name] ?? found);
 const escaped = (text) => text.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
 

@@ -1,6 +1,6 @@
 // The shell: which page the address names, its title, the tabs, the colours. Every page is a module of its own.
-import { put, note, heading, button, speak } from "./dom.js";
-import { ServiceError, token } from "./api.js";
+import { el, put, note, heading, button, speak } from "./dom.js";
+import { ServiceError, askOtherTabs, token } from "./api.js";
 import { startTheme } from "./palette.js";
 import { startLanguage, t, translate } from "./language.js";
 import { startUnits } from "./units.js";
@@ -49,6 +49,7 @@ async function show(first = false) {
   const box = document.createElement("div");
   box.className = "stack page";
   put(main, box);
+  put(box, el("p", { class: "soft" }, "Loading\u2026"));
   tab(found?.[2]);
   if (!found) return put(main, heading("No such page"), note("There is no page at this address; choose one above.", "warn"));
   let ended = () => {};
@@ -93,6 +94,6 @@ if (brought) {
 
 startTheme(document.getElementById("theme"));
 startUnits(document.getElementById("units"));
-await startLanguage(document.getElementById("language"));
+await Promise.all([startLanguage(document.getElementById("language")), askOtherTabs()]);
 window.addEventListener("hashchange", () => show());
 show(true);

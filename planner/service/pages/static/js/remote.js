@@ -53,7 +53,7 @@ export function remotePanel(live, number) {
     pad.setAttribute("aria-disabled", String(!mine()));
     dead.hidden = now.hidden = !mine();
     say(limitText, `${kmh((limit.value / 100) * fastest())}`);
-    say(holder, !live.mayControl ? "View only. Enter an operator\u2019s token under Access." : mine() ? "You drive this tractor; nobody else can."
+    say(holder, !live.mayControl ? "You can watch this tractor. Driving it needs an operator\u2019s token; enter one under Access." : mine() ? "You drive this tractor; nobody else can."
       : other ? t`${one.holder} drives this tractor. Taking over is shown to both of you.` : "Nobody drives this tractor by hand.");
   };
   const sending = setInterval(send, SEND_MS);

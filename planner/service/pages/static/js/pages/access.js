@@ -1,4 +1,4 @@
-// Access: the token of this tab. It is kept in the tab alone and gone when the tab is closed.
+// Access: the token of this tab. Tabs alone keep it, and new tabs get it from open ones.
 import { el, put, button, heading, note, labelled, facts } from "../dom.js";
 import { t, translate } from "../language.js";
 import { get, token } from "../api.js";
@@ -11,7 +11,7 @@ export async function open(main, shell) {
   const shownFor = el("p", { role: "status" });
   const tell = () => put(shownFor, token.get() ? t`A token is in use in this tab; it ends in ${token.get().slice(-4)}.` : "No token is in use: this browser may view. Planning and operating need a token, or the login address that headland serve printed last.");
   const form = el("form", { class: "stack" }, labelled("Token", field, "Made on the machine of the service with this command:"), command, el("div", { class: "row" }, el("button", { class: "main" }, "Use it in this tab"),
-    button("Forget it", () => { token.set(null); tell(); put(said, note("The token is forgotten.")); })));
+    button("Forget it", () => { token.forget(); tell(); put(said, note("The token is forgotten.")); })));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     const before = token.get();

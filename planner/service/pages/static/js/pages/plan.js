@@ -1,16 +1,15 @@
 // Plan a field: choose or draw it, choose machines and deadline, and run. The result has a page of its own.
-import { el, put, button, heading, labelled, option, sorry, lookingOnly } from "../dom.js";
+import { el, put, say, button, heading, labelled, option, sorry, lookingOnly } from "../dom.js";
 import { t } from "../language.js";
-import { post, text as readText, upload, part, token } from "../api.js";
-import { filePicker } from "../files.js";
+import { get, post, text as readText, upload, part, token } from "../api.js";
+import { SAMPLE_TRACTOR, filePicker, nameTractor } from "../files.js";
 import { fieldEditor } from "../drawfield.js";
 import { fieldMap } from "../fieldmap.js";
-import { earlier } from "../jobs.js";
+import { earlier, progressBar } from "../jobs.js";
 import { ACCEPTED } from "../shelf.js";
 import { MACHINES, MORE, TIME, WORK, controlName, optionGrid, readOptions, writeOptions } from "../planoptions.js";
 import { number } from "../words.js";
 
-const STRATEGIES = ["row-by-row", "row-by-row-optimised", "col-by-col", "split-field", "interleaved"];
 const USUAL = ["split-field", "interleaved"];
 const DRAFT = "headland-plan";
 
@@ -22,17 +21,17 @@ export function planAgain(request) {
 
 export async function open(main, shell) {
   shell.title("Plan");
-  const draft = takeDraft();
+  const draft = takeDraft(), { labels, strategies: words } = await get("forms/plan");
   const PLACED = ["entrance", "refill", "obstacle"];
   const preview = fieldMap((name, text) => { form.elements[name].value = text; }), closing = [preview.close];
   const look = () => preview.show(field.value(), { key: parcel.value, crs: crs.value.trim(), local: local.checked, swap_axes: swap.checked });
   const [local, swap] = ["local", "swap_axes"].map((name) => el("input", { type: "checkbox", name, onchange: look })), crs = el("input", { name: "crs", placeholder: "as in the file", spellcheck: "false", onchange: look });
-  const reading = el("details", {}, el("summary", {}, "How the file is read"), el("label", { class: "check" }, local, "The file is in local metres"),
-    el("label", { class: "check" }, swap, "Latitude or northing comes first"), labelled("Coordinate system", crs, "For example EPSG:25832; only for a file that names none."));
+  const reading = el("details", {}, el("summary", {}, "How the file is read"), el("label", { class: "check" }, local, labels.local),
+    el("label", { class: "check" }, swap, labels.swap_axes), labelled(labels.crs, crs, "For example EPSG:25832; only for a file that names none."));
   preview.refused = (error) => { if (["local", "swap_axes", "crs"].includes(error.parameter)) reading.open = true; };
   const keep = el("div");
   const parcel = el("select", { name: "parcel", onchange: look }), along = el("select", { name: "guidance_line" });
-  const ofSeveral = labelled("Field of the file", parcel), byLine = labelled("Lay the tracks", along);
+  const ofSeveral = labelled("Field of the file", parcel), byLine = labelled(labels.guidance_line, along);
   ofSeveral.hidden = byLine.hidden = true;
   preview.update = ({ fields = [], field: shape }) => {
     ofSeveral.hidden = fields.length < 2;
@@ -53,13 +52,26 @@ export async function open(main, shell) {
     look();
   };
   let field = null;
-  field = await filePicker("fields", "Field", { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
+  field = await filePicker("fields", labels.field, { accept: ".geojson,.json,.zip,.kml,.kmz,.gpkg,.gpx,.xml", first: "iwamizawa", chosen: draft.fields, changed: () => field && another(), hint: "GeoJSON, KML, GeoPackage, GPX, or a zip with a Shapefile, ISOXML or AgOpenGPS field." });
   another();
   const ofFarm = el("div", { class: "grid" });
-  const listMachines = async (name) => put(ofFarm, name ? await machinesOf(name, draft) : null);
-  const tractor = await filePicker("tractors", "Tractor", { accept: ".toml", first: "eg105", chosen: draft.tractors }), farm = await filePicker("farms", "Farm", { accept: ".toml", none: "no farm file", chosen: draft.farms, changed: listMachines });
-  const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", chosen: draft.rain, hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", "GNSS errors by a table", { accept: ".csv", none: "no table", chosen: draft.gnss, hint: "Made with headland gnss fit." });
-  const elevation = await filePicker("elevations", "Heights of the field", { accept: ACCEPTED.elevations, none: "level ground", chosen: draft.elevation, hint: "A GeoTIFF, an ASCII grid, or points: CSV, GeoJSON, KML, GPX, or a zip with a Shapefile." });
+  const machine = el("p", { class: "lead", role: "status" });
+  let tractor = null, farm = null, latest = null;
+  // The name of the file at once, then what the file calls the tractor.
+  const showMachine = async () => {
+    if (!farm) return;
+    const chosen = latest = { tractor: tractorOf(ofFarm, tractor.value(), farm.value()), farm: farm.value() };
+    say(machine, chosen.tractor);
+    const name = await nameTractor(chosen);
+    if (chosen === latest) say(machine, name);
+  };
+  const listMachines = async (name) => { put(ofFarm, name ? await machinesOf(name, draft, labels) : null); return showMachine(); };
+  ofFarm.addEventListener("change", showMachine);
+  tractor = await filePicker("tractors", labels.tractor, { name: "tractor", accept: ".toml", first: SAMPLE_TRACTOR, chosen: draft.tractors, changed: showMachine });
+  farm = await filePicker("farms", labels.farm, { accept: ".toml", none: "no farm file", chosen: draft.farms, changed: listMachines });
+  showMachine();
+  const rain = await filePicker("tables", "Rain by a table", { accept: ".csv", none: "no table", chosen: draft.rain, hint: "One row per ensemble member of the forecast: time or hours." }), gnss = await filePicker("tables", labels.gnss_table, { accept: ".csv", none: "no table", chosen: draft.gnss, hint: "Made with headland gnss fit." });
+  const elevation = await filePicker("elevations", labels.elevation, { accept: ACCEPTED.elevations, none: "level ground", chosen: draft.elevation, hint: "A GeoTIFF, an ASCII grid, or points: CSV, GeoJSON, KML, GPX, or a zip with a Shapefile." });
   const trouble = el("div", { class: "trouble" }), form = el("form", { class: "stack steps", novalidate: true });
   const drawn = el("div"), drawing = el("details", {}, el("summary", {}, "Draw a field"), drawn), change = button("Change this field", () => edit(true), "small");
   let editor = null;
@@ -82,30 +94,34 @@ export async function open(main, shell) {
     if (drawing.open && !editor) edit(false);
     if (!drawing.open) { editor?.close(); editor = null; put(drawn); }
   });
-  const strategies = el("fieldset", {}, el("legend", { class: "small" }, "Strategies"), el("div", { class: "grid" }, STRATEGIES.map((name) =>
-    el("label", { class: "check" }, el("input", { type: "checkbox", name: "strategy", value: name, checked: (draft.strategies ?? USUAL).includes(name) }), name))));
-  const run = el("button", { class: "main" }, "Run the plan");
+  const strategies = el("fieldset", {}, el("legend", { class: "small" }, labels.strategies), el("div", { class: "grid" }, Object.entries(words).map(([name, label]) =>
+    el("label", { class: "check" }, el("input", { type: "checkbox", name: "strategy", value: name, checked: draft.strategies ? draft.strategies.includes("all") || draft.strategies.includes(name) : USUAL.includes(name) }), label))));
+  const run = el("button", { class: "main" }, "Run the plan"), progress = progressBar(), running = el("div", { class: "panel stack", hidden: true }, progress.node);
   put(form,
+    el("section", { class: "panel stack" }, el("h2", {}, labels.tractor), machine, el("div", { class: "two even" }, tractor.node, farm.node), ofFarm),
     el("section", { class: "panel stack" }, el("h2", {}, "Field"), el("div", { class: "two even" }, el("div", { class: "stack" }, field.node, el("div", { class: "row" }, change), ofSeveral, byLine, keep, reading), preview.node), drawing),
-    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), optionGrid(MACHINES), ofFarm,
-      strategies, el("details", { open: Boolean(farm.value()) }, el("summary", {}, "Tractor and farm files"), el("div", { class: "two even" }, tractor.node, farm.node))),
-    el("section", { class: "panel stack" }, el("h2", {}, "Work"), optionGrid(WORK)),
-    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), optionGrid(TIME),
-      el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), optionGrid(rows)]),
+    el("section", { class: "panel stack" }, el("h2", {}, "Machines"), optionGrid(MACHINES, labels), strategies),
+    el("section", { class: "panel stack" }, el("h2", {}, "Work"), optionGrid(WORK, labels)),
+    el("section", { class: "panel stack" }, el("h2", {}, "Time and weather"), optionGrid(TIME, labels),
+      el("details", {}, el("summary", {}, "More options"), MORE.map(([title, rows]) => [el("h3", {}, title), optionGrid(rows, labels)]),
         el("div", { class: "two even" }, rain.node, gnss.node), elevation.node)),
-    trouble, el("div", { class: "row" }, run));
+    trouble, el("div", { class: "row" }, run), running);
   if (draft.request) writeOptions(form, draft.request);
   for (const name of PLACED) preview.setPlace(name, form.elements[name].value);
   for (const name of PLACED) form.elements[name].addEventListener("input", (event) => preview.setPlace(name, event.target.value));
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
     run.disabled = true;
+    running.hidden = false;
+    progress.tell("Checking what was asked");
+    running.scrollIntoView({ block: "nearest" });
     put(trouble);
     for (const marked of form.querySelectorAll("[aria-invalid]")) for (const name of ["aria-invalid", "aria-describedby"]) marked.removeAttribute(name);
     try {
       const job = await post("plans", requestOf(form, { field: parcel.value ? `${field.value()}#${parcel.value}` : field.value(), said: field.options(), tractor: tractor.value(), farm: farm.value(), rain: rain.value(), gnss: gnss.value(), elevation: elevation.value() }));
       location.hash = `#/plan/${part(job.id)}`;
     } catch (error) {
+      running.hidden = true;
       refused(form, trouble, error);
     } finally {
       run.disabled = false;
@@ -123,17 +139,20 @@ function takeDraft() {
   const [fields, parcel = ""] = String(request.field ?? "").split("#"), rain = /^(.*)\.csv$/i.exec(request.rain ?? "")?.[1];
   const strategies = [request.strategies ?? "all"].flat().join(",");
   return { request: { ...request, rain: rain ? null : request.rain }, reading: { local: request.local, swap_axes: request.swap_axes, crs: request.crs }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table, elevation: request.elevation,
-    strategies: strategies === "all" ? STRATEGIES : strategies.split(","), ignore: request.ignore, guidance_line: request.guidance_line };
+    strategies: strategies.split(","), ignore: request.ignore, guidance_line: request.guidance_line };
 }
 
 // Tractor and implement by the names in a farm file.
-async function machinesOf(name, draft) {
+async function machinesOf(name, draft, labels) {
   let form;
   try { form = await post("forms/farm", { text: await readText(`farms/${part(name)}`) }); } catch { return null; }
   const names = (key) => (Array.isArray(form.values[key]) ? form.values[key] : []).map((one) => one?.name).filter((one) => typeof one === "string");
   const choice = (key, title, first, chosen) => labelled(title, el("select", { name: key }, option("", first), names(key === "implement" ? "implements" : "tractors").map((one) => option(one, one, one === chosen))));
-  return [choice("farm_tractor", "Tractor of the farm", "the first of the farm", draft.ofFarm), choice("implement", "Implement of the farm", "the first that fits", draft.implement)];
+  return [choice("farm_tractor", "Tractor of the farm", "the first of the farm", draft.ofFarm), choice("implement", labels.implement, "the first that fits", draft.implement)];
 }
+
+// The tractor that a request names: one of the farm, else a file; without either the farm says which.
+const tractorOf = (within, file, farm) => within.querySelector("[name=farm_tractor]")?.value || (farm && file === SAMPLE_TRACTOR ? "" : file);
 
 // Obstacles of the field, each to be driven round or not.
 function obstacleChoice(obstacles, ignored) {
@@ -151,10 +170,9 @@ function requestOf(form, files) {
   const ignored = [...form.querySelectorAll("[name=keep]:not(:checked)")].map((one) => one.value);
   if (ignored.length) request.ignore = ignored;
   for (const name of ["guidance_line", "implement"]) if (value(name)) request[name] = value(name);
-  const crs = form.elements.crs.value.trim(), ofFarm = value("farm_tractor");
+  const crs = form.elements.crs.value.trim(), tractor = tractorOf(form, files.tractor, files.farm);
   if (crs) request.crs = crs;
-  if (ofFarm) request.tractor = ofFarm;
-  else if (files.tractor && !(files.farm && files.tractor === "eg105")) request.tractor = files.tractor;
+  if (tractor) request.tractor = tractor;
   if (files.farm) request.farm = files.farm;
   if (files.rain && !request.rain) request.rain = `${files.rain}.csv`;
   if (files.gnss) request.gnss_table = files.gnss;
@@ -173,7 +191,7 @@ function refused(form, trouble, error) {
     control.setAttribute("aria-invalid", "true");
     control.setAttribute("aria-describedby", "refusal");
     control.closest("label")?.after(trouble);
-  } else form.lastElementChild.before(trouble);
+  } else form.lastElementChild.previousElementSibling.before(trouble);
   (control ?? trouble).scrollIntoView({ block: "center" });
   control?.focus();
 }

@@ -1,7 +1,8 @@
 // A planning job: its progress, then the ranked table, each plan on the map, played back, and sent out.
-import { el, put, button, heading, note, labelled, option, facts, sorry } from "../dom.js";
+import { el, put, say, button, heading, note, labelled, option, facts, sorry } from "../dom.js";
 import { t, translate } from "../language.js";
 import { get, post, part, saveNamed } from "../api.js";
+import { nameTractor } from "../files.js";
 import { followJob, results, reportFrame } from "../jobs.js";
 import { PlanMap } from "../planmap.js";
 import { changeActions, whyLocked } from "../shelf.js";
@@ -14,9 +15,12 @@ export async function open(main, shell, [id]) {
   const asked = await get(`plans/${part(id)}`), closing = [];
   const name = asked.name || asked.request?.field || "Plan";
   shell.title(t`Plan of ${name}`);
-  const again = () => button("Change and plan again", () => planAgain(asked.request ?? {})), me = await get("me").catch(() => null);
-  const job = followJob("plans", id, { again: again(), done: (done, node) => shown(done, node, closing).then(() => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
-  put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), heading(name, askedWords(asked.request)), job.node);
+  const again = () => button("Change and plan again", () => planAgain(asked.request ?? {}));
+  const head = heading(name, askedWords(asked.request)), nameFirst = (tractor) => tractor && say(head.querySelector("h1"), `${tractor}: ${name}`);
+  const job = followJob("plans", id, { job: asked, again: again(), done: (done, node) => shown(done, node, closing, nameFirst).then(() => get("me").catch(() => null)).then((me) => node.append(changeSection(done, me, again()))).catch((error) => put(node, sorry(error))) });
+  put(main, el("p", { class: "small" }, el("a", { href: "#/plan" }, "\u2039 Plan a field")), head, job.node);
+  nameFirst(asked.request?.tractor);
+  if (asked.status !== "done") nameTractor(asked.request ?? {}).then(nameFirst);
   closing.push(job.close);
   return () => closing.forEach((close) => close());
 }
@@ -31,9 +35,10 @@ function changeSection(job, me, again) {
 const askedWords = (request = {}) =>
   [request.field, request.width && t`${number(Number(request.width), inUnits(1, "m")[1] === "m" ? String(request.width).split(".")[1]?.length ?? 0 : 1, "m")} wide`, request.tractors && t`tractors ${request.tractors}`, request.deadline && t`done by ${request.deadline}`].filter(Boolean).join(" \u00B7 ");
 
-async function shown(job, node, closing) {
+async function shown(job, node, closing, nameFirst) {
   const path = `plans/${part(job.id)}/results/`, trouble = el("div");
   const [answer, maps] = await Promise.all([get(`${path}result.json`), get(`${path}maps.json`).catch(() => ({ plans: [] }))]);
+  nameFirst(answer.scenario?.tractor);
   const best = answer.best ?? answer.plans.find((one) => one.feasible), plans = inOrder(answer.plans.filter((one) => one.feasible), best);
   const refused = answer.plans.filter((one) => !one.feasible), left = [refusedTable(refused.filter((one) => !notTried(one))), notSimulated(refused.filter(notTried))];
   if (!best) return put(node, (answer.summary ?? [answer.unmet ?? "No plan is feasible."]).map((text) => note(text, "warn")), left, results("plans", job, (error) => put(trouble, sorry(error))), trouble);
