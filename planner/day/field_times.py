@@ -34,6 +34,7 @@ from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
+from reports.common.shortfalls import WORKED
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 
@@ -92,7 +93,7 @@ def remove_unfinished_file(draft: Path) -> None:
 
 
 GRAPH_ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
-PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills")
+PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall")
 ANONYMOUS = "field"
 HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
 Array = npt.NDArray[np.float64]
@@ -104,7 +105,8 @@ class FieldTime:
     """The quickest plan of a fleet on a field; `graph` is None if there is no plan, for the reason in `reason`.
 
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
-    ones if it collects. `is_lasting` is False for a refusal of heights, whose sentence names files that may change.
+    ones if it collects. `shortfall` says that the plan works too little of the field. `is_lasting` is False for a
+    refusal of heights, whose sentence names files that may change.
     """
 
     strategy: str = ""
@@ -115,6 +117,7 @@ class FieldTime:
     graph: LegGraph | None = None
     refills: int | None = None
     reason: str = ""
+    shortfall: str = ""
     is_lasting: bool = True
 
 
@@ -235,8 +238,16 @@ def compute_field_time(task: FieldTimeTask) -> FieldTime:
             ordered_run = enforce_planned_order(run, context.tractor, context.implement)
             fuel = measure_leg_consumption(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
             graph = build_leg_graph(ordered_run, fuel)
+            shortfall = next((one.sentence for one in result.ranking.shortfalls if one.kind == WORKED), "")
             return FieldTime(
-                best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2, graph, best.refills
+                best.strategy,
+                count,
+                float(best.time_s or 0.0),
+                best.worked_pct,
+                best.missed_m2,
+                graph,
+                best.refills,
+                shortfall=shortfall,
             )
         reason = reason or next((candidate.reason for candidate in result.ranking.plans if candidate.reason), "")
     return FieldTime(reason=reason)

@@ -90,7 +90,7 @@ def answer_headland_question(
         currency=ranking.currency,
         machines=describe_machines(ranking),
         remarks=tuple(result.context.layout.field.remarks),
-        meets_request=ranking.missed_by_s is None and ranking.unmet_sentence is None,
+        meets_request=ranking.is_recommended,
         map=draw_best_plan(result) if question.with_map else None,
     )
 

@@ -18,6 +18,7 @@ from planner.risk.monte_carlo import SampledOutcomes
 from vehicle.missions.run import SimulationRun
 
 PCT_TO_SHARE = 0.01
+ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
 
 
 @dataclass(frozen=True)
@@ -169,9 +170,15 @@ class CostTerms:
     motor_efficiency: float | None = None
 
 
-def build_hire_terms(per_hour: float, per_tractor: float) -> CostTerms:
+def get_price_per_hour(requested: float | None) -> float:
+    """The price of a tractor and hour that was asked for, else the assumed one."""
+    return ASSUMED_PRICE_PER_HOUR if requested is None else requested
+
+
+def build_hire_terms(per_hour: float | None, per_tractor: float) -> CostTerms:
     """Terms of hired tractors: a price per tractor and hour, all included, and one for bringing each tractor."""
-    return CostTerms(FarmPrices(per_hour=per_hour, supervision_share=0.0, transport_per_tractor=per_tractor))
+    price = get_price_per_hour(per_hour)
+    return CostTerms(FarmPrices(per_hour=price, supervision_share=0.0, transport_per_tractor=per_tractor))
 
 
 def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -> PlanCost:

@@ -23,7 +23,7 @@ from reports.day.answer import (
 )
 from reports.day.schedule_results import DayJob, DayResult, get_stated_start_s
 
-MOST_ROWS = 12
+MOST_ROWS = 8
 
 
 def build_day_screen(result: DayResult, *, with_next: bool = True) -> RenderableType:
@@ -31,7 +31,7 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
     if not result.jobs:
         return Group(*(format_sentence(text) for text in list_day_sentences(result)))
     lines = AnswerLines(
-        (describe_day_end(result), *result.questions, *describe_day_certainty(result)),
+        (*result.shortfalls, describe_day_end(result), *result.questions, *describe_day_certainty(result)),
         (describe_machine_orders(result.jobs),),
         tuple(describe_unworked_fields(result)),
     )

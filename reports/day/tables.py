@@ -39,10 +39,11 @@ def format_day_json(result: DayResult) -> str:
 
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
     ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
-    ``road_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
-    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check),
-    ``certainty_pct`` (null: mean times),
-    ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary`` (the answer as it is printed).
+    ``road_cost`` of the machines and ``cost`` of what is not done), ``paid_cost`` and ``risked_cost`` (what of it is
+    paid, and what may be lost), ``finish_probability`` (of all jobs), ``currency``, ``samples``, ``seed``,
+    ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check), ``shortfalls`` (on plans that are no
+    recommendation), ``certainty_pct`` (null: mean times), ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary``
+    (the answer as it is printed).
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
     content = {
@@ -52,6 +53,8 @@ def format_day_json(result: DayResult) -> str:
         "advice": result.advice,
         "machines": [{key: getattr(one, key) for key in FLEET_KEYS} for one in result.fleets],
         "cost": result.cost,
+        "paid_cost": result.paid_cost,
+        "risked_cost": result.risked_cost,
         "finish_probability": result.finish_probability,
         "currency": result.currency,
         "samples": result.samples,
@@ -60,6 +63,7 @@ def format_day_json(result: DayResult) -> str:
         "end_s": result.end_s,
         "remarks": result.remarks,
         "questions": result.questions,
+        "shortfalls": result.shortfalls,
         "certainty_pct": result.certainty_pct,
         "p50_done_s": result.stated_end_s if result.jobs else None,
         "p95_done_s": result.stated_late_end_s if result.jobs else None,
@@ -229,6 +233,8 @@ def list_money_rows(result: DayResult) -> list[tuple[str, str]]:
         ),
         ("Ground not done in time", format_price(sum(job.lost_cost for job in result.jobs))),
         ("Fields not done", format_price(sum(one.cost for one in result.unworked_fields))),
+        ("Paid", format_price(result.paid_cost)),
+        ("At risk", format_price(result.risked_cost)),
         ("Expected cost", format_price(result.cost)),
     ]
 

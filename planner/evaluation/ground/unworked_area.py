@@ -21,6 +21,7 @@ SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
+KEPT_HEADLAND = "headland, kept free for turning"
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +135,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     if not layout.headland_passes:
         lines = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
         headland_zone = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)
-        yield "headland, kept free for turning", headland_zone
+        yield KEPT_HEADLAND, headland_zone
         yield "too short for a track between its headlands", boundary
 
 
