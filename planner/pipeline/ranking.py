@@ -189,7 +189,7 @@ def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
     return {
         "currency": terms.prices.currency,
         "prices_assumed": context.cost_terms is None and request.price_per_hour is None,
-        "money_sentences": (f"Cost is {describe_prices(terms)}.",),
+        "money_sentences": (f"The cost covers {describe_prices(terms)}.",),
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
+from reports.common.language import mark_text
 from reports.common.plan_results import PlanRanking, PlanResult
 from reports.common.shortfalls import LATE, PULL, WORKED, Shortfall
 
@@ -50,7 +51,6 @@ def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
     areas = [(one.area_m2, one.reason) for one in find_unworked_areas(context) if one.reason != KEPT_HEADLAND]
     unexplained_m2 = 0.01 * (100.0 - worked_pct) * asked_m2 - sum(area_m2 for area_m2, _ in areas)
     most_m2, reason = max([*areas, (unexplained_m2, "reached by no pass of this plan as it is driven")])
-    why = f"{100.0 * most_m2 / asked_m2:.0f} % is {reason}"
-    if asked_share < 1.0:
-        return f"No recommendation: only {worked_pct:.1f} % of the ground inside the headland is worked; {why}."
-    return f"No recommendation: only {worked_pct:.1f} % of the field is worked; {why}."
+    most_pct = 100.0 * most_m2 / asked_m2
+    ground = mark_text("the field") if asked_share == 1.0 else mark_text("the ground inside the headland")
+    return f"No recommendation: only {worked_pct:.1f} % of {ground} is worked; {most_pct:.0f} % is {reason}."

@@ -264,17 +264,18 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
         figures = [replace(one, expected=one.paid) for one in figures]
     sentence = write_advice(figures, criteria.limit_text, objective, best_key, criteria.budget, currency)
     return replace(
-        updated, advice=sentence or None, money_sentences=(_describe_costs(criteria, has_late_ground_loss(updated)),)
+        updated, advice=sentence or None, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated))
     )
 
 
-def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> str:
-    """A sentence on what the cost in the advice covers."""
+def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> tuple[str, ...]:
+    """Sentences on what the cost in the advice covers."""
     terms, prices = criteria.cost_terms, criteria.cost_terms.prices
-    sentence = f"Cost in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(terms)}"
+    samples = f"{criteria.settings.samples:,}"
+    covered = f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}."
     per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
-    late_text = f"; and {per_ha} for each hectare not done {criteria.limit_text}"
-    return f"{sentence}{late_text if includes_late else ''}."
+    late = f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}."
+    return (covered, late) if includes_late else (covered,)
 
 
 def _select_eligible(

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.risk.monte_carlo import SampledOutcomes
+from reports.common.language import mark_text
 from vehicle.missions.run import SimulationRun
 
 PCT_TO_SHARE = 0.01
@@ -234,14 +235,14 @@ def describe_prices(terms: CostTerms) -> str:
     prices = terms.prices
     per_hour = prices.per_hour
     parts = (
-        ["machines, fuel" if terms.motor_efficiency is None else "machines, electricity"]
+        [mark_text("machines"), mark_text("fuel") if terms.motor_efficiency is None else mark_text("electricity")]
         if per_hour is None
         else [f"{per_hour:.2f} for each tractor and hour"]
     )
-    parts += ["people"] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
+    parts += [mark_text("people")] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
     has_transport_price = prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0
     parts += (
-        ["bringing the tractors" if has_transport_price else "the road"]
+        [mark_text("bringing the tractors") if has_transport_price else mark_text("the road")]
         if per_hour is None or has_transport_price
         else []
     )

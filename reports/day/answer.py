@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from reports.common.language import translate, translate_count
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.wording import NO_VALUE, format_percent, format_price, round_up_to_minute
 from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s
 
@@ -88,7 +88,8 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
     """The fields that are not done, with the reasons of the first."""
     left = result.unworked_fields
     sentences = [
-        translate("{field} is not worked: {reason}.", field=one.field, reason=one.reason) for one in left[:MOST_REASONS]
+        translate("{field} is not worked: {reason}.", field=one.field, reason=translate_sentence(one.reason))
+        for one in left[:MOST_REASONS]
     ]
     more = len(left) - MOST_REASONS
     if more > 0:

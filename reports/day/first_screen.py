@@ -53,12 +53,10 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
 
 
 def _write_legend(result: DayResult) -> str:
-    apart = result.cost - sum(job.cost + job.lost_cost for job in result.jobs)
-    if apart < LEAST_LOSS:
+    roads = result.paid_cost - sum(job.cost for job in result.jobs)
+    if roads < LEAST_LOSS:
         return translate("Times are medians of the samples, costs means.")
-    money = f"{format_price(apart)} {result.currency}"
-    if result.unworked_fields:
-        return translate("Times are medians, costs means; roads and fields not worked add {money}.", money=money)
+    money = f"{format_price(roads)} {result.currency}"
     return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)
 
 
@@ -83,5 +81,5 @@ def _build_row(job: DayJob) -> tuple[str, ...]:
         format_end_of_day(job.p50_end_s),
         format_end_of_day(job.p95_end_s),
         format_percent(job.finish_probability),
-        format_price(job.cost + job.lost_cost),
+        format_price(job.cost),
     )

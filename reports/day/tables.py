@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from reports.common.language import translate, translate_sentence
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
@@ -146,7 +147,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
     for fleet in result.fleets:
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         if not jobs:
-            rows.append((fleet.name, "stays", NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
+            rows.append((fleet.name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
         for place, job in enumerate(jobs):
             name = fleet.name if not place else ""
             rows.append(
@@ -164,7 +165,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
             rows.append(
                 (
                     "",
-                    "back",
+                    translate("back"),
                     format_end_of_day(get_stated_end_s(jobs[-1])),
                     format_end_of_day(fleet.stated_home_s),
                     format_number(back, 1),
@@ -225,17 +226,17 @@ def _build_field_table(result: DayResult) -> FittedTable:
 def list_money_rows(result: DayResult) -> list[tuple[str, str]]:
     """The parts of the expected cost of the day, and their sum."""
     return [
-        ("Work", format_price(sum(job.cost for job in result.jobs))),
+        (translate("Work"), format_price(sum(job.cost for job in result.jobs))),
         *(
-            (f"Road of {fleet.name}", format_price(fleet.road_cost))
+            (translate("Road of {machine}", machine=fleet.name), format_price(fleet.road_cost))
             for fleet in result.fleets
             if fleet.leaves_s is not None
         ),
-        ("Ground not done in time", format_price(sum(job.lost_cost for job in result.jobs))),
-        ("Fields not done", format_price(sum(one.cost for one in result.unworked_fields))),
-        ("Paid", format_price(result.paid_cost)),
-        ("At risk", format_price(result.risked_cost)),
-        ("Expected cost", format_price(result.cost)),
+        (translate("Ground not done in time"), format_price(sum(job.lost_cost for job in result.jobs))),
+        (translate("Fields not done"), format_price(sum(one.cost for one in result.unworked_fields))),
+        (translate("Paid"), format_price(result.paid_cost)),
+        (translate("At risk"), format_price(result.risked_cost)),
+        (translate("Expected cost"), format_price(result.cost)),
     ]
 
 
@@ -253,7 +254,7 @@ def _build_unworked_table(result: DayResult) -> FittedTable:
     return FittedTable(
         columns,
         tuple(
-            (one.field, format_number(one.area_ha, 2), format_price(one.cost), one.reason)
+            (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
             for one in result.unworked_fields
         ),
     )

@@ -66,7 +66,8 @@ def _build_answer_lines(ranking: PlanRanking) -> AnswerLines:
     must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
     others = (certainty, answer.alternatives) if answer.verdict else (answer.alternatives,)
     faults = (answer.question, *answer.faults) if answer.question else answer.faults
-    return AnswerLines(tuple(filter(None, must)), others, faults, title=_format_heading(ranking))
+    title = "" if ranking.shortfalls else _format_heading(ranking)
+    return AnswerLines(tuple(filter(None, must)), others, faults, title=title)
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:

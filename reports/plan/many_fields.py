@@ -72,7 +72,10 @@ def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
         parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
     without = list_records_without_plan(records)
     if without:
-        parts += [Text(""), Text(f"Without a plan: {len(without)} of {len(records)}", style="bold underline")]
+        parts += [
+            Text(""),
+            format_title(translate("Without a plan: {count} of {all}", count=len(without), all=len(records))),
+        ]
         parts += [format_sentence(sentence) for sentence in without]
     return Group(*parts)
 
@@ -197,8 +200,10 @@ def _describe_costs(records: Sequence[FieldRecord]) -> list[str]:
     best = [plan for record in records if (plan := get_best_plan(record))]
     units = sorted({record["ranking"].get("currency") or "" for record in records if record["ranking"]} - {""})
     has_samples = any(plan.get("expected_cost") is not None for plan in best)
-    cost_kind = "expected (mean of the samples, with losses on late ground)" if has_samples else "as simulated"
-    return [f"Cost: {cost_kind}{f', in {units[0]}' if len(units) == 1 else ''}."] if has_samples or units else []
+    unit = ", ".join(units)
+    if has_samples:
+        return [translate("Cost {unit}: mean of the samples, with losses on late ground.", unit=unit)]
+    return [translate("Cost {unit}: as simulated.", unit=unit)] if units else []
 
 
 _MANY_COLUMNS = (
@@ -280,7 +285,7 @@ def _build_field_plan_row(record: FieldRecord) -> tuple[str, ...]:
         f"{record['width_m']:g}",
         format_number(request_values.get("headland_m"), 1),
         format_number(request_values.get("bearing_deg"), 0),
-        plan.get("strategy", "none"),
+        plan.get("strategy") or translate("none"),
         str(plan.get("tractors", NO_VALUE)),
         format_duration(get_stated_plan_s(plan)),
         format_number(plan.get("worked_pct"), 1),

@@ -411,8 +411,12 @@ def _name_plan_variant(plan: PlanResult) -> str:
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
     """The time driven, and the clock time; named where it is not that of the last tractor's end."""
     clock_text = format_end_clock(ranking, by_clock_s)
-    clock_prefix = "" if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S else "field work done "
-    return format_duration(seconds) + (f" ({clock_prefix}at {clock_text})" if clock_text else "")
+    values = {"time": format_duration(seconds), "clock": clock_text}
+    if not clock_text:
+        return values["time"] or ""
+    if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S:
+        return translate("{time} (at {clock})", **values)
+    return translate("{time} (field work done at {clock})", **values)
 
 
 def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -425,9 +429,9 @@ def _format_in_currency(ranking: PlanRanking, value: float) -> str:
 
 
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
-    """Who meets the deadline, and that the best plan is the cheapest of those or of all plans."""
+    """Who meets the deadline, if anybody, and that the best plan is the cheapest of those or of all plans."""
     judged = [plan for plan in list_feasible(ranking) if plan.meets_deadline is not None]
-    if not judged:
+    if not any(plan.meets_deadline for plan in judged):
         return []
     name = translate("The deadline ({clock})", clock=format_deadline(ranking))
     meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})

@@ -124,8 +124,8 @@ class TestRanking:
         )
         assert (told.currency, told.samples, told.missed_by_s) == ("EUR", 500, None)
         assert told.money_sentences == (
-            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour; and 80 for each hectare not done "
-            "before 09:00.",
+            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour.",
+            "The cost includes 80 for each hectare that is not done before 09:00.",
         )
 
     def test_a_plan_that_is_late_as_simulated_is_not_taken_while_another_is_in_time(self) -> None:

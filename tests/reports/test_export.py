@@ -192,7 +192,10 @@ def test_csv_has_one_row_per_plan(ranking: PlanRanking) -> None:
         "area_ha",
         "corners",
     ]
-    assert rows[0] == [*COLUMNS, *asked]
+    assert rows[0][:5] == ["field", "strategy", "tractors", "turn", "width_m"], "names first"
+    printed = ["stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct", "finish_probability"]
+    assert rows[0][5:10] == printed, "then the figures of the printed table"
+    assert sorted(rows[0]) == sorted([*COLUMNS, *asked]) and len(set(rows[0])) == len(rows[0])
     assert (CONTRACT, asked) == ([*PLAN_KEYS], [*CSV_KEYS])
     assert len(rows) == 1 + len(ranking.plans)
     assert {len(row) for row in rows} == {len(COLUMNS) + len(asked)}
