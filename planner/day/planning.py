@@ -459,8 +459,8 @@ def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
             farm_tractor = get_fleet_machines(fleet, solved.prepared.farm)[0]
             pull = compute_pull_figures(task.request, task.tractor, farm_tractor)
             question = question_pull(pull, suggests_options=False)
-            is_asked = pull is not None and bool(question) and pull.is_infeasible == infeasible
-            questions += [f"{fleet.name}: {question}"] if is_asked else []
+            is_shown = pull is not None and bool(question) and pull.is_infeasible == infeasible
+            questions += [f"{fleet.name}: {question}"] if is_shown else []
     return questions
 
 
