@@ -155,6 +155,7 @@ def new(
     """
     from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
     from planner.cli.common.terminal import print_remarks, print_renderable
+    from reports.common.language import mark_text
     from reports.trials.report import build_trials_table
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
     from vehicle.model.tractor_writer import format_tractor_toml
@@ -173,7 +174,7 @@ def new(
     with write_before_printing([(file, FILE_BANNER + format_tractor_toml(machine))]):
         print_renderable(build_trials_table, (_build_overview(machine, file),))
     if sheet.power_kw is None:
-        print_remarks(["Without --power-kw plans cannot check whether this tractor can pull its implement."])
+        print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
 
 
 @tractor.command()
