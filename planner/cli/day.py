@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from reports.day.schedule_results import DayResult
 
 
-NOTHING_DONE_STATUS = 3
+NOT_RECOMMENDED_STATUS = 3
 PLAN = "plan"
 
 
@@ -118,7 +118,8 @@ def plan_day_file(
         _print_result(result, json, csv, explain)
     if not result.jobs:
         print_sentence(f"No field can be done; the closest is {result.closest_field}.", err=True)
-        raise typer.Exit(NOTHING_DONE_STATUS)
+    if not result.jobs or result.shortfalls:
+        raise typer.Exit(NOT_RECOMMENDED_STATUS)
 
 
 @day.command()

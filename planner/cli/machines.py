@@ -134,7 +134,10 @@ def new(
         ),
     ] = "centre",
     mass: Annotated[OptionalNumber, typer.Option("--mass", help="Mass ready to work, kg.")] = None,
-    power_kw: Annotated[OptionalNumber, typer.Option(help="Power, kW; gives the mass if that is unknown.")] = None,
+    power_kw: Annotated[
+        OptionalNumber,
+        typer.Option(help="Power, kW; plans check pulls by it, and it gives the mass if that is unknown."),
+    ] = None,
     length: Annotated[OptionalNumber, typer.Option(help="Overall length, metres.")] = None,
     track: Annotated[OptionalNumber, typer.Option(help="Distance between the wheels of an axle, metres.")] = None,
     rear_overhang: Annotated[OptionalNumber, typer.Option(help="Length behind the rear axle, metres.")] = None,
@@ -152,6 +155,7 @@ def new(
     """
     from planner.cli.common.outputs import check_output_paths, refuse_overwrite, write_before_printing
     from planner.cli.common.terminal import print_remarks, print_renderable
+    from reports.common.language import mark_text
     from reports.trials.report import build_trials_table
     from vehicle.datasheet.build import build_tractor, describe_unusual_values
     from vehicle.model.tractor_writer import format_tractor_toml
@@ -169,6 +173,8 @@ def new(
     machine = build_tractor(tractor_name, sheet)
     with write_before_printing([(file, FILE_BANNER + format_tractor_toml(machine))]):
         print_renderable(build_trials_table, (_build_overview(machine, file),))
+    if sheet.power_kw is None:
+        print_remarks([mark_text("Without --power-kw plans cannot check whether this tractor can pull its implement.")])
 
 
 @tractor.command()

@@ -224,9 +224,9 @@ def _print_field_remarks(records: Iterable[Record]) -> None:
 
 
 def _has_accepted_plan(record: Record) -> bool:
-    """Whether there is a plan, in time where there is a deadline."""
-    best = record["ranking"] and record["ranking"]["best"]
-    return bool(best) and best["meets_deadline"] is not False and record["ranking"]["unmet"] is None
+    """Whether there is a plan that meets all that was asked for."""
+    ranking = record["ranking"]
+    return bool(ranking and ranking["best"]) and not ranking["shortfalls"]
 
 
 @contextmanager
@@ -349,7 +349,7 @@ def _describe_learned_values(ranking: PlanRanking) -> list[str]:
 
 def _exit_without_plan(ranking: PlanRanking) -> None:
     """Exit with the documented status where no plan meets the request."""
-    if ranking.best is None or ranking.missed_by_s is not None or ranking.unmet_sentence is not None:
+    if not ranking.is_recommended:
         raise typer.Exit(NO_PLAN_STATUS)
 
 
@@ -430,17 +430,16 @@ def _render_plan_outputs(
     Prints on standard error that none meets the request, unless the answer on the terminal says so.
     """
     from planner.cli.common.terminal import print_sentence
-    from reports.common.wording import format_duration
-    from reports.plan.plan_wording import name_best_late_plan
+    from reports.common.language import use_reader
+    from reports.plan.shortfall_wording import list_shortfall_sentences
 
-    best, late_s = result.ranking.best, result.ranking.missed_by_s
+    best = result.ranking.best
     drive = None if best is None else result.pictures[best.strategy, best.tractors]
     results: list[tuple[Path, OutputContent]] = []
-    if late_s is not None and not is_answer_seen:
-        label = name_best_late_plan(result.ranking)
-        print_sentence(f"No plan meets the deadline; the {label} misses it by {format_duration(late_s)}.", err=True)
-    elif result.ranking.unmet_sentence is not None and not is_answer_seen:
-        print_sentence(result.ranking.unmet_sentence, err=True)
+    with use_reader():
+        sentences = [] if is_answer_seen else list_shortfall_sentences(result.ranking)
+    for sentence in sentences:
+        print_sentence(sentence, err=True)
     field_picture = None
     if drive is None and (html or png or save):
         from planner.pipeline.outputs.pictures import build_refused_picture

@@ -35,6 +35,7 @@ from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
+from reports.common.shortfalls import WORKED
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 
@@ -94,7 +95,7 @@ def remove_unfinished_file(draft: Path) -> None:
 
 DEFAULT_FIELD_MINUTES = 10.0  # several times what the hardest real parcels measured take
 GRAPH_ARRAYS = ("tractor", "group", "kind", "driven_s", "worked_m", "stand_s")
-PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills")
+PLAN_VALUES = ("strategy", "tractors", "time_s", "worked_pct", "missed_m2", "refills", "shortfall")
 ANONYMOUS = "field"
 HEIGHT_PARAMETERS = ("elevation", "elevation_crs")
 Array = npt.NDArray[np.float64]
@@ -106,8 +107,9 @@ class FieldTime:
     """The quickest plan of a fleet on a field; `graph` is None if there is no plan, for the reason in `reason`.
 
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
-    ones if it collects. `is_lasting` is False for a refusal of heights, whose sentence names files that may change, and
-    where `is_cut`: planning ran out of time, and the plan is the best of those found by then.
+    ones if it collects. `shortfall` says that the plan works too little of the field. `is_lasting` is False for a
+    refusal of heights, whose sentence names files that may change, and where `is_cut`: planning ran out of time, and
+    the plan is the best of those found by then.
     """
 
     strategy: str = ""
@@ -118,6 +120,7 @@ class FieldTime:
     graph: LegGraph | None = None
     refills: int | None = None
     reason: str = ""
+    shortfall: str = ""
     is_lasting: bool = True
     is_cut: bool = False
 
@@ -262,7 +265,8 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
             ordered_run = enforce_planned_order(run, context.tractor, context.implement)
             fuel = measure_leg_consumption(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
             graph = build_leg_graph(ordered_run, fuel)
-            found = (
+            shortfall = next((one.sentence for one in result.ranking.shortfalls if one.kind == WORKED), "")
+            return FieldTime(
                 best.strategy,
                 count,
                 float(best.time_s or 0.0),
@@ -270,8 +274,10 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
                 best.missed_m2,
                 graph,
                 best.refills,
+                shortfall=shortfall,
+                is_lasting=not share.is_cut,
+                is_cut=share.is_cut,
             )
-            return FieldTime(*found, is_lasting=not share.is_cut, is_cut=share.is_cut)
         if share.is_cut:
             raise TimeSpentError
         reason = reason or explain_refusal(result.ranking)

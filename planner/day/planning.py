@@ -56,7 +56,7 @@ from planner.risk.monte_carlo import DEFAULT_SAMPLES
 from planner.risk.plan_choice import format_hours
 from reports.day.answer import list_day_sentences
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
-from reports.plan.answer import question_pull
+from reports.plan.shortfall_wording import question_pull
 
 
 @dataclass(frozen=True)
@@ -306,7 +306,8 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         samples=solved.samples,
         seed=solved.seed,
         advice="",
-        questions=(*_question_cut_plans(solved), *_question_pulls(solved)),
+        questions=(*_question_cut_plans(solved), *_question_pulls(solved, infeasible=False)),
+        shortfalls=(*_question_pulls(solved, infeasible=True), *_list_worked_shortfalls(solved)),
         remarks=(*_list_remarks(solved), *([] if is_cached else [CACHE_FAILED])),
         fields=tuple(field.name for field in prepared.fields),
         windows=tuple(_convert_windows_to_clock(frame, windows) for windows in problem.windows),
@@ -464,8 +465,18 @@ def _question_cut_plans(solved: _SolvedDay) -> list[str]:
     return sentences
 
 
-def _question_pulls(solved: _SolvedDay) -> list[str]:
-    """Questions about fleets that work somewhere and whose tractors seem too weak for their implement."""
+def _list_worked_shortfalls(solved: _SolvedDay) -> list[str]:
+    """The fields of which too little is worked, with the reason."""
+    return [
+        f"{solved.prepared.fields[number].name}: {plan.shortfall}"
+        for fleet, route in enumerate(solved.solution.routes)
+        for number in route
+        if (plan := solved.table[fleet][number]) is not None and plan.shortfall
+    ]
+
+
+def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
+    """What is said of fleets that work somewhere and whose tractors cannot pull their implement, or seem too weak."""
     questions: list[str] = []
     for fleet, route, tasks in zip(
         solved.prepared.day.fleets, solved.solution.routes, solved.prepared.tasks, strict=True
@@ -475,7 +486,8 @@ def _question_pulls(solved: _SolvedDay) -> list[str]:
             farm_tractor = get_fleet_machines(fleet, solved.prepared.farm)[0]
             pull = compute_pull_figures(task.request, task.tractor, farm_tractor)
             question = question_pull(pull, suggests_options=False)
-            questions += [f"{fleet.name}: {question}"] if question else []
+            is_shown = pull is not None and bool(question) and pull.is_infeasible == infeasible
+            questions += [f"{fleet.name}: {question}"] if is_shown else []
     return questions
 
 

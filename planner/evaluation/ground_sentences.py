@@ -6,6 +6,7 @@ from planner.evaluation.context import PlanningContext
 from planner.evaluation.field_physics import FieldPhysics, split_soil_name
 from planner.request.implement_choice import find_requested_rule
 from planner.risk.costs import get_grid_factor
+from reports.common.language import mark_text
 from vehicle.energy.grip_at_work import compute_grip_at_work
 from vehicle.energy.trafficability import compute_trafficability, describe_trafficability
 from vehicle.model.soil import Soil
@@ -50,11 +51,12 @@ def _describe_heights(physics: FieldPhysics) -> list[str]:
 def _describe_soil(soil: Soil | None) -> list[str]:
     if soil is None:
         return []
-    moisture = "" if soil.moisture_pct is None else f" at {soil.moisture_pct:.3g} % moisture"
+    name, moisture = soil.name, "" if soil.moisture_pct is None else f"{soil.moisture_pct:.3g}"
+    what = mark_text(f"{name} at {moisture} % moisture") if moisture else name
     if soil.cone_index_kpa is None:
-        return [f"The soil is {soil.name}{moisture} ({soil.source})."]
+        return [f"The soil is {what} ({soil.source})."]
     interval = "" if soil.low_kpa is None or soil.high_kpa is None else f" ({soil.low_kpa:.0f} to {soil.high_kpa:.0f})"
-    return [f"The soil is {soil.name}{moisture}, cone index {soil.cone_index_kpa:.0f}{interval} kPa: {soil.source}."]
+    return [f"The soil is {what}, cone index {soil.cone_index_kpa:.0f}{interval} kPa: {soil.source}."]
 
 
 def _describe_estimate(estimate: MoistureEstimate, *, is_used: bool) -> str:

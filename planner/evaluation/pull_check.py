@@ -1,4 +1,4 @@
-"""Whether the tractor can pull the implement at working speed: a question to the farmer, never a refusal."""
+"""Whether the tractor can pull the implement at working speed."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from planner.farm.machines import FarmTractor
 from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import MIN_SPEED_KMH, PlanRequest
-from reports.common.plan_results import PullFigures
+from reports.common.shortfalls import PullFigures
 from vehicle.energy.draft import KMH_PER_MPS, DraftRule
 from vehicle.energy.driveline import find_drawbar_share, get_engine_power_kw
 from vehicle.model.soil import Soil, Texture
@@ -48,6 +48,8 @@ def compute_pull_figures(
         available_kw=available_kw,
         possible_width_m=_find_possible_width_m(width_m, needed_kw, available_kw),
         possible_speed_kmh=_find_possible_speed_kmh(rule, request, texture, available_kw),
+        range_pct=rule.range_pct,
+        is_assumed=request.draft is None,
     )
 
 

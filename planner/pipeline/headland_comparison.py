@@ -94,7 +94,7 @@ def answer_headland_question(
         currency=ranking.currency,
         machines=describe_machines(ranking),
         remarks=tuple(result.context.layout.field.remarks),
-        meets_request=ranking.missed_by_s is None and ranking.unmet_sentence is None,
+        meets_request=ranking.is_recommended,
         parts=ranking.parts,
         cut_off=locate_cut_off_ground(result.context.layout.field),
         map=draw_best_plan(result) if question.with_map else None,

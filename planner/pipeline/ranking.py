@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from fields.geometry.field import Field
-from fields.geometry.field_parts import list_field_parts
 from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
@@ -20,21 +19,22 @@ from planner.evaluation.ground_sentences import describe_ground, list_height_rem
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
+from planner.pipeline.shortfalls import find_shortfalls, mark_worked_shares
 from planner.request.implement_choice import find_requested_rule
 from planner.request.option_texts import MPS_PER_KMH, format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
-from planner.risk.costs import build_hire_terms, describe_prices
+from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    PullFigures,
     UnworkedPiece,
     build_time_sort_key,
     get_ranked_s,
     get_stated_end_s,
 )
+from reports.common.shortfalls import PullFigures
 from reports.common.wording import round_up_to_minute
 from strategies.registry import describe_hidden_strategies, get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
@@ -123,7 +123,6 @@ def _format_minutes(seconds: float) -> str:
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
 MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
-MIN_WORKED_PCT = 50.0  # a plan that works less of the field gets a remark
 
 
 def list_candidates(request: PlanRequest) -> list[Candidate]:
@@ -146,7 +145,7 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     ground that obstacles cut off. Plans on the Pareto front of that time against the number of tractors are marked.
     Raises RequestError for a margin that takes most of the field, or much of it if no plan works.
     """
-    results = [add_piece_location(add_coverage_remark(result, context), context) for result in results]
+    results = [add_piece_location(result, context) for result in mark_worked_shares(results, context)]
     check_margin(context, any(result.feasible for result in results))
     feasible = sorted((r for r in results if r.feasible), key=build_time_sort_key)
     pareto_front = _find_pareto_front(feasible)
@@ -173,7 +172,8 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
         field_remarks=(*field.remarks, *list_height_remarks(context.physics)),
         ground_sentences=describe_ground(context),
     )
-    return add_clock_times(add_ranking_advice(ranking, context.criteria), context)
+    advised = add_ranking_advice(ranking, context.criteria)
+    return add_clock_times(replace(advised, shortfalls=find_shortfalls(advised, context)), context)
 
 
 def _compute_pull(context: PlanningContext) -> PullFigures | None:
@@ -186,7 +186,11 @@ def _describe_currency_and_cost(context: PlanningContext) -> dict[str, Any]:
     """The currency and a sentence on what the cost covers."""
     request = context.request
     terms = context.cost_terms or build_hire_terms(request.price_per_hour, request.price_per_tractor)
-    return {"currency": terms.prices.currency, "money_sentences": (f"Cost is {describe_prices(terms)}.",)}
+    return {
+        "currency": terms.prices.currency,
+        "prices_assumed": context.cost_terms is None and request.price_per_hour is None,
+        "money_sentences": (f"The cost covers {describe_prices(terms)}.",),
+    }
 
 
 def add_clock_times(ranking: PlanRanking, context: PlanningContext) -> PlanRanking:
@@ -217,17 +221,6 @@ def check_margin(context: PlanningContext, feasible: bool) -> None:
             f"The margin ({mark_parameter('margin_m')}) of {margin_m:g} m leaves {100.0 * remaining_share:.0f} % of "
             f"field '{field.name}', {consequence}; use a smaller margin."
         )
-
-
-def add_coverage_remark(result: PlanResult, context: PlanningContext) -> PlanResult:
-    """The result, with a remark if it works less than MIN_WORKED_PCT of the field, and on what the rest is."""
-    if not result.feasible or result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT:
-        return result
-    field, width_m = context.layout.field, max(context.implement.width_m, context.tractor.width_m)
-    is_divided = len(list_field_parts(field, context.request.margin_m, width_m)) > 1
-    rest = "mostly parts that are cut off" if is_divided else "headland or between tracks"
-    coverage_remark = f"works only {result.worked_pct:.0f} % of the field; the rest is {rest}"
-    return replace(result, remark=f"{result.remark}; {coverage_remark}" if result.remark else coverage_remark)
 
 
 def add_piece_location(result: PlanResult, context: PlanningContext) -> PlanResult:
@@ -270,7 +263,7 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "overhang_m": request.overhang_m,
         "no_headland": request.no_headland,
         "turn_speed_kmh": request.effective_turn_speed_mps / MPS_PER_KMH,
-        "price_per_hour": request.price_per_hour,
+        "price_per_hour": get_price_per_hour(request.price_per_hour),
         "price_per_tractor": request.price_per_tractor,
         "start": None if request.start_s is None else format_clock(request.start_s),
         "deadline": None if request.deadline_s is None else format_clock(request.deadline_s),
@@ -383,7 +376,8 @@ def _describe_payment(context: PlanningContext) -> str:
     request = context.request
     if context.cost_terms is None:
         hire_text = f" and {request.price_per_tractor:g} per tractor." if request.price_per_tractor else "."
-        return f"Every tractor is paid until the last one is done: {request.price_per_hour:g} per hour{hire_text}"
+        price = get_price_per_hour(request.price_per_hour)
+        return f"Every tractor is paid until the last one is done: {price:g} per hour{hire_text}"
     is_itemised = context.cost_terms.prices.per_hour is None
     period = "until it is done, people until the last one is" if is_itemised else "until the last one is done"
     return f"The cost is {describe_prices(context.cost_terms)}; every tractor is paid {period}."

@@ -223,8 +223,8 @@ class PlanRequest:
         _SPEED("greatest working speed"),
     ] = None
     price_per_hour: Annotated[
-        Number, OptionHelp("Price of one tractor for one hour.", COSTS, from_farm=True), _PRICE
-    ] = 40.0
+        Number | None, OptionHelp("Price of one tractor for one hour. By default 40.", COSTS, from_farm=True), _PRICE
+    ] = None
     price_per_tractor: Annotated[
         Number, OptionHelp("Price of bringing one tractor.", COSTS, from_farm=True), _PRICE
     ] = 0.0

@@ -26,6 +26,7 @@ from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, w
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
 from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
+from reports.common.shortfalls import BUDGET, RAIN, Shortfall
 from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -239,47 +240,51 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
     """The ranking with its advice and the plan it advises.
 
     Plans that miss the deadline as simulated are excluded if others meet it; if none does, the closest remains. The
-    same holds for rain and budget; then the ranking says which of them no plan meets.
+    same holds for the share that is worked, for rain and budget; the ranking says which of the latter no plan meets.
     """
     if criteria is None:
         return ranking
     plans = [plan for plan in ranking.plans if plan.expected_cost is not None]
     in_time = [plan for plan in plans if plan.meets_deadline is not False]
-    chosen_key = unmet_note = None
+    if any(plan.works_enough for plan in plans):
+        in_time = [plan for plan in in_time if plan.works_enough]
+    chosen_key = shortfall = None
     objective = FASTEST  # if nothing else decides, or no plan is in time
     if in_time and criteria.decides_best:
-        eligible, unmet_note, objective = _select_eligible(in_time, plans, criteria)
+        eligible, shortfall, objective = _select_eligible(in_time, plans, criteria)
         best_plan = choose_best(_build_figures(eligible, criteria), objective)
         chosen_key = best_plan.strategy, best_plan.tractors
     currency, samples = criteria.cost_terms.prices.currency, criteria.settings.samples
-    updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, unmet_sentence=unmet_note)
+    shortfalls = () if shortfall is None else (shortfall,)
+    updated = replace(ranking, currency=currency, samples=samples, chosen=chosen_key, shortfalls=shortfalls)
     best_of_all = updated.best
     best_key = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
     figures = _build_figures(plans, criteria)
-    if unmet_note is not None and objective == CHEAPEST:  # a budget limits what is paid
+    if shortfall is not None and shortfall.kind == BUDGET:  # which limits what is paid
         figures = [replace(one, expected=one.paid) for one in figures]
     sentence = write_advice(figures, criteria.limit_text, objective, best_key, criteria.budget, currency)
     return replace(
-        updated, advice=sentence or None, money_sentences=(_describe_costs(criteria, has_late_ground_loss(updated)),)
+        updated, advice=sentence or None, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated))
     )
 
 
-def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> str:
-    """A sentence on what the cost in the advice covers."""
+def _describe_costs(criteria: DecisionCriteria, includes_late: bool) -> tuple[str, ...]:
+    """Sentences on what the cost in the advice covers."""
     terms, prices = criteria.cost_terms, criteria.cost_terms.prices
-    sentence = f"Cost in {prices.currency}, mean of {criteria.settings.samples:,} samples: {describe_prices(terms)}"
+    samples = f"{criteria.settings.samples:,}"
+    covered = f"Cost in {prices.currency}, mean of {samples} samples: {describe_prices(terms)}."
     per_ha = format_price(prices.late_per_ha + prices.seed_per_ha)
-    late_text = f"; and {per_ha} for each hectare not done {criteria.limit_text}"
-    return f"{sentence}{late_text if includes_late else ''}."
+    late = f"The cost includes {per_ha} for each hectare that is not done {criteria.limit_text}."
+    return (covered, late) if includes_late else (covered,)
 
 
 def _select_eligible(
     plans: list[PlanResult], all_plans: list[PlanResult], criteria: DecisionCriteria
-) -> tuple[list[PlanResult], str | None, str]:
-    """The eligible plans, a sentence on what no plan meets (or None), and the objective to choose by."""
+) -> tuple[list[PlanResult], Shortfall | None, str]:
+    """The eligible plans, what no plan meets (or None), and the objective to choose by."""
     before_rain, note = _select_before_rain(plans, criteria.settings.rain)
     if note is not None:
-        return plans, note, FASTEST
+        return plans, Shortfall(RAIN, note), FASTEST
     budget = criteria.budget
     affordable, all_affordable = (
         [plan for plan in candidates if _is_affordable(plan, budget)] for candidates in (before_rain, all_plans)
@@ -292,7 +297,7 @@ def _select_eligible(
     cheaper_is_late = not all_affordable and min(plan.paid_cost or 0.0 for plan in all_plans) < least_paid
     closest = "the cheapest that finishes in time" if cheaper_is_late else "the cheapest"
     note = f"{subject} is within the budget of {budget:.2f} {unit}; {closest} costs {least_paid:.2f} {unit}."
-    return cheapest, note, CHEAPEST
+    return cheapest, Shortfall(BUDGET, note), CHEAPEST
 
 
 def _is_affordable(plan: PlanResult, budget: float | None) -> bool:

@@ -15,9 +15,11 @@ import numpy.typing as npt
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices
 from planner.risk.monte_carlo import SampledOutcomes
+from reports.common.language import mark_text
 from vehicle.missions.run import SimulationRun
 
 PCT_TO_SHARE = 0.01
+ASSUMED_PRICE_PER_HOUR = 40.0  # of a tractor with implement, fuel and all, where nobody gave a price
 
 
 @dataclass(frozen=True)
@@ -169,9 +171,15 @@ class CostTerms:
     motor_efficiency: float | None = None
 
 
-def build_hire_terms(per_hour: float, per_tractor: float) -> CostTerms:
+def get_price_per_hour(requested: float | None) -> float:
+    """The price of a tractor and hour that was asked for, else the assumed one."""
+    return ASSUMED_PRICE_PER_HOUR if requested is None else requested
+
+
+def build_hire_terms(per_hour: float | None, per_tractor: float) -> CostTerms:
     """Terms of hired tractors: a price per tractor and hour, all included, and one for bringing each tractor."""
-    return CostTerms(FarmPrices(per_hour=per_hour, supervision_share=0.0, transport_per_tractor=per_tractor))
+    price = get_price_per_hour(per_hour)
+    return CostTerms(FarmPrices(per_hour=price, supervision_share=0.0, transport_per_tractor=per_tractor))
 
 
 def estimate_cost(outcomes: SampledOutcomes, terms: CostTerms, area_ha: float) -> PlanCost:
@@ -227,14 +235,14 @@ def describe_prices(terms: CostTerms) -> str:
     prices = terms.prices
     per_hour = prices.per_hour
     parts = (
-        ["machines, fuel" if terms.motor_efficiency is None else "machines, electricity"]
+        [mark_text("machines"), mark_text("fuel") if terms.motor_efficiency is None else mark_text("electricity")]
         if per_hour is None
         else [f"{per_hour:.2f} for each tractor and hour"]
     )
-    parts += ["people"] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
+    parts += [mark_text("people")] if prices.supervision_share * prices.supervision_per_hour > 0.0 else []
     has_transport_price = prices.transport_per_tractor > 0.0 or prices.transport_per_km > 0.0
     parts += (
-        ["bringing the tractors" if has_transport_price else "the road"]
+        [mark_text("bringing the tractors") if has_transport_price else mark_text("the road")]
         if per_hour is None or has_transport_price
         else []
     )

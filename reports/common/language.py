@@ -126,8 +126,29 @@ def _translate_by_pattern(sentence: str, language: str) -> str:
 
 
 def _translate_value(name: str, value: str) -> str:
-    """What stands in a sentence, which may be one itself; what is typed stays as it is typed."""
-    return value if name.removeprefix("v_") in TYPED_VALUES else translate_sentence(value)
+    """What stands in a sentence, which may be one itself or a list; what is typed stays as it is typed."""
+    if name.removeprefix("v_") in TYPED_VALUES:
+        return value
+    translated = translate_sentence(value)
+    return translated if translated != value else _translate_list(value)
+
+
+def _translate_list(value: str) -> str:
+    """``late start (90 %), stops (8 %)`` or ``fuel and people`` item by item; unchanged unless all are known texts."""
+    first, conjunction, last = value.rpartition(" and ")
+    items = [*(first.split(", ") if conjunction else ()), *((last,) if conjunction else last.split(", "))]
+    translated = [_translate_item(item) for item in items]
+    if any(one == item and re.search("[A-Za-z]", item) for item, one in zip(items, translated, strict=True)):
+        return value
+    if not conjunction:
+        return ", ".join(translated)
+    return translate("{items} and {last}", items=", ".join(translated[:-1]), last=translated[-1])
+
+
+def _translate_item(item: str) -> str:
+    """An item of a list in the language in use; figures in brackets after it stay."""
+    text, bracket, figures = item.partition(" (")
+    return f"{translate_sentence(text)}{bracket}{figures}"
 
 
 def _fill_in(text: str, values: Mapping[str, str]) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.common.notebook import ShownResult
+from reports.common.shortfalls import PullFigures, Shortfall
 
 Points = npt.NDArray[np.float64]
 
@@ -69,6 +70,7 @@ class PlanResult(ShownResult):
         time_s, cost: of the plan as driven.
         finished_s, finished_cost: with the unworked ground (`missed_m2`, `largest_missed`) worked at the plan's rate.
         worked_pct, overlap_pct: shares of the field.
+        works_enough: whether the share of the ground asked for is that of a recommendation.
         wheel_traffic_m2: finished ground off the headland that wheels went over.
         over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
             headland passes included, and the ground under wheels there. `over_finished_charged`: whether that ground
@@ -115,6 +117,7 @@ class PlanResult(ShownResult):
     tractor_time_s: float | None = None
     cost: float | None = None
     meets_deadline: bool | None = None
+    works_enough: bool = True
     worked_pct: float | None = None
     overlap_pct: float | None = None
     missed_m2: float | None = None
@@ -241,13 +244,14 @@ def build_time_sort_key(plan: PlanResult) -> tuple[float, int, str]:
     return round(get_ranked_s(plan), 3), plan.tractors, plan.strategy
 
 
-def build_merit_sort_key(plan: PlanResult, allowed_s: float | None = None) -> tuple[int, float, float, int, str]:
-    """Sort key for the best of feasible plans: those in time by cost, late ones by time.
+def build_merit_sort_key(plan: PlanResult, allowed_s: float | None = None) -> tuple[bool, int, float, float, int, str]:
+    """Sort key for the best of feasible plans: those that work enough, of them those in time by cost, late by time.
 
     A plan that could finish the field within `allowed_s` comes before one that is in time but leaves ground.
     """
     late = 2 if not plan.meets_deadline else int(allowed_s is not None and get_stated_finished_end_s(plan) > allowed_s)
-    return late, 0.0 if late == 2 else get_finished_field_cost(plan), *build_time_sort_key(plan)
+    cost = 0.0 if late == 2 else get_finished_field_cost(plan)
+    return not plan.works_enough, late, cost, *build_time_sort_key(plan)
 
 
 @dataclass(frozen=True)
@@ -266,36 +270,6 @@ class FieldPartPlan:
     reason: str | None = None
 
 
-@dataclass(frozen=True)
-class PullFigures:
-    """What an implement needs at the drawbar, and what the tractor has there, by ASAE D497.
-
-    Attributes:
-        implement: what the table of drafts calls it, such as "cultivator" or "drill".
-        depth_cm: working depth; None where the draft does not depend on it.
-        draft_kn, needed_kw: of the implement at `speed_kmh`, in the soil of the plan, else in medium soil.
-        engine_kw, available_kw: of the tractor, at the drawbar the latter.
-        possible_width_m, possible_speed_kmh: the greatest that it can pull, the other being as asked for; None where
-            nothing sensible is left.
-    """
-
-    implement: str
-    width_m: float
-    speed_kmh: float
-    depth_cm: float | None
-    draft_kn: float
-    needed_kw: float
-    engine_kw: float
-    available_kw: float
-    possible_width_m: float | None
-    possible_speed_kmh: float | None
-
-    @property
-    def is_questioned(self) -> bool:
-        """Whether the implement needs more than the tractor has."""
-        return self.needed_kw > self.available_kw
-
-
 @dataclass(frozen=True, repr=False)
 class PlanRanking(ShownResult):
     """All plans of a request, best first, infeasible ones last.
@@ -309,10 +283,10 @@ class PlanRanking(ShownResult):
         chosen: that plan (strategy, tractors) where there is a deadline, rain or objective.
         check_sentences: how far the samples can be trusted.
         day_sentences: clock times of the best plan.
-        unmet_sentence: set where no plan meets the rain or the budget; the best is then the closest.
+        shortfalls: what keeps the best plan from being a recommendation.
         cut_off_m2: ground that obstacles cut off from the field that is worked.
         field_start, field_allowed_s: on a farm, when field work can begin and how long it can last.
-        money_sentences: what the costs include.
+        money_sentences: what the costs include; `prices_assumed` whether nobody gave their prices.
         parts: further parts of a divided field, each with a plan of its own.
         changes: of a request without a plan, the smallest changes that were found to work.
         pull: whether the tractor can pull the implement; None where its power or the draft is not known.
@@ -335,7 +309,7 @@ class PlanRanking(ShownResult):
     samples: int | None = None
     chosen: tuple[str, int] | None = None
     check_sentences: tuple[str, ...] = ()
-    unmet_sentence: str | None = None
+    shortfalls: tuple[Shortfall, ...] = ()
     cut_off_m2: float = 0.0
     day_sentences: tuple[str, ...] = ()
     field_start: str | None = None
@@ -346,6 +320,7 @@ class PlanRanking(ShownResult):
     field_remarks: tuple[str, ...] = ()
     parts: tuple[FieldPartPlan, ...] = ()
     ground_sentences: tuple[str, ...] = ()
+    prices_assumed: bool = False
 
     @property
     def best(self) -> PlanResult | None:
@@ -357,6 +332,11 @@ class PlanRanking(ShownResult):
         if self.chosen is not None:
             return next((plan for plan in plans if (plan.strategy, plan.tractors) == self.chosen), None)
         return min(plans, key=lambda plan: build_merit_sort_key(plan, self.allowed_s), default=None)
+
+    @property
+    def is_recommended(self) -> bool:
+        """Whether there is a plan that meets all that was asked for."""
+        return self.best is not None and not self.shortfalls
 
     @property
     def missed_by_s(self) -> float | None:

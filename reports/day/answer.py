@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from reports.common.language import translate, translate_count
+from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.wording import NO_VALUE, format_percent, format_price, round_up_to_minute
 from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s
 
@@ -18,6 +18,7 @@ def list_day_sentences(result: DayResult) -> list[str]:
     if not result.jobs:
         return [translate("No field can be done on this day."), *describe_unworked_fields(result)]
     return [
+        *result.shortfalls,
         describe_day_end(result),
         *result.questions,
         *describe_day_certainty(result),
@@ -27,12 +28,12 @@ def list_day_sentences(result: DayResult) -> list[str]:
 
 
 def describe_day_end(result: DayResult) -> str:
-    """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples and the expected cost."""
+    """``All 3 fields are done by 15:22 (95 % by 15:50), 471 EUR.``: medians of the samples, means of the costs."""
     count, total = len(result.jobs), len(result.jobs) + len(result.unworked_fields)
     values = {
         "done": _format_end_in_words(result.stated_end_s),
         "late": _format_end_in_words(result.stated_late_end_s),
-        "cost": f"{format_price(result.cost)} {result.currency}",
+        "cost": _describe_cost(result),
         "total": total,
     }
     if count == total > 1:
@@ -45,33 +46,26 @@ def describe_day_end(result: DayResult) -> str:
     )
 
 
+def _describe_cost(result: DayResult) -> str:
+    """``431 EUR paid and 40 EUR at risk``: what nobody pays is no part of a price."""
+    paid = f"{format_price(result.paid_cost)} {result.currency}"
+    if result.risked_cost < LEAST_LOSS:
+        return paid
+    risked = f"{format_price(result.risked_cost)} {result.currency}"
+    return translate("{paid} paid and {risked} at risk", paid=paid, risked=risked)
+
+
 def describe_day_certainty(result: DayResult) -> list[str]:
-    """How sure it is that all is done in time, what is least sure, and what late ground costs."""
+    """How sure it is that all is done in time, and what is least sure."""
     if result.finish_probability is None:
         return []
     share = format_percent(result.finish_probability)
     weakest = min(result.jobs, key=lambda job: (round(job.finish_probability, 6), job.p50_end_s))
-    loss = sum(job.lost_cost for job in result.jobs)
-    money = f"{format_price(loss)} {result.currency}"
     least = format_percent(weakest.finish_probability)
     if len(result.jobs) == 1 or weakest.finish_probability >= SURE_SHARE:
-        if loss < LEAST_LOSS:
-            return [translate("In time: {share} % sure.", share=share)]
-        return [translate("In time: {share} % sure; {loss} for late ground included.", share=share, loss=money)]
-    if loss < LEAST_LOSS:
-        return [
-            translate(
-                "In time: {share} % sure, least {field} ({least} %).", share=share, field=weakest.field, least=least
-            )
-        ]
+        return [translate("In time: {share} % sure.", share=share)]
     return [
-        translate(
-            "In time: {share} % sure, least {field} ({least} %); {loss} for late ground included.",
-            share=share,
-            field=weakest.field,
-            least=least,
-            loss=money,
-        )
+        translate("In time: {share} % sure, least {field} ({least} %).", share=share, field=weakest.field, least=least)
     ]
 
 
@@ -94,7 +88,8 @@ def describe_unworked_fields(result: DayResult) -> list[str]:
     """The fields that are not done, with the reasons of the first."""
     left = result.unworked_fields
     sentences = [
-        translate("{field} is not worked: {reason}.", field=one.field, reason=one.reason) for one in left[:MOST_REASONS]
+        translate("{field} is not worked: {reason}.", field=one.field, reason=translate_sentence(one.reason))
+        for one in left[:MOST_REASONS]
     ]
     more = len(left) - MOST_REASONS
     if more > 0:

@@ -23,7 +23,7 @@ from reports.day.answer import (
 )
 from reports.day.schedule_results import DayJob, DayResult, get_stated_start_s
 
-MOST_ROWS = 12
+MOST_ROWS = 8
 
 
 def build_day_screen(result: DayResult, *, with_next: bool = True) -> RenderableType:
@@ -31,7 +31,7 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
     if not result.jobs:
         return Group(*(format_sentence(text) for text in list_day_sentences(result)))
     lines = AnswerLines(
-        (describe_day_end(result), *result.questions, *describe_day_certainty(result)),
+        (*result.shortfalls, describe_day_end(result), *result.questions, *describe_day_certainty(result)),
         (describe_machine_orders(result.jobs),),
         tuple(describe_unworked_fields(result)),
     )
@@ -53,12 +53,10 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
 
 
 def _write_legend(result: DayResult) -> str:
-    apart = result.cost - sum(job.cost + job.lost_cost for job in result.jobs)
-    if apart < LEAST_LOSS:
+    roads = result.paid_cost - sum(job.cost for job in result.jobs)
+    if roads < LEAST_LOSS:
         return translate("Times are medians of the samples, costs means.")
-    money = f"{format_price(apart)} {result.currency}"
-    if result.unworked_fields:
-        return translate("Times are medians, costs means; roads and fields not worked add {money}.", money=money)
+    money = f"{format_price(roads)} {result.currency}"
     return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)
 
 
@@ -83,5 +81,5 @@ def _build_row(job: DayJob) -> tuple[str, ...]:
         format_end_of_day(job.p50_end_s),
         format_end_of_day(job.p95_end_s),
         format_percent(job.finish_probability),
-        format_price(job.cost + job.lost_cost),
+        format_price(job.cost),
     )

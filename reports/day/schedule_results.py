@@ -110,7 +110,8 @@ class DayResult(ShownResult):
     planned with: means, or those that `certainty_pct` of the samples keep. `windows` are the hours in which each
     field may be worked, in the order of `fields`; `breaks` are those of the drivers. All jobs are done by `p50_done_s`
     and `p95_done_s` in half and in 95 % of the samples. `questions` are about tractors that seem too weak for their
-    implement, and plans that were cut short for lack of computing time.
+    implement, and plans that were cut short for lack of computing time; `shortfalls` sentences on plans that are no
+    recommendation.
     """
 
     start_s: float
@@ -136,6 +137,17 @@ class DayResult(ShownResult):
     p50_done_s: float | None = None
     p95_done_s: float | None = None
     questions: tuple[str, ...] = ()
+    shortfalls: tuple[str, ...] = ()
+
+    @property
+    def paid_cost(self) -> float:
+        """What is paid: work and roads."""
+        return sum(job.cost for job in self.jobs) + sum(fleet.road_cost for fleet in self.fleets)
+
+    @property
+    def risked_cost(self) -> float:
+        """The rest of the cost, which nobody pays: the loss on ground that is late or not worked."""
+        return self.cost - self.paid_cost
 
     @property
     def stated_end_s(self) -> float:

@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
+from reports.common.language import translate, translate_sentence
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
@@ -39,10 +40,11 @@ def format_day_json(result: DayResult) -> str:
 
     Keys: ``jobs`` (each with `JOB_KEYS`, fleet after fleet in the order they work), ``not_done`` (`NOT_DONE_KEYS`),
     ``gap_pct``, ``advice``, ``machines`` (`FLEET_KEYS`), ``cost`` (the sum of ``cost`` and ``lost_cost`` of the jobs,
-    ``road_cost`` of the machines and ``cost`` of what is not done), ``finish_probability`` (of all jobs),
-    ``currency``, ``samples``, ``seed``, ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check),
-    ``certainty_pct`` (null: mean times),
-    ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary`` (the answer as it is printed).
+    ``road_cost`` of the machines and ``cost`` of what is not done), ``paid_cost`` and ``risked_cost`` (what of it is
+    paid, and what may be lost), ``finish_probability`` (of all jobs), ``currency``, ``samples``, ``seed``,
+    ``start_s``, ``end_s``, ``remarks``, ``questions`` (to check), ``shortfalls`` (on plans that are no
+    recommendation), ``certainty_pct`` (null: mean times), ``p50_done_s`` and ``p95_done_s`` (all jobs), ``summary``
+    (the answer as it is printed).
     Times are seconds of the day on which work begins, above 86,400 past midnight.
     """
     content = {
@@ -52,6 +54,8 @@ def format_day_json(result: DayResult) -> str:
         "advice": result.advice,
         "machines": [{key: getattr(one, key) for key in FLEET_KEYS} for one in result.fleets],
         "cost": result.cost,
+        "paid_cost": result.paid_cost,
+        "risked_cost": result.risked_cost,
         "finish_probability": result.finish_probability,
         "currency": result.currency,
         "samples": result.samples,
@@ -60,6 +64,7 @@ def format_day_json(result: DayResult) -> str:
         "end_s": result.end_s,
         "remarks": result.remarks,
         "questions": result.questions,
+        "shortfalls": result.shortfalls,
         "certainty_pct": result.certainty_pct,
         "p50_done_s": result.stated_end_s if result.jobs else None,
         "p95_done_s": result.stated_late_end_s if result.jobs else None,
@@ -142,7 +147,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
     for fleet in result.fleets:
         jobs = [job for job in result.jobs if job.machine == fleet.name]
         if not jobs:
-            rows.append((fleet.name, "stays", NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
+            rows.append((fleet.name, translate("stays"), NO_VALUE, NO_VALUE, NO_VALUE, NO_VALUE))
         for place, job in enumerate(jobs):
             name = fleet.name if not place else ""
             rows.append(
@@ -160,7 +165,7 @@ def list_machine_rows(result: DayResult) -> list[tuple[str, ...]]:
             rows.append(
                 (
                     "",
-                    "back",
+                    translate("back"),
                     format_end_of_day(get_stated_end_s(jobs[-1])),
                     format_end_of_day(fleet.stated_home_s),
                     format_number(back, 1),
@@ -221,15 +226,17 @@ def _build_field_table(result: DayResult) -> FittedTable:
 def list_money_rows(result: DayResult) -> list[tuple[str, str]]:
     """The parts of the expected cost of the day, and their sum."""
     return [
-        ("Work", format_price(sum(job.cost for job in result.jobs))),
+        (translate("Work"), format_price(sum(job.cost for job in result.jobs))),
         *(
-            (f"Road of {fleet.name}", format_price(fleet.road_cost))
+            (translate("Road of {machine}", machine=fleet.name), format_price(fleet.road_cost))
             for fleet in result.fleets
             if fleet.leaves_s is not None
         ),
-        ("Ground not done in time", format_price(sum(job.lost_cost for job in result.jobs))),
-        ("Fields not done", format_price(sum(one.cost for one in result.unworked_fields))),
-        ("Expected cost", format_price(result.cost)),
+        (translate("Ground not done in time"), format_price(sum(job.lost_cost for job in result.jobs))),
+        (translate("Fields not done"), format_price(sum(one.cost for one in result.unworked_fields))),
+        (translate("Paid"), format_price(result.paid_cost)),
+        (translate("At risk"), format_price(result.risked_cost)),
+        (translate("Expected cost"), format_price(result.cost)),
     ]
 
 
@@ -247,7 +254,7 @@ def _build_unworked_table(result: DayResult) -> FittedTable:
     return FittedTable(
         columns,
         tuple(
-            (one.field, format_number(one.area_ha, 2), format_price(one.cost), one.reason)
+            (one.field, format_number(one.area_ha, 2), format_price(one.cost), translate_sentence(one.reason))
             for one in result.unworked_fields
         ),
     )

@@ -5,7 +5,6 @@ Times and costs are the stated ones of `reports.common.plan_results`, so that ev
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 from reports.common.effect_names import capitalize_first
@@ -13,13 +12,12 @@ from reports.common.language import translate, translate_count, translate_senten
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
-    PullFigures,
     get_stated_cost,
     get_stated_end_s,
     get_stated_finished_end_s,
     get_stated_late_end_s,
 )
-from reports.common.units import format_area, format_speed, format_width
+from reports.common.units import format_area
 from reports.common.wording import (
     format_duration,
     format_number,
@@ -29,16 +27,16 @@ from reports.common.wording import (
     format_tractor_count,
     parse_start_time,
 )
+from reports.plan.clock_wording import format_deadline, format_end_clock
 from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     LEAST_COST,
     describe_changes,
     explain_no_plan,
-    format_clock_after_start,
-    format_end_clock,
     is_interval_wide,
     list_feasible,
 )
+from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
 
 SURE_SHARE = 0.995  # from here on it is not said again of an alternative
 
@@ -48,8 +46,9 @@ class Answer:
     """What a ranking says in sentences: each attribute is one of them, "" where there is nothing to say.
 
     Attributes:
-        verdict: that no plan works and why, or that none meets what was asked.
-        decision: the plan to take, when it is done, its cost and how much it works; where none works what would help.
+        verdict: that no plan works and why, or what the best lacks of what was asked for.
+        decision: the plan to take, when it is done and what it costs; where none works what would help.
+        work: how much of the field is worked, and the end that is nearly sure.
         certainty: how sure that is, and what late ground may cost.
         alternatives: the plans with fewer and with more tractors.
         faults: what is wrong with the plan to take.
@@ -58,62 +57,33 @@ class Answer:
 
     verdict: str
     decision: str
-    certainty: str
-    alternatives: str
-    faults: tuple[str, ...]
+    work: str = ""
+    certainty: str = ""
+    alternatives: str = ""
+    faults: tuple[str, ...] = ()
     question: str = ""
 
     def list_sentences(self) -> list[str]:
         """All sentences, the most important first."""
-        sentences = (self.verdict, self.decision, self.question, self.certainty, self.alternatives, *self.faults)
-        return [text for text in sentences if text]
+        first = (self.verdict, self.decision, self.question, self.work, self.certainty, self.alternatives)
+        return [text for text in (*first, *self.faults) if text]
 
 
 def write_answer(ranking: PlanRanking) -> Answer:
     """The answer of a ranking."""
-    best = ranking.best
+    best, question = ranking.best, question_pull(ranking.pull)
     if best is None:
-        return Answer(explain_no_plan(ranking), describe_changes(ranking), "", "", (), question_pull(ranking.pull))
+        return Answer(explain_no_plan(ranking), describe_changes(ranking), question=question)
+    verdict = list_shortfall_sentences(ranking)
     return Answer(
-        _describe_verdict(ranking),
+        " ".join(verdict),
         _describe_decision(ranking, best),
+        _describe_work(ranking, best),
         _describe_certainty(ranking, best),
         _describe_alternatives(ranking, best),
         tuple(_list_faults(ranking, best)),
-        question_pull(ranking.pull),
+        "" if question in verdict else question,
     )
-
-
-def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) -> str:
-    """Asks whether the tractor can pull the implement where it seems too weak; else ""."""
-    if pull is None or not pull.is_questioned:
-        return ""
-    width_m, speed_kmh = pull.possible_width_m, pull.possible_speed_kmh
-    ways = [
-        *([] if width_m is None else [f"--width {width_m:g}"]),
-        *([] if speed_kmh is None else [f"--speed-kmh {speed_kmh:g}"]),
-    ]
-    figures = {
-        "width": format_width(round(pull.width_m, 1)),
-        "needed": format_number(pull.needed_kw, 0),
-        "speed": format_speed(pull.speed_kmh / 3.6).replace(".0 ", " "),
-        "available": format_number(pull.available_kw, 0),
-    }
-    text = (
-        translate("The {width} drill needs about {needed} kW at the drawbar at {speed}; this tractor has about "
-                  "{available} kW: check it", **figures)
-        if pull.implement == "drill"
-        else translate("The {width} cultivator needs about {needed} kW at the drawbar at {speed}; this tractor "
-                       "has about {available} kW: check it", **figures)
-        if pull.implement == "cultivator"
-        else translate("The implement of {width} needs about {needed} kW at the drawbar at {speed}; this tractor "
-                       "has about {available} kW: check it", **figures)
-    )  # fmt: skip
-    if not ways or not suggests_options:
-        return f"{text}."
-    if len(ways) == 1:
-        return translate("{text}, or try {way}.", text=text, way=ways[0])
-    return translate("{text}, or try {first} or {second}.", text=text, first=ways[0], second=ways[1])
 
 
 def format_stated_end(ranking: PlanRanking, seconds: float | None) -> str:
@@ -129,8 +99,9 @@ def format_money(ranking: PlanRanking, value: float | None) -> str:
 
 
 def format_stated_cost(ranking: PlanRanking, plan: PlanResult) -> str:
-    """The stated cost of a plan with the currency."""
-    return format_money(ranking, get_stated_cost(plan))
+    """The stated cost of a plan with the currency, and that its prices are assumed where nobody gave them."""
+    money = format_money(ranking, get_stated_cost(plan))
+    return translate("{money} (assumed prices)", money=money) if ranking.prices_assumed else money
 
 
 def name_plan(plan: PlanResult) -> str:
@@ -138,43 +109,39 @@ def name_plan(plan: PlanResult) -> str:
     return translate("{tractors}, {strategy}", tractors=format_tractor_count(plan.tractors), strategy=plan.strategy)
 
 
-def _describe_verdict(ranking: PlanRanking) -> str:
-    if ranking.unmet_sentence is not None:
-        return ranking.unmet_sentence
-    if ranking.missed_by_s is None:
-        return ""
-    late = math.ceil(ranking.missed_by_s / 60.0)
-    limit = _format_deadline(ranking)
-    return translate("No plan is done by {deadline}. The closest is {late} min late:", deadline=limit, late=late)
-
-
 def _describe_decision(ranking: PlanRanking, plan: PlanResult) -> str:
-    """``2 tractors, split-field: done 14:36 (95 % by 15:02), 119 EUR, 98.4 % worked``, without a full stop."""
+    """``2 tractors, split-field: done 14:36, 119 EUR, 33 l``, without a full stop: it fits in a line."""
     parts = [_describe_end(ranking, plan)]
     if get_stated_cost(plan) is not None:
         parts.append(format_stated_cost(ranking, plan))
     if energy := format_energy(plan):
         parts.append(energy)
+    return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
+
+
+def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
+    """``98.4 % worked, 95 % sure by 15:02, 2 refills.``"""
+    parts = []
     if plan.worked_pct is not None:
         parts.append(translate("{share} % worked", share=format_number(plan.worked_pct, 1)))
+    if (late_s := get_stated_late_end_s(plan)) is not None:
+        late = format_stated_end(ranking, late_s)
+        has_start = parse_start_time(ranking.start) is not None
+        parts.append(
+            translate("95 % sure by {late}", late=late) if has_start else translate("95 % sure in {late}", late=late)
+        )
     if plan.refills is not None:
         parts.append(translate_count("{count} refill", "{count} refills", plan.refills))
     if plan.charges:
         parts.append(translate_count("{count} stop to charge", "{count} stops to charge", plan.charges))
-    return translate("{plan}: {figures}", plan=name_plan(plan), figures=", ".join(parts))
+    return f"{', '.join(parts)}." if parts else ""
 
 
 def _describe_end(ranking: PlanRanking, plan: PlanResult) -> str:
     done = format_stated_end(ranking, get_stated_end_s(plan))
-    late_s = get_stated_late_end_s(plan)
-    late = format_stated_end(ranking, late_s)
     if parse_start_time(ranking.start) is None:
-        if late_s is None:
-            return translate("done in {time}", time=done)
-        return translate("done in {time} (95 % in {late})", time=done, late=late)
-    if late_s is None:
-        return translate("done {time}", time=done)
-    return translate("done {time} (95 % by {late})", time=done, late=late)
+        return translate("done in {time}", time=done)
+    return translate("done {time}", time=done)
 
 
 def _describe_certainty(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -211,16 +178,10 @@ def _format_limit(ranking: PlanRanking) -> str:
     has_rain = ranking.scenario.get("rain") is not None
     if ranking.allowed_s is None:
         return translate("before the rain")
-    deadline = _format_deadline(ranking)
+    deadline = format_deadline(ranking)
     if has_rain:
         return translate("before {deadline} and the rain", deadline=deadline)
     return translate("before {deadline}", deadline=deadline)
-
-
-def _format_deadline(ranking: PlanRanking) -> str:
-    return (
-        format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or format_duration(ranking.allowed_s)
-    )
 
 
 def choose_alternatives(ranking: PlanRanking) -> list[PlanResult]:

@@ -9,9 +9,9 @@ from typing import Any
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
 from reports.common.wording import format_duration, format_percent, format_price
+from reports.plan.clock_wording import format_deadline
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import (
-    format_clock_after_start,
     format_in_time_probability,
     format_unworked,
     list_feasible,
@@ -100,7 +100,7 @@ def _format_tick_time(seconds: int) -> str:
 
 def _describe_deadline(ranking: PlanRanking) -> str:
     """The deadline as a clock time, without a start as a duration."""
-    return f"deadline {format_clock_after_start(ranking, ranking.allowed_s) or format_duration(ranking.allowed_s)}"
+    return f"deadline {format_deadline(ranking)}"
 
 
 _RISK_WIDTH, _RISK_HEIGHT, _RISK_LEFT, _RISK_RIGHT, _RISK_ABOVE, _RISK_BELOW, _RISK_BETWEEN = (

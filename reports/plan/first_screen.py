@@ -1,6 +1,6 @@
 """The first screen of a ranking for a terminal: the answer, a short table, and what to type next.
 
-At 80 columns it has at most 24 lines, of which at most five stand before the table.
+At 80 columns it has at most 20 lines, of which at most five stand before the table.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.energy_wording import format_energy_cell, has_energy, name_energy_column
 from reports.plan.plan_wording import describe_machines, format_in_time_probability, list_feasible, list_refused
 
-MOST_ROWS, LEAST_ROWS = 8, 5
+MOST_ROWS, LEAST_ROWS = 6, 5
 MOST_COLUMNS = 7
 _MOST_NAME_LETTERS = 40
 _MORE_HINT = mark_text("a wider window or --explain shows more")
@@ -62,9 +62,12 @@ def build_first_screen(ranking: PlanRanking, *, shows_all: bool = False, with_ne
 
 def _build_answer_lines(ranking: PlanRanking) -> AnswerLines:
     answer = write_answer(ranking)
-    must = tuple(text for text in (answer.verdict, answer.decision, answer.certainty) if text)
+    certainty = " ".join(filter(None, (answer.work, answer.certainty)))
+    must = (answer.verdict, answer.decision) if answer.verdict else (answer.decision, certainty)
+    others = (certainty, answer.alternatives) if answer.verdict else (answer.alternatives,)
     faults = (answer.question, *answer.faults) if answer.question else answer.faults
-    return AnswerLines(must, (answer.alternatives,), faults, title=_format_heading(ranking))
+    title = "" if ranking.shortfalls else _format_heading(ranking)
+    return AnswerLines(tuple(filter(None, must)), others, faults, title=title)
 
 
 def choose_first_plans(ranking: PlanRanking, most: float = MOST_ROWS) -> list[PlanResult]:
@@ -155,14 +158,15 @@ def _mark_count(ranking: PlanRanking, plan: PlanResult, *, shows_front: bool) ->
 
 def write_legend(ranking: PlanRanking, plans: Sequence[PlanResult]) -> str:
     """What the marks in the table mean, and what its times and costs are."""
+    mark = translate("> recommended") if ranking.is_recommended else translate("> the best, but no recommendation")
     has_samples = any(plan.p50_s is not None for plan in plans)
-    if _is_front_part(plans):
-        if has_samples:
-            return translate("> recommended; * none with as few is faster; times are medians, costs are means.")
-        return translate("> recommended; * none with as few is faster; times and costs are as simulated.")
-    if has_samples:
-        return translate("> recommended; times are medians, costs are means.")
-    return translate("> recommended; times and costs are as simulated.")
+    figures = (
+        translate("times are medians, costs are means")
+        if has_samples
+        else translate("times and costs are as simulated")
+    )
+    front = [translate("* none with as few is faster")] if _is_front_part(plans) else []
+    return f"{'; '.join([mark, *front, figures])}."
 
 
 def count_other_plans(ranking: PlanRanking, plans: Sequence[PlanResult]) -> list[str]:

@@ -6,11 +6,9 @@ sentence, or None) and `ranking` (read back from `reports.plan.ranking_export.fo
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import PurePath
 from typing import Any
@@ -20,10 +18,10 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_sentence
 from reports.common.rendering import make_json_safe
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.units import format_width
 from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
-from reports.plan.ranking_export import CSV_KEYS, EXPORT_DECIMALS, PLAN_KEYS, flatten_entry, format_csv_cell
+from reports.plan.ranking_export import EXPORT_DECIMALS, build_csv_row, format_csv, list_csv_columns
 
 FieldRecord = Mapping[str, Any]
 REQUESTED_KEY = "requested_field"
@@ -32,34 +30,33 @@ _FILE_KEYS = ("key", "sum", MAP_KEY)  # of the checkpoint file and the page only
 
 
 def format_many_csv_head() -> str:
-    """The heading of the CSV: keys of a plan, of the request, and the name of the field as given."""
-    return _format_csv([(*flatten_entry(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS, REQUESTED_KEY)])
+    """The heading of the CSV: the columns of plans, with the name of the field as given after its own."""
+    return format_csv([_insert_requested(list_csv_columns(), REQUESTED_KEY)])
 
 
 def format_many_csv_rows(record: FieldRecord) -> str:
     """A row for each plan of a field, or one row with the reason where the field was refused."""
-    ranking = record["ranking"]
-    empty_plan = dict.fromkeys(PLAN_KEYS) | {"feasible": False, "reason": record["refusal"]}
-    plans = [{key: plan.get(key) for key in PLAN_KEYS} for plan in (ranking["plans"] if ranking else [empty_plan])]
+    ranking, columns = record["ranking"], list_csv_columns()
+    plans = ranking["plans"] if ranking else [{"feasible": False, "reason": record["refusal"]}]
     request_values = (
         {**ranking["scenario"], "area_ha": ranking["field"]["area_ha"]} if ranking else {"width_m": record["width_m"]}
     )
-    request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
-    return _format_csv(
-        [*map(format_csv_cell, flatten_entry(plan).values()), *request_cells, record[REQUESTED_KEY]] for plan in plans
-    )
+    rows = (build_csv_row(plan, request_values, columns) for plan in plans)
+    return format_csv(_insert_requested(row, record[REQUESTED_KEY]) for row in rows)
 
 
-def _format_csv(rows: Iterable[Sequence[Any]]) -> str:
-    buffer = io.StringIO()
-    csv.writer(buffer, lineterminator="\n").writerows(rows)
-    return buffer.getvalue()
+def _insert_requested(row: list[Any], value: str) -> list[Any]:
+    """A row with the name of the field as given in the second place."""
+    return [row[0], value, *row[1:]]
 
 
 def format_many_fields_json(records: Sequence[FieldRecord]) -> str:
     """``fields``: records without key, check sum and map, in the order of the request; ``totals``: one per width."""
     shown = [{key: value for key, value in record.items() if key not in _FILE_KEYS} for record in records]
-    totals = [{**asdict(one), "cost_per_ha": one.cost_per_ha} for one in sum_over_fields(records)]
+    totals = [
+        {**asdict(one), "cost_per_ha": one.cost_per_ha, "risked_cost": one.risked_cost}
+        for one in sum_over_fields(records)
+    ]
     content = {"fields": shown, "totals": make_json_safe(totals, EXPORT_DECIMALS)}
     return json.dumps(content, indent=2, ensure_ascii=False) + "\n"
 
@@ -70,9 +67,15 @@ def build_many_fields_table(records: Sequence[FieldRecord]) -> RenderableType:
     styles = tuple("bold" if row in table.total_rows else "" for row in table.rows)
     parts: list[RenderableType] = [FittedTable(table.columns, table.rows, styles)]
     parts += [format_sentence(text, style="dim") for text in describe_records(records)]
+    lacking = list_shortfalls(records)
+    if lacking:
+        parts += [Text(""), format_title("Without a recommendation"), *map(format_sentence, lacking)]
     without = list_records_without_plan(records)
     if without:
-        parts += [Text(""), Text(f"Without a plan: {len(without)} of {len(records)}", style="bold underline")]
+        parts += [
+            Text(""),
+            format_title(translate("Without a plan: {count} of {all}", count=len(without), all=len(records))),
+        ]
         parts += [format_sentence(sentence) for sentence in without]
     return Group(*parts)
 
@@ -118,9 +121,26 @@ def list_records_without_plan(records: Sequence[FieldRecord]) -> list[str]:
     ]
 
 
+def list_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
+    """A sentence for every field at a width whose best plan is no recommendation."""
+    return [
+        translate(
+            "{field} at {width}: {reason}",
+            field=record["ranking"]["field"]["name"],
+            width=format_width(record["width_m"]),
+            reason=translate_sentence(one["sentence"]),
+        )
+        for record in records
+        for one in (record["ranking"] or {}).get("shortfalls", ())
+    ]
+
+
 @dataclass(frozen=True)
 class FieldsTotal:
-    """Sums over the fields that have a plan at one width: hectares, seconds, cost as stated, square metres."""
+    """Sums over the fields that have a plan at one width: hectares, seconds, cost as stated, square metres.
+
+    `paid_cost` is what is paid of the cost; the rest is expected loss on late ground.
+    """
 
     width_m: float
     fields: int
@@ -129,6 +149,12 @@ class FieldsTotal:
     cost: float
     missed_m2: float
     over_finished_m2: float
+    paid_cost: float
+
+    @property
+    def risked_cost(self) -> float:
+        """Expected loss on late ground, which nobody pays."""
+        return self.cost - self.paid_cost
 
     @property
     def worked_pct(self) -> float:
@@ -165,6 +191,7 @@ def _sum_records(width_m: float, records: Sequence[FieldRecord]) -> FieldsTotal:
         cost=math.fsum(get_stated_plan_cost(plan) or 0.0 for plan in plans),
         missed_m2=sum_key("missed_m2"),
         over_finished_m2=sum_key("over_finished_m2"),
+        paid_cost=math.fsum(_get_paid_cost(plan) for plan in plans),
     )
 
 
@@ -173,8 +200,10 @@ def _describe_costs(records: Sequence[FieldRecord]) -> list[str]:
     best = [plan for record in records if (plan := get_best_plan(record))]
     units = sorted({record["ranking"].get("currency") or "" for record in records if record["ranking"]} - {""})
     has_samples = any(plan.get("expected_cost") is not None for plan in best)
-    cost_kind = "expected (mean of the samples, with losses on late ground)" if has_samples else "as simulated"
-    return [f"Cost: {cost_kind}{f', in {units[0]}' if len(units) == 1 else ''}."] if has_samples or units else []
+    unit = ", ".join(units)
+    if has_samples:
+        return [translate("Cost {unit}: mean of the samples, with losses on late ground.", unit=unit)]
+    return [translate("Cost {unit}: as simulated.", unit=unit)] if units else []
 
 
 _MANY_COLUMNS = (
@@ -209,6 +238,12 @@ def get_stated_plan_cost(plan: Mapping[str, Any]) -> float | None:
     """The cost that every report states: the expected one, and where there are no samples as simulated."""
     cost: float | None = plan.get("cost") if plan.get("expected_cost") is None else plan["expected_cost"]
     return cost
+
+
+def _get_paid_cost(plan: Mapping[str, Any]) -> float:
+    """What is paid of the stated cost: all of it without samples."""
+    paid: float | None = plan.get("paid_cost")
+    return (get_stated_plan_cost(plan) or 0.0) if paid is None else paid
 
 
 def _build_totals_row(total: FieldsTotal) -> tuple[str, ...]:
@@ -250,7 +285,7 @@ def _build_field_plan_row(record: FieldRecord) -> tuple[str, ...]:
         f"{record['width_m']:g}",
         format_number(request_values.get("headland_m"), 1),
         format_number(request_values.get("bearing_deg"), 0),
-        plan.get("strategy", "none"),
+        plan.get("strategy") or translate("none"),
         str(plan.get("tractors", NO_VALUE)),
         format_duration(get_stated_plan_s(plan)),
         format_number(plan.get("worked_pct"), 1),

@@ -16,16 +16,16 @@ from reports.common.wording import (
 from reports.plan.many_fields import (
     MAP_KEY,
     FieldRecord,
-    FieldsTotal,
     RecordsTable,
     describe_records,
     get_best_plan,
     get_stated_plan_cost,
     get_stated_plan_s,
     list_records_without_plan,
-    sum_over_fields,
+    list_shortfalls,
     tabulate_records,
 )
+from reports.plan.many_fields_screen import list_many_sentences
 
 PLAN_HEAD = ("Plan", "Time", "Cost", "Worked %", "Unworked", "Driven over m2", "Headland")
 MAX_PLANS = 10  # of one field; the others are in CSV and JSON
@@ -49,7 +49,7 @@ def render_many_fields_page(records: Sequence[FieldRecord]) -> str:
         {
             "title": f"{len({record['requested_field'] for record in records})} fields: plans",
             "machines": _describe_machines(records),
-            "lead": _describe_totals(records),
+            "lead": insert_non_breaking_spaces(" ".join([*list_shortfalls(records), *list_many_sentences(records)])),
             "columns": [table.columns[place] for place in places],
             "rows": [
                 {"cells": [row[place] for place in places], "is_total": row in table.total_rows, "anchor": anchor}
@@ -80,26 +80,6 @@ def _describe_machines(records: Sequence[FieldRecord]) -> str | None:
     scenarios = [record["ranking"]["scenario"] for record in records if record["ranking"]]
     names = {f"{one['tractor']}, {one.get('implement') or 'implement'} {one['width_m']:g} m" for one in scenarios}
     return names.pop() if len(names) == 1 else None
-
-
-def _describe_totals(records: Sequence[FieldRecord]) -> str:
-    """The totals in a sentence per width."""
-    currency = next((record["ranking"].get("currency") for record in records if record["ranking"]), None)
-    totals = sum_over_fields(records)
-    if not totals:
-        return "No field has a plan."
-    sentences = [_describe_total(one, currency or "", len(totals) > 1) for one in totals]
-    return insert_non_breaking_spaces(" ".join(sentences))
-
-
-def _describe_total(total: FieldsTotal, currency: str, names_width: bool) -> str:
-    width = f"With {total.width_m:g} m: " if names_width else ""
-    count = "1 field" if total.fields == 1 else f"{total.fields} fields"
-    return (
-        f"{width}{count}, {total.area_ha:.2f} ha: {format_duration(total.time_s)} one after the other, "
-        f"{format_price(total.cost)} {currency} ({format_number(total.cost_per_ha, 1)} {currency}/ha), "
-        f"{format_number(total.worked_pct, 1)} % worked."
-    ).replace(" )", ")")
 
 
 def _build_section(record: FieldRecord, anchor: str, names_width: bool) -> dict[str, Any]:

@@ -28,18 +28,19 @@ from reports.plan.many_fields import (
     get_stated_plan_cost,
     get_stated_plan_s,
     list_records_without_plan,
+    list_shortfalls,
     sum_over_fields,
 )
+from reports.plan.plan_wording import LEAST_COST
 
-MOST_ROWS = 14
+MOST_ROWS = 9
 
 
 def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool = True) -> RenderableType:
     """What the fields come to at each width, the plan of every field, and what to type next."""
     faults = [
-        sentence.replace(record[REQUESTED_KEY], PurePath(record[REQUESTED_KEY]).name, 1)
-        for record in records
-        for sentence in list_records_without_plan([record])
+        *list_shortfalls(records),
+        *_list_refusals(records),
     ]
     parts: list[RenderableType] = [AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults)), Text("")]
     parts.append(_build_table(records[:MOST_ROWS]))
@@ -54,15 +55,42 @@ def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool 
     return Group(*parts)
 
 
+def _list_refusals(records: Sequence[FieldRecord]) -> list[str]:
+    """Why fields have no plan, without the folders of their files."""
+    return [
+        sentence.replace(record[REQUESTED_KEY], PurePath(record[REQUESTED_KEY]).name, 1)
+        for record in records
+        for sentence in list_records_without_plan([record])
+    ]
+
+
 def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
     """What the fields that have a plan come to, a sentence for every width, and how many have none."""
     fields = len({record[REQUESTED_KEY] for record in records})
-    sentences = [_describe_total(total, fields, _find_currency(records)) for total in sum_over_fields(records)]
-    return sentences or [translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)]
+    is_assumed = any(record["ranking"] and record["ranking"].get("prices_assumed") for record in records)
+    totals = sum_over_fields(records)
+    sentences = [_describe_total(total, fields, _find_currency(records), is_assumed) for total in totals]
+    return [*_count_shortfalls(records), *sentences] or [
+        translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)
+    ]
 
 
-def _describe_total(total: FieldsTotal, fields: int, currency: str) -> str:
+def _count_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
+    """How many fields have a plan that is no recommendation."""
+    count = sum(bool(record["ranking"] and record["ranking"].get("shortfalls")) for record in records)
+    if not count:
+        return []
+    return [translate_count("{count} plan is no recommendation.", "{count} plans are no recommendation.", count)]
+
+
+def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: bool) -> str:
     """``3 m: 4 of 5 fields, 12.30 ha, in 6:12:03 one after the other, 412 EUR (33 EUR/ha), 98.4 % worked.``"""
+    cost = f"{format_price(total.paid_cost)} {currency}".strip()
+    if is_assumed:
+        cost = translate("{money} (assumed prices)", money=cost)
+    if total.risked_cost >= LEAST_COST:
+        risked = f"{format_price(total.risked_cost)} {currency}".strip()
+        cost = translate("{paid} paid and {risked} at risk", paid=cost, risked=risked)
     return translate(
         "{width}: {count} of {fields} fields, {area}, {time} one after the other, {cost} ({rate}), {worked} % worked.",
         width=format_width(total.width_m),
@@ -70,7 +98,7 @@ def _describe_total(total: FieldsTotal, fields: int, currency: str) -> str:
         fields=fields,
         area=format_hectares(total.area_ha),
         time=format_duration(total.time_s),
-        cost=f"{format_price(total.cost)} {currency}".strip(),
+        cost=cost,
         rate=f"{format_price(convert_rate_per_hectare(total.cost_per_ha))} {currency}".strip() + f"/{get_area_unit()}",
         worked=format_number(total.worked_pct, 1),
     )

@@ -142,7 +142,7 @@ def summarise_ranking(ranking: PlanRanking) -> str:
     """Field and answer in a few sentences: the plan to take, when it is done, its cost, and how sure that is."""
     answer = write_answer(ranking)
     decision = f"{answer.decision}." if answer.decision else ""
-    sentences = " ".join(filter(None, (answer.verdict, decision, answer.certainty)))
+    sentences = " ".join(filter(None, (answer.verdict, decision, answer.work, answer.certainty)))
     return f"{ranking.field_name}, {format_number(ranking.area_ha, 2)} ha. {sentences}"
 
 

@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import timedelta
 
 from reports.common.effect_names import format_effect_values, format_effect_with_id
 from reports.common.language import mark_text, translate, translate_count, translate_sentence
@@ -31,10 +30,10 @@ from reports.common.wording import (
     format_price,
     format_tractor_count,
     join_list,
-    parse_start_time,
     round_seconds,
-    round_up_to_minute,
 )
+from reports.plan.clock_wording import format_deadline, format_end_clock
+from reports.plan.shortfall_wording import list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
@@ -193,22 +192,6 @@ def describe_simulated_effects(ranking: PlanRanking) -> str | None:
     return f"Simulated with what measured logs showed of this tractor: {'; '.join(parts)}." if parts else None
 
 
-def format_clock_after_start(ranking: PlanRanking, seconds: float | None) -> str | None:
-    """The clock time ``09:14``, ``01:14 next day`` or ``01:14, 2 days later`` after the start; None without a start."""
-    start = parse_start_time(ranking.start)
-    if start is None or seconds is None or not math.isfinite(seconds):
-        return None
-    later = start + timedelta(seconds=round_seconds(seconds))
-    days = (later.date() - start.date()).days
-    clock = later.strftime("%H:%M")
-    return translate_count("{clock} next day", "{clock}, {count} days later", days, clock=clock) if days else clock
-
-
-def format_end_clock(ranking: PlanRanking, seconds: float) -> str | None:
-    """The clock time by which work is done, up to the minute; None without a start."""
-    return format_clock_after_start(ranking, round_up_to_minute(seconds))
-
-
 def describe_ranking(ranking: PlanRanking) -> list[str]:
     """The answer in a few sentences: the plan to take, who meets the deadline, what is fastest and cheapest."""
     best = ranking.best
@@ -219,19 +202,13 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     best_is_cheapest = cheapest is not None and _get_compared_cost(cheapest) == _get_compared_cost(best)
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
-    if ranking.unmet_sentence is not None:
+    if ranking.shortfalls:
         sentences = [
-            ranking.unmet_sentence,
+            *list_shortfall_sentences(ranking),
             *_list_advice(ranking),
-            translate("The closest plan: {result}.", result=result),
+            translate("The best of them: {result}.", result=result),
             *details,
         ]
-    elif best.meets_deadline is False:
-        lateness = "" if ranking.missed_by_s is None else f" misses it by {format_duration(ranking.missed_by_s)}"
-        clock = _format_deadline_clock(ranking)
-        missed = f"No plan meets the deadline ({clock})." if clock else "No plan meets the deadline."
-        sentences = [missed, *_list_advice(ranking)]
-        sentences += [f"The {name_best_late_plan(ranking)}{lateness}: {result}.", *details]
     else:
         sentences = [*_list_advice(ranking), translate("Best plan: {result}.", result=result), *details]
         sentences += _describe_deadline(ranking, best, best_is_cheapest)
@@ -271,8 +248,7 @@ def _describe_other_plans(
     sentences = [f"{name}: {_describe_plan_result(ranking, plan)}." for name, plan in plans_by_name.items()]
     if not best_is_cheapest or best.meets_deadline:
         return sentences
-    closest_only = best.meets_deadline is False or ranking.unmet_sentence is not None
-    if closest_only:
+    if ranking.shortfalls:
         return [*sentences, translate("This plan is also the cheapest.")]
     return [*sentences, translate("The best plan is also the cheapest.")]
 
@@ -328,14 +304,6 @@ def _describe_service_stops(plan: PlanResult) -> str:
     if not plan.refills:
         return "" if plan.refills is None else translate(" with no refills")
     return translate_count(" with {count} refill", " with {count} refills", plan.refills)
-
-
-def name_best_late_plan(ranking: PlanRanking) -> str:
-    """What to call the best plan where none meets the deadline: another may be sooner but leave more ground."""
-    best = ranking.best
-    times = [get_stated_s(plan) for plan in list_feasible(ranking) if plan.time_s is not None]
-    is_closest = best is None or best.time_s is None or get_stated_s(best) <= min(times)
-    return mark_text("closest plan") if is_closest else mark_text("best plan")
 
 
 def get_charged_traffic_m2(plan: PlanResult) -> float | None:
@@ -443,8 +411,12 @@ def _name_plan_variant(plan: PlanResult) -> str:
 def _describe_time(ranking: PlanRanking, seconds: float | None, by_clock_s: float) -> str:
     """The time driven, and the clock time; named where it is not that of the last tractor's end."""
     clock_text = format_end_clock(ranking, by_clock_s)
-    clock_prefix = "" if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S else "field work done "
-    return format_duration(seconds) + (f" ({clock_prefix}at {clock_text})" if clock_text else "")
+    values = {"time": format_duration(seconds), "clock": clock_text}
+    if not clock_text:
+        return values["time"] or ""
+    if abs((seconds or 0.0) - by_clock_s) < SAME_TIME_S:
+        return translate("{time} (at {clock})", **values)
+    return translate("{time} (field work done at {clock})", **values)
 
 
 def _describe_cost(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -456,17 +428,12 @@ def _format_in_currency(ranking: PlanRanking, value: float) -> str:
     return format_price(value) if ranking.currency is None else f"{format_price(value)} {ranking.currency}"
 
 
-def _format_deadline_clock(ranking: PlanRanking) -> str:
-    return format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or ""
-
-
 def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest: bool) -> list[str]:
-    """Who meets the deadline, and that the best plan is the cheapest of those or of all plans."""
+    """Who meets the deadline, if anybody, and that the best plan is the cheapest of those or of all plans."""
     judged = [plan for plan in list_feasible(ranking) if plan.meets_deadline is not None]
-    if not judged:
+    if not any(plan.meets_deadline for plan in judged):
         return []
-    clock = _format_deadline_clock(ranking)
-    name = translate("The deadline ({clock})", clock=clock) if clock else translate("The deadline")
+    name = translate("The deadline ({clock})", clock=format_deadline(ranking))
     meeting = sorted({plan.tractors for plan in judged if plan.meets_deadline})
     late = sorted({plan.tractors for plan in judged} - set(meeting))
     missed = translate(", not with {counts}", counts=join_list(late, "or")) if late else ""

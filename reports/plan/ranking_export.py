@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -12,15 +13,16 @@ from reports.common.plan_results import (
     FieldPartPlan,
     PlanRanking,
     PlanResult,
-    PullFigures,
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
+from reports.common.shortfalls import LATE, PullFigures
 from reports.common.study_results import FleetStudy, ThesisTableRow
-from reports.plan.answer import question_pull, write_answer
+from reports.plan.answer import write_answer
 from reports.plan.plan_wording import get_clearance_m
+from reports.plan.shortfall_wording import describe_shortfall, question_pull
 
 PLAN_KEYS = (
     "rank",
@@ -106,6 +108,12 @@ CSV_KEYS = (
     "area_ha",
     "corners",
 )
+FIRST_CSV_KEYS = (
+    "field", "strategy", "tractors", "turn", "width_m", "stated_end_s", "stated_late_end_s", "stated_cost",
+    "worked_pct", "finish_probability", "meets_deadline", "fuel_l", "energy_kwh", "waiting_s", "rank", "feasible",
+    "reason",
+)  # fmt: skip
+"""What a plan is of, the figures of the printed table, and why there are none."""
 EXPORT_DECIMALS = 6
 
 
@@ -115,14 +123,19 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     Keys: ``field`` (``name``, ``area_ha``), ``seed``, ``plans`` (each with `PLAN_KEYS` and ``cells``, in the order of
     the ranking), ``best`` (one of them, or null), ``tractor_effects`` (values by id of the effects in the tractor file,
     amounts of its discrepancy model under ``discrepancy_model``), ``scenario`` (the request, by parameter), ``advice``
-    (a sentence), ``currency``, ``samples``, ``unmet`` (a sentence where no plan meets the rain or the budget),
+    (a sentence), ``currency``, ``samples``, ``prices_assumed`` (nobody gave prices), ``shortfalls`` (what keeps the
+    best plan from being a recommendation: ``kind`` pull, worked, rain, budget or late, and ``sentence``), ``unmet``
+    (these sentences but for late; null without any),
     ``parts`` (further parts of a divided field: number, ground, neck, neck_width_m, plan, reason) ``changes``
     (found to work where no plan does), ``pull`` (power at the drawbar that the implement needs and the tractor has,
-    ``questioned`` if it is too little; null if unknown), ``remarks`` (on the field file), ``ground`` (sentences on
+    ``questioned`` if it is too little, ``feasible`` unless it is too little for the lightest such implement; null if
+    unknown), ``remarks`` (on the field file), ``ground`` (sentences on
     heights, soil and fuel) and ``summary`` (the answer in a few sentences, as it is printed).
     Figures that are missing or not finite are null.
     """
     best = ranking.best
+    shortfalls = [{"kind": one.kind, "sentence": describe_shortfall(ranking, one)} for one in ranking.shortfalls]
+    unmet = " ".join(one["sentence"] for one in shortfalls if one["kind"] != LATE)
     return _format_json(
         {
             "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},
@@ -134,7 +147,9 @@ def format_ranking_json(ranking: PlanRanking) -> str:
             "advice": ranking.advice,
             "currency": ranking.currency,
             "samples": ranking.samples,
-            "unmet": ranking.unmet_sentence,
+            "prices_assumed": ranking.prices_assumed,
+            "unmet": unmet or None,
+            "shortfalls": shortfalls,
             "parts": [build_part_entry(part) for part in ranking.parts],
             "changes": list(ranking.changes),
             "pull": _build_pull_entry(ranking.pull),
@@ -150,7 +165,12 @@ def _build_pull_entry(pull: PullFigures | None) -> dict[str, Any] | None:
     if pull is None:
         return None
     figures = {name: make_json_safe(value, 2) for name, value in asdict(pull).items()}
-    return {**figures, "questioned": pull.is_questioned, "question": question_pull(pull) or None}
+    return {
+        **figures,
+        "questioned": pull.is_questioned,
+        "feasible": not pull.is_infeasible,
+        "question": question_pull(pull) or None,
+    }
 
 
 def build_part_entry(part: FieldPartPlan) -> dict[str, Any]:
@@ -199,22 +219,36 @@ def build_plan_entry(plan: PlanResult) -> dict[str, Any]:
 
 
 def format_ranking_csv(ranking: PlanRanking) -> str:
-    """The plans as CSV text: a header of `PLAN_KEYS` and `CSV_KEYS`, then one row per plan in the order of the ranking.
+    """The plans as CSV text: a header of `list_csv_columns`, then one row per plan in the order of the ranking.
 
     `CSV_KEYS` are of the request, the same on every row, so that tables of several fields can be joined.
     Missing values are empty cells, truth values ``true`` and ``false``, lines end in a newline alone. The largest
     missed piece has a column for each of its keys (``largest_missed_m2``), an interval one for each end
     (``finish_probability_interval_low``).
     """
-    buffer = io.StringIO()
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow((*flatten_entry(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS))
+    columns = list_csv_columns()
     request_values = {**ranking.scenario, "field": ranking.field_name, "area_ha": ranking.area_ha}
-    request_cells = [format_csv_cell(make_json_safe(request_values.get(key), EXPORT_DECIMALS)) for key in CSV_KEYS]
-    for plan in ranking.plans:
-        writer.writerow(
-            [*(format_csv_cell(value) for value in flatten_entry(build_plan_entry(plan)).values()), *request_cells]
-        )
+    rows = (build_csv_row(build_plan_entry(plan), request_values, columns) for plan in ranking.plans)
+    return format_csv([columns, *rows])
+
+
+def list_csv_columns() -> list[str]:
+    """The columns of plans as CSV: `FIRST_CSV_KEYS`, then the other keys of plan and request."""
+    names = [*flatten_entry(dict.fromkeys(PLAN_KEYS)), *CSV_KEYS]
+    return [*FIRST_CSV_KEYS, *(name for name in names if name not in FIRST_CSV_KEYS)]
+
+
+def build_csv_row(entry: Mapping[str, Any], request_values: Mapping[str, Any], columns: Sequence[str]) -> list[Any]:
+    """The cells of a plan, an entry with `PLAN_KEYS`, and of its request."""
+    of_request = {key: make_json_safe(request_values.get(key), EXPORT_DECIMALS) for key in CSV_KEYS}
+    values = {**of_request, **flatten_entry({key: entry.get(key) for key in PLAN_KEYS})}
+    return [format_csv_cell(values[name]) for name in columns]
+
+
+def format_csv(rows: Iterable[Sequence[Any]]) -> str:
+    """Rows as CSV text."""
+    buffer = io.StringIO()
+    csv.writer(buffer, lineterminator="\n").writerows(rows)
     return buffer.getvalue()
 
 

@@ -328,10 +328,13 @@ def describe_order_optimality(plans: Sequence[PlanResult]) -> str | None:
             gaps = groups.setdefault(plan.strategy, {})
             gaps.setdefault(format_order_optimality(plan.order_gap_pct), []).append(plan.tractors)
     parts = [
-        f"{name} {join_list(f'{gap} with {join_list(sorted(set(counts)))}' for gap, counts in gaps.items())}"
+        translate("{strategy} {gap} with {counts}", strategy=name, gap=gap, counts=join_list(sorted(set(counts))))
         for name, gaps in groups.items()
+        for gap, counts in gaps.items()
     ]
-    return f"Order of tracks, by the driving between them: {'; '.join(parts)}." if parts else None
+    if not parts:
+        return None
+    return translate("Order of tracks, by the driving between them: {orders}.", orders="; ".join(parts))
 
 
 def format_order_optimality(pct: float) -> str:

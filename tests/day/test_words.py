@@ -62,8 +62,8 @@ def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
     second = replace(JOB, field="other", end_s=9 * HOUR, p50_end_s=11 * HOUR, p95_end_s=12 * HOUR + 1.0,
                      finish_probability=0.6, lost_cost=4.5)  # fmt: skip
     assert list_told((JOB, second), (), 0.55) == [
-        "All 2 fields are done by 11:00 (95 % by 12:01), 321 EUR.",
-        "In time: 55 % sure, least other (60 %); 4.50 EUR for late ground included.",
+        "All 2 fields are done by 11:00 (95 % by 12:01), 199 EUR paid and 122 EUR at risk.",
+        "In time: 55 % sure, least other (60 %).",
         "one (2): Home $1, then other.",
     ]
 
@@ -71,6 +71,21 @@ def test_a_day_says_its_median_end_and_what_is_least_sure() -> None:
 def test_a_day_names_what_is_not_worked() -> None:
     left = tuple(UnworkedField(name, 1.0, 5.0, "it is far") for name in ("a", "b", "c", "d"))
     told = list_told((JOB,), left, 1.0)
-    assert told[:2] == ["1 of 5 fields is done by 10:06 (95 % by 11:00), 321 EUR.", "In time: 100 % sure."]
+    assert told[:2] == [
+        "1 of 5 fields is done by 10:06 (95 % by 11:00), 100 EUR paid and 222 EUR at risk.",
+        "In time: 100 % sure.",
+    ]
     assert told[-2:] == ["c is not worked: it is far.", "1 more is not worked."]
     assert list_told((), left[:1], None) == ["No field can be done on this day.", "a is not worked: it is far."]
+
+
+def test_a_day_says_first_what_is_no_recommendation_and_what_nobody_pays_is_no_price() -> None:
+    """Work 99.50 and roads 12 are paid; a loss of 1.25 and a field left for 80 are risked."""
+    jobs, fleet = (replace(JOB, cost=99.5, lost_cost=1.25),), FleetDay("one", "2 x A", 8 * HOUR, 12 * HOUR, 9.0, 12.0)
+    left = (UnworkedField("a", 1.0, 80.0, "it is far"),)
+    lacking = "north: No recommendation: only 53.9 % of the field is worked; 44 % is cut off by obstacles."
+    day = DayResult(8 * HOUR, 20 * HOUR, jobs, left, (fleet,), 0.0, 192.75, 1.0, "EUR", 1000, 1, "",
+                    shortfalls=(lacking,))  # fmt: skip
+    assert (day.paid_cost, day.risked_cost) == (111.5, 81.25)
+    told = list_day_sentences(day)
+    assert told[0] == lacking and told[1].endswith(", 112 EUR paid and 81 EUR at risk.")

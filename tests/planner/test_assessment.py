@@ -124,8 +124,8 @@ class TestRanking:
         )
         assert (told.currency, told.samples, told.missed_by_s) == ("EUR", 500, None)
         assert told.money_sentences == (
-            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour; and 80 for each hectare not done "
-            "before 09:00.",
+            "Cost in EUR, mean of 500 samples: 40.00 for each tractor and hour.",
+            "The cost includes 80 for each hectare that is not done before 09:00.",
         )
 
     def test_a_plan_that_is_late_as_simulated_is_not_taken_while_another_is_in_time(self) -> None:
@@ -161,14 +161,14 @@ class TestWhatNoPlanMeets:
 
     def test_rain_at_a_time_leaves_out_what_is_late_as_simulated(self) -> None:
         dry = self.told(rain="8:35")
-        assert dry.best is self.plans[2] and dry.unmet_sentence is None
+        assert dry.best is self.plans[2] and dry.shortfalls == ()
         wet = self.told(rain="8:20")
-        assert wet.unmet_sentence == "No plan finishes before the rain; the closest is 0:10:00 late."
+        assert wet.shortfalls[0].sentence == "No plan finishes before the rain; the closest is 0:10:00 late."
         assert wet.best is self.plans[2], "the quickest is the closest"
 
     def test_rain_at_a_time_is_of_the_clock_at_which_field_work_is_done(self) -> None:
         plans = tuple(replace(each, done_s=each.time_s + 900.0) for each in self.plans if each.time_s is not None)
-        assert self.told(plans, rain="8:35").unmet_sentence == (
+        assert self.told(plans, rain="8:35").shortfalls[0].sentence == (
             "No plan finishes before the rain; the closest is 0:10:00 late."
         )
         assert self.told(plans, rain="8:50").best is plans[2]
@@ -176,24 +176,29 @@ class TestWhatNoPlanMeets:
     def test_rain_that_may_come_is_not_met_where_hardly_any_draw_is(self) -> None:
         few = tuple(replace(each, finish_probability=0.004) for each in self.plans)
         told = self.told(few, rain="8:20=50,8:40=50")
-        assert told.unmet_sentence == "No plan finishes before the rain: the surest does in under 1 % of the samples."
+        assert (
+            told.shortfalls[0].sentence
+            == "No plan finishes before the rain: the surest does in under 1 % of the samples."
+        )
         assert told.best is few[2]
-        assert self.told(rain="8:20=50,8:40=50").unmet_sentence is None
+        assert self.told(rain="8:20=50,8:40=50").shortfalls == ()
 
     def test_a_budget_leaves_out_what_is_dearer(self) -> None:
         assert self.told(deadline_s=EIGHT + 3600).best is self.plans[0]
         assert self.told(deadline_s=EIGHT + 3600, budget=100.0).best is self.plans[1]
         short = self.told(budget=90.0)
         assert short.best is self.plans[1]
-        assert short.unmet_sentence == "No plan is within the budget of 90.00 EUR; the cheapest costs 96.40 EUR."
+        assert (
+            short.shortfalls[0].sentence == "No plan is within the budget of 90.00 EUR; the cheapest costs 96.40 EUR."
+        )
         dry = self.told(rain="8:50", budget=100.0)
-        assert dry.unmet_sentence == (
+        assert dry.shortfalls[0].sentence == (
             "No plan that finishes in time is within the budget of 100.00 EUR; the cheapest costs 120.10 EUR."
         )
         assert dry.best is self.plans[0] and dry.advice is not None
         assert "1 tractor: 61 % in time, -24 EUR" in dry.advice
         neither = self.told(rain="8:50", budget=90.0)
-        assert neither.unmet_sentence == (
+        assert neither.shortfalls[0].sentence == (
             "No plan is within the budget of 90.00 EUR; the cheapest that finishes in time costs 120.10 EUR."
         )
 

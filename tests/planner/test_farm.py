@@ -191,7 +191,10 @@ def test_the_price_of_an_hour_by_hand() -> None:
     assert found.request.price_per_hour == pytest.approx(25.0)
     flat = parse_farm(PLAIN.replace("[prices]", "[prices]\nper_hour = 30.0"), "flat.toml")
     assert complete_request_by_farm(PlanRequest(), flat).request.price_per_hour == pytest.approx(35.0)
-    assert complete_request_by_farm(PlanRequest(), flat, {"price_per_hour"}).request.price_per_hour == 40.0
+    assert (
+        complete_request_by_farm(PlanRequest(price_per_hour=40.0), flat, {"price_per_hour"}).request.price_per_hour
+        == 40.0
+    )
 
 
 def test_a_plan_takes_machines_speeds_and_prices_from_the_farm() -> None:

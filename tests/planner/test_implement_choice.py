@@ -20,7 +20,7 @@ from planner.pipeline.outputs.saved_plans import _export_request, read_request
 from planner.pipeline.ranking import export_request
 from planner.request.implement_choice import find_requested_rule
 from planner.request.plan_request import PlanRequest
-from reports.plan.answer import question_pull
+from reports.plan.shortfall_wording import question_pull
 from vehicle.energy.draft import find_draft_rule, load_draft_rules
 from vehicle.energy.driveline import find_drawbar_share
 from vehicle.missions.plan import Plan

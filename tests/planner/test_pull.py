@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 import shapely
 
@@ -11,7 +13,7 @@ from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.machines import FarmTractor
 from planner.pipeline.ranking import list_assumptions
 from planner.request.plan_request import PlanRequest
-from reports.plan.answer import question_pull
+from reports.plan.shortfall_wording import question_pull
 from vehicle.datasheet.sheet import Datasheet
 from vehicle.energy.draft import find_draft_rule
 from vehicle.energy.driveline import find_drawbar_share
@@ -40,8 +42,10 @@ def test_the_question_and_what_it_suggests() -> None:
         pull is not None and pull.is_questioned and pull.available_kw == pytest.approx(find_drawbar_share(EG105) * 77)
     )
     assert question_pull(pull) == (
-        "The 6 m cultivator needs about 90 kW at the drawbar at 12 km/h; this tractor has about 56 kW: check it, "
-        f"or try --width {pull.possible_width_m:g} or --speed-kmh {pull.possible_speed_kmh:g}."
+        "Not feasible at this speed. The 6 m cultivator needs about 90 kW at the drawbar at 12 km/h; this tractor has "
+        f"about 56 kW. Feasible: {pull.possible_speed_kmh:g} km/h (--speed-kmh {pull.possible_speed_kmh:g}) or "
+        f"{pull.possible_width_m:.1f} m (--width {pull.possible_width_m:g}). A cultivator is assumed; --draft names "
+        "another implement."
     )
     assert "27 kN 10 cm deep" in describe_pull(pull, find_draft_rule("till", 6.0))[0]
     assert pull.possible_width_m is not None and pull.possible_speed_kmh is not None
@@ -92,4 +96,16 @@ def test_the_power_of_a_farm_wins() -> None:
 def test_nothing_senseless_is_suggested() -> None:
     pull = compute_pull_figures(PlanRequest(width_m=40.0, speed_mps=25 * KMH), EG105)
     assert pull is not None and pull.possible_speed_kmh is None and pull.possible_width_m is None
-    assert question_pull(pull).endswith("has about 56 kW: check it.")
+    assert "Use a stronger tractor." in question_pull(pull)
+
+
+def test_only_what_even_the_lightest_implement_cannot_do_is_infeasible() -> None:
+    """A field cultivator pulls 30 % less or more than the mean: 56 kW are enough for 80 kW less 30 %, not for 81."""
+    asked = compute_pull_figures(PlanRequest(width_m=6.0, speed_mps=12 * KMH), EG105)
+    assert asked is not None and asked.range_pct == 30.0 and asked.is_assumed
+    near, over = (replace(asked, needed_kw=asked.available_kw / share) for share in (0.701, 0.699))
+    assert near.is_questioned and not near.is_infeasible and over.is_infeasible
+    assert question_pull(near).endswith(f"or {asked.possible_width_m:.1f} m (--width {asked.possible_width_m:g}).")
+    assert ": check it, or try " in question_pull(near)
+    named = compute_pull_figures(PlanRequest(width_m=6.0, speed_mps=12 * KMH, draft="cultivator"), EG105)
+    assert named is not None and named.is_infeasible and "assumed" not in question_pull(named)

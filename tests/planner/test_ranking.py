@@ -173,25 +173,6 @@ class TestEqualWork:
         assert min(plan.largest_missed.y_m, 80 - plan.largest_missed.y_m) < small_site.layout.headland_m
 
 
-class TestLittleWork:
-    """A plan that works less than half of the field is called so, whatever its strategy says already."""
-
-    @pytest.mark.parametrize(("worked_pct", "remarked"), [(10.2, True), (49.9, True), (50.0, False), (88.0, False)])
-    def test_below_half_of_the_field(self, small_site: Any, worked_pct: float, remarked: bool) -> None:
-        (plan,) = rank_plans(small_site, [result(1, 100.0, worked_pct=worked_pct)]).plans
-        assert (plan.remark is not None) == remarked
-        if remarked:
-            assert f"works only {worked_pct:.0f} % of the field" in (plan.remark or "")
-
-    def test_after_what_is_said_already(self, small_site: Any) -> None:
-        (plan,) = rank_plans(small_site, [result(1, 100.0, worked_pct=30.0, remark="driven alone")]).plans
-        assert plan.remark is not None and plan.remark.startswith("driven alone; works only 30 %")
-
-    def test_not_of_what_cannot_be_driven(self, small_site: Any) -> None:
-        (plan,) = rank_plans(small_site, [refused("x", 1)]).plans
-        assert plan.remark is None
-
-
 def test_what_was_planned_stands_in_the_ranking(small_site: Any) -> None:
     told = rank_plans(small_site, []).scenario
     # 36 m in lines of 3 m; 8.5 m is the half metre above 1.1 + 1.2 m to the implement, the turn, and half the width.

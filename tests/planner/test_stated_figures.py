@@ -64,13 +64,13 @@ def check_outputs(result: PlanningResult) -> None:
     with console.capture() as captured:
         console.print(build_first_screen(ranking))
     text = " ".join(captured.get().split())
-    assert re.search(rf"done (in )?{time}[, ]", text) and f" {cost} EUR, " in text
+    assert re.search(rf"done (in )?{time}[, ]", text) and f", {cost} EUR (assumed prices)" in text
     (row,) = [line.split() for line in captured.get().splitlines() if line.lstrip().startswith(">") and ";" not in line]
     assert row[1] == "split-field" and time in row and cost in row
     told = json.loads(format_ranking_json(ranking))["best"]
     assert (told["stated_end_s"], told["stated_cost"]) == pytest.approx((get_stated_end_s(best), get_stated_cost(best)))
     page = render_plan_page(ranking, None)
-    assert f"<dd>{time}</dd>" in page and f"<dd>{cost} EUR</dd>" in page
+    assert f"<dd>{time}</dd>" in page and f"<dd>{cost} EUR (assumed prices)</dd>" in page
     stated = read_stated_figures(parse_saved_plan(write_saved_plan(result.context, result.run.plan, ranking)))
     assert stated is not None and (stated.end_s, stated.cost) == (get_stated_end_s(best), get_stated_cost(best))
 

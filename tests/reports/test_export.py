@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
 from reports.common.rendering import make_json_safe
+from reports.common.shortfalls import RAIN, Shortfall
 from reports.common.study_results import FleetStudy
 from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
@@ -103,7 +104,7 @@ def test_keys_and_order(ranking: PlanRanking) -> None:
     data = json.loads(format_ranking_json(ranking), parse_constant=no_constant)
     assert list(data) == [
         "field", "seed", "plans", "best", "tractor_effects", "scenario", "advice", "currency", "samples",
-        "unmet", "parts", "changes", "pull", "remarks", "ground", "summary",
+        "prices_assumed", "unmet", "shortfalls", "parts", "changes", "pull", "remarks", "ground", "summary",
     ]  # fmt: skip
     assert data["scenario"] == {} and data["unmet"] is None
     assert data["field"] == {"name": "Iwamizawa", "area_ha": 1.89}
@@ -113,7 +114,9 @@ def test_keys_and_order(ranking: PlanRanking) -> None:
 
 def test_every_plan_has_the_cells_of_its_tracks(ranking: PlanRanking) -> None:
     cells = [{"number": 1, "bearing_deg": 75.0, "area_m2": 900.0, "swaths": 4}]
-    told = replace(ranking, scenario={"cells": cells}, unmet_sentence="No plan finishes before the rain.")
+    told = replace(
+        ranking, scenario={"cells": cells}, shortfalls=(Shortfall(RAIN, "No plan finishes before the rain."),)
+    )
     data = json.loads(format_ranking_json(told))
     assert all(plan["cells"] == cells for plan in [*data["plans"], data["best"]])
     assert data["unmet"] == "No plan finishes before the rain."
@@ -189,7 +192,10 @@ def test_csv_has_one_row_per_plan(ranking: PlanRanking) -> None:
         "area_ha",
         "corners",
     ]
-    assert rows[0] == [*COLUMNS, *asked]
+    assert rows[0][:5] == ["field", "strategy", "tractors", "turn", "width_m"], "names first"
+    printed = ["stated_end_s", "stated_late_end_s", "stated_cost", "worked_pct", "finish_probability"]
+    assert rows[0][5:10] == printed, "then the figures of the printed table"
+    assert sorted(rows[0]) == sorted([*COLUMNS, *asked]) and len(set(rows[0])) == len(rows[0])
     assert (CONTRACT, asked) == ([*PLAN_KEYS], [*CSV_KEYS])
     assert len(rows) == 1 + len(ranking.plans)
     assert {len(row) for row in rows} == {len(COLUMNS) + len(asked)}

@@ -21,13 +21,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
+from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s
+from reports.common.shortfalls import LATE, Shortfall
 from reports.common.wording import format_price
 from reports.day.first_screen import build_day_screen
 from reports.day.page import render_day_page
 from reports.day.tables import format_day_json
 from reports.plan.answer import format_stated_end, write_answer
 from reports.plan.first_screen import build_answer_table, build_first_screen, choose_first_plans
+from reports.plan.many_fields_page import render_many_fields_page
 from reports.plan.many_fields_screen import build_many_fields_screen
 from reports.plan.ranking_export import format_ranking_json
 from reports.plan.ranking_page import render_plan_page
@@ -35,6 +38,7 @@ from reports.plan.ranking_table import build_ranking_table
 from tests.examples import count_examples
 from tests.reports.screen_cases import (
     DEADLINE,
+    FUEL,
     LATE_RANKING,
     PLANS,
     RANKINGS,
@@ -88,7 +92,7 @@ def test_screens_are_as_stored(name: str, width: int) -> None:
 )
 def test_eighty_columns_have_five_lines_before_the_table_and_few_in_all(what: RenderableType) -> None:
     before, after = split_screen(print_screen(what))
-    assert len(before) <= 5 and len(before) + 1 + len(after) <= 24
+    assert len(before) <= 5 and len(before) + 1 + len(after) <= 20
 
 
 def test_the_recommended_plan_comes_first_then_the_front() -> None:
@@ -106,9 +110,38 @@ def test_remarks_are_counted_where_they_have_no_room_and_told_once_under_explain
 
 
 def test_no_plan_in_time_is_said_first() -> None:
-    before, _ = split_screen(print_screen(build_first_screen(LATE_RANKING)))
-    assert before[1] == "No plan is done by 13:10. The closest is 27 min late:"
-    assert before[2].startswith("6 tractors, split-field: done 13:37 (95 % by 13:44), 308 EUR, 98.4 % worked")
+    before, after = split_screen(print_screen(build_first_screen(LATE_RANKING)))
+    assert before[:2] == [
+        "No plan is done by 13:10; the best is 27 min late.",
+        "6 tractors, split-field: done 13:37, 308 EUR",
+    ]
+    assert any(line.startswith("> the best, but no recommendation;") for line in after)
+
+
+def test_what_is_no_recommendation_says_first_what_is_lacking() -> None:
+    """Too little worked, and an implement that cannot be pulled: first line, summary, key, page."""
+    for name, kind, words in (
+        ("cut off", "worked", "No recommendation: only 19.7 % of the field is worked; 78 % is cut off by obstacles."),
+        ("too weak", "pull", "Not feasible at this speed. The 6 m cultivator needs about 90 kW"),
+    ):
+        ranking = RANKINGS[name]
+        told = json.loads(format_ranking_json(ranking))
+        assert [one["kind"] for one in told["shortfalls"]] == [kind] and told["unmet"].startswith(words)
+        assert told["summary"][0].startswith(words)
+        assert print_screen(build_first_screen(ranking), 160).startswith(words[:90])
+        assert words.partition(".")[0] in render_plan_page(ranking, None).replace("\N{NO-BREAK SPACE}", " ")
+    assert "Feasible: 4.9 km/h (--speed-kmh 4.9) or 3.7 m (--width 3.7)." in told["summary"][0]
+    assert not RANKINGS["cut off"].is_recommended and RANKINGS["weak"].is_recommended
+
+
+@pytest.mark.parametrize("language", ["en", "de", "es", "fr"])
+def test_the_first_sentence_fits_a_line_and_has_litres(language: str) -> None:
+    """With the longest name of a strategy and with assumed prices."""
+    plans = tuple(replace(plan, strategy="row-by-row-optimised", on_pareto_front=True) for plan in FUEL.plans)
+    ranking = replace(FUEL, plans=plans[3:], chosen=None, prices_assumed=True)
+    with use_language(language):
+        decision = write_answer(ranking).decision
+    assert " l" in decision and len(decision) <= 80, decision
 
 
 plans_drawn = st.lists(
@@ -129,11 +162,13 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
         has_share = limit_s is not None
         plan = add_samples(plan, share if has_share else None, late, limit_s) if has_samples else plan
         plans.append(plan if has_samples or limit_s is None else replace(plan, meets_deadline=hours * 3600 <= limit_s))
-    return replace(
+    ranking = replace(
         DEADLINE, plans=tuple(plans), allowed_s=limit_s, start="13:00" if has_start else None, chosen=None,
         deadline=None, samples=10_000 if has_samples else None,
         cut_off_m2=draw(st.sampled_from((0.0, 812.0))), field_name=draw(st.sampled_from(("f", "n" * 90))),
+        prices_assumed=draw(st.booleans()),
     )  # fmt: skip
+    return replace(ranking, shortfalls=() if ranking.missed_by_s is None else (Shortfall(LATE),))
 
 
 @settings(max_examples=count_examples(25))
@@ -170,7 +205,7 @@ def test_any_ranking_keeps_to_its_lines(ranking: PlanRanking) -> None:
         text = print_screen(build_first_screen(ranking), width)
         assert max(map(len, text.splitlines())) <= width
     before, after = split_screen(print_screen(build_first_screen(ranking)))
-    assert len(before) <= 5 and len(before) + 1 + len(after) <= 24
+    assert len(before) <= 5 and len(before) + 1 + len(after) <= 20
     rows = [line for line in after if re.match(r" *>?\d+[* ]", line)]
     assert len(rows) == len(choose_first_plans(ranking)), "every row is one line"
 
@@ -180,7 +215,9 @@ def test_the_day_of_every_report_ends_when_its_last_field_does() -> None:
     told = json.loads(format_day_json(day))
     assert told["p50_done_s"] >= max(job["p50_end_s"] for job in told["jobs"])
     text, page = print_screen(build_day_screen(day)), render_day_page(day)
-    assert "done by 11:31 (95 % by 11:58), 406 EUR" in text and "<dd>11:31</dd>" in page.replace("\n", "")
+    assert "done by 11:31 (95 % by 11:58), 322 EUR paid and 84 EUR at" in text and "<dd>11:31</dd>" in page.replace(
+        "\n", ""
+    )
     assert told["summary"][0] in " ".join(text.split()) and told["summary"][0] in page
 
 
@@ -193,3 +230,20 @@ def test_what_is_ranked_first_is_what_takes_least_as_printed() -> None:
     ordered = sorted([slow_on_paper, *plans[1:]], key=build_time_sort_key)
     assert [get_stated_end_s(plan) for plan in ordered] == sorted(get_stated_end_s(plan) for plan in ordered)
     assert ordered[-1] is slow_on_paper
+
+
+def test_many_fields_say_first_how_many_plans_are_no_recommendation_and_why() -> None:
+    (good, _), (bad, _) = build_records(2), build_records(2)
+    content = json.loads(format_ranking_json(RANKINGS["cut off"]))
+    records = [
+        good,
+        bad
+        | {"requested_field": "farm.geojson#north", "ranking": content | {"field": {"name": "north", "area_ha": 3.92}}},
+    ]
+    text = " ".join(print_screen(build_many_fields_screen(records)).split())
+    assert (
+        text.startswith("1 plan is no recommendation. 3 m: 2 of 2 fields") and "EUR (assumed prices) paid and" in text
+    )
+    reason = "north at 3 m: No recommendation: only 19.7 % of the field is worked; 78 % is cut off by obstacles."
+    assert reason in text
+    assert reason in render_many_fields_page(records).replace("\N{NO-BREAK SPACE}", " ")

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from reports.common.effect_names import replace_effect_ids
 from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
+from reports.common.shortfalls import LATE, RAIN, Shortfall
 from reports.common.wording import (
     NO_BREAK,
     format_duration,
@@ -19,16 +20,15 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
     join_list,
 )
+from reports.plan.clock_wording import format_clock_after_start
 from reports.plan.plan_wording import (
     describe_ranking,
     describe_simulated_effects,
-    format_clock_after_start,
     format_ground_place,
     format_in_time_probability,
     format_unworked,
     group_refusals,
     list_plan_remarks,
-    name_best_late_plan,
     name_refused_plans,
 )
 
@@ -105,10 +105,10 @@ def test_headline_without_a_deadline_takes_the_fastest(ranking: PlanRanking) -> 
 
 def test_headline_when_nobody_is_in_time(ranking: PlanRanking) -> None:
     plans = tuple(replace(plan, meets_deadline=False if plan.feasible else None) for plan in ranking.plans)
-    assert describe_ranking(replace(ranking, plans=plans, deadline="08:10", allowed_s=600.0)) == [
-        "No plan meets the deadline (08:10).",
-        "The closest plan misses it by 0:10:53: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost "
-        "6.89.",
+    late = replace(ranking, plans=plans, deadline="08:10", allowed_s=600.0, shortfalls=(Shortfall(LATE),))
+    assert describe_ranking(late) == [
+        "No plan is done by 08:10; the best is 11 min late.",
+        "The best of them: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
         "Cheapest: 1 tractor, split-field, turns u, done in 1:14:35 (at 09:15), cost 4.92.",
     ]
 
@@ -146,14 +146,6 @@ class TestWhatIsLeft:
         assert ranking.best is leaving.plans[2]
         assert "the best plan is the cheapest that could finish the field by then." in " ".join(
             describe_ranking(ranking)
-        )
-
-    def test_the_best_of_late_plans_is_called_closest_only_if_it_is(self, leaving: PlanRanking) -> None:
-        late = [replace(plan, meets_deadline=False) for plan in leaving.plans[:3]]
-        assert name_best_late_plan(replace(leaving, plans=tuple(late))) == "closest plan"
-        late[1] = replace(late[1], time_s=1000.0, finished_s=5000.0)
-        assert describe_ranking(replace(leaving, plans=tuple(late), allowed_s=60.0))[1].startswith(
-            "The best plan misses it"
         )
 
     @pytest.mark.parametrize(
@@ -235,8 +227,9 @@ def test_the_cheapest_is_told_once(ranking: PlanRanking) -> None:
         "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of all.",
         "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
     ]
-    late = describe_ranking(replace(ranking, plans=ranking.plans[4:5]))
-    assert [late[0], late[-1]] == ["No plan meets the deadline (09:00).", "This plan is also the cheapest."]
+    late = describe_ranking(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall(LATE),)))
+    assert late[0].startswith("No plan is done by 09:00; the best is ")
+    assert late[-1] == "This plan is also the cheapest."
 
 
 def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> None:
@@ -254,7 +247,9 @@ def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> Non
     assert told[-1].startswith("Fastest and cheapest: 5 tractors, row-by-row")
     best = describe_ranking(replace(drawn, chosen=("row-by-row", 5)))
     assert best[-1] == "The best plan is also the cheapest."
-    unmet = describe_ranking(replace(drawn, chosen=("row-by-row", 5), unmet_sentence="No plan is in time."))
+    unmet = describe_ranking(
+        replace(drawn, chosen=("row-by-row", 5), shortfalls=(Shortfall(RAIN, "No plan is in time."),))
+    )
     assert unmet[-1] == "This plan is also the cheapest."
     sure = replace(drawn, plans=tuple(replace(plan, paid_cost=plan.expected_cost) for plan in plans))
     assert describe_ranking(sure)[1].endswith(", cost 69 EUR.")

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-<<<<<<< HEAD
-import pytest
-
-from tests.service.watching import WatchedPage
-=======
 import asyncio
 from typing import Any
 
@@ -17,7 +12,6 @@ from planner.service.jobs import job_runs, workers
 from planner.service.settings import ServiceSettings
 from tests.service.fake_service import CONTROL
 from tests.service.watching import WatchedPage, needs_browser
->>>>>>> b-page
 
 COST = "18"  # 3 tractors x 470 s / 80, as it is stated: the expected cost, in whole units from 10 on
 
@@ -51,11 +45,8 @@ def test_more_columns_are_shown_on_request(watched: WatchedPage) -> None:
     watched.well()
 
 
-<<<<<<< HEAD
 @pytest.mark.slow
-=======
 @needs_browser
->>>>>>> b-page
 def test_what_was_not_tried_is_not_called_impossible(watched: WatchedPage) -> None:
     page = watched.open("/plan/old")
     page.wait_for_selector("text=Plans, best first")

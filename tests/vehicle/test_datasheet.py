@@ -109,6 +109,8 @@ def test_every_value_has_a_source(values: dict[str, float]) -> None:
     named = {key for key, value in data.items() if not isinstance(value, dict)} - {"name"}
     named |= {f"{section}.{key}" for section in ("steering", "guidance", "speed") for key in data[section]}
     named |= {f"radius.{ground}" for ground in data["radius"]}
+    named |= {"engine.power_kw"} if "power_kw" in values else set()
+    assert data.get("engine", {}).get("power_kw") == values.get("power_kw"), "by which plans check what it can pull"
     assert set(source) == named
     assert all(words.startswith(("given", "assumed: ")) for words in source.values())
     assert source["width_m"] == "given"

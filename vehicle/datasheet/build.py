@@ -8,7 +8,14 @@ from pydantic import BaseModel
 
 from vehicle.datasheet import rules
 from vehicle.datasheet.sheet import Datasheet
-from vehicle.model.tractor import GuidanceParameters, SpeedParameters, SteeringParameters, Tractor, load_tractor
+from vehicle.model.tractor import (
+    EngineParameters,
+    GuidanceParameters,
+    SpeedParameters,
+    SteeringParameters,
+    Tractor,
+    load_tractor,
+)
 
 REFERENCE_TRACTOR = "eg105"
 GAIN_KEYS = ("proportional_n_s_per_m", "integral_n_per_m", "derivative_n_s2_per_m")
@@ -43,6 +50,8 @@ def build_tractor(name: str, sheet: Datasheet) -> Tractor:
     source |= sources
     radius, sources = rules.derive_radius_laws(sheet, reference)
     source |= {f"radius.{ground}": words for ground, words in sources.items()}
+    if sheet.power_kw is not None:
+        values["engine"], source["engine.power_kw"] = EngineParameters(power_kw=sheet.power_kw), rules.GIVEN
     return Tractor(name=name, **values, steering=steering, guidance=guidance, speed=speed, radius=radius, source=source)
 
 

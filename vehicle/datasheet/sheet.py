@@ -64,7 +64,7 @@ class Datasheet(BaseModel):
     """Numbers of a datasheet. The first three are required; those that are None follow from rules.
 
     `turning_radius_m` is the radius of the middle of the tractor ("centre") or, with `radius_of` "outer-wheel", of the
-    outer front wheel (ISO 789-3). `power_kw` is only used to estimate the mass.
+    outer front wheel (ISO 789-3). `power_kw` says what it can pull, and estimates an unknown mass.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")

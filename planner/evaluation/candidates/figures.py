@@ -22,7 +22,7 @@ from planner.evaluation.ground.overhang import Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import measure_finished_ground_traffic, measure_wheel_traffic_m2
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS
-from planner.risk.costs import compute_simulated_cost, compute_travel_cost
+from planner.risk.costs import compute_simulated_cost, compute_travel_cost, get_price_per_hour
 from reports.common.plan_results import PlanFault, PlanResult, get_field_work_end_s
 from vehicle.energy.run_energy import RunEnergy
 from vehicle.missions.run import DONE, SimulationRun
@@ -131,7 +131,8 @@ def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnerg
         travel_cost = tractors * compute_travel_cost(context.cost_terms)
         used = None if energy is None else energy.total
         return compute_simulated_cost(run, context.cost_terms, used) - travel_cost, travel_cost
-    return run.duration_s * tractors / 3600.0 * request.price_per_hour, tractors * request.price_per_tractor
+    price_per_hour = get_price_per_hour(request.price_per_hour)
+    return run.duration_s * tractors / 3600.0 * price_per_hour, tractors * request.price_per_tractor
 
 
 def _add_clock_times(

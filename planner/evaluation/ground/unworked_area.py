@@ -11,6 +11,7 @@ import shapely
 from fields.geometry.field import MIN_FENCE_MARGIN_M
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.overlays import GRID_M, extract_polygons
+from reports.common.language import mark_text
 from strategies.headland.corners import compute_missed_m2, compute_tangent_m
 from strategies.headland.strips import MAX_MISSED_SHARE
 from strategies.path_planning.obstacle_avoidance import find_clear_parts
@@ -21,6 +22,7 @@ SLIVER_M = 0.1  # narrower unworked ground is rounding of outlines
 EDGE_M = 0.05  # ground this near the outline touches it
 BEND_ZONE_WIDTHS = 2.0  # working widths around a small obstacle in which swaths bend
 MITRE_LIMIT, SHARP_LIMIT = 2.0, 20.0
+KEPT_HEADLAND = "headland, kept free for turning"
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,10 +98,13 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
     )
     solid = shapely.union_all([obstacles, *map(shapely.Polygon, outline.interiors), *field.fences], grid_size=GRID_M)
     near_obstacles = solid.buffer(2.0 * margin_m + EDGE_M)
-    obstacle_kinds = "obstacles and fences" if field.fences else "obstacles"
-    yield f"cut off by {obstacle_kinds}", extract_polygons(shapely.difference(lost, near_obstacles, grid_size=GRID_M))
+    obstacle_kinds = mark_text("obstacles and fences") if field.fences else mark_text("obstacles")
     yield (
-        f"margin of {margin_m:g} m to {obstacle_kinds}",
+        mark_text(f"cut off by {obstacle_kinds}"),
+        extract_polygons(shapely.difference(lost, near_obstacles, grid_size=GRID_M)),
+    )
+    yield (
+        mark_text(f"margin of {margin_m:g} m to {obstacle_kinds}"),
         extract_polygons(shapely.intersection(lost, near_obstacles, grid_size=GRID_M)),
     )
 
@@ -121,7 +126,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     half = 0.5 * layout.width_m
     if layout.field.margin_boundary is not None:
         band = shapely.difference(layout.field.margin_boundary, layout.field.boundary, grid_size=GRID_M)
-        obstacle_kinds = "obstacles and fences" if layout.field.fences else "obstacles"
+        obstacle_kinds = mark_text("obstacles and fences") if layout.field.fences else mark_text("obstacles")
         yield (
             f"beside {obstacle_kinds}: room beyond the margin for machines swinging out in turns",
             extract_polygons(band),
@@ -134,7 +139,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     if not layout.headland_passes:
         lines = np.array([shapely.LineString(swath.points_m) for swath in layout.swaths])
         headland_zone = shapely.union_all(shapely.buffer(lines, layout.headland_m + layout.width_m), grid_size=GRID_M)
-        yield "headland, kept free for turning", headland_zone
+        yield KEPT_HEADLAND, headland_zone
         yield "too short for a track between its headlands", boundary
 
 

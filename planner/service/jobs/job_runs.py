@@ -21,7 +21,6 @@ from planner.service.jobs.job_requests import DayJobRequest, DiagnosisJobRequest
 from planner.service.sandbox.request_checks import build_request_plan_inputs
 from planner.service.store.job_queue import ResultFile
 from reports.common.plan_results import PlanRanking
-from reports.common.wording import format_duration
 from reports.day.page import draw_gantt, draw_road_map, render_day_page
 from reports.day.schedule_results import DayResult
 from reports.day.tables import format_day_csv, format_day_json
@@ -29,9 +28,9 @@ from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json
 from reports.plan.map_data import format_maps_json
 from reports.plan.map_figure import draw_plan_map, render_png
-from reports.plan.plan_wording import name_best_late_plan
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
+from reports.plan.shortfall_wording import list_shortfall_sentences
 from vehicle.identification.verdict.demo_logs import HiddenEffect
 from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor_writer import format_tractor_toml
@@ -189,10 +188,7 @@ def _describe_plan_outcome(ranking: PlanRanking) -> str:
     """Whether a plan meets the request, in a sentence."""
     if ranking.best is None:
         return "No plan is feasible."
-    if ranking.missed_by_s is not None:
-        late = format_duration(ranking.missed_by_s)
-        return f"No plan meets the deadline; the {name_best_late_plan(ranking)} misses it by {late}."
-    return ranking.unmet_sentence or "Done"
+    return " ".join(list_shortfall_sentences(ranking)) or "Done"
 
 
 def _write_plan_results(planned: PlanningResult) -> Iterator[ResultFile]:
