@@ -77,7 +77,7 @@ class FieldReference:
 
     Attributes:
         place: name of a sample, or path of a file.
-        key: the text after the last "#", which chooses one of several fields, or None.
+        key: the text after the "#" that ends the place, which chooses one of several fields, or None.
         is_sample: whether `place` is a sample.
     """
 
@@ -113,10 +113,13 @@ class FieldReference:
 
 def parse_field_reference(where: str) -> FieldReference:
     """The sample or file that a name means; a "#" is part of the file name if such a file exists."""
-    if "#" in where and not os.path.exists(where):
-        place, _, key = where.rpartition("#")
-        return FieldReference(place, key, place in list_sample_names())
-    return FieldReference(where, None, where in list_sample_names())
+    if "#" not in where or os.path.exists(where):
+        return FieldReference(where, None, where in list_sample_names())
+    marks = [position for position, letter in enumerate(where) if letter == "#"]
+    splits = [(where[:mark], where[mark + 1 :]) for mark in reversed(marks)]
+    found = [split for split in splits if split[0] in list_sample_names() or os.path.exists(split[0])]
+    place, key = (found or splits)[0]
+    return FieldReference(place, key, place in list_sample_names())
 
 
 def find_field_file(where: str) -> Path | None:
