@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.geodesy import find_utm_crs, is_wgs84_longitude_latitude, project
+from fields.geometry.geodesy import can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
 from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument
 from fields.text_files import shorten_value
 
@@ -128,8 +128,6 @@ def _check_degrees(outer: FloatArray, label: str) -> None:
 
 def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg: FloatArray, label: str) -> None:
     """Refuse a field in the sea that would be farmland with x and y swapped, or that is at latitude and longitude 0."""
-    from fields.geometry.land_areas import can_be_farmland
-
     longitude, latitude = place_deg.tolist()
     is_certain = "crs" in document.header and not document.axes_swapped  # Headland wrote the file
     if is_certain or can_be_farmland(longitude, latitude):
