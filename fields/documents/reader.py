@@ -315,8 +315,10 @@ def _read_obstacles(
     document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
     """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
-    obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
-    return select_obstacles(obstacles, shape, multiple_fields, label)
+    parsed = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
+    selected, remarks = select_obstacles([one for one, _ in parsed], shape, multiple_fields, label)
+    kept = {id(one) for one in selected}
+    return selected, (*remarks, *(text for one, cleaning in parsed if id(one) in kept for text in cleaning))
 
 
 def _read_single_point(

@@ -16,6 +16,8 @@ from fields.errors import FieldError
 
 MACHINE_WIDTH_M = 3.0
 """Of the narrowest usual implement: it follows no sides shorter than this, and works no ground narrower than this."""
+TURNING_CIRCLE_M = 12.0
+"""Of a usual tractor; along shorter sides than this on average, headland passes wind and planning takes long."""
 MAX_POINTS = 100
 """An outline of so many points is planned as it is drawn, however short its sides."""
 TOLERANCES_M = (0.05, 0.1, 0.2, 0.4, 0.8)
@@ -45,7 +47,7 @@ def clean_outline(
     as cleaning would change more than MAX_CHANGED_SHARE of the area.
 
     Raises:
-        FieldError: a ring without crossings has so many spikes that cleaning would change more than that.
+        FieldError: a field without crossings has so many spikes that cleaning would change more than that.
     """
     drawn = shapely.Polygon(rings[0], rings[1:])
     outer, *holes = (_clean_ring(shapely.Polygon(ring), is_obstacle is (k == 0)) for k, ring in enumerate(rings))
@@ -57,7 +59,7 @@ def clean_outline(
     drawn_m2 = outer.drawn_m2 - math.fsum(hole.drawn_m2 for hole in holes)
     changed_m2 = math.fsum(one.changed_m2 for one in (outer, *holes))
     points = _count_points(drawn)
-    if cleaned.is_empty or changed_m2 > MAX_CHANGED_SHARE * drawn_m2:
+    if cleaned.is_empty or (changed_m2 > MAX_CHANGED_SHARE * drawn_m2 and not (is_obstacle and drawn.is_valid)):
         if not drawn.is_valid:
             return None
         raise FieldError(
@@ -99,13 +101,13 @@ def _simplify_ring(ring: shapely.Polygon, grow: bool) -> tuple[shapely.Polygon, 
     core = _offset_in_steps(ring.simplify(TOLERANCES_M[0]), reach_m if grow else -reach_m)
     for tolerance_m in TOLERANCES_M:
         cleaned = _simplify_on_one_side(core, tolerance_m, reach_m, grow)
-        if _has_few_points(cleaned):
+        if _has_few_points(cleaned, TURNING_CIRCLE_M):
             break
     return cleaned, tolerance_m
 
 
-def _has_few_points(shape: shapely.Polygon) -> bool:
-    return _count_points(shape) <= max(MAX_POINTS, shape.convex_hull.length / MACHINE_WIDTH_M)
+def _has_few_points(shape: shapely.Polygon, side_m: float = MACHINE_WIDTH_M) -> bool:
+    return _count_points(shape) <= max(MAX_POINTS, float(shape.convex_hull.length) / side_m)
 
 
 def _count_points(shape: shapely.Polygon) -> int:

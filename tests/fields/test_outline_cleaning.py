@@ -45,12 +45,12 @@ def test_noise_and_a_spike_are_cleaned(saved: Any, count: int) -> None:
     pattern = r"cleaned to \d+ cm: (\d+) of its (\d+) points .* is ([\d.]+) m from .* changed by (-?\d+) m2\."
     kept, drawn, moved_m, lost_m2 = map(float, re.search(pattern, remark).groups())  # type: ignore[union-attr]
     assert (drawn, kept) == (count + 2, len(field.boundary.exterior.coords) - 1)
-    assert kept <= 300
+    assert kept <= 100
     assert moved_m == pytest.approx(field.boundary.exterior.distance(shapely.Point(spiked[600])), abs=0.01)
     true = shapely.Polygon(CORNERS_M)
     assert -0.03 * true.area < lost_m2 < 0.0
     assert field.area_m2 == pytest.approx(true.area, rel=0.03)
-    assert shapely.hausdorff_distance(field.boundary.exterior, true.exterior, 0.01) < 2.0
+    assert shapely.hausdorff_distance(field.boundary.exterior, true.exterior, 0.01) < 2.6
 
 
 @settings(max_examples=20, deadline=None)
@@ -65,13 +65,16 @@ def test_a_cleaned_field_lies_in_the_drawn_one(seed: int, count: int, noise_m: f
 
 
 def test_an_obstacle_and_a_hole_grow(saved: Any) -> None:
-    rough = make_rough(3_000, 2, 0.05) / 10.0 + [100.0, 30.0]
+    rough = make_rough(3_000, 2, 0.3) / 10.0 + [100.0, 30.0]
     pond = feature(polygon(get_coordinates(rough)), role="obstacle", name="pond")
     drawn = shapely.make_valid(shapely.Polygon(rough), method="structure")
     field = read_field(saved(collection(feature(polygon(SQUARE_M)), pond)), local=True)
-    assert field.remarks[0].startswith("The outline of obstacle 'pond' (area) was cleaned to ")
+    assert field.remarks[0].startswith("The outline of obstacle 'pond' of 'plot' was cleaned to ")
     assert shapely.difference(drawn, field.obstacles[0].shape).area < 1e-3
     assert len(field.obstacles[0].shape.exterior.coords) <= 101
+    tree = feature(polygon(get_coordinates(rough / 10.0)), name="tree")
+    field = read_field(saved(collection(feature(polygon(SQUARE_M)), tree)), local=True)
+    assert len(field.obstacles[0].shape.exterior.coords) <= 101 and field.obstacles[0].shape.area < 20.0
     holed = read_field(saved(polygon(SQUARE_M, get_coordinates(rough))), local=True)
     assert shapely.intersection(drawn, holed.boundary).area < 1e-3
     assert shapely.Polygon(holed.boundary.exterior).equals(shapely.box(0, 0, 200, 100))

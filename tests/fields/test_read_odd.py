@@ -34,13 +34,13 @@ class TestManyPoints:
         assert field.boundary.equals(shapely.box(0, 0, 200, 100))
         assert "cleaned to 5 cm: 4 of its 100000 points remain" in field.remarks[0]
 
-    @pytest.mark.parametrize(("noise_m", "within_m"), [(0.0, 0.05), (0.03, 0.3)])
+    @pytest.mark.parametrize(("noise_m", "within_m"), [(0.0, 0.05), (0.03, 0.5)])
     def test_a_curve_stays_within_what_is_told(self, saved: Any, noise_m: float, within_m: float) -> None:
         ring = self.circle(12_000, noise_m)
         field = read_field(saved(polygon(ring)), local=True)
         told_m = float(re.search(r"others is ([0-9.]+) m from", field.remarks[0])[1])  # type: ignore[index]
         off = shapely.distance(field.boundary.exterior, shapely.points(ring))
-        assert off.max() == pytest.approx(told_m, abs=0.0051) and told_m <= within_m
+        assert off.max() == pytest.approx(told_m, abs=0.006) and told_m <= within_m
         assert shapely.covers(shapely.Polygon(ring).buffer(1e-6), field.boundary)
         assert len(field.boundary.exterior.coords) <= 2.0 * np.pi * 150.0 / 3.0 + 1
 
