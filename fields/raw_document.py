@@ -24,13 +24,15 @@ class RawPolygon:
 
     Attributes:
         coordinates: rings as read, unchecked.
-        keys: names it can be chosen by: feature id, properties id, properties name.
+        keys: its names: feature id, properties id, properties name. Others may share them.
         properties: of its feature; the parts of a MultiPolygon share them.
+        key: what it alone is chosen by: its first name, with a number where others have that name, or its position.
     """
 
     coordinates: Any
     keys: tuple[str, ...]
     properties: dict[str, Any]
+    key: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,7 @@ class FieldDocument:
         crs: coordinate system that the file names; UNKNOWN_CRS if it should name one but does not, None if it need not.
         frame: ``"local_metres"``, ``"wgs84"`` or None when the file does not say.
         header: the GeoJSON member written by Headland, possibly empty.
+        axes_swapped: the user had x and y of every position swapped.
         unused_counts: features that are not used: description and count.
         boundary_edges: lines along the outline with an ``edge`` property.
         service_points: places where tanks are filled or emptied.
@@ -91,6 +94,7 @@ class FieldDocument:
     unassigned: tuple[RawShape, ...] = ()
     notes: tuple[str, ...] = ()
     is_shape: bool = False
+    axes_swapped: bool = False
 
 
 @dataclass(frozen=True)

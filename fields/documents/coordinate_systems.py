@@ -1,7 +1,7 @@
 """Corrections of coordinates that the user gives (system, swapped axes), and warnings where axes seem to be swapped.
 
-Without a map, swapped axes can be detected for a single field only if it lies where there is no farmland; otherwise the
-field is compared with other features of the same file. Two countries at mirrored positions cannot be told apart.
+A field in the sea is refused where it is read (`fields.geometry.coordinates`). Here it is compared with other features
+of the same file; two countries at mirrored positions cannot be told apart.
 """
 
 from __future__ import annotations
@@ -19,8 +19,6 @@ from fields.geometry.coordinates import parse_position
 from fields.geometry.geodesy import is_wgs84_longitude_latitude
 from fields.raw_document import LOCAL_METRES, UNKNOWN_CRS, WGS84, FieldDocument
 
-FARMED_LATITUDES_DEG = (-56.0, 72.0)
-"""No farmland lies south of Tierra del Fuego or north of the North Cape."""
 MAX_NEAR_DEG, MIN_FAR_DEG = 1.0, 2.0
 """Features of one farm are at most the first apart; a misplaced one is farther than the second from all others."""
 MAX_COMPARED_FIELDS, MAX_NAMED_FIELDS = 2_000, 5
@@ -35,30 +33,18 @@ def describe_swapped_axes(document: FieldDocument, axes_swapped: bool) -> tuple[
     lines = np.array(
         [_find_first_point_or_nan(one.coordinates) for one in (*document.guidance_lines, *document.headland_edges)]
     ).reshape(-1, 2)
-    names = [one.keys[0] if one.keys else f"#{place}" for place, one in enumerate(document.polygons)]
-    suspects = [
-        place
-        for place in range(len(fields))
-        if _is_beyond_farmland(fields[place]) or _is_far_from_others(place, fields, lines)
-    ]
+    names = [one.key for one in document.polygons]
+    suspects = [place for place in range(len(fields)) if _is_far_from_others(place, fields, lines)]
     if not suspects:
         return ()
     x, y = fields[suspects[0]]
     names_shown = ", ".join(f"'{names[place]}'" for place in suspects[:MAX_NAMED_FIELDS])
     remainder = f" and {len(suspects) - MAX_NAMED_FIELDS} more" if len(suspects) > MAX_NAMED_FIELDS else ""
-    why = "beyond all farmland" if _is_beyond_farmland(fields[suspects[0]]) else "far from everything else in the file"
     fix = "leave out the option swap axes" if axes_swapped else "try the option swap axes"
     return (
-        f"{names_shown}{remainder}: latitude {y:.2f}, longitude {x:.2f} is {why}; longitude and latitude seem to be "
-        f"swapped, so {fix}.",
+        f"{names_shown}{remainder}: latitude {y:.2f}, longitude {x:.2f} is far from everything else in the file; "
+        f"longitude and latitude seem to be swapped, so {fix}.",
     )
-
-
-def _is_beyond_farmland(place: npt.NDArray[np.float64]) -> bool:
-    """Whether a place is beyond all farmland, but would not be with its axes swapped."""
-    x, y = place.tolist()
-    low, high = FARMED_LATITUDES_DEG
-    return abs(x) <= 90.0 and low <= x <= high and not low <= y <= high and abs(y) <= 90.0
 
 
 def _is_far_from_others(place: int, fields: npt.NDArray[np.float64], lines: npt.NDArray[np.float64]) -> bool:
@@ -170,6 +156,7 @@ def _shorten_crs(crs: str | None) -> str:
 def _swap_document_axes(document: FieldDocument) -> FieldDocument:
     return replace(
         document,
+        axes_swapped=True,
         polygons=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.polygons),
         zones=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.zones),
         obstacles=tuple(replace(one, coordinates=_swap_positions(one.coordinates)) for one in document.obstacles),

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 import shapely
+from shapely.geometry.polygon import orient
 
 from fields.documents.coordinate_systems import apply_coordinate_options
 from fields.documents.sources import FieldReference, parse_field_reference
 from fields.errors import FieldError, mark_parameter
-from fields.formats.features import describe_unused_feature, summarise_counts
+from fields.formats.features import describe_unused_feature, replace_unprintable, summarise_counts
 from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
 from fields.geometry.coordinates import (
     FieldFrame,
@@ -29,6 +30,7 @@ from fields.geometry.field_lines import MAX_FEATURE_DISTANCE_M, read_fences, rea
 from fields.geometry.nested_polygons import find_inside_polygons, find_parent_polygons, select_inside_obstacles
 from fields.geometry.obstacles import Obstacle, parse_obstacle, select_obstacles
 from fields.geometry.open_edges import read_edge_overhangs
+from fields.geometry.outline_cleaning import clean_outline
 from fields.raw_document import FieldDocument, GeoShape, RawPolygon, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
@@ -72,7 +74,7 @@ def read_field(
     label = f"'{source.name}'"
     document = apply_coordinate_options(source.read_document(), local, crs, swap_axes, label)
     polygon = _choose_polygon(document, source.key, local, label)
-    shape, frame = _read_outline(document, polygon, local, label)
+    shape, frame, cleaning_remarks = _read_outline(document, polygon, local, label)
     check_area(shape, label)
     multiple_fields = len(document.polygons) > 1
     inside = find_inside_polygons(document, polygon, frame, shape) if multiple_fields else []
@@ -81,7 +83,7 @@ def read_field(
     solid = [one.shape for one in obstacles]
     roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
     obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles.ignore), *roles.obstacles)
-    obstacles = tuple(replace(one, number=number) for number, one in enumerate(obstacles, 1))
+    obstacles, obstacle_cleaning = _clean_obstacles(obstacles)
     document = replace(
         document,
         boundary_edges=(*document.boundary_edges, *roles.fences),
@@ -102,6 +104,8 @@ def read_field(
         default_ground=str(polygon.properties.get("default_ground") or "soil"),
         source=str(polygon.properties.get("source") or document.source),
         remarks=(
+            *cleaning_remarks,
+            *obstacle_cleaning,
             *describe_assumed_obstacles(obstacles),
             *_list_reader_remarks(document, roles.unused),
             *roles.remarks,
@@ -155,6 +159,7 @@ class FieldSummary:
 
     `area_ha` excludes its `holes`; both are None if the field cannot be used, for the reason in `fault`. `inside` is
     the key of the field that it lies within, of which it is an obstacle, zone or second outline; None for most.
+    `shared_name` is the name of which `key` is made, where others have it too.
     """
 
     position: int
@@ -163,6 +168,7 @@ class FieldSummary:
     holes: int | None = None
     fault: str = ""
     inside: str | None = None
+    shared_name: str | None = None
 
 
 def list_fields(
@@ -186,35 +192,39 @@ def list_fields_with_notes(
     fields = tuple(
         _summarise_field(document, position, local, parents.get(position)) for position in range(len(document.polygons))
     )
-    return fields, (*document.notes, *describe_nested_fields(fields))
+    return fields, (*document.notes, *describe_listing(fields))
 
 
-def describe_nested_fields(fields: Sequence[FieldSummary]) -> tuple[str, ...]:
-    """A sentence on polygons of a file that lie within one of its fields."""
+def describe_listing(fields: Sequence[FieldSummary]) -> tuple[str, ...]:
+    """A sentence on fields that share names, and one on polygons that lie within one of the fields."""
+    sentences = []
+    numbered = [f"'{one.key}'" for one in fields if one.shared_name is not None]
+    if numbered:
+        sentences.append(f"Ids or names that another field of the file has too got a number: {_join_listed(numbered)}.")
     nested = [f"'{one.key}' (in '{one.inside}')" for one in fields if one.inside is not None]
-    if not nested:
-        return ()
-    remainder = f" and {len(nested) - MAX_LISTED_FIELDS} more" if len(nested) > MAX_LISTED_FIELDS else ""
-    return (
-        f"No fields of their own, as they lie inside another one, such as ponds: "
-        f"{', '.join(nested[:MAX_LISTED_FIELDS])}{remainder}; #* leaves them out, and #NAME picks one all the same.",
-    )
+    if nested:
+        sentences.append(
+            f"No fields of their own, as they lie inside another one, such as ponds: {_join_listed(nested)}; #* leaves "
+            "them out, and #NAME picks one all the same."
+        )
+    return tuple(sentences)
+
+
+def _join_listed(names: Sequence[str]) -> str:
+    """The first of the names, and how many more there are."""
+    remaining = len(names) - MAX_LISTED_FIELDS
+    return ", ".join(names[:MAX_LISTED_FIELDS]) + (f" and {remaining} more" if remaining > 0 else "")
 
 
 def _summarise_field(document: FieldDocument, index: int, local: bool, parent: int | None = None) -> FieldSummary:
-    raw, inside = document.polygons[index], None if parent is None else _get_field_key(document, parent)
-    key = _get_field_key(document, index)
+    raw, inside = document.polygons[index], None if parent is None else document.polygons[parent].key
+    name = replace_unprintable(raw.keys[0]) if raw.keys else str(index)
+    summary = FieldSummary(index, raw.key, inside=inside, shared_name=None if name == raw.key else name)
     try:
-        shape = _read_outline(document, raw, local, key)[0]
+        shape = _read_outline(document, raw, local, raw.key)[0]
     except FieldError as fault:
-        return FieldSummary(index, key, fault=str(fault), inside=inside)
-    return FieldSummary(index, key, float(shape.area) / 1e4, len(shape.interiors), inside=inside)
-
-
-def _get_field_key(document: FieldDocument, index: int) -> str:
-    """The first name that a polygon can be chosen by, else its position."""
-    keys = document.polygons[index].keys
-    return _replace_unprintable(keys[0]) if keys else str(index)
+        return replace(summary, fault=str(fault))
+    return replace(summary, area_ha=float(shape.area) / 1e4, holes=len(shape.interiors))
 
 
 def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label: str) -> RawPolygon:
@@ -227,12 +237,14 @@ def _choose_polygon(document: FieldDocument, key: str | None, local: bool, label
         raise FieldError(
             f"{label} holds {len(offered)} fields; {_explain_polygon_choice(document, local)}.", parameter="field"
         )
-    matches = [i for i, raw in enumerate(polygons) if key in raw.keys]
+    matches = [raw for raw in polygons if key == raw.key] or [raw for raw in polygons if key in raw.keys]
     if len(matches) > 1:
-        places = ", ".join(f"#{i}" for i in matches)
-        raise FieldError(f"{len(matches)} polygons of {label} are named '{key}'; choose one by position: {places}.")
+        keys = _join_listed([raw.key for raw in matches])
+        raise FieldError(
+            f"{len(matches)} fields of {label} are named '{key}'; choose one of {keys}.", parameter="field"
+        )
     if matches:
-        return polygons[matches[0]]
+        return matches[0]
     if key.isdecimal() and len(key) < 10 and int(key) < len(polygons):
         return polygons[int(key)]
     raise FieldError(f"{label} has no field '{key}'; {_explain_polygon_choice(document, local)}.", parameter="field")
@@ -261,13 +273,32 @@ def _explain_polygon_choice(document: FieldDocument, local: bool) -> str:
 
 def _read_outline(
     document: FieldDocument, raw: RawPolygon, local: bool, label: str
-) -> tuple[shapely.Polygon, FieldFrame]:
-    """The checked boundary in local metres, and its frame."""
+) -> tuple[shapely.Polygon, FieldFrame, tuple[str, ...]]:
+    """The checked boundary in local metres, its frame, and a remark if it had to be cleaned."""
     parts = parse_rings(raw.coordinates, label)
     frame = build_field_frame(document, parts, local, label)
-    parts = [frame.unwrap_longitudes(part) for part in parts]
-    build_polygon(parts, label)
-    return build_polygon([frame.to_local(part) for part in parts], label), frame
+    local_parts = [frame.to_local(part) for part in parts]
+    cleaned = clean_outline(local_parts, label)
+    if cleaned is None:
+        build_polygon([frame.unwrap_longitudes(part) for part in parts], label)  # names the place as in the file
+        return build_polygon(local_parts, label), frame, ()
+    return orient(cleaned[0], 1.0), frame, cleaned[1]
+
+
+def _clean_obstacles(obstacles: Sequence[Obstacle]) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
+    """The obstacles numbered, their outlines cleaned where these have very many points, and remarks on that."""
+    numbered: list[Obstacle] = []
+    remarks: list[str] = []
+    for number, one in enumerate(obstacles, 1):
+        numbered.append(replace(one, number=number))
+        if not isinstance(one.geometry, shapely.Polygon):
+            continue
+        rings = [shapely.get_coordinates(ring)[:-1] for ring in (one.geometry.exterior, *one.geometry.interiors)]
+        cleaned = clean_outline(rings, str(one)[0].lower() + str(one)[1:], is_obstacle=True)
+        if cleaned is not None and cleaned[1]:
+            numbered[-1] = replace(numbered[-1], geometry=cleaned[0])
+            remarks += cleaned[1]
+    return tuple(numbered), tuple(remarks)
 
 
 def _read_ground_zones(
@@ -291,8 +322,10 @@ def _read_obstacles(
     document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
     """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
-    obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
-    return select_obstacles(obstacles, shape, multiple_fields, label)
+    parsed = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
+    selected, remarks = select_obstacles([one for one, _ in parsed], shape, multiple_fields, label)
+    kept = {id(one) for one in selected}
+    return selected, (*remarks, *(text for one, cleaning in parsed if id(one) in kept for text in cleaning))
 
 
 def _read_single_point(
@@ -315,10 +348,5 @@ def _choose_name(raw: RawPolygon, stem: str) -> str:
     properties: dict[str, Any] = raw.properties
     for key in ("name", "Name"):
         if isinstance(properties.get(key), str) and properties[key].strip():
-            return _replace_unprintable(properties[key].strip())
-    return _replace_unprintable(raw.keys[0] if raw.keys else stem)
-
-
-def _replace_unprintable(name: str) -> str:
-    """A name from a file, safe for a terminal: unprintable characters become question marks."""
-    return "".join(one if one.isprintable() else "?" for one in name)
+            return replace_unprintable(properties[key].strip())
+    return replace_unprintable(raw.keys[0] if raw.keys else stem)

@@ -85,7 +85,7 @@ class FieldReference:
 
     Attributes:
         place: name of a sample, path of a file, or the text of a shape.
-        key: the text after the last "#", which chooses one of several fields, or None.
+        key: the text after the "#" that ends the place, which chooses one of several fields, or None.
         is_sample: whether `place` is a sample.
         is_shape: whether `place` is the text of a shape.
     """
@@ -129,10 +129,13 @@ def parse_field_reference(where: str | Path | GeoShape) -> FieldReference:
     where = write_shape_text(where) if isinstance(where, GeoShape) else str(where)
     if is_shape_text(where) and not os.path.exists(where):
         return FieldReference(where, None, False, is_shape=True)
-    if "#" in where and not os.path.exists(where):
-        place, _, key = where.rpartition("#")
-        return FieldReference(place, key, place in list_sample_names())
-    return FieldReference(where, None, where in list_sample_names())
+    if "#" not in where or os.path.exists(where):
+        return FieldReference(where, None, where in list_sample_names())
+    marks = [position for position, letter in enumerate(where) if letter == "#"]
+    splits = [(where[:mark], where[mark + 1 :]) for mark in reversed(marks)]
+    found = [split for split in splits if split[0] in list_sample_names() or os.path.exists(split[0])]
+    place, key = (found or splits)[0]
+    return FieldReference(place, key, place in list_sample_names())
 
 
 def find_field_file(where: str) -> Path | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
+from itertools import count
 from typing import Any
 
 from fields.errors import FieldError
@@ -10,6 +12,8 @@ from fields.feature_words import LINE_KINDS, OVERHEAD_LINE, find_meaning, find_w
 from fields.raw_document import FieldDocument, RawLine, RawPolygon, RawShape
 
 Feature = dict[str, Any]
+ALL_FIELDS = "*"
+"""Instead of a key: every field of a file."""
 BOUNDARY, GROUND_ZONE, ENTRANCE, OBSTACLE, BOUNDARY_EDGE = "boundary", "ground zone", "entrance", "obstacle", "edge"
 REFILL, GUIDANCE, HEADLAND, UNASSIGNED = "refill", "guidance", "headland", "unassigned"
 NON_BOUNDARY_ROLES = (OBSTACLE, ENTRANCE, REFILL, GUIDANCE)
@@ -45,6 +49,7 @@ def build_document(
         FieldError: no feature is a boundary, or a multi-part geometry has no coordinates.
     """
     polygons, zones = _collect_polygons(features, label)
+    polygons = _assign_keys(polygons)
     if not polygons:
         raise FieldError(_explain_no_boundary(features, zones, label))
     return FieldDocument(
@@ -99,6 +104,29 @@ def _collect_polygons(
         target = zones if role == GROUND_ZONE else polygons
         target.extend(RawPolygon(part, _collect_choosable_names(feature, properties), properties) for part in parts)
     return tuple(polygons), tuple(zones)
+
+
+def _assign_keys(polygons: tuple[RawPolygon, ...]) -> tuple[RawPolygon, ...]:
+    """The polygons with keys of their own, safe for a terminal: see `RawPolygon.key`.
+
+    A name that several have is the key of none of them, so that it never means one by chance.
+    """
+    owners = Counter(name for one in polygons for name in set(map(replace_unprintable, one.keys)))
+    taken = {*owners, ALL_FIELDS}
+    keyed = []
+    for position, one in enumerate(polygons):
+        key = replace_unprintable(one.keys[0]) if one.keys else str(position)
+        others = owners[key] - bool(one.keys)
+        if others or key == ALL_FIELDS:
+            key = next(text for text in (f"{key}-{number}" for number in count(1)) if text not in taken)
+            taken.add(key)
+        keyed.append(replace(one, key=key))
+    return tuple(keyed)
+
+
+def replace_unprintable(name: str) -> str:
+    """A name from a file, safe for a terminal: unprintable characters become question marks."""
+    return "".join(one if one.isprintable() else "?" for one in name)
 
 
 def _collect_role_shapes(features: list[dict[str, Any]], role: str, label: str) -> tuple[RawShape, ...]:

@@ -13,7 +13,6 @@ Both are valid against the schemas TaskFile V4-3 and V3-3 of the AEF.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -65,18 +64,10 @@ def _read_isoxml(path: str, label: str) -> FieldDocument:
     features: list[Feature] = []
     notes: list[str] = []
     empty: list[str] = []
-    id_counts: Counter[str] = Counter()
     for element in (partfield for root in roots for partfield in root.iter("PFD")):
-        id_counts[element.get("A") or ""] += 1
         partfield_features = _read_partfield(element, notes)
         features += partfield_features
         empty += [] if partfield_features else [_get_partfield_name(element)]
-    repeated_ids = [name for name, count in id_counts.items() if name and count > 1]
-    if repeated_ids:
-        notes.append(
-            f"{count_noun(len(repeated_ids), 'partfield id')} used more than once (such as {repeated_ids[0]}); choose "
-            "these fields by position."
-        )
     if empty:
         remainder = f" and {len(empty) - MAX_SHOWN_NAMES} more" if len(empty) > MAX_SHOWN_NAMES else ""
         notes.append(f"Partfields without a boundary are skipped: {', '.join(empty[:MAX_SHOWN_NAMES])}{remainder}.")

@@ -13,13 +13,15 @@ import shapely
 from shapely.geometry.polygon import orient
 
 from fields.errors import FieldError, mark_parameter
-from fields.geometry.geodesy import find_utm_crs, is_wgs84_longitude_latitude, project
+from fields.geometry.geodesy import can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
 from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument
 from fields.text_files import shorten_value
 
 FloatArray = npt.NDArray[np.float64]
 
 MAX_FIELD_SPAN_DEG = 1.0
+NULL_ISLAND_DEG = 4.0
+"""About latitude and longitude 0 is water: the nearest coast, of Ghana, is 4.7 degrees north."""
 MAX_LOCAL_M = 100_000.0
 """Local metres beyond this get an origin of their own, to keep digits for the simulation."""
 
@@ -72,8 +74,10 @@ def build_field_frame(document: FieldDocument, rings: list[FloatArray], local: b
     source_crs = document.crs or "EPSG:4326"
     if document.crs is not None and not is_wgs84_longitude_latitude(source_crs):
         degrees = [project(ring, source_crs, "EPSG:4326") for ring in rings]
+        _check_place(document, source_crs, rings[0], degrees[0][0], label)
         return _build_earth_frame(document, source_crs, rings, degrees, label)
     _check_degrees(rings[0], label, has_crs=document.crs is not None)
+    _check_place(document, "EPSG:4326", rings[0], rings[0][0], label)
     return _build_earth_frame(document, "EPSG:4326", rings, rings, label)
 
 
@@ -122,6 +126,30 @@ def _check_degrees(outer: FloatArray, label: str, *, has_crs: bool) -> None:
         raise FieldError(
             f"The boundary of {label} spans {width_deg:g} by {span[1]:g} degrees; a field spans at most "
             f"{MAX_FIELD_SPAN_DEG:g}, so if these are metres, add {mark_parameter('local')}."
+        )
+
+
+def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg: FloatArray, label: str) -> None:
+    """Refuse a field in the sea that would be farmland with x and y swapped, or that is at latitude and longitude 0."""
+    longitude, latitude = place_deg.tolist()
+    is_certain = "crs" in document.header and not document.axes_swapped  # Headland wrote the file
+    if is_certain or can_be_farmland(longitude, latitude):
+        return
+    try:
+        swapped = project(outer[:1, ::-1], crs, "EPSG:4326")[0].tolist()
+    except FieldError:  # no place on the earth
+        swapped = [math.nan, math.nan]
+    where = f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}"
+    if can_be_farmland(*swapped):
+        fix = "leave out" if document.axes_swapped else "swap them with"
+        raise FieldError(
+            f"{where}, where no country has farmland, and with the two axes swapped in a country; "
+            f"{fix} {mark_parameter('swap_axes')}."
+        )
+    if max(abs(longitude), abs(latitude)) <= NULL_ISLAND_DEG:
+        raise FieldError(
+            f"{where}, in the sea off Africa, with or without {mark_parameter('swap_axes')}; its coordinates seem to "
+            "be lost, so export it again."
         )
 
 

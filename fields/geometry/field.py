@@ -28,9 +28,6 @@ MIN_WORKED_SHARE = 0.1  # of the ground; with less, the margin is too wide for t
 SMALLER_MARGIN_SHARES = (0.5, 0.25, 0.1, 0.0)  # of a margin that is too wide, tried for advice
 FENCE_HALF_WIDTH_M = 0.001
 MIN_FENCE_MARGIN_M = 0.2  # error of the guidance, so that fences are never touched
-MAX_POINTS_UNSIMPLIFIED, MAX_POINTS = 2_000, 5_000
-MIN_TOLERANCE_M, MAX_TOLERANCE_M = 0.01, 0.16
-"""No receiver resolves a centimetre; simplified to 16 cm an outline still describes the same field."""
 
 
 @dataclass(frozen=True)
@@ -79,11 +76,8 @@ class Field:
         cut_off_parts: pieces that obstacles and their margins separate from the boundary.
         elevation: path of the file with heights that the field file names, or None.
 
-    A boundary of more than MAX_POINTS_UNSIMPLIFIED points is simplified to MIN_TOLERANCE_M, and one that still has more
-    than MAX_POINTS further, up to MAX_TOLERANCE_M; a remark says so.
-
     Raises:
-        FieldError: the boundary is empty, not a polygon, crosses itself or has too many points after simplification.
+        FieldError: the boundary is empty, not a polygon or crosses itself.
     """
 
     name: str
@@ -108,10 +102,7 @@ class Field:
     elevation: str | None = None
 
     def __post_init__(self) -> None:
-        label = f"field '{self.name}'"
-        boundary, remark = _simplify_outline(_check_polygon(self.boundary, label), label)
-        object.__setattr__(self, "boundary", boundary)
-        object.__setattr__(self, "remarks", (*self.remarks, *remark))
+        object.__setattr__(self, "boundary", _check_polygon(self.boundary, f"field '{self.name}'"))
 
     @property
     def area_m2(self) -> float:
@@ -297,30 +288,6 @@ def _advise_on_margin(margin_m: float, field: Field, reduce: Callable[[float], W
         if workable.boundary.area >= MIN_FIELD_AREA_M2 and not _is_mostly_margin(workable, smaller_m, field):
             return f"use a margin of {smaller_m:g} m"
     return "check the obstacles"
-
-
-def _simplify_outline(polygon: shapely.Polygon, label: str) -> tuple[shapely.Polygon, tuple[str, ...]]:
-    """An outline with few enough points for reasonable computing times, and remarks on its simplification."""
-    points = shapely.get_num_coordinates(polygon)
-    if points <= MAX_POINTS_UNSIMPLIFIED:
-        return polygon, ()
-    tolerance, simplified = MIN_TOLERANCE_M, polygon.simplify(MIN_TOLERANCE_M)
-    while shapely.get_num_coordinates(simplified) > MAX_POINTS and tolerance < MAX_TOLERANCE_M:
-        tolerance *= 2.0
-        simplified = polygon.simplify(tolerance)
-    remaining_points = shapely.get_num_coordinates(simplified)
-    if remaining_points > MAX_POINTS:
-        raise FieldError(
-            f"The outline of {label} has {remaining_points} points even when simplified to {100 * tolerance:.0f} cm; "
-            f"a field may have {MAX_POINTS}, so simplify it first."
-        )
-    if remaining_points == points:
-        return polygon, ()
-    remark = (
-        f"The outline of {label} was simplified to {100 * tolerance:.0f} cm: {remaining_points} of its {points} "
-        "points remain."
-    )
-    return orient(simplified, 1.0), (remark,)
 
 
 def _check_polygon(polygon: shapely.Polygon, label: str) -> shapely.Polygon:

@@ -17,6 +17,7 @@ from fields.feature_words import NOTE, OBSTACLE, find_meaning, find_name
 from fields.geometry.assumed_obstacles import MAX_UNKNOWN_FEATURES
 from fields.geometry.coordinates import FieldFrame, parse_position, parse_rings
 from fields.geometry.obstacles import Obstacle
+from fields.geometry.outline_cleaning import clean_outline
 from fields.raw_document import FieldDocument, RawPolygon
 
 MAX_INSIDE_SHARE = 0.5
@@ -75,14 +76,14 @@ def find_parent_polygons(polygons: Sequence[RawPolygon]) -> dict[int, int]:
     return parents
 
 
-def _build_plane_polygon(raw: RawPolygon) -> shapely.Polygon:
+def _build_plane_polygon(raw: RawPolygon) -> shapely.Geometry:
     """A polygon in the coordinates of the file, empty if they cannot be used."""
     try:
         rings = [np.array(ring, dtype=np.float64)[:, :2] for ring in raw.coordinates]
         shape = shapely.Polygon(rings[0], rings[1:])
     except (TypeError, ValueError, LookupError, OverflowError, shapely.errors.GEOSException):
         return shapely.Polygon()
-    return shape if shape.is_valid else shapely.Polygon()
+    return shape if shape.is_valid else shapely.make_valid(shape, method="structure", keep_collapsed=False)
 
 
 def find_inside_polygons(
@@ -104,7 +105,9 @@ def _parse_outer_ring(raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
         place = frame.to_local(np.array([parse_position(first, "")]))[0]
         if not shapely.intersects_xy(shapely.box(*shape.bounds), *place):
             return None
-        ring = shapely.Polygon(frame.to_local(parse_rings(raw.coordinates, "")[0]))
+        points = frame.to_local(parse_rings(raw.coordinates, "")[0])
     except (FieldError, TypeError, LookupError):
         return None
-    return ring if ring.is_valid else None
+    ring = shapely.Polygon(points)
+    cleaned = (ring, ()) if ring.is_valid else clean_outline([points], "", is_obstacle=True)
+    return None if cleaned is None else cleaned[0]

@@ -8,7 +8,6 @@ from __future__ import annotations
 import glob
 import json
 import os
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from contextlib import suppress
@@ -18,9 +17,10 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from fields.documents.reader import FieldSummary, describe_nested_fields, list_fields
+from fields.documents.reader import FieldSummary, describe_listing, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
 from fields.errors import FieldError
+from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
 from fields.text_files import read_text
@@ -239,7 +239,6 @@ def _format_line(record: Mapping[str, Any]) -> str:
     return json.dumps(record, ensure_ascii=False) + "\n"
 
 
-ALL_FIELDS = "*"
 MAX_FIELDS = 100_000
 
 
@@ -260,7 +259,7 @@ def expand_field_names(
 
     def list_parcels(place: str) -> tuple[FieldSummary, ...]:
         listed = list_fields(place, local=local, crs=crs, swap_axes=swap_axes)
-        show_remarks(describe_nested_fields(listed))
+        show_remarks(describe_listing(listed))
         return listed
 
     field_names = dict.fromkeys(
@@ -290,10 +289,8 @@ def _iter_parcels(name: str, list_parcels: Callable[[str], tuple[FieldSummary, .
     if source.key != ALL_FIELDS:
         yield name
         return
-    listed = list_parcels(source.place)
-    keys = Counter(parcel.key for parcel in listed)
-    for parcel in (one for one in listed if one.inside is None):
-        yield f"{source.place}#{parcel.key if keys[parcel.key] == 1 else parcel.position}"
+    for parcel in (one for one in list_parcels(source.place) if one.inside is None):
+        yield f"{source.place}#{parcel.key}"
 
 
 def share_obstacles(requests: Sequence[PlanRequest]) -> list[PlanRequest]:

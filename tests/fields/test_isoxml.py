@@ -105,12 +105,13 @@ def test_fields_without_boundary_and_without_name(tmp_path: Path) -> None:
     assert "Partfields without a boundary are skipped: No ground." in field.remarks
 
 
-def test_ids_that_stand_twice_are_told(tmp_path: Path) -> None:
+def test_ids_that_stand_twice_get_a_number(tmp_path: Path) -> None:
     east = tuple((x + 400, y) for x, y in OUTER)
     folder = write_taskdata(
         tmp_path, taskdata(partfield(polygon()), partfield(polygon(rings=(east,)), "Other", 60_000, "PFD1"))
     )
-    assert any("1 partfield id used more than once" in one for one in read_field(f"{folder}#1").remarks)
+    assert [one.key for one in list_fields(folder)] == ["PFD1-1", "PFD1-2"]
+    assert read_field(f"{folder}#PFD1-2").name == "Other"
 
 
 def test_latitude_and_longitude_exchanged_are_told_by_the_stated_area(tmp_path: Path) -> None:
@@ -143,7 +144,7 @@ def test_a_named_file_is_read_and_not_another_of_its_name(tmp_path: Path) -> Non
     write_taskdata(tmp_path, taskdata(partfield(polygon(rings=(east,)), "Other", 60_000)))
     (tmp_path / "TASKDATA.XML").write_text(taskdata(partfield(polygon())))
     assert read_field(tmp_path / "TASKDATA.XML").name == "Long acre"
-    assert [one.key for one in list_fields(tmp_path)] == ["PFD1", "PFD1"]
+    assert [one.key for one in list_fields(tmp_path)] == ["PFD1-1", "PFD1-2"]
 
 
 @pytest.mark.parametrize("number", ["nan", "inf"])

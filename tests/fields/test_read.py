@@ -133,9 +133,11 @@ class TestChoice:
     def test_several_fields_are_listed_with_areas(self, two: Path) -> None:
         text = refusal(two, local=True)
         assert "holds 3 fields" in text and "#ID" in text
-        assert "7 (2.00 ha), x-2 (2.00 ha), x-2 (2.00 ha)" in text
+        assert "7 (2.00 ha), x-2-1 (2.00 ha), x-2-2 (2.00 ha)" in text
 
-    @pytest.mark.parametrize(("key", "west"), [("7", 0), ("north", 0), ("0", 0), ("1", 1000), ("2", 1300)])
+    @pytest.mark.parametrize(
+        ("key", "west"), [("7", 0), ("north", 0), ("0", 0), ("1", 1000), ("2", 1300), ("x-2-2", 1300)]
+    )
     def test_key_chooses(self, two: Path, key: str, west: float) -> None:
         assert read_field(f"{two}#{key}", local=True).boundary.bounds[0] == west
 
@@ -145,7 +147,7 @@ class TestChoice:
         assert read_field(f"{two}#2", local=True).entrance is None
 
     def test_key_of_two_polygons(self, two: Path) -> None:
-        assert "#1, #2" in refusal(f"{two}#x-2", local=True)
+        assert "choose one of x-2-1, x-2-2." in refusal(f"{two}#x-2", local=True)
 
     def test_unknown_key(self, two: Path) -> None:
         assert "has no field '9'" in refusal(f"{two}#9", local=True)

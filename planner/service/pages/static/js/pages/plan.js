@@ -35,7 +35,7 @@ export async function open(main, shell) {
   ofSeveral.hidden = byLine.hidden = true;
   preview.update = ({ fields = [], field: shape }) => {
     ofSeveral.hidden = fields.length < 2;
-    if (fields.length > 1 && parcel.options.length < 2) put(parcel, option("", "choose one"), fields.map((one) => option(keyOf(one, fields), `${one.key} (${number(one.area_ha, 2, "ha")})`)));
+    if (fields.length > 1 && parcel.options.length < 2) put(parcel, option("", "choose one"), fields.map((one) => option(one.key, `${one.key} (${number(one.area_ha, 2, "ha")})`)));
     if (draft.parcel && fields.length > 1) { parcel.value = draft.parcel; draft.parcel = ""; if (parcel.value) look(); }
     put(keep, obstacleChoice(shape?.obstacles ?? [], draft.ignore ?? []));
     const lines = shape?.lines ?? [], before = along.value;
@@ -195,6 +195,3 @@ function refused(form, trouble, error) {
   (control ?? trouble).scrollIntoView({ block: "center" });
   control?.focus();
 }
-
-// A field of several is chosen by its key if that is unique, else by its position.
-const keyOf = (one, all) => (one.key && all.filter((other) => other.key === one.key).length === 1 ? one.key : String(one.position));

@@ -1,0 +1,147 @@
+"""Outlines of more points than a field has corners, or that cross themselves, reduced to what a machine can follow.
+
+A line within reach of the drawn one is kept on the safe side of it: the ground of a field shrinks, an obstacle grows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from fields.errors import FieldError
+
+MACHINE_WIDTH_M = 3.0
+"""Of the narrowest usual implement: it follows no sides shorter than this, and works no ground narrower than this."""
+TURNING_CIRCLE_M = 12.0
+"""Of a usual tractor; along shorter sides than this on average, headland passes wind and planning takes long."""
+MAX_POINTS = 100
+"""An outline of so many points is planned as it is drawn, however short its sides."""
+TOLERANCES_M = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""The least is what guidance keeps to; the last is about half a machine, beyond which nothing can be smoothed."""
+MAX_CHANGED_SHARE = 0.1
+"""Of the area; an outline that changes by more describes another field."""
+EXACT_M = 1e-6
+MITRE_LIMIT = 2.0
+
+
+@dataclass(frozen=True)
+class CleanedRing:
+    """A ring, the tolerance in metres that it was simplified to (0 as drawn), its area as drawn, and what changed."""
+
+    shape: shapely.Polygon
+    tolerance_m: float
+    drawn_m2: float
+    changed_m2: float
+
+
+def clean_outline(
+    rings: list[npt.NDArray[np.float64]], label: str, *, is_obstacle: bool = False
+) -> tuple[shapely.Polygon, tuple[str, ...]] | None:
+    """The polygon of an outer ring and its holes in metres, and a remark if it had to be cleaned.
+
+    Rings with few enough points that do not cross themselves stay as they are. None if the rings make no valid polygon,
+    as cleaning would change more than MAX_CHANGED_SHARE of the area.
+
+    Raises:
+        FieldError: a field without crossings has so many spikes that cleaning would change more than that.
+    """
+    drawn = shapely.Polygon(rings[0], rings[1:])
+    outer, *holes = (_clean_ring(shapely.Polygon(ring), is_obstacle is (k == 0)) for k, ring in enumerate(rings))
+    cleaned = shapely.Polygon(outer.shape.exterior, [*outer.shape.interiors, *(hole.shape.exterior for hole in holes)])
+    if cleaned.equals_exact(drawn):
+        return (drawn, ()) if drawn.is_valid else None
+    if not cleaned.is_valid:
+        cleaned = _get_largest(shapely.difference(outer.shape, shapely.union_all([hole.shape for hole in holes])))
+    drawn_m2 = outer.drawn_m2 - math.fsum(hole.drawn_m2 for hole in holes)
+    changed_m2 = math.fsum(one.changed_m2 for one in (outer, *holes))
+    points = _count_points(drawn)
+    if cleaned.is_empty or (changed_m2 > MAX_CHANGED_SHARE * drawn_m2 and not (is_obstacle and drawn.is_valid)):
+        if not drawn.is_valid:
+            return None
+        raise FieldError(
+            f"The outline of {label} has {points} points, and without its spikes it would change by {changed_m2:.0f} "
+            f"of {drawn_m2:.0f} m2; redraw it with fewer points."
+        )
+    tolerance_m = max(TOLERANCES_M[0], *(one.tolerance_m for one in (outer, *holes)))
+    moved_m = _compute_distance_m(np.concatenate(rings), cleaned)
+    remark = (
+        f"The outline of {label} was cleaned to {100 * tolerance_m:.0f} cm: {_count_points(cleaned)} of its {points} "
+        f"points remain, the farthest of the others is {moved_m:.2f} m from the new line, and the area changed by "
+        f"{cleaned.area - drawn_m2:.0f} m2."
+    )
+    return cleaned, (remark,)
+
+
+def _clean_ring(ring: shapely.Polygon, grow: bool) -> CleanedRing:
+    """A ring with few enough points, within the drawn one or, with `grow`, around it."""
+    drawn = ring if ring.is_valid else shapely.make_valid(ring, method="structure", keep_collapsed=False)
+    shape, tolerance_m = ring if ring.is_valid else _get_largest(drawn), 0.0
+    if shape.is_empty:
+        return CleanedRing(ring, 0.0, ring.area, 0.0)
+    if not _has_few_points(shape):
+        shape, tolerance_m = _simplify_ring(shape, grow)
+    changed_m2 = 0.0 if shape is ring else float(shapely.symmetric_difference(shape, drawn).area)
+    return CleanedRing(shape, tolerance_m, float(drawn.area), changed_m2)
+
+
+def _simplify_ring(ring: shapely.Polygon, grow: bool) -> tuple[shapely.Polygon, float]:
+    """The ring at the least tolerance that leaves few enough points, and that tolerance.
+
+    Where the line is only dense, points are dropped. Where it is rough, ground is dropped that is too narrow for a
+    machine, so that what remains is smooth.
+    """
+    cleaned = _simplify_on_one_side(ring, TOLERANCES_M[0] / 2.0, 0.0, grow)  # and moved by as much
+    if _has_few_points(cleaned):
+        return cleaned, TOLERANCES_M[0]
+    reach_m = MACHINE_WIDTH_M / 2.0
+    core = _offset_in_steps(ring.simplify(TOLERANCES_M[0]), reach_m if grow else -reach_m)
+    for tolerance_m in TOLERANCES_M:
+        cleaned = _simplify_on_one_side(core, tolerance_m, reach_m, grow)
+        if _has_few_points(cleaned, TURNING_CIRCLE_M):
+            break
+    return cleaned, tolerance_m
+
+
+def _has_few_points(shape: shapely.Polygon, side_m: float = MACHINE_WIDTH_M) -> bool:
+    return _count_points(shape) <= max(MAX_POINTS, float(shape.convex_hull.length) / side_m)
+
+
+def _count_points(shape: shapely.Polygon) -> int:
+    """The points of a polygon, those where its rings close counted once."""
+    return int(shapely.get_num_coordinates(shape)) - 1 - len(shape.interiors)
+
+
+def _offset_in_steps(shape: shapely.Polygon, distance_m: float) -> shapely.Polygon:
+    """The shape shrunk (or grown) with round corners; small steps first, as each leaves less for the next."""
+    for share in (0.125, 0.125, 0.25, 0.5):
+        shape = _get_largest(shape.buffer(share * distance_m, quad_segs=4)).simplify(TOLERANCES_M[0] / 4.0)
+    return shape
+
+
+def _simplify_on_one_side(core: shapely.Polygon, tolerance_m: float, reach_m: float, grow: bool) -> shapely.Polygon:
+    """A core simplified, then moved back by what it was offset, less what simplifying moved it to the wrong side."""
+    line = core.simplify(tolerance_m)
+    if line.is_empty:
+        return line
+    back_m = reach_m - _compute_distance_m(shapely.get_coordinates(core), line)
+    if abs(back_m) <= EXACT_M:
+        return line
+    return _get_largest(line.buffer(-back_m if grow else back_m, join_style="mitre", mitre_limit=MITRE_LIMIT))
+
+
+def _compute_distance_m(points: npt.NDArray[np.float64], shape: shapely.Polygon) -> float:
+    """The distance of the farthest of the points, shape (n, 2), from the outline of a polygon."""
+    corners, ring = shapely.get_coordinates(shapely.get_parts(shape.boundary), return_index=True)
+    sides = shapely.linestrings(np.stack([corners[:-1], corners[1:]], axis=1)[ring[:-1] == ring[1:]])
+    _, distances_m = shapely.STRtree(sides).query_nearest(shapely.points(points), return_distance=True)
+    return float(distances_m.max())
+
+
+def _get_largest(shape: shapely.Geometry) -> shapely.Polygon:
+    """The largest polygon among the parts of a geometry; empty without any."""
+    parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
+    return max(parts, key=lambda part: part.area, default=shapely.Polygon())
