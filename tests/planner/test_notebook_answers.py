@@ -118,7 +118,7 @@ def test_files_are_those_of_the_command(answer: PlanningResult, refused: Plannin
 @pytest.mark.parametrize("name", ["plan", "plan_day", "study", "diagnose", "replay"])
 def test_help_shows_an_example_and_what_comes_back(name: str) -> None:
     text = pydoc.getdoc(getattr(planner, name))
-    assert "Example:" in text and f"planner.{name}(" in text and "Returns a" in text and "to_pandas()" in text
+    assert "Example:" in text and f"headland.{name}(" in text and "Returns a" in text and "to_pandas()" in text
 
 
 @pytest.mark.parametrize(("given", "seconds"), [(time(13), 46_800), ("13:00", 46_800), (time(7, 5, 30), 25_530)])

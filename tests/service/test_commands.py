@@ -1,5 +1,6 @@
 """The commands of the service: tokens, backups, and the service itself from outside."""
 
+import asyncio
 import os
 import signal
 import subprocess
@@ -14,6 +15,7 @@ import pytest
 import sqlalchemy as sa
 
 from planner.service.errors import ConflictError, ServiceError
+from planner.service.gateway.back_office import BackOffice
 from planner.service.settings import ServiceSettings
 from planner.service.store.database import hold_service_lock
 from planner.service.store.service_store import Store
@@ -252,3 +254,15 @@ def started_in(folder: Path) -> dict[int, str]:
         except OSError:
             continue  # ended meanwhile, or somebody else's
     return found
+
+
+def test_the_login_address_waits_until_the_pages_can_be_shown(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    office, pauses = BackOffice(ServiceSettings(data=tmp_path), lambda *_: None), list[float]()
+
+    async def pause(seconds: float) -> None:
+        pauses.append(seconds)
+        office.url = "http://127.0.0.1:1" if sum(pauses) > 600.0 else None
+
+    monkeypatch.setattr("asyncio.sleep", pause)
+    asyncio.run(office.wait_until_ready())
+    assert sum(pauses) > 600.0, "ten minutes on a busy machine are no reason to give up"
