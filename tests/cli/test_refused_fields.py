@@ -96,7 +96,9 @@ def test_fences_and_margins(headland: Callable[..., Any], folder: Path, command:
     assert_refused(_with(headland, folder, command, hedge), "'edge' of the boundary", "'hedge'")
     gate = feature({"type": "Point", "coordinates": [50, 0]}, role="entrance")
     margin = ("--margin", "40")
-    assert_refused(_with(headland, folder, command, [*closed, gate], *margin), "fences", "--margin) of 40 m", "margin of 20 m")
+    assert_refused(
+        _with(headland, folder, command, [*closed, gate], *margin), "fences", "--margin) of 40 m", "margin of 20 m"
+    )
     assert_refused(_with(headland, folder, command, [feature(SQUARE)], "--margin", "60"), "60 m", "60 m across")
     pole = feature({"type": "Point", "coordinates": [50, 30]}, role="obstacle", kind="pole")
     told = _with(headland, folder, command, [feature(SQUARE, name="plot"), pole], "--margin", "45")

@@ -114,7 +114,7 @@ def test_the_question_of_an_implement_of_the_table_names_its_own_range() -> None
     request = PlanRequest(width_m=4.0, speed_mps=8 * KMH, draft="plough")
     pull = compute_pull_figures(request, EG105)
     assert pull is not None and pull.is_questioned and pull.depth_cm == 22.0
-    assert question_pull(pull).startswith("The implement of 4 m needs about ")
+    assert question_pull(pull).startswith("Not feasible at this speed. The implement of 4 m needs about ")
     assert (
         "22 cm deep in medium soil, is that of ASAE D497, give or take 40 %"
         in describe_pull(pull, find_requested_rule(request))[0]

