@@ -141,10 +141,9 @@ def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg
         swapped = [math.nan, math.nan]
     where = f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}"
     if can_be_farmland(*swapped):
-        fix = "leave out" if document.axes_swapped else "swap them with"
+        fix = "leave out" if document.axes_swapped else "add"
         raise FieldError(
-            f"{where}, where no country has farmland, and with the two axes swapped in a country; "
-            f"{fix} {mark_parameter('swap_axes')}."
+            f"{where}, in the sea; with the two swapped it lies on land: {fix} {mark_parameter('swap_axes')}."
         )
     if max(abs(longitude), abs(latitude)) <= NULL_ISLAND_DEG:
         raise FieldError(

@@ -241,7 +241,7 @@ def _advise_on_passes(field: Field, width_m: float, headland_passes: int) -> str
     for passes in range(min(headland_passes - 1, math.floor(_measure_inner_radius_m(field) / width_m)), 0, -1):
         if _fill_inside_headland(field, width_m, passes) is not None:
             depth = f"a headland ({mark_parameter('headland_m')}) of {passes * width_m:g} m"
-            return f"use {passes} headland pass{'es' if passes > 1 else ''}, {depth}"
+            return f"use {passes} headland pass{'es' if passes > 1 else ''}, which is {depth}"
     return _advise_on_width(field)
 
 

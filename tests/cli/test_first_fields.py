@@ -36,7 +36,7 @@ def test_swapped_axes_are_refused_and_the_advice_helps(headland: Callable[..., A
     corners = [(west, south), (west + side, south), (west + side, south + side), (west, south + side)]
     file = write(tmp_path, feature(ring(*[(y, x) for x, y in corners])))
     assert_refused(
-        headland("plan", file, *ONE), "lies at latitude 9.50, longitude 56.00", "swap them with --swap-axes."
+        headland("plan", file, *ONE), "lies at latitude 9.50, longitude 56.00", "lies on land: add --swap-axes."
     )
     assert headland("field", file, "--swap-axes", "--json").status == 0
     write(tmp_path, feature(ring(*corners)))

@@ -181,7 +181,7 @@ class TestRefusals:
             lay_headland_passes(rectangle(100, 50), width, count, bend)
 
     def test_no_room_inside_the_rounds(self) -> None:
-        with pytest.raises(FieldError, match=r"use 3 headland passes, a headland \(headland_m\) of 9 m"):
+        with pytest.raises(FieldError, match=r"use 3 headland passes, which is a headland \(headland_m\) of 9 m"):
             lay_swaths(rectangle(100, 20), 3.0, 12.0, headland_passes=4)
         with pytest.raises(FieldError, match=r"use an implement \(width_m\) of 9.5 m or less"):
             lay_swaths(rectangle(100, 20), 12.0, 12.0, headland_passes=1)
