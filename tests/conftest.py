@@ -12,6 +12,7 @@ that they share one compiled simulator; before the whole suite starts on several
 import gc
 import os
 import signal
+import sys
 import threading
 from collections.abc import Generator
 from pathlib import Path
@@ -24,11 +25,13 @@ from tests.examples import DRAWS_FRESH, count_examples
 from tests.warm import warm
 
 ROOT = Path(__file__).parents[1]
+ALIAS = ROOT / "planner" / "cli" / "alias"
 
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 os.environ["HEADLAND_LANGUAGE"], os.environ["HEADLAND_UNITS"] = "en", "metric"  # whatever the machine speaks
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH", ""))))
+sys.path.insert(0, str(ALIAS))
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(ROOT), str(ALIAS), os.environ.get("PYTHONPATH", ""))))
 settings.register_profile(
     "headland", deadline=None, database=None, derandomize=not DRAWS_FRESH, max_examples=count_examples(100),
     suppress_health_check=[HealthCheck.too_slow],

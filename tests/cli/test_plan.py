@@ -73,7 +73,7 @@ def test_a_plan_on_heights_says_its_slopes_in_every_form(
     slopes = [abs(told["best"][name]["amount"]) for name in ("steepest_along", "steepest_across")]
     assert max(slopes) == pytest.approx(8.0, abs=0.2)
     assert told["best"]["fuel_l"] == pytest.approx(told["best"]["fuel_l_by_tractor"][0])
-    assert told["scenario"]["soil"] == "loam" and str(heights) in told["scenario"]["elevation"]
+    assert told["scenario"]["soil"] == "loam" and heights.name in told["scenario"]["elevation"]
     assert any(text.startswith("The soil is loam at ") for text in told["ground"])
     assert "data:image/png;base64," in page.read_text() and picture.stat().st_size > 10_000
     heights.unlink()

@@ -112,9 +112,8 @@ def test_a_margin_that_leaves_hardly_any_room_is_told(headland: Callable[..., An
     options = ("--margin", "29", "--tractors", "1", "--strategies", "split-field", "--no-headland", "--explain")
     outcome = _with(headland, folder, "plan", [feature(SQUARE), pole], *options)
     told = " ".join(outcome.out.split())
-    assert outcome.status == 0 and "cannot be reached and" in told and "are cut off: the way" in told
-    (worked_pct,) = {int(share) for share in re.findall(r"works only (\d+) % of the field", told)}
-    assert worked_pct < 50
+    assert outcome.status == 3 and "cannot be reached and" in told and "are cut off: the way" in told
+    assert re.match(r"No recommendation: only \d\.\d % of .* is worked; 51 % is margin of 29 m to obstacles\.", told)
 
 
 def test_a_margin_is_to_blame_where_no_plan_works() -> None:
@@ -135,7 +134,8 @@ def test_a_margin_that_takes_most_of_the_field_is_refused_though_plans_work(
     options = ("--tractors", "1", "--strategies", "split-field", "--no-headland", "--processes", "1")
     wide = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "60", *options)
     assert_refused(wide, "--margin) of 60 m leaves 4", "less than half", "smaller margin")
-    assert _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "40", *options).status == 0
+    told = _with(headland, folder, "plan", [feature(SQUARE), pole], "--margin", "40", *options)
+    assert told.status == 3 and "44 % is margin of 40 m" in " ".join(told.out.split())
 
 
 def test_what_is_not_used_is_named_and_what_is_fenced_is_told(headland: Callable[..., Any], folder: Path) -> None:

@@ -6,7 +6,7 @@ from tests.diagnosis.foreign_sets import build_record, draw_cases, name_case
 from vehicle.identification.verdict.diagnosis_types import NAMED
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 @pytest.mark.parametrize(
     ("reference", "seed", "law", "programme"),
     [
