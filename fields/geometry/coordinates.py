@@ -139,17 +139,19 @@ def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg
         swapped = project(outer[:1, ::-1], crs, "EPSG:4326")[0].tolist()
     except FieldError:  # no place on the earth
         swapped = [math.nan, math.nan]
-    where = f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}"
+    option = mark_parameter("swap_axes")
     if can_be_farmland(*swapped):
-        fix = "leave out" if document.axes_swapped else "swap them with"
         raise FieldError(
-            f"{where}, where no country has farmland, and with the two axes swapped in a country; "
-            f"{fix} {mark_parameter('swap_axes')}."
+            f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, where no country has farmland, and "
+            f"with the two axes swapped in a country; leave out {option}."
+            if document.axes_swapped
+            else f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, where no country has farmland, "
+            f"and with the two axes swapped in a country; swap them with {option}."
         )
     if max(abs(longitude), abs(latitude)) <= NULL_ISLAND_DEG:
         raise FieldError(
-            f"{where}, in the sea off Africa, with or without {mark_parameter('swap_axes')}; its coordinates seem to "
-            "be lost, so export it again."
+            f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea off Africa, with or "
+            f"without {option}; its coordinates seem to be lost, so export it again."
         )
 
 
