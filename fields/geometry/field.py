@@ -25,6 +25,7 @@ FloatArray = npt.NDArray[np.float64]
 MIN_REPORTED_M2 = 1.0
 HOLE_NAME = "a hole of the field"
 MIN_WORKED_SHARE = 0.1  # of the ground; with less, the margin is too wide for the field
+FENCED_CAUSES = "Obstacles and fences"
 SMALLER_MARGIN_SHARES = (0.5, 0.25, 0.1, 0.0)  # of a margin that is too wide, tried for advice
 FENCE_HALF_WIDTH_M = 0.001
 MIN_FENCE_MARGIN_M = 0.2  # error of the guidance, so that fences are never touched
@@ -201,7 +202,7 @@ class Field:
             return compute_workable_ground(self.boundary, obstacles, least_m, max_small_m, extra_margin_m)
 
         if workable.boundary.area < MIN_FIELD_AREA_M2:
-            causes = "Obstacles and fences" if self.fences else "Obstacles"
+            causes = FENCED_CAUSES if self.fences else "Obstacles"
             raise FieldError(
                 f"{causes} with a margin ({mark_parameter('margin_m')}) of {margin_m:g} m leave "
                 f"{workable.boundary.area:.3g} m2 of field '{self.name}' in one piece; a field needs at least "
@@ -286,7 +287,7 @@ def _advise_on_margin(margin_m: float, field: Field, reduce: Callable[[float], W
     for smaller_m in (round(share * margin_m, 2) for share in SMALLER_MARGIN_SHARES):
         workable = reduce(smaller_m)
         if workable.boundary.area >= MIN_FIELD_AREA_M2 and not _is_mostly_margin(workable, smaller_m, field):
-            return f"use a margin of {smaller_m:g} m"
+            return f"use a margin of {smaller_m:g} m or less"
     return "check the obstacles"
 
 

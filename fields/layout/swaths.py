@@ -240,8 +240,12 @@ def _advise_on_passes(field: Field, width_m: float, headland_passes: int) -> str
     """How many headland passes leave ground for a track, else how narrow an implement does; both tried."""
     for passes in range(min(headland_passes - 1, math.floor(_measure_inner_radius_m(field) / width_m)), 0, -1):
         if _fill_inside_headland(field, width_m, passes) is not None:
-            depth = f"a headland ({mark_parameter('headland_m')}) of {passes * width_m:g} m"
-            return f"use {passes} headland pass{'es' if passes > 1 else ''}, which is {depth}"
+            headland, headland_m = mark_parameter("headland_m"), passes * width_m
+            return (
+                f"use one headland pass, which is a headland ({headland}) of {headland_m:g} m"
+                if passes == 1
+                else f"use {passes} headland passes, which is a headland ({headland}) of {headland_m:g} m"
+            )
     return _advise_on_width(field)
 
 
@@ -268,15 +272,12 @@ def _inset_boundary(field: Field, width_m: float) -> shapely.Geometry:
     """The boundary shrunk by half the width; refuses a width with which no track, or too many, would fit."""
     region = field.boundary.buffer(EDGE_SLACK_M - width_m / 2.0, join_style="mitre", mitre_limit=MITRE_LIMIT)
     if region.is_empty:
-        has_obstacles = field.original_boundary is not None
-        subject = (
-            f"Without its obstacles and their margins, field '{field.name}'"
-            if has_obstacles
-            else f"Field '{field.name}'"
-        )
-        fix = f"{'check the obstacles, or ' if has_obstacles else ''}{_advise_on_width(field)}"
+        fix = _advise_on_width(field)
         raise FieldError(
-            f"{subject} is nowhere wider than the working width of {width_m:g} m; {fix}.",
+            f"Field '{field.name}' is nowhere wider than the working width of {width_m:g} m; {fix}."
+            if field.original_boundary is None
+            else f"Without its obstacles and their margins, field '{field.name}' is nowhere wider than the working "
+            f"width of {width_m:g} m; check the obstacles, or {fix}.",
             parameter="width_m",
         )
     span_m = math.dist(region.bounds[:2], region.bounds[2:])

@@ -81,7 +81,7 @@ def use_passes(request: PlanRequest, passes: str, headland_m: str) -> PlanReques
 
 Change = Callable[..., PlanRequest]
 READINGS: list[tuple[str, Change]] = [
-    (r"use (\d+) headland pass(?:es)?, which is a headland \(headland_m\) of ([\d.]+) m", use_passes),
+    (r"use (one|\d+) headland pass(?:es)?, which is a headland \(headland_m\) of ([\d.]+) m", use_passes),
     (r"use a headland \(headland_m\) of ([\d.]+) m", lambda request, m: replace(request, headland_m=float(m))),
     (r"use an implement \(width_m\) of ([\d.]+) m or less", lambda request, m: replace(request, width_m=float(m))),
     (r"use a bearing \(bearing_deg\) of (\d+) deg", lambda request, deg: replace(request, bearing_deg=float(deg))),

@@ -25,6 +25,7 @@ REFUSING_PACKAGES = (
 TELLING_MODULES = (
     "fields/documents/reader.py", "fields/geometry/assumed_obstacles.py", "fields/geometry/chosen_obstacles.py",
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
+    "fields/layout/swaths.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
     "planner/evaluation/candidates/slope_figures.py", "planner/evaluation/candidates/variants.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",

@@ -351,7 +351,8 @@ class TestPages:
     @pytest.mark.slow
     def test_many_fields(self, browser: Any, records: list[dict[str, Any]], tmp_path: Path) -> None:
         shown = open_page(browser, render_many_fields_page(records), tmp_path)
-        assert "2 of 3 fields, 3.00 ha, 2:30:00 one after the other" in shown.locator(".lead").inner_text().replace("\N{NO-BREAK SPACE}", " ")
+        lead = shown.locator(".lead").inner_text().replace("\N{NO-BREAK SPACE}", " ")
+        assert "2 of 3 fields, 3.00 ha, 2:30:00 one after the other" in lead
         assert shown.locator("figure svg").count() == 2
         shown.locator("td a", has_text="west").click()
         assert shown.evaluate("document.querySelector(':target h2').textContent").startswith("west")

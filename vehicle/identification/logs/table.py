@@ -51,14 +51,14 @@ if TYPE_CHECKING:
 
 Columns = dict[str, Array]
 _NUMBERS_BY_WORD = {
-    column: {word: number for number, words in words_by_number.items() for word in words.split()}
+    column: {word: number for number, words in words_by_number.items() for word in words.split("|")}
     for column, words_by_number in {
         "shuttle": {
-            1.0: "f fwd forward v vor vorwärts avant av adelante vooruit",
-            0.0: "n neutral neutre neutro neutraal",
-            -1.0: "r rev reverse rück rückwärts arrière ar atrás achteruit",
+            1.0: "f|fwd|forward|v|vor|vorwärts|avant|av|adelante|vooruit",
+            0.0: "n|neutral|neutre|neutro|neutraal",
+            -1.0: "r|rev|reverse|rück|rückwärts|arrière|ar|atrás|achteruit",
         },
-        "implement": {1.0: "true on yes working down ein ja oui sí", 0.0: "false off no lifted up aus nein non nee"},
+        "implement": {1.0: "true|on|yes|working|down|ein|ja|oui|sí", 0.0: "false|off|no|lifted|up|aus|nein|non|nee"},
     }.items()
 }
 _EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a")
