@@ -1,4 +1,7 @@
-"""Names of options: those of parameters without their units, so width_m is width and speed_mps is speed_kmh."""
+"""Names of options: those of parameters without their units, so width_m is width and speed_mps is speed_kmh.
+
+Also what forms call the options and strategies of a plan, in English: options with their units, by their names.
+"""
 
 from __future__ import annotations
 
@@ -24,3 +27,41 @@ def strip_unit(parameter: str) -> str:
     for unit in _UNIT_SUFFIXES:
         stem = stem.removesuffix(unit)
     return stem
+
+
+LABELS = {
+    "field": "Field", "local": "The file is in local metres", "swap_axes": "Latitude or northing comes first",
+    "crs": "Coordinate system", "part": "Part of a divided field", "margin": "Distance to obstacles and fences, m",
+    "overhang": "Reach over open edges, m", "obstacle": "More obstacles", "ignore": "Obstacles to leave out",
+    "entrance": "Entrance", "guidance_line": "Lay the tracks", "bearing": "Direction of tracks, degrees",
+    "cell_bearing": "Direction in one cell, degrees", "swaths": "Tracks",
+    "tractor": "Tractor", "tractors": "Number of tractors", "farm": "Farm", "implement": "Implement of the farm",
+    "width": "Working width, m", "speed_kmh": "Working speed, km/h", "turn_speed_kmh": "Turn speed, km/h",
+    "min_speed_kmh": "Least working speed, km/h", "max_speed_kmh": "Greatest working speed, km/h",
+    "radius": "Turning radius, m", "clearance": "Least distance between machines, m", "refill": "Refill at",
+    "draft": "Implement of the table of drafts", "depth_cm": "Working depth, cm",
+    "operation": "Work", "strategies": "Strategies", "turn": "Turns", "corners": "Corners of the headland",
+    "headland": "Headland depth, m", "headland_passes": "Passes on the headland",
+    "headland_order": "Work the headland", "headland_first": "Headland before the tracks",
+    "headland_last": "Headland after the tracks", "no_headland": "Headland left unworked",
+    "elevation": "Heights of the field", "elevation_crs": "Coordinate system of the heights", "soil": "Soil",
+    "moisture": "Moisture of the soil, percent", "rain_mm": "Rain of the last days, mm",
+    "et0_mm": "Evapotranspiration of those days, mm a day",
+    "start": "Start", "deadline": "Done by", "rain": "Rain", "objective": "The best plan is the", "budget": "Budget",
+    "price_per_hour": "Price per tractor and hour", "price_per_tractor": "Price per tractor brought",
+    "samples": "Samples of what varies", "seed": "Seed", "all": "Simulate every plan, however slow",
+    "gnss": "Simulate GNSS errors", "gnss_table": "GNSS errors by a table",
+}  # fmt: skip
+STRATEGY_LABELS = {
+    "row-by-row": "row-by-row: side by side, turning one after the other",
+    "row-by-row-optimised": "row-by-row-optimised: the same with the least waiting",
+    "col-by-col": "col-by-col: side by side, turning by sides",
+    "split-field": "split-field: each tractor has its part of the field",
+    "interleaved": "interleaved: the tractors take the tracks in turn",
+}
+
+
+def quote_label(parameter: str) -> str:
+    """The label of the option of a parameter in quotes, for sentences; its name where it has no label."""
+    name = strip_unit(parameter)
+    return f"\u201c{LABELS[name]}\u201d" if name in LABELS else name

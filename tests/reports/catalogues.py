@@ -13,7 +13,7 @@ from babel.messages.catalog import Catalog
 from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
-from planner.request.option_labels import LABELS, STRATEGY_LABELS
+from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT
 

@@ -12,7 +12,7 @@ from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
-from planner.request.option_labels import LABELS, STRATEGY_LABELS
+from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from planner.service.access.browser_policy import REPORT_SECURITY_POLICY, SecurityHeadersMiddleware
 from planner.service.errors import ServiceError
 from planner.service.fleets.video_addresses import check_video_address, find_origin

@@ -13,7 +13,7 @@ from fields.nested_text import parse_toml
 from fields.sample_fields import list_sample_names
 from planner.day.input_file import read_example_day_text
 from planner.farm.inventory import read_example_farm_text
-from planner.request.option_labels import LABELS, STRATEGY_LABELS
+from planner.request.parameter_names import LABELS, STRATEGY_LABELS
 from planner.service.access.permissions import Caller, require_right
 from planner.service.errors import ServiceError
 from planner.service.gateway.responses import ApiModel, document_errors

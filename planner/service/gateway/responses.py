@@ -16,7 +16,7 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from planner.errors import HeadlandError
-from planner.request.option_labels import quote_label
+from planner.request.parameter_names import quote_label
 from planner.request.validation_messages import describe_fault, format_location
 from planner.service.errors import StorageError
 from planner.service.store.disk_storage import DISK_FULL, is_disk_full
