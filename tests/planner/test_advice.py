@@ -18,6 +18,7 @@ from planner.evaluation.context import prepare_context
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.plan_repairs import RESTRICTIONS
 from planner.pipeline.planning import plan
+from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import L_SHAPE, SHAPES
 
@@ -98,9 +99,10 @@ READINGS: list[tuple[str, Change]] = [
 
 def follow(advice: str, request: PlanRequest) -> PlanRequest:
     """The request as advised; fails for advice that says nothing to do."""
-    parameters = {words: name for name, words in RESTRICTIONS.items()}
-    if set(advice.split(" and ")) <= set(parameters):
-        return replace(request, **{parameters[words]: DEFAULTS[parameters[words]] for words in advice.split(" and ")})
+    parameters = {f"--{strip_unit(name).replace('_', '-')}": name for name in RESTRICTIONS}
+    options = advice.removeprefix("leave out ").split(" and ")
+    if set(options) <= set(parameters):
+        return replace(request, **{parameters[option]: DEFAULTS[parameters[option]] for option in options})
     for pattern, change in READINGS:
         found = re.search(pattern, advice)
         if found:
