@@ -5,7 +5,6 @@ Other packages offer strategies as entry points in the group ENTRY_POINT_GROUP.
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -27,13 +26,9 @@ def list_strategy_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*STRATEGY_NAMES, *(one.name for one in list_entry_points()))))
 
 
+@cache
 def list_entry_points() -> tuple[EntryPoint, ...]:
     """The strategies of other packages by name and package, not loaded."""
-    return _find_entry_points(tuple(sys.path))
-
-
-@cache
-def _find_entry_points(_path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
     from importlib.metadata import entry_points
 
     return tuple(sorted(entry_points(group=ENTRY_POINT_GROUP), key=lambda one: (one.name, get_package_name(one))))

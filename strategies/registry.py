@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import replace
-from functools import cache, partial, wraps
+from functools import cache, wraps
 from importlib import import_module
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
@@ -30,12 +30,9 @@ def get_strategy(name: str) -> Strategy:
     """The strategy of a name; raises StrategyError for an unknown one, and for one that cannot be loaded."""
     if name in STRATEGIES:
         return STRATEGIES[name]
-    found = [one for one in list_entry_points() if one.name == name]
+    found, known = [one for one in list_entry_points() if one.name == name], list_strategy_names()
     if not found:
-        strategy_list = ", ".join(list_strategy_names())
-        raise StrategyError(
-            f"Strategy {name!r} is unknown{suggest_name(name, list_strategy_names())}; use one of: {strategy_list}."
-        )
+        raise StrategyError(f"Strategy {name!r} is unknown{suggest_name(name, known)}; use one of: {', '.join(known)}.")
     if len(found) > 1:
         packages = " and ".join(map(get_package_name, found))
         raise StrategyError(f"Strategy {name!r} is in {packages}; uninstall one of them.")
@@ -54,42 +51,35 @@ def describe_hidden_strategies() -> list[str]:
 
 def list_source_files(names: Collection[str]) -> list[Path]:
     """The source files of those of the strategies that are of other packages."""
-    files: list[Path] = []
-    for one in list_entry_points():
-        spec = None if one.name not in names or one.name in STRATEGIES else find_spec(one.module.partition(".")[0])
-        for folder in (spec and spec.submodule_search_locations) or ():
-            files += sorted(Path(folder).rglob("*.py"))
-        files += [Path(spec.origin)] if spec is not None and spec.origin is not None else []
-    return files
+    modules = {one.module.partition(".")[0] for one in list_entry_points() if one.name in names}
+    places = [Path(spec.origin) for name in sorted(modules) if (spec := find_spec(name)) and spec.origin]
+    return [
+        file
+        for place in places
+        for file in (sorted(place.parent.rglob("*.py")) if place.name == "__init__.py" else [place])
+    ]
 
 
 @cache
 def _load_strategy(entry: EntryPoint) -> Strategy:
     """The record of an entry point, whose functions raise StrategyError alone."""
-    name, package = entry.name, get_package_name(entry)
+    label = f"Strategy {entry.name!r} of the package {get_package_name(entry)}"
     try:
         record = entry.load()
+        if not isinstance(record, Strategy) or record.name != entry.name:
+            raise TypeError(f"{entry.value} is no headland.Strategy of that name")
     except Exception as error:
-        raise StrategyError(
-            f"Strategy {name!r} of the package {package} cannot be loaded ({type(error).__name__}: {error}); repair or "
-            "uninstall that package."
-        ) from error
-    if not isinstance(record, Strategy) or record.name != name:
-        what = f"named {record.name!r}" if isinstance(record, Strategy) else f"a {type(record).__name__}"
-        raise StrategyError(
-            f"{entry.value} of the package {package} is {what}; for the strategy {name!r} it must be a "
-            "headland.Strategy of that name."
-        )
-    convert = partial(_convert_faults, name=name, package=package)
+        reason = f"{type(error).__name__}: {error}"
+        raise StrategyError(f"{label} cannot be loaded ({reason}); repair or uninstall that package.") from error
     return replace(
         record,
-        build=convert(record.build),
-        refine=record.refine and convert(record.refine),
-        build_bound=record.build_bound and convert(record.build_bound),
+        build=_convert_faults(record.build, label),
+        refine=record.refine and _convert_faults(record.refine, label),
+        build_bound=record.build_bound and _convert_faults(record.build_bound, label),
     )
 
 
-def _convert_faults(function: Callable[..., Any], name: str, package: str) -> Callable[..., Any]:
+def _convert_faults(function: Callable[..., Any], label: str) -> Callable[..., Any]:
     """A function of a strategy, whose faults become a reason why it has no plan."""
 
     @wraps(function)
@@ -98,12 +88,10 @@ def _convert_faults(function: Callable[..., Any], name: str, package: str) -> Ca
             output = function(*inputs)
             if not isinstance(output, Plan | RefinedPlan):
                 raise TypeError(f"it gives a {type(output).__name__} in place of a plan")
+            return output
         except HeadlandError:
             raise
         except Exception as error:
-            raise StrategyError(
-                f"Strategy {name!r} failed in the package {package} ({type(error).__name__}: {error})."
-            ) from error
-        return output
+            raise StrategyError(f"{label} failed ({type(error).__name__}: {error}).") from error
 
     return call

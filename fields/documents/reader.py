@@ -83,7 +83,7 @@ def read_field(
     solid = [one.shape for one in obstacles]
     roles = assume_roles(document.unassigned, document.guidance_lines, frame, shape, field_names, solid)
     obstacles = (*obstacles, *select_inside_obstacles(inside, shape, roles.ignore), *roles.obstacles)
-    obstacles, obstacle_cleaning = _clean_obstacles(obstacles)
+    obstacles = tuple(replace(one, number=number) for number, one in enumerate(obstacles, 1))
     document = replace(
         document,
         boundary_edges=(*document.boundary_edges, *roles.fences),
@@ -105,7 +105,7 @@ def read_field(
         source=str(polygon.properties.get("source") or document.source),
         remarks=(
             *cleaning_remarks,
-            *obstacle_cleaning,
+            *(one.remark for one in obstacles if one.remark),
             *describe_assumed_obstacles(obstacles),
             *_list_reader_remarks(document, roles.unused),
             *roles.remarks,
@@ -285,22 +285,6 @@ def _read_outline(
     return orient(cleaned[0], 1.0), frame, cleaned[1]
 
 
-def _clean_obstacles(obstacles: Sequence[Obstacle]) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
-    """The obstacles numbered, their outlines cleaned where these have very many points, and remarks on that."""
-    numbered: list[Obstacle] = []
-    remarks: list[str] = []
-    for number, one in enumerate(obstacles, 1):
-        numbered.append(replace(one, number=number))
-        if not isinstance(one.geometry, shapely.Polygon):
-            continue
-        rings = [shapely.get_coordinates(ring)[:-1] for ring in (one.geometry.exterior, *one.geometry.interiors)]
-        cleaned = clean_outline(rings, str(one)[0].lower() + str(one)[1:], is_obstacle=True)
-        if cleaned is not None and cleaned[1]:
-            numbered[-1] = replace(numbered[-1], geometry=cleaned[0])
-            remarks += cleaned[1]
-    return tuple(numbered), tuple(remarks)
-
-
 def _read_ground_zones(
     document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[tuple[GroundZone, ...], tuple[str, ...]]:
@@ -322,10 +306,8 @@ def _read_obstacles(
     document: FieldDocument, frame: FieldFrame, shape: shapely.Polygon, multiple_fields: bool, label: str
 ) -> tuple[tuple[Obstacle, ...], tuple[str, ...]]:
     """Obstacles in local metres, in the order of the file, and remarks on those off the field."""
-    parsed = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
-    selected, remarks = select_obstacles([one for one, _ in parsed], shape, multiple_fields, label)
-    kept = {id(one) for one in selected}
-    return selected, (*remarks, *(text for one, cleaning in parsed if id(one) in kept for text in cleaning))
+    obstacles = [parse_obstacle(raw, frame, label) for raw in document.obstacles]
+    return select_obstacles(obstacles, shape, multiple_fields, label)
 
 
 def _read_single_point(

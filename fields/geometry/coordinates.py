@@ -142,11 +142,11 @@ def _check_place(document: FieldDocument, crs: str, outer: FloatArray, place_deg
     option = mark_parameter("swap_axes")
     if can_be_farmland(*swapped):
         raise FieldError(
-            f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea; with the two swapped it "
-            f"lies on land: leave out {option}."
+            f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea; with the two "
+            f"swapped it lies on land: leave out {option}."
             if document.axes_swapped
-            else f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea; with the two swapped "
-            f"it lies on land: add {option}."
+            else f"{label} lies at latitude {latitude:.2f}, longitude {longitude:.2f}, in the sea; with the two "
+            f"swapped it lies on land: add {option}."
         )
     if max(abs(longitude), abs(latitude)) <= NULL_ISLAND_DEG:
         raise FieldError(

@@ -26,16 +26,18 @@ UNUSED_REASON = "inner outline or zone"
 
 
 def select_inside_obstacles(
-    inside: Sequence[tuple[RawPolygon, shapely.Polygon]], shape: shapely.Polygon, ignore: Callable[[str, str], None]
+    inside: Sequence[tuple[RawPolygon, shapely.Polygon, str]],
+    shape: shapely.Polygon,
+    ignore: Callable[[str, str], None],
 ) -> list[Obstacle]:
     """Polygons within a field that are obstacles; `ignore` is told the reason and name of the others."""
-    are_obstacles = _judge_inside_polygons([(raw, ring.area / shape.area) for raw, ring in inside])
+    are_obstacles = _judge_inside_polygons([(raw, ring.area / shape.area) for raw, ring, _ in inside])
     obstacles = []
-    for (raw, ring), is_obstacle in zip(inside, are_obstacles, strict=True):
+    for (raw, ring, remark), is_obstacle in zip(inside, are_obstacles, strict=True):
         name = find_name(raw.properties) or (raw.keys[0] if raw.keys else "")
         if is_obstacle:
             kind = find_meaning(raw.properties).kind or "area"
-            obstacles.append(Obstacle(kind, ring, name=name, is_assumed=True))
+            obstacles.append(Obstacle(kind, ring, name=name, is_assumed=True, remark=remark))
         else:
             ignore(UNUSED_REASON, f"'{name}'" if name else "a Polygon")
     return obstacles
@@ -88,18 +90,20 @@ def _build_plane_polygon(raw: RawPolygon) -> shapely.Geometry:
 
 def find_inside_polygons(
     document: FieldDocument, chosen: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
-) -> list[tuple[RawPolygon, shapely.Polygon]]:
-    """Other polygons of a file within the chosen one, and their outlines in local metres."""
+) -> list[tuple[RawPolygon, shapely.Polygon, str]]:
+    """Other polygons of a file within the chosen one, their outlines in local metres, and what was cleaned of these."""
     inside = []
     for raw in document.polygons:
-        ring = None if raw is chosen else _parse_outer_ring(raw, frame, shape)
-        if ring is not None and shapely.contains_properly(shape, ring):
-            inside.append((raw, ring))
+        cleaned = None if raw is chosen else _parse_outer_ring(raw, frame, shape)
+        if cleaned is not None and shapely.contains_properly(shape, cleaned[0]):
+            inside.append((raw, cleaned[0], " ".join(cleaned[1])))
     return inside
 
 
-def _parse_outer_ring(raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon) -> shapely.Polygon | None:
-    """The outline of a polygon that may be inside a shape; None if it is not, or not usable."""
+def _parse_outer_ring(
+    raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
+) -> tuple[shapely.Polygon, tuple[str, ...]] | None:
+    """The cleaned outline of a polygon that may be inside a shape; None if it is not, or not usable."""
     try:
         first: Any = raw.coordinates[0][0]
         place = frame.to_local(np.array([parse_position(first, "")]))[0]
@@ -108,6 +112,4 @@ def _parse_outer_ring(raw: RawPolygon, frame: FieldFrame, shape: shapely.Polygon
         points = frame.to_local(parse_rings(raw.coordinates, "")[0])
     except (FieldError, TypeError, LookupError):
         return None
-    ring = shapely.Polygon(points)
-    cleaned = (ring, ()) if ring.is_valid else clean_outline([points], "", is_obstacle=True)
-    return None if cleaned is None else cleaned[0]
+    return clean_outline([points], f"obstacle '{raw.key}'", is_obstacle=True)

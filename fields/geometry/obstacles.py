@@ -37,6 +37,7 @@ class Obstacle:
         name: its name, possibly empty.
         is_assumed: its file does not say that it is an obstacle; ignored when obstacles are compared.
         number: by which it can be left out: its place among the obstacles of its file, from 1; None for others.
+        remark: what was cleaned of its outline.
 
     Raises:
         FieldError: the geometry has another type, is empty or crosses itself, or the size is out of range.
@@ -48,6 +49,7 @@ class Obstacle:
     name: str = ""
     is_assumed: bool = member(default=False, compare=False)
     number: int | None = member(default=None, compare=False)
+    remark: str = member(default="", compare=False)
 
     def __post_init__(self) -> None:
         geometry_type = self.geometry.geom_type
@@ -164,28 +166,25 @@ MAX_BESIDE_M = 20.0  # machines that turn in the field do not reach obstacles fa
 MAX_NAMED_OBSTACLES = 5
 
 
-def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> tuple[Obstacle, tuple[str, ...]]:
-    """One obstacle, and a remark if its outline had to be cleaned.
-
-    Raises FieldError if its coordinates or its size cannot be used.
-    """
+def parse_obstacle(raw: RawShape, frame: FieldFrame, label: str) -> Obstacle:
+    """One obstacle; raises FieldError if its coordinates or its size cannot be used."""
     name = find_name(raw.properties) or (raw.keys[0] if raw.keys else "")
     kind = str(raw.properties.get("kind") or "").strip().lower()
     description = f"obstacle '{name or kind}' of {label}" if name or kind else f"an obstacle of {label}"
     if raw.geometry_type == AREA:
         parts = [frame.to_local(part) for part in parse_rings(raw.coordinates, description)]
         shape, remarks = clean_outline(parts, description, is_obstacle=True) or (build_polygon(parts, description), ())
-        return Obstacle(kind or "area", shape, name=name), remarks
+        return Obstacle(kind or "area", shape, name=name, remark=" ".join(remarks))
     if raw.geometry_type == POINT:
         place = frame.to_local(np.array([parse_position(raw.coordinates, description)]))[0]
         radius_m = _parse_size_m(raw, "radius_m", kind, DEFAULT_RADIUS_M, description)
-        return Obstacle(kind or "point", shapely.Point(place), radius_m, name), ()
+        return Obstacle(kind or "point", shapely.Point(place), radius_m, name)
     line = raw.coordinates if isinstance(raw.coordinates, list) else []
     if len(line) < 2:
         raise FieldError(f"The line of {description} has {len(line)} positions; a LineString needs 2 or more.")
     points = frame.to_local(np.array([parse_position(entry, description) for entry in line]))
     width_m = _parse_size_m(raw, "width_m", kind, DEFAULT_WIDTH_M, description)
-    return Obstacle(kind or "line", shapely.LineString(points), width_m / 2.0, name), ()
+    return Obstacle(kind or "line", shapely.LineString(points), width_m / 2.0, name)
 
 
 def _parse_size_m(raw: RawShape, key: str, kind: str, defaults_m: dict[str, float], description: str) -> float:

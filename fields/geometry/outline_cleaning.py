@@ -5,9 +5,6 @@ A line within reach of the drawn one is kept on the safe side of it: the ground 
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 import shapely
@@ -28,16 +25,6 @@ EXACT_M = 1e-6
 MITRE_LIMIT = 2.0
 
 
-@dataclass(frozen=True)
-class CleanedRing:
-    """A ring, the tolerance in metres that it was simplified to (0 as drawn), its area as drawn, and what changed."""
-
-    shape: shapely.Polygon
-    tolerance_m: float
-    drawn_m2: float
-    changed_m2: float
-
-
 def clean_outline(
     rings: list[npt.NDArray[np.float64]], label: str, *, is_obstacle: bool = False
 ) -> tuple[shapely.Polygon, tuple[str, ...]] | None:
@@ -50,42 +37,41 @@ def clean_outline(
         FieldError: a field without crossings has so many spikes that cleaning would change more than that.
     """
     drawn = shapely.Polygon(rings[0], rings[1:])
-    outer, *holes = (_clean_ring(shapely.Polygon(ring), is_obstacle is (k == 0)) for k, ring in enumerate(rings))
-    cleaned = shapely.Polygon(outer.shape.exterior, [*outer.shape.interiors, *(hole.shape.exterior for hole in holes)])
+    cleaned_rings = [_clean_ring(shapely.Polygon(ring), is_obstacle is (k == 0)) for k, ring in enumerate(rings)]
+    (outer, *holes), tolerances_m = zip(*cleaned_rings, strict=True)
+    cleaned = shapely.Polygon(outer.exterior, [*outer.interiors, *(hole.exterior for hole in holes)])
     if cleaned.equals_exact(drawn):
         return (drawn, ()) if drawn.is_valid else None
     if not cleaned.is_valid:
-        cleaned = _get_largest(shapely.difference(outer.shape, shapely.union_all([hole.shape for hole in holes])))
-    drawn_m2 = outer.drawn_m2 - math.fsum(hole.drawn_m2 for hole in holes)
-    changed_m2 = math.fsum(one.changed_m2 for one in (outer, *holes))
-    points = _count_points(drawn)
-    if cleaned.is_empty or (changed_m2 > MAX_CHANGED_SHARE * drawn_m2 and not (is_obstacle and drawn.is_valid)):
+        cleaned = _get_largest(shapely.difference(outer, shapely.union_all(holes)))
+    valid = _repair(drawn)
+    changed_m2, points = float(shapely.symmetric_difference(cleaned, valid).area), _count_points(drawn)
+    if cleaned.is_empty or (changed_m2 > MAX_CHANGED_SHARE * valid.area and not (is_obstacle and drawn.is_valid)):
         if not drawn.is_valid:
             return None
         raise FieldError(
             f"The outline of {label} has {points} points, and without its spikes it would change by {changed_m2:.0f} "
-            f"of {drawn_m2:.0f} m2; redraw it with fewer points."
+            f"of {valid.area:.0f} m2; redraw it with fewer points."
         )
-    tolerance_m = max(TOLERANCES_M[0], *(one.tolerance_m for one in (outer, *holes)))
-    moved_m = _compute_distance_m(np.concatenate(rings), cleaned)
+    tolerance_m, moved_m = max(TOLERANCES_M[0], *tolerances_m), _compute_distance_m(np.concatenate(rings), cleaned)
     remark = (
         f"The outline of {label} was cleaned to {100 * tolerance_m:.0f} cm: {_count_points(cleaned)} of its {points} "
         f"points remain, the farthest of the others is {moved_m:.2f} m from the new line, and the area changed by "
-        f"{cleaned.area - drawn_m2:.0f} m2."
+        f"{cleaned.area - valid.area:.0f} m2."
     )
     return cleaned, (remark,)
 
 
-def _clean_ring(ring: shapely.Polygon, grow: bool) -> CleanedRing:
-    """A ring with few enough points, within the drawn one or, with `grow`, around it."""
-    drawn = ring if ring.is_valid else shapely.make_valid(ring, method="structure", keep_collapsed=False)
-    shape, tolerance_m = ring if ring.is_valid else _get_largest(drawn), 0.0
+def _clean_ring(ring: shapely.Polygon, grow: bool) -> tuple[shapely.Polygon, float]:
+    """A ring with few enough points, within the drawn one or, with `grow`, around it, and the tolerance it took."""
+    shape = ring if ring.is_valid else _get_largest(_repair(ring))
     if shape.is_empty:
-        return CleanedRing(ring, 0.0, ring.area, 0.0)
-    if not _has_few_points(shape):
-        shape, tolerance_m = _simplify_ring(shape, grow)
-    changed_m2 = 0.0 if shape is ring else float(shapely.symmetric_difference(shape, drawn).area)
-    return CleanedRing(shape, tolerance_m, float(drawn.area), changed_m2)
+        return ring, 0.0
+    return (shape, 0.0) if _has_few_points(shape) else _simplify_ring(shape, grow)
+
+
+def _repair(shape: shapely.Polygon) -> shapely.Geometry:
+    return shape if shape.is_valid else shapely.make_valid(shape, method="structure", keep_collapsed=False)
 
 
 def _simplify_ring(ring: shapely.Polygon, grow: bool) -> tuple[shapely.Polygon, float]:

@@ -24,8 +24,7 @@ from planner.cli.common.options import (
 )
 from planner.request.options import convert_options_to_parameters, list_options
 from planner.request.plan_request import COSTS, MAX_HEADLAND_PASSES, OUTPUT, WORK, FarmChoice, PlanRequest
-from strategies.headland.work_order import HEADLAND_ORDERS
-from strategies.path_planning.turn_kinds import CORNERS
+from strategies.path_planning.turn_kinds import CORNERS, HEADLAND_ORDERS
 
 if TYPE_CHECKING:
     from planner.cli.common.outputs import OutputContent

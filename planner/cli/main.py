@@ -20,7 +20,7 @@ import typer
 from typer.core import TyperGroup
 
 from fields.errors import make_one_line, shorten_middle
-from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, StrategiesCommand, choose_reader, translate_help
+from planner.cli.common.reader import LANGUAGE_HELP, UNITS_HELP, choose_reader, translate_help
 from planner.cli.compare_bearings import compare_bearings
 from planner.cli.compare_headlands import compare_headlands
 from planner.cli.day import day
@@ -111,9 +111,9 @@ def describe_headland(
     """
 
 
-app.command(cls=StrategiesCommand)(plan)
-app.command("compare-headlands", cls=StrategiesCommand)(compare_headlands)
-app.command("compare-bearings", cls=StrategiesCommand)(compare_bearings)
+app.command()(plan)
+app.command("compare-headlands")(compare_headlands)
+app.command("compare-bearings")(compare_bearings)
 app.command()(show)
 app.command()(export)
 app.command(cls=FieldCommand)(field)

@@ -108,8 +108,8 @@ class FieldTime:
 
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
     ones if it collects. `shortfall` says that the plan works too little of the field. `is_lasting` is False for a
-    refusal of heights, whose sentence names files that may change, and where `is_cut`: planning ran out of time, and
-    the plan is the best of those found by then.
+    refusal of heights, whose sentence names files that may change, and where planning ran out of time: `cut_note` says
+    so, and the plan is the best of those found by then.
     """
 
     strategy: str = ""
@@ -122,7 +122,7 @@ class FieldTime:
     reason: str = ""
     shortfall: str = ""
     is_lasting: bool = True
-    is_cut: bool = False
+    cut_note: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,13 +234,16 @@ def compute_field_time(task: FieldTimeTask, field_minutes: float = DEFAULT_FIELD
 
     After `field_minutes` of computing it is the best of those found so far.
     """
-    share = TimeShare(60.0 * field_minutes)
+    share, spent = TimeShare(60.0 * field_minutes), f"{field_minutes:g} min of computing"
     try:
-        return _search_field_time(task, share)
+        found = _search_field_time(task, share)
     except TimeSpentError:
-        return FieldTime(
-            reason=f"no plan was found in {field_minutes:g} min of computing", is_lasting=False, is_cut=True
-        )
+        found = FieldTime(reason=f"no plan was found in {spent}")
+    if not share.is_cut:
+        return found
+    outcome = "this is the best plan found by then" if found.graph else "no plan was found by then"
+    cut_note = f"planning took more than {spent}; {outcome}. Give it more (--field-minutes)."
+    return replace(found, is_lasting=False, cut_note=cut_note)
 
 
 def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
@@ -266,18 +269,8 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
             fuel = measure_leg_consumption(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
             graph = build_leg_graph(ordered_run, fuel)
             shortfall = next((one.sentence for one in result.ranking.shortfalls if one.kind == WORKED), "")
-            return FieldTime(
-                best.strategy,
-                count,
-                float(best.time_s or 0.0),
-                best.worked_pct,
-                best.missed_m2,
-                graph,
-                best.refills,
-                shortfall=shortfall,
-                is_lasting=not share.is_cut,
-                is_cut=share.is_cut,
-            )
+            figures = best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2
+            return FieldTime(*figures, graph, best.refills, shortfall=shortfall)
         if share.is_cut:
             raise TimeSpentError
         reason = reason or explain_refusal(result.ranking)

@@ -17,6 +17,7 @@ from planner.errors import RequestError, suggest_name
 from planner.farm.inventory import FarmFile
 from planner.farm.workday import MAX_ROAD_KM, locate_road_end
 from planner.request.option_texts import DAY_S
+from reports.day.schedule_results import MapPlace
 
 ZENITH_DEG = 90.833  # of the sun's centre at rise and set: half its width and refraction
 MINUTES_PER_DAY = 1440
@@ -107,6 +108,21 @@ def project_places(places: Sequence[DayPlace]) -> list[tuple[float, float] | Non
     lon, lat = np.asarray(known_lon_lat).mean(axis=0).tolist()
     metres = iter(project(np.asarray(known_lon_lat), "EPSG:4326", f"+proj=aeqd +lat_0={lat!r} +lon_0={lon!r}").tolist())
     return [None if place.lon_lat is None else (lambda xy: (xy[0], xy[1]))(next(metres)) for place in places]
+
+
+def build_map_places(places: Sequence[DayPlace], fields: Sequence[Field]) -> tuple[MapPlace, ...]:
+    """Places with known coordinates, fields with their outline."""
+    map_places = []
+    for number, (place, position_m) in enumerate(zip(places, project_places(places), strict=True)):
+        if position_m is None:
+            continue
+        outline = None
+        if place.name != YARD:
+            ground = fields[number].boundary
+            middle = np.asarray(locate_road_end(fields[number]))
+            outline = np.asarray(ground.exterior.coords)[:, :2] - middle + np.asarray(position_m)
+        map_places.append(MapPlace(place.name, position_m[0], position_m[1], outline))
+    return tuple(map_places)
 
 
 def _locate_field(day_field: DayField, field: Field) -> LonLat | None:

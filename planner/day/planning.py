@@ -41,21 +41,20 @@ from planner.day.formulation import (
     get_field_uncertainty,
     sample_fleet_day,
 )
-from planner.day.input_file import YARD, DayField, DayFile, get_fleet_machines, load_day
+from planner.day.input_file import DayField, DayFile, get_fleet_machines, load_day
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
-from planner.day.places import DayPlace, compute_road_km, locate_fields, locate_yard, project_places
+from planner.day.places import DayPlace, build_map_places, compute_road_km, locate_fields, locate_yard
 from planner.errors import RequestError
 from planner.evaluation.pull_check import compute_pull_figures
 from planner.farm.inventory import FarmFile
-from planner.farm.workday import locate_road_end
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.worker_tasks import Progress
 from planner.request.option_texts import parse_number_pair
 from planner.risk.monte_carlo import DEFAULT_SAMPLES
 from planner.risk.plan_choice import format_hours
 from reports.day.answer import list_day_sentences
-from reports.day.schedule_results import DayJob, DayResult, FleetDay, MapPlace, UnworkedField
+from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.shortfall_wording import question_pull
 
 
@@ -137,7 +136,6 @@ class _SolvedDay:
     fleet_samples: tuple[FleetDaySamples, ...]
     samples: int
     seed: int
-    field_minutes: float
 
 
 def prepare_day(day: DayFile, farm: FarmFile) -> PreparedDay:
@@ -225,7 +223,7 @@ def plan_day(
     problem = build_problem(prepared.day, prepared.farm, prepared.fields, prepared.road_km, table, prepared.frame, seed)
     solution = solve_day(problem, seed=seed)
     fleet_samples = _sample_fleet_days(prepared, table, problem, solution.routes, samples, seed)
-    solved = _SolvedDay(prepared, table, problem, solution, fleet_samples, samples, seed, field_minutes)
+    solved = _SolvedDay(prepared, table, problem, solution, fleet_samples, samples, seed)
     return _build_result(solved, is_cached)
 
 
@@ -314,7 +312,7 @@ def _build_result(solved: _SolvedDay, is_cached: bool) -> DayResult:
         breaks=frame.list_breaks(),
         rain=tuple((frame.start_s + seconds, share) for seconds, share in times),
         certainty_pct=prepared.day.certainty_pct,
-        places=_build_map_places(prepared),
+        places=build_map_places(prepared.places, prepared.fields),
         closest_field="" if jobs else _describe_nearly_done_field(not_done, reasons),
         p50_done_s=p50_done_s,
         p95_done_s=p95_done_s,
@@ -453,16 +451,12 @@ def _list_remarks(solved: _SolvedDay) -> list[str]:
 
 def _question_cut_plans(solved: _SolvedDay) -> list[str]:
     """Which fields a fleet was not planned on to the end, for lack of computing time."""
-    sentences = []
-    for fleet, row in zip(solved.prepared.day.fleets, solved.table, strict=True):
-        for field, field_time in zip(solved.prepared.fields, row, strict=True):
-            if field_time is not None and field_time.is_cut:
-                outcome = "this is the best plan found by then" if field_time.graph else "no plan was found by then"
-                sentences.append(
-                    f"{field.name}, {fleet.name}: planning took more than {solved.field_minutes:g} min of computing; "
-                    f"{outcome}. Give it more (--field-minutes)."
-                )
-    return sentences
+    return [
+        f"{field.name}, {fleet.name}: {plan.cut_note}"
+        for fleet, row in zip(solved.prepared.day.fleets, solved.table, strict=True)
+        for field, plan in zip(solved.prepared.fields, row, strict=True)
+        if plan is not None and plan.cut_note
+    ]
 
 
 def _list_worked_shortfalls(solved: _SolvedDay) -> list[str]:
@@ -493,18 +487,3 @@ def _question_pulls(solved: _SolvedDay, *, infeasible: bool) -> list[str]:
 
 def _convert_windows_to_clock(frame: DayHours, windows: Sequence[tuple[int, int]]) -> tuple[tuple[float, float], ...]:
     return tuple((frame.get_begin_clock_s(opens), frame.get_end_clock_s(closes)) for opens, closes in windows)
-
-
-def _build_map_places(prepared: PreparedDay) -> tuple[MapPlace, ...]:
-    """Places with known coordinates, fields with their outline."""
-    map_places = []
-    for number, (place, position_m) in enumerate(zip(prepared.places, project_places(prepared.places), strict=True)):
-        if position_m is None:
-            continue
-        outline = None
-        if place.name != YARD:
-            ground = prepared.fields[number].boundary
-            middle = np.asarray(locate_road_end(prepared.fields[number]))
-            outline = np.asarray(ground.exterior.coords)[:, :2] - middle + np.asarray(position_m)
-        map_places.append(MapPlace(place.name, position_m[0], position_m[1], outline))
-    return tuple(map_places)

@@ -20,6 +20,7 @@ from planner.evaluation.headland_depth import describe_shallow_headland
 from planner.evaluation.layout_repairs import LayoutRepairs
 from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, pack_context
 from planner.request.option_texts import MPS_PER_KMH
+from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult, build_merit_sort_key
 from strategies.path_planning.turns import TurnReach
@@ -33,18 +34,11 @@ Prepare = Callable[..., PlanningContext]
 Attempt = tuple[str, PlanRequest, Candidate]
 """A change in words, the request with it, and the candidate to try."""
 ANY_FIELD_STRATEGY = "split-field"  # tractors with swaths of their own: no formation has to fit
-RESTRICTIONS = {
-    "no_headland": "work the headland",
-    "headland_m": "leave out the headland depth",
-    "headland_passes": "leave out the number of headland passes",
-    "radius_m": "leave out the turning radius",
-    "turn": "allow every kind of turn",
-    "corners": "leave out the kind of corners",
-    "bearing_deg": "leave out the direction of the tracks",
-    "entrance": "leave out the entrance",
-    "margin_m": "leave out the margin",
-}
-"""What a request may ask for that leaves less room than its default, by parameter: how it is lifted, in words."""
+RESTRICTIONS = (
+    "no_headland", "headland_m", "headland_passes", "radius_m", "turn", "corners", "bearing_deg", "entrance",
+    "margin_m",
+)  # fmt: skip
+"""What a request may ask for that leaves less room than its default, by parameter."""
 
 
 @dataclass(eq=False)
@@ -94,12 +88,10 @@ class CandidateEvaluations:
 
     def refuse_rest(self, context: PlanningContext, packed_context: bytes) -> None:
         """Refuse the candidates that nothing came of in the time there was."""
-        for index, candidate in enumerate(self.candidates):
-            if index not in self.results:
-                refusal = PlanResult(
-                    candidate.strategy, candidate.tractors, self.request.turn, False, "planning ran out of time"
-                )
-                self._keep_outcome(index, TaskOutcome(refusal), (context, packed_context))
+        for index in set(range(len(self.candidates))) - set(self.results):
+            one = self.candidates[index]
+            refusal = PlanResult(one.strategy, one.tractors, self.request.turn, False, "planning ran out of time")
+            self._keep_outcome(index, TaskOutcome(refusal), (context, packed_context))
 
     def get_context(self, key: tuple[str, int]) -> tuple[PlanningContext, bytes]:
         """The context in which a strategy with a number of tractors was planned, and the same packed."""
@@ -182,34 +174,21 @@ def find_working_changes(
         return ()
     request, candidate = evaluations.request, min(evaluations.candidates, key=lambda each: each.tractors)
 
+    def can_be_driven(changed: PlanRequest, tried: Candidate) -> bool:
+        try:
+            context = prepare(request=changed, layout_repairs=layout_repairs)
+            ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), tried)], None)
+        except HeadlandError:
+            return False
+        return outcome.result.feasible
+
     def find_first(attempts: Iterator[Attempt]) -> list[str]:
-        working = (
-            words
-            for words, changed, tried in attempts
-            if _can_be_driven(evaluations, prepare, layout_repairs, changed, tried)
-        )
-        return list(islice(working, 1))
+        return list(islice((words for words, *change in attempts if can_be_driven(*change)), 1))
 
     own = find_first(_iter_own(request, candidate))
     return tuple(
         own or [*find_first(_iter_slower(request, candidate)), *find_first(_iter_narrower(request, candidate))]
     )
-
-
-def _can_be_driven(
-    evaluations: CandidateEvaluations,
-    prepare: Prepare,
-    layout_repairs: LayoutRepairs,
-    request: PlanRequest,
-    candidate: Candidate,
-) -> bool:
-    """Whether a candidate of a changed request can be driven, with the repairs that were made of the first."""
-    try:
-        context = prepare(request=request, layout_repairs=layout_repairs)
-        ((_, outcome),) = iter_outcomes(evaluations.executor, [(pack_context(context), candidate)], None)
-    except HeadlandError:
-        return False
-    return outcome.result.feasible
 
 
 def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
@@ -225,8 +204,8 @@ def _iter_own(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:
     defaults: dict[str, Any] = {each.name: each.default for each in fields(PlanRequest)}
     given = [name for name in RESTRICTIONS if getattr(request, name) != defaults[name]]
     for names in [*([name] for name in given), *([given] if len(given) > 1 else [])]:
-        words = " and ".join(RESTRICTIONS[name] for name in names)
-        yield words, replace(request, **{name: defaults[name] for name in names}), candidate
+        options = " and ".join(f"--{strip_unit(name).replace('_', '-')}" for name in names)
+        yield f"leave out {options}", replace(request, **{name: defaults[name] for name in names}), candidate
 
 
 def _iter_slower(request: PlanRequest, candidate: Candidate) -> Iterator[Attempt]:

@@ -14,18 +14,19 @@ from fields.layout.swaths import Layout
 from planner.errors import RequestError, mark_parameter
 from planner.evaluation.candidates.evaluate import Candidate
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
 from planner.evaluation.ground.wheel_traffic import TYRE_WIDTH_M
 from planner.evaluation.ground_sentences import describe_ground, list_height_remarks
 from planner.evaluation.pull_check import compute_pull_figures, describe_pull
 from planner.farm.workday import BREAK, FOLD, NIGHT, ROAD, UNFOLD, Workday
 from planner.pipeline.outputs.pictures import describe_cells
-from planner.pipeline.shortfalls import find_shortfalls, mark_worked_shares
 from planner.request.implement_choice import find_requested_rule
 from planner.request.option_texts import MPS_PER_KMH, format_clock
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import describe_supply, export_supply
 from planner.risk.assessment import add_ranking_advice
 from planner.risk.costs import build_hire_terms, describe_prices, get_price_per_hour
+from reports.common.language import mark_text
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
@@ -34,9 +35,9 @@ from reports.common.plan_results import (
     get_ranked_s,
     get_stated_end_s,
 )
-from reports.common.shortfalls import PullFigures
+from reports.common.shortfalls import LATE, PULL, WORKED, PullFigures, Shortfall
 from reports.common.wording import round_up_to_minute
-from strategies.registry import describe_hidden_strategies, get_strategy
+from strategies.registry import get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
 from vehicle.model.tractor import Tractor
 
@@ -123,6 +124,7 @@ def _format_minutes(seconds: float) -> str:
 TIME_TOLERANCE_S = 0.05
 MAX_MARGIN_SHARE = 0.5  # of the field taken by a margin: more is surely a mistake
 MAX_MARGIN_SHARE_INFEASIBLE = 0.25  # of the field taken by a margin: from here it is to blame if no plan works
+MIN_WORKED_PCT = 90.0  # of the ground asked for: nobody takes a plan that leaves more for finished work
 
 
 def list_candidates(request: PlanRequest) -> list[Candidate]:
@@ -174,6 +176,48 @@ def rank_plans(context: PlanningContext, results: Iterable[PlanResult]) -> PlanR
     )
     advised = add_ranking_advice(ranking, context.criteria)
     return add_clock_times(replace(advised, shortfalls=find_shortfalls(advised, context)), context)
+
+
+def mark_worked_shares(results: Iterable[PlanResult], context: PlanningContext) -> list[PlanResult]:
+    """The results, each with whether it works enough of the ground asked for."""
+    listed = list(results)
+    if all(_is_enough(result, 1.0) for result in listed):
+        return listed
+    requested_share = _measure_requested_share(context)
+    return [replace(result, works_enough=_is_enough(result, requested_share)) for result in listed]
+
+
+def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Shortfall, ...]:
+    """What the best plan of a ranking lacks, with what its samples said before; empty without a plan."""
+    best = ranking.best
+    if best is None:
+        return ()
+    found = [Shortfall(PULL)] if ranking.pull is not None and ranking.pull.is_infeasible else []
+    found += [] if best.works_enough else [Shortfall(WORKED, _describe_worked_share(best, context))]
+    return (*found, *ranking.shortfalls, *([] if ranking.missed_by_s is None else [Shortfall(LATE)]))
+
+
+def _is_enough(result: PlanResult, requested_share: float) -> bool:
+    return result.worked_pct is None or result.worked_pct >= MIN_WORKED_PCT * requested_share
+
+
+def _measure_requested_share(context: PlanningContext) -> float:
+    """The share of the field that is to be worked: all but a headland that is kept free on request."""
+    kept_m2 = sum(one.area_m2 for one in find_unworked_areas(context) if one.reason == KEPT_HEADLAND)
+    return 1.0 - kept_m2 / float(context.layout.field.region_without_obstacles.area)
+
+
+def _describe_worked_share(best: PlanResult, context: PlanningContext) -> str:
+    """The share that a plan works, and the reason why most of the rest is not worked."""
+    requested_share = _measure_requested_share(context)
+    requested_m2 = requested_share * context.layout.field.region_without_obstacles.area
+    worked_pct = (best.worked_pct or 0.0) / requested_share
+    areas = [(one.area_m2, one.reason) for one in find_unworked_areas(context) if one.reason != KEPT_HEADLAND]
+    unexplained_m2 = 0.01 * (100.0 - worked_pct) * requested_m2 - sum(area_m2 for area_m2, _ in areas)
+    most_m2, reason = max([*areas, (unexplained_m2, "reached by no pass of this plan as it is driven")])
+    most_pct = 100.0 * most_m2 / requested_m2
+    ground = mark_text("the field") if requested_share == 1.0 else mark_text("the ground inside the headland")
+    return f"No recommendation: only {worked_pct:.1f} % of {ground} is worked; {most_pct:.0f} % is {reason}."
 
 
 def _compute_pull(context: PlanningContext) -> PullFigures | None:
@@ -411,5 +455,4 @@ def list_assumptions(context: PlanningContext) -> tuple[str, ...]:
         *describe_pull(_compute_pull(context), find_requested_rule(context.request), context.physics.soil),
         *describe_ground(context),
         *layout.field.remarks,
-        *describe_hidden_strategies(),
     )

@@ -56,9 +56,8 @@ from planner.request.validation import (
     format_given_values,
     raise_request_errors,
 )
-from strategies.headland.work_order import HEADLAND_FIRST, HEADLAND_LAST, HEADLAND_ORDERS
 from strategies.names import STRATEGY_NAMES
-from strategies.path_planning.turn_kinds import AUTO_CORNERS, CORNERS, TURN_KINDS
+from strategies.path_planning.turn_kinds import AUTO_CORNERS, CORNERS, HEADLAND_ORDERS, TURN_KINDS
 
 MIN_SPEED_KMH, MAX_SPEED_KMH = 0.5, 30.0
 DEFAULT_SPEED_KMH = 5.0  # thesis, section 6.3.1
@@ -67,6 +66,7 @@ MAX_PRICE = 1e9  # in any currency
 MIN_CLEARANCE_M, MAX_CLEARANCE_M = 0.05, 10.0
 MAX_HEADLAND_PASSES = 50
 SOW = "sow"
+HEADLAND_FIRST, HEADLAND_LAST = HEADLAND_ORDERS
 HEADLAND_ORDERS_BY_OPERATION = {
     "till": HEADLAND_ORDERS,
     SOW: (HEADLAND_LAST,),
@@ -79,10 +79,8 @@ STANDING_CROP_OPERATIONS = ("harvest", "mow")  # the crop must not be driven ove
 KEPT_GROUND_OPERATIONS = (SOW, "spray")  # finished ground must not be driven over again
 MAX_MARGIN_M, MAX_SAMPLES = 100.0, 1_000_000
 MAX_MOISTURE_PCT, MAX_DEPTH_CM = 100.0, 100.0
-STRAIGHT, CONTOUR = "straight", "contour"
-SWATH_FORMS = (STRAIGHT, CONTOUR)
-FASTEST, CHEAPEST, SUREST, LEAST_FUEL = "fastest", "cheapest", "surest", "fuel"
-OBJECTIVES = (FASTEST, CHEAPEST, SUREST, LEAST_FUEL)
+STRAIGHT, CONTOUR = SWATH_FORMS = "straight", "contour"
+FASTEST, CHEAPEST, SUREST, LEAST_FUEL = OBJECTIVES = "fastest", "cheapest", "surest", "fuel"
 MAX_SEED = 2**53  # JavaScript has no larger whole numbers
 
 FIELD, MACHINES, WORK, COSTS = "Field", "Machines", "Work", "Costs and deadline"

@@ -15,14 +15,7 @@ from fields.raw_document import GeoShape, convert_crs_to_text, is_shape_text, na
 from fields.text_files import shorten_value
 from planner.errors import HeadlandError, RequestError, mark_parameter, suggest_name
 from planner.request.option_texts import convert_clock_to_seconds, convert_time_to_text
-from planner.request.options import (
-    NumberLimits,
-    OptionHelp,
-    RequestOption,
-    find_annotation_metadata,
-    get_plain_type,
-    list_options,
-)
+from planner.request.options import NumberLimits, OptionHelp, find_annotation_metadata, get_plain_type, list_options
 
 MAX_NUMBER = 10**18
 STRICT = ConfigDict(strict=True, extra="forbid")
@@ -104,25 +97,24 @@ def raise_request_errors(model: type[Model]) -> type[Model]:
     return model
 
 
-def _list_scaled_options(model: type) -> dict[str, RequestOption]:
-    """Options in another unit than their parameter, such as speed_kmh, by name."""
-    return {one.name: one for one in list_options(model) if one.limits is not None and one.limits.scale != 1.0}
+def _list_scaled_options(model: type) -> dict[str, tuple[str, float]]:
+    """Parameter and scale of options in another unit than their parameter, such as speed_kmh, by name."""
+    limited = [(one, one.limits) for one in list_options(model) if one.limits is not None]
+    return {one.name: (one.parameter, limits.scale) for one, limits in limited if limits.scale != 1.0}
 
 
 def _convert_option_units(model: type, named: Mapping[str, Any], positional: Mapping[str, Any]) -> dict[str, Any]:
     """The named values with those of options in the units of their parameters; raises RequestError."""
     converted = dict(named)
-    for name, option in _list_scaled_options(model).items():
-        if name not in named:
-            continue
-        value, limits, parameter = converted.pop(name), option.limits, option.parameter
+    scaled = _list_scaled_options(model)
+    for name in named.keys() & scaled.keys():
+        value, (parameter, scale) = converted.pop(name), scaled[name]
         if parameter in named or parameter in positional:
             marks = f"{mark_parameter(name)} and {mark_parameter(parameter)}"
             raise RequestError(f"{marks} are the same in two units; leave out one of them.")
         if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
             raise RequestError(f"{mark_parameter(name)} is {shorten_value(value)}; give a number.")
-        assert limits is not None
-        converted[parameter] = value if value is None else float(value) * limits.scale
+        converted[parameter] = value if value is None else float(value) * scale
     return converted
 
 

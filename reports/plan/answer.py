@@ -19,7 +19,9 @@ from reports.common.plan_results import (
 )
 from reports.common.units import format_area
 from reports.common.wording import (
+    format_deadline,
     format_duration,
+    format_end_clock,
     format_number,
     format_percent,
     format_price,
@@ -27,7 +29,6 @@ from reports.common.wording import (
     format_tractor_count,
     parse_start_time,
 )
-from reports.plan.clock_wording import format_deadline, format_end_clock
 from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     LEAST_COST,

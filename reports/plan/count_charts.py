@@ -8,8 +8,7 @@ from typing import Any
 
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import PlanRanking, PlanResult, get_ranked_s, get_stated_s
-from reports.common.wording import format_duration, format_percent, format_price
-from reports.plan.clock_wording import format_deadline
+from reports.common.wording import format_deadline, format_duration, format_percent, format_price
 from reports.plan.drive_geometry import MapExtent
 from reports.plan.plan_wording import (
     format_in_time_probability,

@@ -40,7 +40,11 @@ def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool 
     """What the fields come to at each width, the plan of every field, and what to type next."""
     faults = [
         *list_shortfalls(records),
-        *_list_refusals(records),
+        *(
+            sentence.replace(record[REQUESTED_KEY], PurePath(record[REQUESTED_KEY]).name, 1)
+            for record in records
+            for sentence in list_records_without_plan([record])
+        ),
     ]
     parts: list[RenderableType] = [AnswerLines(tuple(list_many_sentences(records)), (), tuple(faults)), Text("")]
     parts.append(_build_table(records[:MOST_ROWS]))
@@ -55,32 +59,17 @@ def build_many_fields_screen(records: Sequence[FieldRecord], *, with_next: bool 
     return Group(*parts)
 
 
-def _list_refusals(records: Sequence[FieldRecord]) -> list[str]:
-    """Why fields have no plan, without the folders of their files."""
-    return [
-        sentence.replace(record[REQUESTED_KEY], PurePath(record[REQUESTED_KEY]).name, 1)
-        for record in records
-        for sentence in list_records_without_plan([record])
-    ]
-
-
 def list_many_sentences(records: Sequence[FieldRecord]) -> list[str]:
     """What the fields that have a plan come to, a sentence for every width, and how many have none."""
     fields = len({record[REQUESTED_KEY] for record in records})
     is_assumed = any(record["ranking"] and record["ranking"].get("prices_assumed") for record in records)
     totals = sum_over_fields(records)
     sentences = [_describe_total(total, fields, _find_currency(records), is_assumed) for total in totals]
-    return [*_count_shortfalls(records), *sentences] or [
-        translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)
-    ]
-
-
-def _count_shortfalls(records: Sequence[FieldRecord]) -> list[str]:
-    """How many fields have a plan that is no recommendation."""
-    count = sum(bool(record["ranking"] and record["ranking"].get("shortfalls")) for record in records)
-    if not count:
-        return []
-    return [translate_count("{count} plan is no recommendation.", "{count} plans are no recommendation.", count)]
+    lacking = sum(bool(record["ranking"] and record["ranking"].get("shortfalls")) for record in records)
+    if lacking:
+        text = translate_count("{count} plan is no recommendation.", "{count} plans are no recommendation.", lacking)
+        sentences.insert(0, text)
+    return sentences or [translate_count("No plan works on {count} field.", "No plan works on {count} fields.", fields)]
 
 
 def _describe_total(total: FieldsTotal, fields: int, currency: str, is_assumed: bool) -> str:

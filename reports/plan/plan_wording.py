@@ -24,7 +24,9 @@ from reports.common.plan_results import (
 )
 from reports.common.units import format_area, format_width
 from reports.common.wording import (
+    format_deadline,
     format_duration,
+    format_end_clock,
     format_number,
     format_percent,
     format_price,
@@ -32,7 +34,6 @@ from reports.common.wording import (
     join_list,
     round_seconds,
 )
-from reports.plan.clock_wording import format_deadline, format_end_clock
 from reports.plan.shortfall_wording import list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned

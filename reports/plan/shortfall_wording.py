@@ -8,8 +8,7 @@ from reports.common.language import translate, translate_sentence
 from reports.common.plan_results import PlanRanking
 from reports.common.shortfalls import LATE, PULL, PullFigures, Shortfall
 from reports.common.units import format_speed, format_width
-from reports.common.wording import format_number, join_list
-from reports.plan.clock_wording import format_deadline
+from reports.common.wording import format_deadline, format_number, join_list
 
 CULTIVATOR, DRILL = "cultivator", "drill"
 

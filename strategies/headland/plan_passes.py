@@ -15,9 +15,9 @@ import numpy as np
 from strategies.headland.pass_legs import HeadlandLegs, get_headland_legs
 from strategies.headland.pass_shares import HeadlandSegment, share_headland
 from strategies.headland.raised_paths import find_raised_path
-from strategies.headland.work_order import HEADLAND_FIRST
 from strategies.path_planning.errors import NoPathFromError
 from strategies.path_planning.paths import Pose
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.field_job import FieldJob
 from strategies.program.legs import add_wait_points, build_path_legs, make_mission
 from vehicle.missions.plan import GATE_MARGIN_M, ROUTE, SWATH, TURN, Leg, LegGate, Mission, Plan

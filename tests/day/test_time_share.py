@@ -66,22 +66,22 @@ class TestCut:
     def test_enough_time_gives_the_plan_that_no_limit_gives(self, clock: CountedClock) -> None:
         """It lasts: the cache may keep it, whatever the machine."""
         free, limited = (compute_field_time(build_task(), minutes) for minutes in (1e9, 1e6))
-        assert not free.is_cut and free.is_lasting
-        assert (limited.strategy, limited.time_s, limited.is_cut) == (free.strategy, free.time_s, False)
+        assert not free.cut_note and free.is_lasting
+        assert (limited.strategy, limited.time_s, limited.cut_note) == (free.strategy, free.time_s, "")
 
     def test_the_best_plan_found_by_then_is_taken(self, clock: CountedClock) -> None:
         """Every share between none and enough: from some share on there is a plan, cut short, and said to be."""
         compute_field_time(build_task(), 1e9)
         needed_s = clock.questions
         cuts = [compute_field_time(build_task(), share * needed_s / MINUTE_S) for share in (0.02, 0.5, 0.9)]
-        assert all(cut.is_cut and not cut.is_lasting for cut in cuts)
+        assert all(cut.cut_note and not cut.is_lasting for cut in cuts)
         assert cuts[0].graph is None and "min of computing" in cuts[0].reason
         assert cuts[-1].graph is not None and cuts[-1].worked_pct is not None
 
     def test_what_was_cut_is_not_kept_in_the_cache(self, clock: CountedClock, tmp_path: Path) -> None:
         cache = FieldTimeCache(tmp_path)
         ((cut,),), _ = compute_field_times([[build_task()]], cache, SerialExecutor(), field_minutes=0.02)
-        assert cut is not None and cut.is_cut and not list(tmp_path.iterdir())
+        assert cut is not None and cut.cut_note and not list(tmp_path.iterdir())
 
 
 DAY = """

@@ -18,6 +18,7 @@ from planner.evaluation.context import prepare_context
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.plan_repairs import RESTRICTIONS
 from planner.pipeline.planning import plan
+from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import PlanRequest
 from tests.planner.shapes import L_SHAPE, SHAPES
 
@@ -75,7 +76,7 @@ DEFAULTS = {each.name: each.default for each in members(PlanRequest)}
 def use_passes(request: PlanRequest, passes: str, headland_m: str) -> PlanRequest:
     """The request with less headland, said as it says it."""
     if request.headland_passes is not None:
-        return replace(request, headland_passes=int(passes))
+        return replace(request, headland_passes=1 if passes == "one" else int(passes))
     return replace(request, headland_m=float(headland_m))
 
 
@@ -89,7 +90,10 @@ READINGS: list[tuple[str, Change]] = [
     (r"radius.* use (?:a smaller one, )?([\d.]+) m or more", lambda request, m: replace(request, radius_m=float(m))),
     (r"^use an implement of ([\d.]+) m$", lambda request, m: replace(request, width_m=float(m))),
     (r"^drive (\d+) km/h$", lambda request, kmh: replace(request, speed_mps=float(kmh) / 3.6)),
-    (r"^work (\d+) headland passes$", lambda request, passes: replace(request, headland_passes=int(passes))),
+    (
+        r"^work (\d+) headland passes$",
+        lambda request, passes: replace(request, headland_passes=1 if passes == "one" else int(passes)),
+    ),
     (r"^use (\d+) tractors?$", lambda request, count: replace(request, tractors=(int(count),))),
     (r"^use the strategy ([\w-]+)$", lambda request, name: replace(request, strategies=(name,))),
 ]
@@ -98,9 +102,10 @@ READINGS: list[tuple[str, Change]] = [
 
 def follow(advice: str, request: PlanRequest) -> PlanRequest:
     """The request as advised; fails for advice that says nothing to do."""
-    parameters = {words: name for name, words in RESTRICTIONS.items()}
-    if set(advice.split(" and ")) <= set(parameters):
-        return replace(request, **{parameters[words]: DEFAULTS[parameters[words]] for words in advice.split(" and ")})
+    parameters = {f"--{strip_unit(name).replace('_', '-')}": name for name in RESTRICTIONS}
+    options = advice.removeprefix("leave out ").split(" and ")
+    if set(options) <= set(parameters):
+        return replace(request, **{parameters[option]: DEFAULTS[parameters[option]] for option in options})
     for pattern, change in READINGS:
         found = re.search(pattern, advice)
         if found:

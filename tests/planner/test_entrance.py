@@ -22,8 +22,8 @@ from planner.pipeline.outputs.driving_steps import list_steps
 from planner.request.plan_request import PlanRequest
 from reports.plan.leg_list import describe_leg
 from strategies.headland.entrance_legs import add_entrance
-from strategies.headland.work_order import HEADLAND_ORDERS
 from strategies.path_planning.paths import EDGE_INSET_M, build_entrance_lane
+from strategies.path_planning.turn_kinds import HEADLAND_ORDERS
 from strategies.program.strategy_record import RefinedPlan
 from strategies.registry import STRATEGIES
 from strategies.sequencing.turn_table import TurnTable

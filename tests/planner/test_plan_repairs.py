@@ -103,7 +103,7 @@ class TestDivided:
         assert part.plan is not None and part.plan.worked_pct is not None and part.plan.worked_pct > 90.0
 
     def test_the_answer_tells_it(self, divided_ranking: PlanRanking) -> None:
-        (sentence,) = [each for each in describe_ranking(divided_ranking) if "are cut off:" in each]
+        (sentence,) = [each for each in describe_ranking(divided_ranking) if each.startswith("0.39 ha")]
         assert sentence.startswith("0.39 ha at x 50 m, y ") and "no way leads there within the field" in sentence
         assert "Planned on its own (part 2) it takes 0:" in sentence
 

@@ -11,8 +11,7 @@ from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground.unworked_area import KEPT_HEADLAND, find_unworked_areas
-from planner.pipeline.ranking import rank_plans
-from planner.pipeline.shortfalls import mark_worked_shares
+from planner.pipeline.ranking import mark_worked_shares, rank_plans
 from planner.request.plan_request import PlanRequest
 from reports.common.plan_results import PlanResult
 

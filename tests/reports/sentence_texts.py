@@ -46,7 +46,7 @@ ALARMING_MODULES = (
     "fields/documents/sources.py", "planner/request/options.py", "planner/request/validation.py",
     "planner/request/validation_messages.py", "strategies/path_planning/errors.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
-    "planner/risk/costs.py", "vehicle/energy/trafficability.py", "planner/pipeline/shortfalls.py",
+    "planner/risk/costs.py", "vehicle/energy/trafficability.py",
     "planner/evaluation/ground/unworked_area.py",
 )  # fmt: skip
 """Modules of which every sentence is told: alarms, twins, jobs and forms of the service, checks of values."""

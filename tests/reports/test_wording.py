@@ -13,6 +13,7 @@ from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
 from reports.common.shortfalls import LATE, RAIN, Shortfall
 from reports.common.wording import (
     NO_BREAK,
+    format_clock_after_start,
     format_duration,
     format_minutes,
     format_number,
@@ -20,7 +21,6 @@ from reports.common.wording import (
     insert_non_breaking_spaces,
     join_list,
 )
-from reports.plan.clock_wording import format_clock_after_start
 from reports.plan.plan_wording import (
     describe_ranking,
     describe_simulated_effects,

@@ -12,7 +12,6 @@ from types import FunctionType
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperOption
 
 from planner.errors import RequestError
 from reports.common.language import (
@@ -29,7 +28,6 @@ from reports.common.language import (
     mark_text,
     translate,
 )
-from strategies.names import STRATEGY_NAMES, list_strategy_names
 
 LANGUAGE_OPTION, UNITS_OPTION = "--language", "--units"
 EXAMPLE = "Example: "
@@ -178,15 +176,3 @@ def translate_paragraph(paragraph: str) -> str:
     """A paragraph in the language in use; the command of an example stays."""
     word, colon, command = paragraph.partition(EXAMPLE)
     return f"{translate(EXAMPLE)}{command}" if colon and not word else translate(paragraph)
-
-
-class StrategiesCommand(TyperCommand):
-    """A command whose help names the strategies of other packages too; finding them takes time, so only then."""
-
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """As typer does."""
-        others = ", ".join(name for name in list_strategy_names() if name not in STRATEGY_NAMES)
-        for parameter in self.params:
-            if others and isinstance(parameter, TyperOption) and parameter.name == "strategies":
-                parameter.help = f"{parameter.help} " + translate("Of other packages: {names}.", names=others)
-        super().format_help(ctx, formatter)

@@ -23,8 +23,8 @@ from strategies.headland.plan_passes import (
     HeadlandTransition,
     add_headland_passes,
 )
-from strategies.headland.work_order import HEADLAND_FIRST
 from strategies.path_planning.errors import NoPathError, StrategyError
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.program.field_job import FieldJob
 from strategies.program.strategy_record import RefinedPlan, Strategy
 from strategies.service_stops.stop_plan import add_service_stops, explain_no_service
