@@ -183,7 +183,7 @@ def find_working_changes(
         return outcome.result.feasible
 
     def find_first(attempts: Iterator[Attempt]) -> list[str]:
-        return list(islice((words for words, *change in attempts if can_be_driven(*change)), 1))
+        return list(islice((words for words, changed, tried in attempts if can_be_driven(changed, tried)), 1))
 
     own = find_first(_iter_own(request, candidate))
     return tuple(
