@@ -12,8 +12,8 @@ import io
 import os
 import re
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
-from typing import NamedTuple
 
 from fields.errors import HeadlandError
 
@@ -21,21 +21,20 @@ MAX_COLUMNS = 200
 MAX_HEADER_CHARS = 20_000  # of the first line
 
 
-def check_header(text: str, label: str, error_type: type[HeadlandError], delimiter: str = ",") -> None:
+def check_header(text: str, label: str, error_type: type[HeadlandError]) -> None:
     """Refuse a CSV table with an implausibly long or wide first line, before the rest is parsed for minutes.
 
     Args:
         text: the table, or at least its first `MAX_HEADER_CHARS` + 1 characters.
         label: name of the file in messages.
         error_type: class of the exception.
-        delimiter: between columns.
 
     Raises:
         error_type: the line is too long, or has too many columns.
     """
     start = io.StringIO(text[: MAX_HEADER_CHARS + 1], newline="")
     try:
-        columns = next(csv.reader(start, delimiter=delimiter), [])
+        columns = next(csv.reader(start), [])
     except csv.Error as error:
         raise error_type(f"{label} is not a CSV file ({error}); save it as comma-separated text.") from None
     if len(columns) > MAX_COLUMNS:
@@ -138,18 +137,9 @@ def explain_parse_error(error: BaseException) -> str:
 
 
 DELIMITERS = ",;\t|"
-"""Separators of columns; the first of those that make the same table counts."""
-SAMPLE_BYTES, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form is recognised
+SAMPLE_CHARS, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form of a table is recognised
 _NUMBER_WITH_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+)?,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
 _NUMBER_WITH_POINT = re.compile(r"\s*[+-]?\d*\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
-
-
-class TableForm(NamedTuple):
-    """How a table is written; the default is the plain form, which every reader takes."""
-
-    delimiter: str = ","
-    has_decimal_commas: bool = False
-    has_trailing_separators: bool = False
 
 
 def decode_table(content: bytes) -> str:
@@ -162,91 +152,64 @@ def decode_table(content: bytes) -> str:
         return content.decode("cp1252", "replace")
 
 
-def find_table_form(text: str) -> TableForm:
-    """The form of a table by its beginning.
+def normalise_table(text: str) -> str:
+    """The table with commas between cells and points in numbers, and the same rows in the same lines.
 
     Its separator is the one that gives most rows as many cells as the header; of equals, the one that gives most cells.
-    Commas are decimal marks where they separate nothing; in quotes between commas, where no number has a point.
+    Commas are decimal marks where they separate nothing; in quotes between commas, where no number has a point. A table
+    that begins in this form is returned as it is. Raises csv.Error for a cell that is too long.
     """
-    start = text[:SAMPLE_BYTES]
-    samples = {delimiter: _list_rows(start, delimiter) for delimiter in DELIMITERS}
+    start = text[:SAMPLE_CHARS]
+    samples = {one: list(islice(_iter_rows(start, one), SAMPLE_ROWS)) for one in DELIMITERS}
     delimiter = max(DELIMITERS, key=lambda one: _rate_rows(samples[one]))
-    rows = samples[delimiter]
-    cells = [cell for row in rows[1:] for cell in row]
-    is_commas = delimiter != "," or (
-        any(map(_NUMBER_WITH_COMMA.fullmatch, cells)) and not any(map(_NUMBER_WITH_POINT.fullmatch, cells))
-    )
-    width = _count_columns(rows[0]) if rows else 0
-    return TableForm(delimiter, is_commas, any(len(row) > width and not row[-1].strip() for row in rows))
+    cells = [cell for row in samples[delimiter] for cell in row]
+    has_commas = delimiter != "," or not any(map(_NUMBER_WITH_POINT.fullmatch, cells))
+
+    def write_row(row: list[str]) -> list[str]:
+        return [_write_with_point(cell) for cell in row] if has_commas else row
+
+    first_rows = list(islice(csv.reader(io.StringIO(start, newline="")), SAMPLE_ROWS))
+    if first_rows == list(map(write_row, samples[delimiter])):
+        return text
+    out = io.StringIO(newline="")
+    csv.writer(out, lineterminator="\n").writerows(map(write_row, _iter_rows(text, delimiter)))
+    return out.getvalue()
 
 
-def _list_rows(text: str, delimiter: str) -> list[list[str]]:
-    """The first rows that are not empty; a row that is cut off at the end counts as any other."""
-    rows = []
-    try:
-        for row in csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True):
-            rows += [row] if any(cell.strip() for cell in row) else []
-            if len(rows) == SAMPLE_ROWS:
-                break
-    except csv.Error:  # a cell without an end, which whoever reads the table refuses
-        return []
-    return rows
-
-
-def _count_columns(header: list[str]) -> int:
-    return max((at for at, cell in enumerate(header, 1) if cell.strip()), default=0)
+def _iter_rows(text: str, delimiter: str) -> Iterator[list[str]]:
+    """The rows, without empty cells beyond the last name of the header."""
+    width = 0
+    for row in csv.reader(io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=True):
+        width = width or max((at for at, cell in enumerate(row, 1) if cell.strip()), default=0)
+        yield row if any(map(str.strip, row[width:])) else row[:width]
 
 
 def _rate_rows(rows: list[list[str]]) -> tuple[int, int]:
     """How many rows fit the header, and its cells; nothing for a single cell, which any separator makes."""
-    width = _count_columns(rows[0]) if rows else 0
-    if width < 2:
-        return 0, 0
-    return sum(len(row) >= width and not any(map(str.strip, row[width:])) for row in rows), width
-
-
-def normalise_table(text: str) -> str:
-    """The table in the plain form, with the same rows in the same lines; unchanged where it is in that form.
-
-    Raises:
-        csv.Error: a cell is too long or has no end.
-    """
-    text = text.removeprefix("\ufeff")
-    form = find_table_form(text)
-    if form == TableForm():
-        return text
-    out = io.StringIO(newline="")
-    csv.writer(out, lineterminator="\n").writerows(_iter_plain_rows(text, form))
-    return out.getvalue()
-
-
-def _iter_plain_rows(text: str, form: TableForm) -> Iterator[list[str]]:
-    width = 0
-    for row in csv.reader(io.StringIO(text, newline=""), delimiter=form.delimiter, skipinitialspace=True):
-        width = width or _count_columns(row)
-        while len(row) > width and not row[-1].strip():
-            row.pop()
-        yield [_write_with_point(cell) for cell in row] if form.has_decimal_commas else row
+    width = len(next(filter(None, rows), []))
+    return (sum(len(row) == width for row in rows), width) if width > 1 else (0, 0)
 
 
 def _write_with_point(cell: str) -> str:
     """A number with a decimal comma (1.234,5) with a point (1234.5); any other text as it is."""
-    return cell.replace(".", "").replace(",", ".") if "," in cell and _NUMBER_WITH_COMMA.fullmatch(cell) else cell
+    return cell.replace(".", "").replace(",", ".") if _NUMBER_WITH_COMMA.fullmatch(cell) else cell
 
 
 def read_table_text(path: str | Path, kind: str, error_type: type[HeadlandError]) -> str:
-    """The text of a table in the plain form, for readers of comma-separated text.
+    """The text of a table as `normalise_table` writes it, for readers of comma-separated text.
 
     `kind` is what the file should be, with an article. Raises `error_type` as `read_bytes`, and for what is no table.
     """
     text, name = decode_table(read_bytes(path, kind, error_type)), quote_path(path)
     if "\0" in text:
         raise error_type(f"{name} is not a CSV file: it contains binary data; save it as text.")
-    check_header(text, name, error_type, find_table_form(text).delimiter)
+    check_header(text, name, error_type)
     try:
-        return normalise_table(text)
+        table = normalise_table(text)
     except csv.Error as error:
         raise error_type(f"{name} is not a CSV file ({error}); save it as comma-separated text.") from None
+    check_header(table, name, error_type)
+    return table
 
 
 def read_table_rows(path: str | Path, kind: str, error_type: type[HeadlandError]) -> list[list[str]]:

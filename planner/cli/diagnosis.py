@@ -178,12 +178,11 @@ def _choose_heights(elevation: str | None, elevation_crs: str | None, crs: str |
     return None
 
 
-def _choose_mapping(mapping: str | None, column: list[str] | None) -> dict[str, str]:
+def _choose_mapping(mapping: str | None, column: list[str] | None) -> list[str]:
     """The columns of --mapping and --column together; raises LogError."""
-    from vehicle.identification.logs.table import parse_mapping
+    from vehicle.identification.logs.table import list_pairs
 
-    pairs = [*parse_mapping(mapping).items(), *parse_mapping(column).items()]
-    return parse_mapping([f"{key}={name}" for key, name in pairs])
+    return [*list_pairs(mapping), *list_pairs(column)]
 
 
 def _choose_soil_line(save_soil: str | None, moisture: float | None, ground: str, demo: bool) -> SoilLine | None:
@@ -217,7 +216,7 @@ def _render_soil(
 
 def _run_diagnosis(
     logs: list[str] | None, tractor: str, ground: str, fix: list[str] | None, as_driven: bool, seed: int,
-    hide: str | None, holdout: list[str] | None, heights: HeightFile | None, mapping: dict[str, str],
+    hide: str | None, holdout: list[str] | None, heights: HeightFile | None, mapping: list[str],
 ) -> tuple[Diagnosis, HiddenEffect | None]:  # fmt: skip
     """The diagnosis, and without logs what the demonstration had hidden."""
     from planner.cli.common.terminal import create_progress_callback

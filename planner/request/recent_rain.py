@@ -7,7 +7,7 @@ import io
 import math
 from pathlib import Path
 
-from fields.text_files import check_header, read_table_text, shorten_value
+from fields.text_files import read_table_text, shorten_value
 from planner.errors import RequestError, mark_parameter
 
 TABLE_SUFFIX = ".csv"
@@ -71,7 +71,6 @@ def _parse_amount(text: str, label: str, most: float) -> float:
 def _read_rows(name: str) -> list[tuple[float, float | None]]:
     label = f"{mark_parameter('rain_mm')} file {shorten_value(name)}"
     text = read_table_text(Path(name), "a CSV file", RequestError)
-    check_header(text, label, RequestError)
     table = csv.DictReader(io.StringIO(text), skipinitialspace=True)
     columns = {(column or "").strip().lower(): column for column in table.fieldnames or ()}
     if "rain_mm" not in columns:

@@ -149,7 +149,7 @@ def test_a_csv_file_with_a_mapping(tmp_path: Path, mark: str, comma: str) -> Non
         (('"Lon"', '"Lom"'), "no column 'Lom' (did you mean 'Lon'?)"),
         (('latitude = "Lat"\n', ""), "does not name the column of latitude"),
         (("width_m = 6.0", "width_m = 600.0"), "use 0.1 to 100 m"),
-        (("[columns]", "[colums]"), "no table [columns]"),
+        (("[columns]", "[colums]"), "does not name columns"),
         (("[values]", "[values"), "is not TOML"),
     ],
 )

@@ -117,14 +117,11 @@ class DiagnosisJobRequest(JobRequest):
                 f"Give {mark_parameter('logs')}, or {mark_parameter('demo')} for a demonstration; not both, not "
                 "neither."
             )
-        if self.demo and self.fix:
-            raise RequestError(
-                f"{mark_parameter('fixes')} converts log files; leave it out with {mark_parameter('demo')}."
-            )
-        if self.demo and self.mapping:
-            raise RequestError(
-                f"{mark_parameter('mapping')} is for log files; leave it out with {mark_parameter('demo')}."
-            )
+        for name, value in (("fixes", self.fix), ("mapping", self.mapping)):
+            if self.demo and value:
+                raise RequestError(
+                    f"{mark_parameter(name)} converts log files; leave it out with {mark_parameter('demo')}."
+                )
         if self.demo and self.as_driven:
             raise RequestError(
                 f"{mark_parameter('as_driven')} takes a size from logs; leave it out with {mark_parameter('demo')}."

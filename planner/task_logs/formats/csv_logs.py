@@ -18,28 +18,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fields.nested_text import parse_toml
-from fields.terrain.height_units import FOOT_M
-from fields.text_files import explain_parse_error, quote_path, read_table_rows, read_text, shorten_value
+from fields.text_files import quote_path, read_table_rows, shorten_value
 from planner.errors import suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import parse_timestamp
 from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
 from vehicle.identification.errors import LogError
+from vehicle.identification.logs.table import read_mapping_file, read_name
 
 USUAL_COLUMNS: dict[str, tuple[str, ...]] = {
     "time": ("time", "timestamp", "time_s", "datetime", "isotime", "utc"),
     "longitude": ("longitude", "lon", "lng", "long"),
     "latitude": ("latitude", "lat"),
-    "speed_kmh": ("speed_kmh", "kmh"),
     "speed_mps": ("speed_mps",),
+    "speed_kmh": ("speed_kmh", "kmh"),
     "works": ("works", "implement", "working", "work_state"),
     "elevation_m": ("elevation_m", "altitude_m"),
     "elevation_ft": ("elevation_ft", "altitude_ft"),
@@ -47,26 +45,18 @@ USUAL_COLUMNS: dict[str, tuple[str, ...]] = {
 """Usual names of columns, in lower case."""
 REQUIRED_COLUMNS = ("time", "longitude", "latitude")
 TRUE_TEXTS = frozenset(("1", "1.0", "true", "on", "yes", "working", "down"))
-MPS_PER_KMH = 1.0 / 3.6
-
-
-@dataclass(frozen=True)
-class _ColumnMapping:
-    """Names of the columns, and values for the whole file."""
-
-    columns: dict[str, str]
-    width_m: float | None = None
-    field: str = ""
 
 
 def read_csv_log(path: str, mapping: str | None) -> LogContents:
     """The run of a CSV file, by a mapping file or usual column names; raises LogError."""
     rows = _read_rows(path)
     header = [cell.strip() for cell in rows[0]]
-    column_mapping = _find_usual_columns(header, path) if mapping is None else _read_mapping(mapping, header, path)
+    columns, values = (_find_usual_columns(header, path), {}) if mapping is None else read_mapping_file(mapping)
+    if mapping is not None:
+        _check_mapping(columns, values, header, f"The mapping {quote_path(mapping)}", path)
     cells = {
         name: [row[header.index(column)] if header.index(column) < len(row) else "" for row in rows[1:]]
-        for name, column in column_mapping.columns.items()
+        for name, column in columns.items()
     }
     time_s, start = _parse_times(cells["time"])
     lonlat = np.column_stack([_parse_numbers(cells[name]) for name in ("longitude", "latitude")])
@@ -75,12 +65,12 @@ def read_csv_log(path: str, mapping: str | None) -> LogContents:
         "CSV",
         lonlat,
         time_s,
-        _find_speed_mps(cells),
+        _find_numbers(cells, "speed_mps"),
         _parse_work_states(cells.get("works")),
-        column_mapping.width_m,
+        float(values["width_m"]) if "width_m" in values else None,
         start,
-        column_mapping.field or Path(path).stem,
-        elevation_m=_find_elevation_m(cells),
+        str(values.get("field", "")) or Path(path).stem,
+        elevation_m=_find_numbers(cells, "elevation_m"),
     )
     return LogContents((remove_unusable_rows(run),))
 
@@ -97,7 +87,7 @@ def _read_rows(path: str) -> list[list[str]]:
     return rows
 
 
-def _find_usual_columns(header: list[str], path: str) -> _ColumnMapping:
+def _find_usual_columns(header: list[str], path: str) -> dict[str, str]:
     """Columns by their usual names; raises LogError for a missing column."""
     lower = [cell.lower() for cell in header]
     columns = {}
@@ -111,27 +101,11 @@ def _find_usual_columns(header: list[str], path: str) -> _ColumnMapping:
             f"{quote_path(path)} has no column {lacks[0]} (it has: {shorten_value(', '.join(header), 120)}); name it "
             'in a mapping file: [columns], then for instance time = "Timestamp".'
         )
-    return _ColumnMapping(columns)
-
-
-def _read_mapping(mapping: str, header: list[str], path: str) -> _ColumnMapping:
-    text = read_text(mapping, "a mapping file (TOML)", LogError)
-    try:
-        content = parse_toml(text)
-    except (ValueError, RecursionError) as error:
-        raise LogError(f"The mapping {quote_path(mapping)} is not TOML: {explain_parse_error(error)}.") from None
-    columns, values = content.get("columns"), content.get("values", {})
-    if not isinstance(columns, dict) or not isinstance(values, dict):
-        raise LogError(
-            f"The mapping {quote_path(mapping)} has no table [columns]; write one as in headland logs import --help."
-        )
-    _check_mapping(columns, values, header, f"The mapping {quote_path(mapping)}", path)
-    width = values.get("width_m")
-    return _ColumnMapping(dict(columns), None if width is None else float(width), str(values.get("field", "")))
+    return columns
 
 
 def _check_mapping(
-    columns: Mapping[str, Any], values: Mapping[str, Any], header: list[str], label: str, path: str
+    columns: Mapping[str, str], values: Mapping[str, Any], header: list[str], label: str, path: str
 ) -> None:
     for name, column in columns.items():
         if name not in USUAL_COLUMNS:
@@ -168,16 +142,10 @@ def _parse_times(cells: list[str]) -> tuple[Array, str]:
     return stamps - known_stamps[0], datetime.fromtimestamp(float(known_stamps[0]), UTC).strftime("%Y-%m-%dT%H:%M:%S")
 
 
-def _find_speed_mps(cells: Mapping[str, list[str]]) -> Array | None:
-    if "speed_mps" in cells:
-        return _parse_numbers(cells["speed_mps"])
-    return _parse_numbers(cells["speed_kmh"]) * MPS_PER_KMH if "speed_kmh" in cells else None
-
-
-def _find_elevation_m(cells: Mapping[str, list[str]]) -> Array | None:
-    if "elevation_m" in cells:
-        return _parse_numbers(cells["elevation_m"])
-    return _parse_numbers(cells["elevation_ft"]) * FOOT_M if "elevation_ft" in cells else None
+def _find_numbers(cells: Mapping[str, list[str]], column: str) -> Array | None:
+    """The numbers of the first that has those of a column, in its unit: those of speed_kmh for speed_mps."""
+    targets = {key: target for key in cells if (target := read_name(key)) is not None and target.column == column}
+    return next((_parse_numbers(cells[key]) * target.factor for key, target in targets.items()), None)
 
 
 def _parse_work_states(cells: list[str] | None) -> Mask | None:

@@ -39,8 +39,6 @@ from vehicle.identification.logs.schema import (
     LogConvention,
     Rows,
     Suspicion,
-    parse_target,
-    recognise_column,
     split_drive_segments,
 )
 from vehicle.identification.logs.sensor_checks import correct_sensors
@@ -48,8 +46,9 @@ from vehicle.identification.logs.sparse_steering import find_sparse_steering_fau
 from vehicle.identification.logs.table import (
     Columns,
     MappingSource,
+    NamedColumn,
     extract_columns,
-    list_mapped_conventions,
+    guess_column,
     map_columns,
     parse_mapping,
     read_table,
@@ -133,9 +132,8 @@ def _describe_ignored_columns(log: Log) -> list[str]:
     absent = [name for name in COLUMNS if getattr(log, name) is None] + [name for name, is_set in unset if is_set.all()]
     messages = []
     for name in log.ignored_columns:
-        target = parse_target(key := recognise_column(name))
-        is_lacked = target is not None and target.column in absent
-        hint = f"; map it to {key} if that is what it holds" if is_lacked else ""
+        target = guess_column(name)
+        hint = f"; map it to {target.key} if that is what it holds" if target and target.column in absent else ""
         messages.append(f"column {name!r} is unknown and was ignored{hint}")
     return messages
 
@@ -190,10 +188,8 @@ def read_log(
     convention that looks wrong and is not among the fixes; ColumnError where columns are missing, with a mapping.
     """
     path, columns = resolve_log_path(path), parse_mapping(mapping)
-    frame = map_columns(read_table(path), columns, path.stem)
-    return build_log(
-        frame, path.stem, parse_conventions(fixes) | list_mapped_conventions(columns), wheelbase_m, reference
-    )
+    fix_set = parse_conventions(fixes, columns.values())
+    return build_log(map_columns(read_table(path), columns, path.stem), path.stem, fix_set, wheelbase_m, reference)
 
 
 def read_logs(
@@ -207,16 +203,16 @@ def read_logs(
     `mapping` names columns that every file has. Positions in degrees share one origin: the first position of the first
     file. Raises LogError as read_log does, and when a pattern matches no file.
     """
-    keys = parse_mapping(mapping)
-    fix_set = parse_conventions(fixes) | list_mapped_conventions(keys)
+    columns = parse_mapping(mapping)
+    fix_set = parse_conventions(fixes, columns.values())
     logs: list[Log] = []
     reference = None
     files = find_log_files([paths] if isinstance(paths, str | Path) else paths)
     for (path, other_paths), name in zip(files.items(), _name_logs(list(files)), strict=True):
-        frame = map_columns(read_table(path), keys, name)
+        frame = map_columns(read_table(path), columns, name)
         if reference is None and LogConvention.POSITION_DEGREES in fix_set:
-            columns = extract_columns(frame, name)[0]
-            reference = find_first_place(convert_columns(columns, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
+            positions = extract_columns(frame, name)[0]
+            reference = find_first_place(convert_columns(positions, fix_set & {LogConvention.EAST_NORTH_SWAPPED}))
         log = build_log(frame, name, fix_set, wheelbase_m, reference, check=False)
         logs.append(replace(log, other_names=other_paths))
     logs = merge_copies(leave_out_useless_logs(logs))
@@ -286,8 +282,13 @@ def _clip_negative_speeds(columns: Columns) -> Columns:
     return columns | speeds
 
 
-def parse_conventions(fixes: Iterable[LogConvention | str]) -> frozenset[LogConvention]:
-    """Parse names of conversions; raises LogError for an unknown one and for two that contradict each other."""
+def parse_conventions(
+    fixes: Iterable[LogConvention | str], mapped: Iterable[NamedColumn] = ()
+) -> frozenset[LogConvention]:
+    """Parse names of conversions and add that of mapped longitudes.
+
+    Raises LogError for an unknown one and for two that contradict each other.
+    """
     try:
         given = frozenset(LogConvention(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
     except ValueError as error:
@@ -298,7 +299,7 @@ def parse_conventions(fixes: Iterable[LogConvention | str]) -> frozenset[LogConv
             f"The fixes {' and '.join(speeds)} convert the same speed; give only one of them.",
             parameter="fixes",
         )
-    return given
+    return given | {LogConvention.POSITION_DEGREES for column in mapped if column.key.startswith("longitude")}
 
 
 def resolve_log_path(path: str | Path) -> Path:

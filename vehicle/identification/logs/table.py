@@ -1,66 +1,41 @@
 """A log file as columns of numbers, or a refusal in one sentence.
 
 Columns under other names are read by a mapping, which has the name in the file by ours with the unit of the file:
-`time_ms = "Zeit"`, `speed_kmh = "v"`, `longitude_deg = "Lon"`. Where ours has the contract's unit and the name in the
-file says another, as in `speed_mps = "v [km/h]"`, that counts.
+`time_ms = "Zeit"`, `speed_kmh = "v"`, `longitude_deg = "Lon"`. Where ours has the usual unit and the name in the file
+says another, as in `speed_mps = "v [km/h]"`, that counts.
 """
 
 from __future__ import annotations
 
+import difflib
 import io
 import json
+import re
+import unicodedata
 import warnings
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cache
+from importlib import resources
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fields.errors import mark_parameter, shorten_middle, suggest_name
 from fields.nested_text import parse_toml
-from fields.text_files import (
-    SAMPLE_BYTES,
-    TableForm,
-    check_header,
-    decode_table,
-    explain_parse_error,
-    find_table_form,
-    quote_path,
-    read_table_text,
-    read_text,
-)
+from fields.text_files import explain_parse_error, quote_path, read_table_text, read_text
 from vehicle.identification.errors import ColumnError, LogError
-from vehicle.identification.logs.schema import (
-    COLUMNS,
-    NEEDED_COLUMNS,
-    STEERING_COLUMNS,
-    TARGETS,
-    Array,
-    LogConvention,
-    Target,
-    find_factor,
-    parse_target,
-    recognise_column,
-    split_name,
-)
+from vehicle.identification.logs.schema import COLUMNS, NEEDED_COLUMNS, STEERING_COLUMNS, Array
 
 if TYPE_CHECKING:
     import pandas as pd
 
 
 Columns = dict[str, Array]
-_NUMBERS_BY_WORD = {
-    column: {word: number for number, words in words_by_number.items() for word in words.split("|")}
-    for column, words_by_number in {
-        "shuttle": {
-            1.0: "f|fwd|forward|v|vor|vorwärts|avant|av|adelante|vooruit",
-            0.0: "n|neutral|neutre|neutro|neutraal",
-            -1.0: "r|rev|reverse|rück|rückwärts|arrière|ar|atrás|achteruit",
-        },
-        "implement": {1.0: "true|on|yes|working|down|ein|ja|oui|sí", 0.0: "false|off|no|lifted|up|aus|nein|non|nee"},
-    }.items()
-}
+MappingSource = Mapping[str, str] | Sequence[str] | str | Path | None
+"""A mapping, texts such as "time_s=Zeit", the path of a mapping file (TOML), or nothing."""
+_LIKENESS = 0.85  # chosen, of difflib's: one letter wrong in a short name, and not another word in it
+SHOWN_HEADER_CHARS = 1000  # of a refusal, which has to leave room for the mapping
 _EMPTY_CELLS = ("", "nan", "na", "null", "none", "-nan", "n/a")
 
 
@@ -90,35 +65,20 @@ def _read_parquet(path: Path) -> pd.DataFrame:
 
 
 def _read_csv(path: Path) -> pd.DataFrame:
+    """The cells as text; raises LogError."""
     import pandas as pd
 
-    with path.open("rb") as stream:
-        start = stream.read(SAMPLE_BYTES)
-    text = decode_table(start)
+    text = io.StringIO(read_table_text(path, "a log", LogError))
     try:
-        if "\0" not in text and find_table_form(text) == TableForm():
-            check_header(text, str(path), LogError)
-            # From a stream pandas reads with one thread; for the path of a large file it would start several.
-            # What is not UTF-8 is read below, whole.
-            with path.open("rb") as stream, suppress(UnicodeDecodeError):
-                return _name_columns_by_header(_parse_csv(stream), path)
-        return _name_columns_by_header(_parse_csv(io.StringIO(read_table_text(path, "a log", LogError))), path)
+        with warnings.catch_warnings():
+            # pandas only warns when every row is longer than the header.
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            return pd.read_csv(
+                text, dtype=str, keep_default_na=False, skip_blank_lines=False, index_col=False, header=None
+            ).pipe(_name_columns_by_header, path)
     except (pd.errors.ParserError, pd.errors.ParserWarning, pd.errors.EmptyDataError) as error:
         why = " ".join(str(error).rpartition("error: ")[2].split())
         raise LogError(f"{path} is not a CSV ({why}); every row needs as many cells as the header.") from error
-
-
-def _parse_csv(stream: IO[Any]) -> pd.DataFrame:
-    """The cells as text, the header among them; raises UnicodeDecodeError and errors of pandas."""
-    import pandas as pd
-
-    with warnings.catch_warnings():
-        # pandas only warns when every row is longer than the header.
-        warnings.simplefilter("error", pd.errors.ParserWarning)
-        return pd.read_csv(
-            stream, dtype=str, keep_default_na=False, skip_blank_lines=False, index_col=False, header=None,
-            encoding="utf-8-sig",
-        )  # fmt: skip
 
 
 def _name_columns_by_header(cells: pd.DataFrame, path: Path) -> pd.DataFrame:
@@ -156,7 +116,7 @@ def extract_columns(frame: pd.DataFrame, name: str) -> tuple[Columns, tuple[str,
 
 
 def _refuse_short_table(frame: pd.DataFrame, header: list[str], name: str) -> None:
-    if not any(column in COLUMNS for column in header) and not offer_mapping(header):
+    if not any(map(guess_column, header)):
         line = ",".join(header)[:80]
         raise LogError(
             f"{name} is not a log: its first line {line!r} has no known column; start the file with a "
@@ -177,9 +137,8 @@ def _parse_numbers(cells: pd.Series, column: str, name: str) -> Array:
         text = [str(cell).strip() for cell in cells if not _is_empty(cell)]
         if text and column == "time_s":
             values = _parse_times(cells)
-        elif text and column in _NUMBERS_BY_WORD:
-            numbers = _NUMBERS_BY_WORD[column]
-            values = np.array([numbers.get(str(cell).strip().casefold(), np.nan) for cell in cells])
+        elif text and column in (numbers := load_vocabulary().tables["values"]):
+            values = np.array([numbers[column].get(str(cell).strip().casefold(), np.nan) for cell in cells])
         if text and not np.isfinite(values).any():
             raise LogError(f"{name} has no number in column {column} (its first cell is {text[0]!r}); write numbers.")
     return values
@@ -205,136 +164,186 @@ def _is_empty(cell: object) -> bool:
 
 # --- columns under other names --------------------------------------------------------------------------------
 
-MappingSource = Mapping[str, str] | Sequence[str] | str | Path | None
-"""A mapping, texts such as "time_s=Zeit", the path of a mapping file (TOML), or nothing."""
-SHOWN_HEADER_CHARS = 1000  # of a refusal, which has to leave room for the mapping
-_PAIRS = ("easting", "northing"), ("longitude", "latitude")
+
+class NamedColumn(NamedTuple):
+    """What a mapping calls a column (speed_kmh), our column (speed_mps), and how much of our unit one of its is."""
+
+    key: str
+    column: str
+    factor: float
 
 
-def parse_mapping(mapping: MappingSource) -> dict[str, str]:
-    """The column of the file by ours; raises LogError, in one sentence, for what is no mapping."""
-    pairs = _list_pairs(mapping)
-    stems, given = [_find_target(key, column).stem for key, column in pairs], mark_parameter("mapping")
-    for what in ([TARGETS[stem][0] for stem in stems], [column for _, column in pairs]):
-        twice = next((one for one in what if what.count(one) > 1), None)
-        if twice is not None:
-            both = " and ".join(
-                f"{key}={column}" for one, (key, column) in zip(what, pairs, strict=True) if one == twice
-            )
-            raise LogError(f"{given} {both} are for one column, {twice!r}; keep one of them.")
-    if ("longitude" in stems) != ("latitude" in stems):
-        has, lacks = ("longitude", "latitude") if "longitude" in stems else ("latitude", "longitude")
-        raise LogError(f"{given} has a {has} and no {lacks}; add {lacks}_deg, or give easting_m and northing_m.")
-    return dict(pairs)
+class Vocabulary(NamedTuple):
+    """The tables of column_names.toml, what its words mean, and patterns of a word in a compound and of a last unit."""
+
+    tables: dict[str, Any]
+    roles: dict[str, str]
+    word: re.Pattern[str]
+    unit_at_end: re.Pattern[str]
 
 
-def _list_pairs(mapping: MappingSource) -> list[tuple[str, str]]:
-    if isinstance(mapping, str | Path):
-        return _read_mapping_file(mapping)
-    if isinstance(mapping, Mapping):
-        return [(str(key), str(column)) for key, column in mapping.items()]
-    pairs = [(key.strip(), column.strip()) for key, _, column in (str(text).partition("=") for text in mapping or ())]
-    for (key, column), text in zip(pairs, mapping or (), strict=True):
-        if not key or not column:
-            raise LogError(f"{mark_parameter('mapping')} {text!r} names no column; write it like time_s=Zeit.")
-    return pairs
+@cache
+def load_vocabulary() -> Vocabulary:
+    """The words and units of names, from vehicle/data/work/column_names.toml."""
+    tables = parse_toml((resources.files("vehicle") / "data" / "work" / "column_names.toml").read_text("utf-8"))
+    roles = {_flatten(word): role for role, words in tables["words"].items() for word in words.split()}
+    # Words of one or two letters stand alone, but those of Japanese are whole words.
+    word = _match_longest(one for one in roles if len(one) > 2 or not one.isascii())
+    unit = _match_longest(spelling for units in tables["units"].values() for spelling in units)
+    unit_at_end = re.compile(rf"(?:[\s_.-]|[\[(/]\s*)({unit})\s*[\])]*$")
+    return Vocabulary(tables, roles, re.compile(f"{word}|.+"), unit_at_end)
 
 
-def _read_mapping_file(path: str | Path) -> list[tuple[str, str]]:
-    """The pairs of a file, in its table [columns] as for imported logs, or outside of tables."""
+def _match_longest(texts: Iterable[str]) -> str:
+    return "|".join(map(re.escape, sorted(texts, key=len, reverse=True)))
+
+
+def _flatten(text: str) -> str:
+    """A text in small letters without accents."""
+    return "".join(one for one in unicodedata.normalize("NFKD", text) if not unicodedata.combining(one)).casefold()
+
+
+def split_name(name: str) -> tuple[str, str]:
+    """A name without accents in small letters, and the unit at its end, "" for none: "v [km/h]" is ("v", "km/h")."""
+    plain = _flatten(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.strip()))
+    match = load_vocabulary().unit_at_end.search(plain)
+    return (plain[: match.start()].strip(), match[1]) if match else (plain, "")
+
+
+def read_name(name: str) -> NamedColumn | None:
+    """The column of a name; None where a word or the unit is unknown, or where they say two things or nothing."""
+    names, (words, unit) = load_vocabulary(), split_name(name)
+    tokens = re.findall(r"[^\W_]+", words)
+    parts = [part for token in tokens for part in ([token] if token in names.roles else names.word.findall(token))]
+    roles = {names.roles.get(part, "unknown") for part in parts} - {"nothing"}
+    stem = "_".join(sorted(roles, key="command".__eq__))
+    if stem not in names.tables["columns"]:
+        return None
+    column, quantity = names.tables["columns"][stem]
+    units = names.tables["units"][quantity]
+    if unit and unit not in units:
+        return None
+    factor = units[unit] if unit else 1.0
+    usual = next((one for one in units if units[one] == factor), "")
+    return NamedColumn(f"{stem}_{usual}".rstrip("_"), column, factor)
+
+
+def guess_column(name: str) -> NamedColumn | None:
+    """As `read_name`, but also for one of our names with a letter wrong."""
+    near_names = difflib.get_close_matches(name.strip().lower(), COLUMNS, 1, _LIKENESS)
+    return read_name(name) or next(map(read_name, near_names), None)
+
+
+def read_mapping_file(path: str | Path) -> tuple[dict[str, str], dict[str, Any]]:
+    """The columns of a mapping file, in its table [columns] or outside of tables, and its table [values].
+
+    Raises LogError.
+    """
     text, label = read_text(path, "a mapping file (TOML)", LogError), f"The mapping {quote_path(path)}"
     try:
         content = parse_toml(text)
     except (ValueError, RecursionError) as error:
         raise LogError(f"{label} is not TOML: {explain_parse_error(error)}.") from None
-    columns = content.get("columns", content)
-    if not isinstance(columns, dict) or not columns or not all(isinstance(one, str) for one in columns.values()):
+    columns, values = content.get("columns", content), content.get("values", {})
+    are_tables = isinstance(columns, dict) and isinstance(values, dict)
+    if not are_tables or not columns or not all(isinstance(name, str) for name in columns.values()):
         raise LogError(f'{label} does not name columns; write lines such as time_s = "Zeit".')
-    return list(columns.items())
+    return columns, values
 
 
-def _find_target(key: str, column: str) -> Target:
-    """What a pair is for; its unit is that of the key, or where that is the contract's the one of the name."""
-    target, given = parse_target(key), f"{mark_parameter('mapping')} {key}={column}"
+def list_pairs(mapping: MappingSource) -> list[str]:
+    """A mapping as texts such as "time_s=Zeit"; raises LogError as `read_mapping_file`."""
+    columns = read_mapping_file(mapping)[0] if isinstance(mapping, str | Path) else mapping or ()
+    return [f"{key}={name}" for key, name in columns.items()] if isinstance(columns, Mapping) else list(columns)
+
+
+def parse_mapping(mapping: MappingSource) -> dict[str, NamedColumn]:
+    """Our columns by their names in the file; raises LogError, in one sentence, for what is no mapping."""
+    found: dict[str, NamedColumn] = {}
+    for pair in list_pairs(mapping):
+        name, target = _parse_pair(pair)
+        twice = [f"{one.key}={other}" for other, one in found.items() if other == name or one.column == target.column]
+        if twice:
+            raise LogError(f"{mark_parameter('mapping')} {twice[0]} and {pair} are for one column; keep one of them.")
+        found[name] = target
+    if sum(one.key.startswith(("longitude", "latitude")) for one in found.values()) == 1:
+        raise LogError(
+            f"{mark_parameter('mapping')} has only one of longitude_deg and latitude_deg; add the other, or give "
+            "easting_m and northing_m."
+        )
+    return found
+
+
+def _parse_pair(pair: str) -> tuple[str, NamedColumn]:
+    """The name in the file and our column, in the unit of the key or, where that is the usual one, of the name."""
+    key, _, name = map(str.strip, str(pair).partition("="))
+    given = f"{mark_parameter('mapping')} {pair}"
+    if not key or not name:
+        raise LogError(f"{given} names no column; write it like time_s=Zeit.")
+    target, unit = read_name(key), split_name(name)[1]
     if target is None:
         raise LogError(
             f"{given} is for no column of a log{suggest_name(key, COLUMNS)}; use {', '.join(COLUMNS)}, longitude_deg "
             "or latitude_deg, or one of them with the unit of the file, such as speed_kmh."
         )
-    unit = split_name(column)[1]
-    factor = find_factor(target.quantity, unit)
-    if target.quantity and (factor is None or (unit and target.factor not in (None, 1.0, factor))):
+    said = read_name(f"{split_name(key)[0]} [{unit}]") if unit else target
+    if said is None or target.factor not in (1.0, said.factor):
         raise LogError(f"{given} contradicts the unit of that column ({unit}); name another one, or rename it.")
-    return target._replace(factor=factor if target.factor in (None, 1.0) else target.factor)
+    return name, said
 
 
-def list_mapped_conventions(mapping: Mapping[str, str]) -> frozenset[LogConvention]:
-    """The conversion that a mapping to longitude and latitude asks for."""
-    is_in_degrees = any(_find_target(*pair).stem == "longitude" for pair in mapping.items())
-    return frozenset([LogConvention.POSITION_DEGREES] if is_in_degrees else [])
-
-
-def map_columns(frame: pd.DataFrame, mapping: Mapping[str, str], name: str) -> pd.DataFrame:
+def map_columns(frame: pd.DataFrame, mapping: Mapping[str, NamedColumn], name: str) -> pd.DataFrame:
     """The table with the columns of a mapping under the contract's names and in its units, in place of any so named.
 
     Raises LogError for a column that the table has not, or has twice.
     """
     import pandas as pd
 
+    header = [str(column) for column in frame.columns]
+    for column, target in mapping.items():
+        if header.count(column) != 1:
+            close = "" if column in header else suggest_name(column, header)
+            raise LogError(
+                f"{name} has {'two columns' if column in header else 'no column'} {column!r}{close} for "
+                f"{mark_parameter('mapping')} {target.key}={column} (it has: {_show_header(header)}); name one of its "
+                "columns that is there once."
+            )
     if not mapping:
         return frame
-    header, found = [str(column) for column in frame.columns], {}
-    for key, column in mapping.items():
-        given = f"{mark_parameter('mapping')} {key}={column}"
-        if column not in header:
-            close = suggest_name(column, header)
-            raise LogError(f"{name} has no column {column!r}{close} for {given} (it has: {_show_header(header)}).")
-        if header.count(column) > 1:
-            raise LogError(f"{name} has the column {column!r} of {given} more than once; keep or rename one of them.")
-        target = _find_target(key, column)
-        cells = frame[column]
-        is_in_unit = target.factor in (None, 1.0)
-        found[target.column] = cells if is_in_unit else pd.to_numeric(cells, errors="coerce") * target.factor
-    rest = frame.drop(columns=[column for column in header if column in found or column in mapping.values()])
-    return rest.assign(**found)
-
-
-def offer_mapping(header: Collection[str], present: Collection[str] = ()) -> dict[str, list[str]]:
-    """The columns that may be meant by ours, which the names and units of a header suggest; more than one is a doubt.
-
-    Columns of the contract that are `present` need none. Positions in metres are preferred to degrees.
-    """
-    offers: dict[str, list[str]] = {}
-    for column in header:
-        target = parse_target(recognise_column(column))
-        if target is not None and target.column not in present:
-            offers.setdefault(target.stem, []).append(column)
-    used, unused = _PAIRS if all(each in offers or f"{each}_m" in present for each in _PAIRS[0]) else _PAIRS[::-1]
-    if all(each in offers for each in used) or used is _PAIRS[0]:
-        offers = {stem: columns for stem, columns in offers.items() if stem not in unused}
-    return offers
+    found = {target.column: frame[column] for column, target in mapping.items()}
+    for target in mapping.values():
+        if target.factor != 1.0:
+            found[target.column] = pd.to_numeric(found[target.column], errors="coerce") * target.factor
+    return frame.drop(columns=[column for column in header if column in found or column in mapping]).assign(**found)
 
 
 def refuse_missing_columns(header: Sequence[str], present: Collection[str], name: str) -> None:
-    """Raise ColumnError where a needed column is absent, with all that are and the mapping that names suggest."""
+    """Raise ColumnError where a needed column is absent, with all that are and the mapping that names suggest.
+
+    Of several columns that may be ours none is suggested: that is a question.
+    """
     lacks = [column for column in NEEDED_COLUMNS if column not in present]
     if not any(column in present for column in STEERING_COLUMNS):
         lacks.append(" or ".join(STEERING_COLUMNS))
     if not lacks:
         return
-    offers = offer_mapping(header, present)
-    sure = {recognise_column(columns[0]): columns[0] for columns in offers.values() if len(columns) == 1}
-    advice = [f"if that is what they hold, add {' '.join(map(_show_pair, sure.values()))}"] if sure else []
-    for stem, columns in offers.items():
-        if len(columns) > 1:
-            advice.append(f"{stem} may be one of {len(columns)}: add {' or '.join(map(_show_pair, columns))}")
-    meant = {TARGETS[stem][0] for stem in offers}
-    unknown = [column for column in lacks if meant.isdisjoint(column.split(" or "))]
+    pairs: dict[str, list[str]] = {}
+    for column in header:
+        target = guess_column(column)
+        if target is not None and target.column not in present:
+            pairs.setdefault(target.column, []).append(f"{target.key}={column}")
+    sure = [one for one, *others in pairs.values() if not others]
+    advice = [f"if that is what they hold, add {_show_options(sure, ' ')}"] if sure else []
+    for ours, several in pairs.items():
+        if len(several) > 1:
+            advice.append(f"{ours} may be one of {len(several)}: add {_show_options(several, ' or ')}")
+    unknown = [column for column in lacks if pairs.keys().isdisjoint(column.split(" or "))]
     if unknown:
         name_it = f"{mark_parameter('mapping')} {unknown[0].split()[0]}=NAME"
         advice.append(f"no name looks like {' and '.join(unknown)}: say which it is with {name_it}, or log it")
     raise ColumnError(
-        f"{name} has no column {', '.join(lacks)} (it has: {_show_header(header)}); {'; '.join(advice)}.", sure
+        f"{name} has no column {', '.join(lacks)} (it has: {_show_header(header)}); {'; '.join(advice)}.",
+        dict(pair.split("=", 1) for pair in sure),
     )
 
 
@@ -342,7 +351,6 @@ def _show_header(header: Sequence[str]) -> str:
     return shorten_middle(", ".join(header), SHOWN_HEADER_CHARS)
 
 
-def _show_pair(column: str) -> str:
-    """The option that maps a column to what its name suggests."""
-    pair = json.dumps(f"{recognise_column(column)}={column}", ensure_ascii=False)
-    return f"{mark_parameter('mapping')} {pair}"
+def _show_options(pairs: Sequence[str], between: str) -> str:
+    """Options to copy, in the quotes of JSON, which shells understand."""
+    return between.join(f"{mark_parameter('mapping')} {json.dumps(pair, ensure_ascii=False)}" for pair in pairs)
