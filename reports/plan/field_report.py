@@ -12,7 +12,8 @@ from rich.text import Text
 from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
 from reports.common.effect_names import capitalize_first
-from reports.common.text_tables import FittedTable, TableColumn, format_sentence
+from reports.common.language import translate, translate_sentence
+from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import NO_VALUE, format_number, format_yes_no
 
 _UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
@@ -23,6 +24,7 @@ _HEADINGS = {
     "headlands": "Headlands of the file (for --headland)",
 }
 _DEGREE_KEYS, _METRE_KEYS = {"lon", "lat"}, {"x_m", "y_m"}
+_TOLD_KEYS = {"reason", "kind", "crs"}  # whose values are words of Headland, not names
 _FITTING_TURNS_KEY, _TURN_SECONDS_KEY, _ESTIMATED_SECONDS_KEY = (
     "fitting_pct_by_swaths", "turn_s_by_swaths", "estimated_turn_s_by_swaths"
 )  # fmt: skip
@@ -35,9 +37,13 @@ def build_field_report(facts: Mapping[str, Any]) -> RenderableType:
     single = {key: value for key, value in facts.items() if key not in tables and key != "turns"}
     parts: list[RenderableType] = [build_field_table(single)]
     for key, rows in tables.items():
-        parts += [Text(""), Text(_HEADINGS.get(key, _format_fact_label(key)), style="bold"), _build_facts_table(rows)]
+        parts += [
+            Text(""),
+            format_title(_HEADINGS.get(key, _format_fact_label(key)), style="bold"),
+            _build_facts_table(rows),
+        ]
     if turns:
-        parts += [Text(""), Text("Turns", style="bold"), _build_facts_table(list_turn_rows(turns))]
+        parts += [Text(""), format_title("Turns", style="bold"), _build_facts_table(list_turn_rows(turns))]
         parts.append(format_sentence("Percent of track ends where such a turn fits.", style="dim"))
         if turns[_ESTIMATED_SECONDS_KEY]:
             parts.append(format_sentence("Estimated: two full circles, where no turn fits.", style="dim"))
@@ -62,7 +68,7 @@ def list_turn_rows(turns: Mapping[str, Any]) -> list[dict[str, Any]]:
 def build_field_table(info: Mapping[str, Any]) -> RenderableType:
     """Label and value pairs, one per line: ``area_ha`` reads ``Area (ha)``; a mapping has a line per entry."""
     columns = (TableColumn("Label", is_text=True), TableColumn("Value", is_text=True))
-    rows = tuple((_format_fact_label(label), _format_fact(value)) for label, value in info.items())
+    rows = tuple((_format_fact_label(label), _format_fact_cell(label, value)) for label, value in info.items())
     return FittedTable(columns, rows, has_header=False, has_lines=True)
 
 
@@ -94,14 +100,16 @@ def _build_facts_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
 
 
 def _format_fact_cell(key: str, value: Any) -> str:
+    if key in _TOLD_KEYS and isinstance(value, str):
+        return escape_controls(translate_sentence(value))
     return f"{value:.5f}" if key in _DEGREE_KEYS and value is not None else _format_fact(value)
 
 
 def _format_fact_label(key: object) -> str:
     """A key as a heading, with its unit in brackets: ``Area (ha)``."""
     parts = str(key).split("_")
-    unit = f" ({_UNITS[parts.pop()]})" if len(parts) > 1 and parts[-1] in _UNITS else ""
-    return capitalize_first(" ".join(parts)) + unit
+    unit = f" ({translate(_UNITS[parts.pop()])})" if len(parts) > 1 and parts[-1] in _UNITS else ""
+    return translate_sentence(capitalize_first(" ".join(parts))) + unit
 
 
 def _format_fact(value: Any, separator: str = "\n") -> str:

@@ -50,6 +50,16 @@ _PAGE_WORDS = """
 """
 PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";"))
 """Words in lower case that the page shows, of its own or as data of the service."""
+_FACT_LABELS = """
+    Area; Area (ha); Aspect; Aspect share; Bearing; Bypassed; Cells; Corners; Covered; Crs; Cut off; Edge; Estimated;
+    Fence; Headland; Headlands; Heights; Highest; Holes; Inside; Interrupted swaths; Kind; Largest; Lat; Length; Lines;
+    Lon; Longest swath; Lowest; Margin; Max tractors; Max width; Median slope; Min width; Name; Not usable; Number;
+    Obstacles; Over swaths; P90 slope; Pieces; Radius; Reason; Rings; Shortest swath; Source; Steepest at;
+    Steepest slope; Swath length; Swaths; Takes; Turning radius; Turns; Typical width; Width; Headland passes; degrees;
+    local metres
+"""
+FACT_LABELS = frozenset(" ".join(words.split()) for words in _FACT_LABELS.split(";"))
+"""Labels that `headland field` makes of the keys of its facts, with their words."""
 
 PRINTING = {
     "translate": 1, "mark_text": 1, "create_progress_callback": 1, "format_title": 1, "format_sentence": 1,
@@ -65,8 +75,8 @@ Text = str | tuple[str, str]
 def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
     texts = {
-        *PAGE_WORDS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
-        *iter_sentences(), *LABELS.values(), *STRATEGY_LABELS.values(),
+        *PAGE_WORDS, *FACT_LABELS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(),
+        *_iter_shell_texts(), *iter_sentences(), *LABELS.values(), *STRATEGY_LABELS.values(),
     }  # fmt: skip
     singulars = {text[0] for text in texts if isinstance(text, tuple)}  # a catalogue holds a key once
     return frozenset(texts - singulars)
