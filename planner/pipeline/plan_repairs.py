@@ -22,7 +22,7 @@ from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, 
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult, build_merit_sort_key
+from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
 from strategies.path_planning.turns import TurnReach
 from vehicle.missions.plan import Plan
 
@@ -157,12 +157,6 @@ def _has_room_to_turn(context: PlanningContext) -> bool:
     return not describe_shallow_headland(context.request, context.driving_rules.radius_m, reach)
 
 
-def explain_refusal(ranking: PlanRanking) -> str:
-    """The first reason why no plan of a ranking works, and what was found to work."""
-    reason = next((plan.reason for plan in ranking.plans if plan.reason), "no plan is feasible")
-    return f"{reason.rstrip('.')}. Found to work: {' or '.join(ranking.changes)}" if ranking.changes else reason
-
-
 def find_working_changes(
     evaluations: CandidateEvaluations, prepare: Prepare, layout_repairs: LayoutRepairs
 ) -> tuple[str, ...]:
@@ -183,7 +177,7 @@ def find_working_changes(
         return outcome.result.feasible
 
     def find_first(attempts: Iterator[Attempt]) -> list[str]:
-        return list(islice((words for words, *change in attempts if can_be_driven(*change)), 1))
+        return list(islice((words for words, changed, tried in attempts if can_be_driven(changed, tried)), 1))
 
     own = find_first(_iter_own(request, candidate))
     return tuple(

@@ -14,6 +14,7 @@ from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
+from planner.request.random_inputs import RANDOM_INPUTS
 from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT
 
@@ -53,7 +54,7 @@ PAGE_WORDS = frozenset(" ".join(words.split()) for words in _PAGE_WORDS.split(";
 
 PRINTING = {
     "translate": 1, "mark_text": 1, "create_progress_callback": 1, "format_title": 1, "format_sentence": 1,
-    "print_sentence": 1, "TableColumn": 2, "NumberLimits": 1,
+    "print_sentence": 1, "open_stage_bar": 1, "TableColumn": 2, "NumberLimits": 1,
 }  # fmt: skip
 """Functions whose first arguments are texts, and how many."""
 
@@ -66,7 +67,7 @@ def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
     texts = {
         *PAGE_WORDS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(),
-        *iter_sentences(), *LABELS.values(), *STRATEGY_LABELS.values(),
+        *iter_sentences(), *LABELS.values(), *STRATEGY_LABELS.values(), *RANDOM_INPUTS,
     }  # fmt: skip
     singulars = {text[0] for text in texts if isinstance(text, tuple)}  # a catalogue holds a key once
     return frozenset(texts - singulars)

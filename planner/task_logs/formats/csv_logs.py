@@ -27,8 +27,8 @@ import numpy as np
 
 from fields.nested_text import parse_toml
 from fields.terrain.height_units import FOOT_M
-from fields.text_files import explain_parse_error, quote_path, read_table_rows, read_text, shorten_value
-from planner.errors import suggest_name
+from fields.text_files import explain_parse_error, quote_path, read_table_rows, read_text
+from planner.errors import shorten_value, suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import parse_timestamp
 from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
