@@ -37,6 +37,15 @@ def shorten_middle(text: str, max_chars: int = MAX_VALUE_CHARS, tail_chars: int 
     )
 
 
+def shorten_value(value: object, max_chars: int = 40) -> str:
+    """Any value from a file as short text for a sentence."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested too deeply, or an integer with more digits than Python prints
+        return f"a {type(value).__name__} too large to show"
+    return text if len(text) <= max_chars else text[: max_chars - 3] + "..."
+
+
 def make_one_line(sentence: str) -> str:
     """The sentence in one line: control characters escaped, long values shortened."""
     line = _QUOTED.sub(lambda match: match[1] + shorten_middle(match[2]) + match[1], escape_controls(sentence))

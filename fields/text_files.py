@@ -113,15 +113,6 @@ def quote_path(path: str | Path) -> str:
     return f"'{text if len(text) <= MAX_SHOWN_CHARS else '...' + text[3 - MAX_SHOWN_CHARS :]}'"
 
 
-def shorten_value(value: object, max_chars: int = 40) -> str:
-    """Any value from a file as short text for a sentence."""
-    try:
-        text = repr(value)
-    except (RecursionError, ValueError):  # nested too deeply, or an integer with more digits than Python prints
-        return f"a {type(value).__name__} too large to show"
-    return text if len(text) <= max_chars else text[: max_chars - 3] + "..."
-
-
 def count_noun(count: int, noun: str) -> str:
     """A count with its noun: 1 ring, 2 rings."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

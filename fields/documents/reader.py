@@ -14,7 +14,7 @@ from shapely.geometry.polygon import orient
 
 from fields.documents.coordinate_systems import apply_coordinate_options
 from fields.documents.sources import FieldReference, parse_field_reference
-from fields.errors import FieldError, mark_parameter
+from fields.errors import FieldError, mark_parameter, shorten_value
 from fields.formats.features import describe_unused_feature, replace_unprintable, summarise_counts
 from fields.geometry.assumed_obstacles import assume_roles, describe_assumed_obstacles
 from fields.geometry.coordinates import (
@@ -34,7 +34,6 @@ from fields.geometry.outline_cleaning import clean_outline
 from fields.raw_document import FieldDocument, GeoShape, RawPolygon, RawShape
 from fields.terrain.point_files import POINT_SUFFIXES
 from fields.terrain.rasters import RASTER_SUFFIXES
-from fields.text_files import shorten_value
 
 MAX_LISTED_FIELDS = 12
 FieldSource = str | Path | GeoShape

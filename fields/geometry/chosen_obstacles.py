@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, mark_parameter, suggest_name
+from fields.errors import FieldError, mark_parameter, shorten_value, suggest_name
 from fields.geometry.assumed_obstacles import DEFAULT_SIZE_M, describe_assumed_obstacles
 from fields.geometry.field import Field
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import MAX_OBSTACLE_M, Obstacle
-from fields.text_files import shorten_value
 
 MAX_LISTED_OBSTACLES = 12
 

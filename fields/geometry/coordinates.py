@@ -12,10 +12,9 @@ import numpy.typing as npt
 import shapely
 from shapely.geometry.polygon import orient
 
-from fields.errors import FieldError, mark_parameter
+from fields.errors import FieldError, mark_parameter, shorten_value
 from fields.geometry.geodesy import can_be_farmland, find_utm_crs, is_wgs84_longitude_latitude, project
 from fields.raw_document import LOCAL_METRES, WGS84, FieldDocument
-from fields.text_files import shorten_value
 
 FloatArray = npt.NDArray[np.float64]
 

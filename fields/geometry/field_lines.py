@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, mark_parameter, suggest_name
+from fields.errors import FieldError, mark_parameter, shorten_value, suggest_name
 from fields.geometry.coordinates import FieldFrame, parse_position
 from fields.raw_document import FieldDocument, RawPolygon, RawShape
-from fields.text_files import shorten_value
 
 FENCE, OPEN_EDGE = "fence", "open"
 EDGE_KINDS = (FENCE, OPEN_EDGE)

@@ -21,8 +21,7 @@ import numpy as np
 import numpy.typing as npt
 import shapely
 
-from fields.errors import FieldError, mark_parameter
-from fields.text_files import shorten_value
+from fields.errors import FieldError, mark_parameter, shorten_value
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer

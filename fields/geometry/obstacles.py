@@ -9,12 +9,12 @@ from dataclasses import field as member
 import numpy as np
 import shapely
 
-from fields.errors import FieldError
+from fields.errors import FieldError, shorten_value
 from fields.feature_words import find_name
 from fields.geometry.coordinates import FieldFrame, build_polygon, parse_position, parse_rings
 from fields.geometry.outline_cleaning import clean_outline
 from fields.raw_document import RawShape
-from fields.text_files import count_noun, shorten_value
+from fields.text_files import count_noun
 
 POINT, LINE, AREA = "Point", "LineString", "Polygon"
 DEFAULT_RADIUS_M = {"pole": 0.25, "post": 0.25, "mast": 1.0, "tree": 1.0, "manhole": 0.5, "well": 1.0}

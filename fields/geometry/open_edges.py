@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 import shapely
 
-from fields.errors import FieldError
+from fields.errors import FieldError, shorten_value
 from fields.geometry.coordinates import FieldFrame
 from fields.geometry.field_lines import OPEN_EDGE, clip_outline_to_line, parse_edge, parse_edge_line
 from fields.raw_document import RawPolygon, RawShape
-from fields.text_files import shorten_value
 
 OVERHANG = "overhang_m"  # property of a boundary or of an open edge in a field file
 MAX_OVERHANG_M = 100.0

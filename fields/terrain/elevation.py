@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from fields.errors import FieldError, attach_parameter, mark_parameter
+from fields.errors import FieldError, attach_parameter, mark_parameter, shorten_value
 from fields.geometry.field import Field
 from fields.geometry.geodesy import is_same_crs, is_wgs84_longitude_latitude, project
 from fields.terrain.checks import check_coverage, check_slopes, describe_place
@@ -18,7 +18,7 @@ from fields.terrain.point_grids import build_point_grid
 from fields.terrain.raster_grids import MARGIN_M, build_raster_grid
 from fields.terrain.rasters import is_raster_file, open_raster
 from fields.terrain.slopes import compute_gradients
-from fields.text_files import quote_path, shorten_value
+from fields.text_files import quote_path
 
 REACH_M = 50.0
 """Points so near to a field count for heights at its edge."""

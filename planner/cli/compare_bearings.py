@@ -81,8 +81,7 @@ def compare_bearings(
 
 def _parse_bearings(text: str) -> tuple[float, ...]:
     """ "0,45,90" as degrees, each once; raises RequestError."""
-    from fields.text_files import shorten_value
-    from planner.errors import RequestError
+    from planner.errors import RequestError, shorten_value
 
     try:
         return tuple(dict.fromkeys(float(part) for part in text.split(",")))

@@ -144,8 +144,7 @@ def compare_headlands(
 
 def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str, ...]:
     """The words of a list with commas, each once; raises RequestError."""
-    from fields.text_files import shorten_value
-    from planner.errors import RequestError, suggest_name
+    from planner.errors import RequestError, shorten_value, suggest_name
 
     words = tuple(dict.fromkeys(word.strip() for word in text.split(",")))
     for word in words:
@@ -159,8 +158,7 @@ def _parse_choices(text: str, option: str, allowed: Sequence[str]) -> tuple[str,
 
 def _parse_pass_counts(text: str) -> tuple[int, ...]:
     """ "2", "1-3" or "1,2,4" as numbers of headland passes, each once; raises RequestError."""
-    from fields.text_files import shorten_value
-    from planner.errors import RequestError
+    from planner.errors import RequestError, shorten_value
 
     counts: dict[int, None] = {}
     for part in text.split(","):

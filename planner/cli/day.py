@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Optional
 
@@ -186,22 +185,20 @@ def _compute_day_plan(
     from planner.day.field_times import FieldTimeCache, find_cache_folder
     from planner.day.planning import plan_day
     from planner.pipeline.executors import create_executor
-    from reports.common.language import mark_text
 
-    stage = mark_text("Simulating fields")
     store = FieldTimeCache(find_cache_folder() / "field-times" if cache is None else cache)
     unknown_count = prepared.count_uncached_field_times(store)
     if unknown_count:
         warm_up()
     with (
         create_executor(max(unknown_count, 1), processes) as executor,
-        open_stage_bar(stage) as bar,
+        open_stage_bar("Simulating fields") as bar,
     ):
         return plan_day(
             prepared,
             cache=store,
             executor=executor,
-            progress=partial(bar.report, stage),
+            progress=bar.count,
             report_work=bar.show_work,
             samples=samples,
             seed=seed,

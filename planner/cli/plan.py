@@ -26,7 +26,6 @@ from planner.cli.common.options import (
 )
 from planner.request.options import convert_options_to_parameters
 from planner.request.plan_request import COMPUTING, OUTPUT, FarmChoice, PlanRequest
-from reports.common.language import mark_text
 
 if TYPE_CHECKING:
     from planner.cli.common.outputs import OutputContent
@@ -35,8 +34,6 @@ if TYPE_CHECKING:
     from planner.pipeline.many_fields import FieldAnswer, FieldQuestion, Record
     from planner.pipeline.planning import PlanningResult
     from reports.common.plan_results import PlanRanking
-
-PLANNING = mark_text("Planning fields")
 
 
 @dataclass(frozen=True)
@@ -118,7 +115,7 @@ def plan_batch(
     questions = [FieldQuestion(build_inputs(one), every_plan, html is not None) for one in requests]
     keys = [hash_question(question.inputs, every_plan) for question in questions]
     warm_up()
-    with open_stage_bar(PLANNING) as bar, _open_record_printer(json, csv, explain) as show:
+    with open_stage_bar("Planning fields") as bar, _open_record_printer(json, csv, explain) as show:
         records = _collect_records(questions, keys, executor_choice, checkpoint, earlier_records, bar, show)
         _write_index_page(records, html)
     _print_field_remarks(records)
@@ -149,7 +146,7 @@ def _collect_records(
         with executor_choice.open_executor(len(pending)) as executor:
             answers_by_position = iter_answers(executor, [questions[index] for index in pending], bar.show_work)
             while True:
-                bar.report(PLANNING, len(finished), len(questions))
+                bar.count(len(finished), len(questions))
                 while printed_count in finished:
                     print_record(finished[printed_count])
                     printed_count += 1

@@ -19,23 +19,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from fields.errors import HeadlandError
 from fields.geometry.field import Field
 from planner.day.input_file import DayFile, get_fleet_machines, is_suitable
-from planner.errors import WorkerError
+from planner.errors import HeadlandError, WorkerError
 from planner.evaluation.field_physics import get_elevation_name
 from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor, iter_completed
 from planner.pipeline.farm_inputs import complete_request_by_farm
 from planner.pipeline.fingerprint import hash_content, hash_height_files, hash_strategies
-from planner.pipeline.plan_repairs import explain_refusal
 from planner.pipeline.planning import plan
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import PlanRequest
 from planner.risk.leg_graph import LegConsumption, LegGraph, WaitLink, build_leg_graph, measure_leg_consumption
 from planner.risk.planned_order import enforce_planned_order
-from reports.common.shortfalls import WORKED
 from strategies.program.supply import Supply
 from vehicle.model.tractor import Implement, Tractor, resolve_tractor
 
@@ -268,12 +265,12 @@ def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:
             ordered_run = enforce_planned_order(run, context.tractor, context.implement)
             fuel = measure_leg_consumption(ordered_run, context.tractor, physics.fuel_load, physics.terrain)
             graph = build_leg_graph(ordered_run, fuel)
-            shortfall = next((one.sentence for one in result.ranking.shortfalls if one.kind == WORKED), "")
+            shortfall = next((one.sentence for one in result.ranking.shortfalls if one.kind == "worked"), "")
             figures = best.strategy, count, float(best.time_s or 0.0), best.worked_pct, best.missed_m2
             return FieldTime(*figures, graph, best.refills, shortfall=shortfall)
         if share.is_cut:
             raise TimeSpentError
-        reason = reason or explain_refusal(result.ranking)
+        reason = reason or result.ranking.refusal
     return FieldTime(reason=reason)
 
 

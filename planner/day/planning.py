@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 import reports.day.notebook  # noqa: F401  # how a day is shown
 from fields.documents.reader import read_field
-from fields.errors import attach_parameter
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.entrances import set_entrance
 from fields.geometry.field import Field
@@ -45,7 +44,7 @@ from planner.day.input_file import DayField, DayFile, get_fleet_machines, load_d
 from planner.day.optimization.problem import DayProblem, Routes, find_insertions
 from planner.day.optimization.solver import DaySolution, solve_day
 from planner.day.places import DayPlace, build_map_places, compute_road_km, locate_fields, locate_yard
-from planner.errors import RequestError
+from planner.errors import RequestError, attach_parameter
 from planner.evaluation.pull_check import compute_pull_figures
 from planner.farm.inventory import FarmFile
 from planner.pipeline.executors import SerialExecutor

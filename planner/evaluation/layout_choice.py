@@ -11,7 +11,6 @@ from itertools import accumulate, pairwise
 import numpy as np
 import shapely
 
-from fields.errors import FieldError
 from fields.geometry.field import Field
 from fields.layout.cells import CELL_COST_M, PLAIN_RATES, EffortRates
 from fields.layout.contours import lay_contour_swaths
@@ -20,7 +19,7 @@ from fields.layout.options import estimate_layout_cost_m, find_cheapest_bearing_
 from fields.layout.parallel_lines import TURN_COST_M
 from fields.layout.swaths import Layout, lay_swaths
 from fields.terrain.elevation_grid import ElevationGrid
-from planner.errors import RequestError, mark_parameter
+from planner.errors import FieldError, RequestError, mark_parameter
 from planner.evaluation.time_share import TimeSpentError
 from planner.request.plan_request import CONTOUR, MAX_HEADLAND_PASSES, SOW, PlanRequest
 from strategies.headland.pass_legs import get_headland_legs

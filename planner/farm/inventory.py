@@ -11,8 +11,8 @@ from typing import Any, TypeVar
 from pydantic import ValidationError, field_validator, model_validator
 
 from fields.nested_text import parse_toml
-from fields.text_files import explain_parse_error, quote_path, read_text, shorten_value
-from planner.errors import RequestError, suggest_name
+from fields.text_files import explain_parse_error, quote_path, read_text
+from planner.errors import RequestError, shorten_value, suggest_name
 from planner.farm.machines import FarmImplement, FarmTractor
 from planner.farm.settings import FarmPrices, FarmTimes, FarmUncertainty, FileSection, LearnedValue, Yard
 from vehicle.errors import VehicleError

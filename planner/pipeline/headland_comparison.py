@@ -7,18 +7,13 @@ from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass, replace
 from itertools import product
 
-import shapely
-
-from fields.geometry.field import Field
 from planner.errors import HeadlandError, WorkerError
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.farm_inputs import PlanInputs
 from planner.pipeline.many_fields import draw_best_plan, plan_inputs
-from planner.pipeline.plan_repairs import explain_refusal
-from planner.pipeline.ranking import locate_piece
+from planner.pipeline.ranking import locate_cut_off_ground
 from planner.pipeline.worker_tasks import LOST_WORKER_MESSAGE, Progress
 from planner.request.plan_request import HEADLAND_ORDERS_BY_OPERATION, PlanRequest
-from reports.common.plan_results import UnworkedPiece
 from reports.plan.headland_comparison import ComparedPlan, HeadlandChoice, HeadlandComparison
 from reports.plan.plan_wording import describe_machines
 from strategies.path_planning.turn_kinds import CORNERS
@@ -87,7 +82,7 @@ def answer_headland_question(
         name,
         choice,
         plan=best,
-        refusal=None if best is not None else explain_refusal(ranking),
+        refusal=None if best is not None else ranking.refusal,
         field_name=ranking.field_name,
         area_ha=ranking.area_ha,
         headland_m=result.context.layout.headland_m,
@@ -99,14 +94,6 @@ def answer_headland_question(
         cut_off=locate_cut_off_ground(result.context.layout.field),
         map=draw_best_plan(result) if question.with_map else None,
     )
-
-
-def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
-    """All ground that obstacles cut off, at the place of its largest piece; None without any."""
-    if not field.cut_off_parts:
-        return None
-    place = shapely.point_on_surface(max(field.cut_off_parts, key=lambda part: part.area))
-    return locate_piece(field, field.cut_off_m2, place.x, place.y)
 
 
 def compare_headlands(

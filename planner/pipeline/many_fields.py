@@ -19,12 +19,11 @@ from typing import Any
 
 from fields.documents.reader import FieldSummary, describe_listing, list_fields
 from fields.documents.sources import list_field_files, parse_field_reference
-from fields.errors import FieldError
 from fields.formats.features import ALL_FIELDS
 from fields.geometry.chosen_obstacles import add_obstacles, leave_out_obstacles
 from fields.geometry.field import Field
 from fields.text_files import read_text
-from planner.errors import HeadlandError, RequestError, WorkerError, mark_parameter
+from planner.errors import FieldError, HeadlandError, RequestError, WorkerError, mark_parameter
 from planner.evaluation.context_inputs import read_requested_field
 from planner.evaluation.field_physics import get_elevation_name, split_soil_name
 from planner.evaluation.ground.swept_area import compute_swept_area

@@ -22,7 +22,7 @@ from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, 
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanDrive, PlanRanking, PlanResult, build_merit_sort_key
+from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
 from strategies.path_planning.turns import TurnReach
 from vehicle.missions.plan import Plan
 
@@ -155,12 +155,6 @@ def _has_room_to_turn(context: PlanningContext) -> bool:
     side_m = 0.5 * max(context.implement.width_m, context.tractor.width_m)
     reach = TurnReach(context.driving_rules.tool_m, side_m)
     return not describe_shallow_headland(context.request, context.driving_rules.radius_m, reach)
-
-
-def explain_refusal(ranking: PlanRanking) -> str:
-    """The first reason why no plan of a ranking works, and what was found to work."""
-    reason = next((plan.reason for plan in ranking.plans if plan.reason), "no plan is feasible")
-    return f"{reason.rstrip('.')}. Found to work: {' or '.join(ranking.changes)}" if ranking.changes else reason
 
 
 def find_working_changes(

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import shapely
 
 from fields.geometry.field import Field
 from fields.layout.swaths import Layout
@@ -30,12 +31,13 @@ from reports.common.language import mark_text
 from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
+    PullFigures,
+    Shortfall,
     UnworkedPiece,
     build_time_sort_key,
     get_ranked_s,
     get_stated_end_s,
 )
-from reports.common.shortfalls import LATE, PULL, WORKED, PullFigures, Shortfall
 from reports.common.wording import round_up_to_minute
 from strategies.registry import get_strategy
 from vehicle.model.effects import DISCREPANCY_KEY
@@ -192,9 +194,9 @@ def find_shortfalls(ranking: PlanRanking, context: PlanningContext) -> tuple[Sho
     best = ranking.best
     if best is None:
         return ()
-    found = [Shortfall(PULL)] if ranking.pull is not None and ranking.pull.is_infeasible else []
-    found += [] if best.works_enough else [Shortfall(WORKED, _describe_worked_share(best, context))]
-    return (*found, *ranking.shortfalls, *([] if ranking.missed_by_s is None else [Shortfall(LATE)]))
+    found = [Shortfall("pull")] if ranking.pull is not None and ranking.pull.is_infeasible else []
+    found += [] if best.works_enough else [Shortfall("worked", _describe_worked_share(best, context))]
+    return (*found, *ranking.shortfalls, *([] if ranking.missed_by_s is None else [Shortfall("late")]))
 
 
 def _is_enough(result: PlanResult, requested_share: float) -> bool:
@@ -281,6 +283,14 @@ def locate_piece(field: Field, area_m2: float, x_m: float, y_m: float) -> Unwork
         return UnworkedPiece(area_m2, x_m, y_m)
     ((lon, lat),) = field.to_wgs84([(x_m, y_m)]).tolist()
     return UnworkedPiece(area_m2, x_m, y_m, lon, lat)
+
+
+def locate_cut_off_ground(field: Field) -> UnworkedPiece | None:
+    """All ground that obstacles cut off, at the place of its largest piece; None without any."""
+    if not field.cut_off_parts:
+        return None
+    place = shapely.point_on_surface(max(field.cut_off_parts, key=lambda part: part.area))
+    return locate_piece(field, field.cut_off_m2, place.x, place.y)
 
 
 def export_request(context: PlanningContext) -> dict[str, Any]:

@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import Protocol
 
-from fields.text_files import shorten_value
-from planner.errors import HeadlandError, RequestError, mark_parameter
+from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import DAY_S, MAX_TRACTORS, MPS_PER_KMH, format_clock
 from planner.request.recent_rain import is_rain_table, parse_recent_rain
 

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from datetime import date, time
 from typing import Any
 
-from fields.text_files import shorten_value
-from planner.errors import RequestError, mark_parameter
+from planner.errors import RequestError, mark_parameter, shorten_value
 from strategies.names import STRATEGY_NAMES
 
 DAY_S = 24 * 3600

@@ -7,7 +7,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from planner.errors import RequestError, mark_parameter
-from reports.common.language import mark_text
 
 MAX_CV, MAX_TAIL_CV = 2.0, 20.0
 MAX_STOPS_PER_HOUR = 1000.0
@@ -76,13 +75,13 @@ class UncertaintySettings:
 
 
 _OFF_VALUES: dict[str, dict[str, Any]] = {
-    mark_text("pass speed"): {"speed_cv": 0.0},
-    mark_text("conditions of the day"): {"job_cv": 0.0},
-    mark_text("wheel slip"): {"slip_cv": 0.0},
-    mark_text("turns"): {"turn_cv": 0.0, "turn_more_cv": 0.0},
-    mark_text("stops"): {"stops_per_hour": 0.0},
-    mark_text("breakdowns"): {"breakdown_hours": 0.0},
-    mark_text("late start"): {"start_delay_s": 0.0},
+    "pass speed": {"speed_cv": 0.0},
+    "conditions of the day": {"job_cv": 0.0},
+    "wheel slip": {"slip_cv": 0.0},
+    "turns": {"turn_cv": 0.0, "turn_more_cv": 0.0},
+    "stops": {"stops_per_hour": 0.0},
+    "breakdowns": {"breakdown_hours": 0.0},
+    "late start": {"start_delay_s": 0.0},
 }
 RANDOM_INPUTS = tuple(_OFF_VALUES)
 """Names of the random inputs, as reports call them."""

@@ -7,8 +7,8 @@ import io
 import math
 from pathlib import Path
 
-from fields.text_files import read_table_text, shorten_value
-from planner.errors import RequestError, mark_parameter
+from fields.text_files import read_table_text
+from planner.errors import RequestError, mark_parameter, shorten_value
 
 TABLE_SUFFIX = ".csv"
 MAX_DAYS, MAX_RAIN_MM, MAX_ET0_MM = 366, 1000.0, 20.0

@@ -12,8 +12,7 @@ from typing import Annotated, Any, TypeVar, cast, get_type_hints
 from pydantic import BeforeValidator, ConfigDict, ValidationError, ValidationInfo
 
 from fields.raw_document import GeoShape, convert_crs_to_text, is_shape_text, name_field, write_shape_text
-from fields.text_files import shorten_value
-from planner.errors import HeadlandError, RequestError, mark_parameter, suggest_name
+from planner.errors import HeadlandError, RequestError, mark_parameter, shorten_value, suggest_name
 from planner.request.option_texts import convert_clock_to_seconds, convert_time_to_text
 from planner.request.options import NumberLimits, OptionHelp, find_annotation_metadata, get_plain_type, list_options
 

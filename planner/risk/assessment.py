@@ -25,8 +25,7 @@ from planner.risk.monte_carlo import (
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
-from reports.common.plan_results import PlanRanking, PlanResult, get_stated_end_s
-from reports.common.shortfalls import BUDGET, RAIN, Shortfall
+from reports.common.plan_results import PlanRanking, PlanResult, Shortfall, get_stated_end_s
 from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -260,7 +259,7 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
     best_of_all = updated.best
     best_key = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
     figures = _build_figures(plans, criteria)
-    if shortfall is not None and shortfall.kind == BUDGET:  # which limits what is paid
+    if shortfall is not None and shortfall.kind == "budget":  # which limits what is paid
         figures = [replace(one, expected=one.paid) for one in figures]
     sentence = write_advice(figures, criteria.limit_text, objective, best_key, criteria.budget, currency)
     return replace(
@@ -284,7 +283,7 @@ def _select_eligible(
     """The eligible plans, what no plan meets (or None), and the objective to choose by."""
     before_rain, note = _select_before_rain(plans, criteria.settings.rain)
     if note is not None:
-        return plans, Shortfall(RAIN, note), FASTEST
+        return plans, Shortfall("rain", note), FASTEST
     budget = criteria.budget
     affordable, all_affordable = (
         [plan for plan in candidates if _is_affordable(plan, budget)] for candidates in (before_rain, all_plans)
@@ -297,7 +296,7 @@ def _select_eligible(
     cheaper_is_late = not all_affordable and min(plan.paid_cost or 0.0 for plan in all_plans) < least_paid
     closest = "the cheapest that finishes in time" if cheaper_is_late else "the cheapest"
     note = f"{subject} is within the budget of {budget:.2f} {unit}; {closest} costs {least_paid:.2f} {unit}."
-    return cheapest, Shortfall(BUDGET, note), CHEAPEST
+    return cheapest, Shortfall("budget", note), CHEAPEST
 
 
 def _is_affordable(plan: PlanResult, budget: float | None) -> bool:

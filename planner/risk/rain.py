@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from fields.text_files import check_header, read_table_text, shorten_value
-from planner.errors import RequestError, mark_parameter
+from fields.text_files import check_header, read_table_text
+from planner.errors import RequestError, mark_parameter, shorten_value
 from planner.request.option_texts import DAY_S, parse_clock
 from planner.risk.random_events import create_generator
 

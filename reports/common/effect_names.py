@@ -27,11 +27,6 @@ def replace_effect_ids(text: str) -> str:
     return _IDS.sub(lambda match: get_effect_label(match[0]), text)
 
 
-def capitalize_first(text: str) -> str:
-    """Text with a capital at its beginning."""
-    return text[:1].upper() + text[1:]
-
-
 def format_effect_values(name: str, values: Mapping[str, float]) -> str:
     """The values of an effect with their units: ``1 deg``; ``0.03 m/m, bearing 90 deg``."""
     if name not in EFFECTS_BY_ID:

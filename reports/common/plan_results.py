@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from reports.common.notebook import ShownResult
-from reports.common.shortfalls import PullFigures, Shortfall
+from reports.common.shortfalls import PullFigures as PullFigures
+from reports.common.shortfalls import Shortfall as Shortfall
 
 Points = npt.NDArray[np.float64]
 
@@ -337,6 +338,12 @@ class PlanRanking(ShownResult):
     def is_recommended(self) -> bool:
         """Whether there is a plan that meets all that was asked for."""
         return self.best is not None and not self.shortfalls
+
+    @property
+    def refusal(self) -> str:
+        """The first reason why no plan works, and what was found to work."""
+        reason = next((plan.reason for plan in self.plans if plan.reason), "no plan is feasible")
+        return f"{reason.rstrip('.')}. Found to work: {' or '.join(self.changes)}" if self.changes else reason
 
     @property
     def missed_by_s(self) -> float | None:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-PULL, WORKED, RAIN, BUDGET, LATE = "pull", "worked", "rain", "budget", "late"
-"""Kinds of shortfalls, in the order in which they are said."""
+from typing import Literal
 
 
 @dataclass(frozen=True)
 class Shortfall:
-    """What the best plan lacks of what was asked for: a kind above.
+    """What the best plan lacks of what was asked for; kinds are listed in the order in which they are said.
 
-    `sentence` says so in English; it is "" for PULL and LATE, which reports word from the figures of the ranking.
+    `sentence` says so in English; it is "" for pull and late, which reports word from the figures of the ranking.
     """
 
-    kind: str
+    kind: Literal["pull", "worked", "rain", "budget", "late"]
     sentence: str = ""
 
 

@@ -12,6 +12,7 @@ from reports.common.plan_results import PlanRanking
 from reports.common.units import format_area as format_area
 
 NO_VALUE = "-"
+LEAST_COST = 0.005  # less reads as nothing
 SOFT_HYPHEN = "\N{SOFT HYPHEN}"
 DAY_S = 86_400
 LEAST_WHOLE_PRICE = 9.995  # from here on costs are printed without decimals
@@ -153,3 +154,8 @@ def format_deadline(ranking: PlanRanking) -> str:
     return (
         format_clock_after_start(ranking, ranking.allowed_s) or ranking.deadline or format_duration(ranking.allowed_s)
     )
+
+
+def capitalize_first(text: str) -> str:
+    """Text with a capital at its beginning."""
+    return text[:1].upper() + text[1:]

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from reports.common.language import translate, translate_count, translate_sentence
-from reports.common.wording import NO_VALUE, format_percent, format_price, round_up_to_minute
+from reports.common.wording import LEAST_COST, NO_VALUE, format_percent, format_price, round_up_to_minute
 from reports.day.schedule_results import DayJob, DayResult, get_stated_end_s
 
 MOST_REASONS = 3  # fields that are not done, with their reason
 SURE_SHARE = 0.995
-LEAST_LOSS = 0.005  # less reads as nothing
 
 
 def list_day_sentences(result: DayResult) -> list[str]:
@@ -49,7 +48,7 @@ def describe_day_end(result: DayResult) -> str:
 def _describe_cost(result: DayResult) -> str:
     """``431 EUR paid and 40 EUR at risk``: what nobody pays is no part of a price."""
     paid = f"{format_price(result.paid_cost)} {result.currency}"
-    if result.risked_cost < LEAST_LOSS:
+    if result.risked_cost < LEAST_COST:
         return paid
     risked = f"{format_price(result.risked_cost)} {result.currency}"
     return translate("{paid} paid and {risked} at risk", paid=paid, risked=risked)

@@ -9,9 +9,8 @@ from rich.text import Text
 
 from reports.common.language import translate, translate_count
 from reports.common.text_tables import AnswerLines, FittedTable, TableColumn, format_sentence
-from reports.common.wording import format_percent, format_price
+from reports.common.wording import LEAST_COST, format_percent, format_price
 from reports.day.answer import (
-    LEAST_LOSS,
     describe_day_certainty,
     describe_day_end,
     describe_machine_orders,
@@ -54,7 +53,7 @@ def build_day_screen(result: DayResult, *, with_next: bool = True) -> Renderable
 
 def _write_legend(result: DayResult) -> str:
     roads = result.paid_cost - sum(job.cost for job in result.jobs)
-    if roads < LEAST_LOSS:
+    if roads < LEAST_COST:
         return translate("Times are medians of the samples, costs means.")
     money = f"{format_price(roads)} {result.currency}"
     return translate("Times are medians, costs means of the samples; roads add {money}.", money=money)

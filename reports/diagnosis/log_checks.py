@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from reports.common.effect_names import capitalize_first, replace_effect_ids
+from reports.common.effect_names import replace_effect_ids
 from reports.common.text_tables import FittedTable, TableColumn
-from reports.common.wording import NO_VALUE, format_number
+from reports.common.wording import NO_VALUE, capitalize_first, format_number
 from vehicle.identification.verdict.diagnosis_types import (
     EQUIVALENT,
     LIKELY,

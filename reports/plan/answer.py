@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from reports.common.effect_names import capitalize_first
 from reports.common.language import translate, translate_count, translate_sentence
 from reports.common.plan_results import (
     PlanRanking,
@@ -17,8 +16,10 @@ from reports.common.plan_results import (
     get_stated_finished_end_s,
     get_stated_late_end_s,
 )
-from reports.common.units import format_area
 from reports.common.wording import (
+    LEAST_COST,
+    capitalize_first,
+    format_area,
     format_deadline,
     format_duration,
     format_end_clock,
@@ -31,7 +32,6 @@ from reports.common.wording import (
 )
 from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
-    LEAST_COST,
     describe_changes,
     explain_no_plan,
     is_interval_wide,

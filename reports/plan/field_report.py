@@ -11,10 +11,9 @@ from rich.text import Text
 
 from fields.documents.reader import FieldSummary
 from fields.errors import escape_controls
-from reports.common.effect_names import capitalize_first
 from reports.common.language import translate, translate_sentence
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
-from reports.common.wording import NO_VALUE, format_number, format_yes_no
+from reports.common.wording import NO_VALUE, capitalize_first, format_number, format_yes_no
 
 _UNITS = {"m": "m", "m2": "m2", "ha": "ha", "s": "s", "deg": "degrees", "pct": "%", "kmh": "km/h", "mps": "m/s"}
 _HEADINGS = {

@@ -19,7 +19,7 @@ from reports.common.units import (
     get_length_unit,
     is_us,
 )
-from reports.common.wording import NO_VALUE, format_duration, format_number, format_percent, format_price
+from reports.common.wording import LEAST_COST, NO_VALUE, format_duration, format_number, format_percent, format_price
 from reports.plan.many_fields import (
     REQUESTED_KEY,
     FieldRecord,
@@ -31,7 +31,6 @@ from reports.plan.many_fields import (
     list_shortfalls,
     sum_over_fields,
 )
-from reports.plan.plan_wording import LEAST_COST
 
 MOST_ROWS = 9
 

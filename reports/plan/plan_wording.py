@@ -24,6 +24,7 @@ from reports.common.plan_results import (
 )
 from reports.common.units import format_area, format_width
 from reports.common.wording import (
+    LEAST_COST,
     format_deadline,
     format_duration,
     format_end_clock,
@@ -38,7 +39,6 @@ from reports.plan.shortfall_wording import list_shortfall_sentences
 
 SAME_TIME_S = 0.5  # a smaller difference is not mentioned
 WIDE_HALF_INTERVAL = 0.015  # of a probability: whole percents would be more exact than the samples
-LEAST_COST = 0.005  # less reads as nothing
 LEAST_UNWORKED_M2 = 0.5  # less reads as nothing
 UNWORKED_HELP = (
     "Unworked: ground that no implement worked; ranks include the time to finish it at each plan's own rate."

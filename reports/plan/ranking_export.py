@@ -13,12 +13,12 @@ from reports.common.plan_results import (
     FieldPartPlan,
     PlanRanking,
     PlanResult,
+    PullFigures,
     get_stated_cost,
     get_stated_end_s,
     get_stated_late_end_s,
 )
 from reports.common.rendering import make_json_safe
-from reports.common.shortfalls import LATE, PullFigures
 from reports.common.study_results import FleetStudy, ThesisTableRow
 from reports.plan.answer import write_answer
 from reports.plan.plan_wording import get_clearance_m
@@ -135,7 +135,7 @@ def format_ranking_json(ranking: PlanRanking) -> str:
     """
     best = ranking.best
     shortfalls = [{"kind": one.kind, "sentence": describe_shortfall(ranking, one)} for one in ranking.shortfalls]
-    unmet = " ".join(one["sentence"] for one in shortfalls if one["kind"] != LATE)
+    unmet = " ".join(one["sentence"] for one in shortfalls if one["kind"] != "late")
     return _format_json(
         {
             "field": {"name": ranking.field_name, "area_ha": ranking.area_ha},

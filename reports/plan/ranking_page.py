@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from reports.common import palette
-from reports.common.effect_names import capitalize_first
 from reports.common.palette import TRACTOR_COLOURS
 from reports.common.plan_results import (
     PlanDrive,
@@ -24,6 +23,7 @@ from reports.common.rendering import render_template
 from reports.common.wording import (
     NO_VALUE,
     SOFT_HYPHEN,
+    capitalize_first,
     format_area_or_dash,
     format_duration,
     format_number,

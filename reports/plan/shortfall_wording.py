@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from reports.common.language import translate, translate_sentence
-from reports.common.plan_results import PlanRanking
-from reports.common.shortfalls import LATE, PULL, PullFigures, Shortfall
+from reports.common.plan_results import PlanRanking, PullFigures, Shortfall
 from reports.common.units import format_speed, format_width
 from reports.common.wording import format_deadline, format_number, join_list
 
@@ -20,9 +19,9 @@ def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:
 
 def describe_shortfall(ranking: PlanRanking, shortfall: Shortfall) -> str:
     """What the best plan lacks, in a sentence or two."""
-    if shortfall.kind == PULL:
+    if shortfall.kind == "pull":
         return question_pull(ranking.pull)
-    if shortfall.kind == LATE:
+    if shortfall.kind == "late":
         late = math.ceil((ranking.missed_by_s or 0.0) / 60.0)
         return translate(
             "No plan is done by {deadline}; the best is {late} min late.",

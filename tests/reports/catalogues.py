@@ -14,6 +14,7 @@ from babel.messages.jslexer import tokenize
 from babel.messages.pofile import read_po, write_po
 
 from planner.request.parameter_names import LABELS, STRATEGY_LABELS
+from planner.request.random_inputs import RANDOM_INPUTS
 from tests.reports.sentence_texts import build_key, iter_sentences
 from tests.test_structure import ROOT
 
@@ -63,7 +64,7 @@ FACT_LABELS = frozenset(" ".join(words.split()) for words in _FACT_LABELS.split(
 
 PRINTING = {
     "translate": 1, "mark_text": 1, "create_progress_callback": 1, "format_title": 1, "format_sentence": 1,
-    "print_sentence": 1, "TableColumn": 2, "NumberLimits": 1,
+    "print_sentence": 1, "open_stage_bar": 1, "TableColumn": 2, "NumberLimits": 1,
 }  # fmt: skip
 """Functions whose first arguments are texts, and how many."""
 
@@ -75,8 +76,8 @@ Text = str | tuple[str, str]
 def collect_texts() -> frozenset[Text]:
     """All texts of the command line and of the page."""
     texts = {
-        *PAGE_WORDS, *FACT_LABELS, *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(),
-        *_iter_shell_texts(), *iter_sentences(), *LABELS.values(), *STRATEGY_LABELS.values(),
+        *PAGE_WORDS, *FACT_LABELS, *RANDOM_INPUTS, *LABELS.values(), *STRATEGY_LABELS.values(),
+        *_iter_marked_texts(), *_iter_help_texts(), *_iter_page_texts(), *_iter_shell_texts(), *iter_sentences(),
     }  # fmt: skip
     singulars = {text[0] for text in texts if isinstance(text, tuple)}  # a catalogue holds a key once
     return frozenset(texts - singulars)

@@ -6,9 +6,7 @@ import json
 from dataclasses import replace
 from typing import Any
 
-from reports.common.plan_results import PlanRanking, PlanResult, SlopePlace
-from reports.common.shortfalls import LATE as IS_LATE
-from reports.common.shortfalls import PULL, WORKED, PullFigures, Shortfall
+from reports.common.plan_results import PlanRanking, PlanResult, PullFigures, Shortfall, SlopePlace
 from reports.day.schedule_results import DayJob, DayResult, FleetDay, UnworkedField
 from reports.plan.ranking_export import format_ranking_json
 
@@ -77,7 +75,7 @@ RAIN = replace(
     scenario={**DEFAULT.scenario, "rain": "14:30=20,15:00=50"},
 )
 LATE_RANKING = build_sampled(dict.fromkeys(SURE, 0.0), dict.fromkeys(SURE, 157.0), 600.0, deadline="13:10",
-                             chosen=None, shortfalls=(Shortfall(IS_LATE),))  # fmt: skip
+                             chosen=None, shortfalls=(Shortfall("late"),))  # fmt: skip
 REMARKED = replace(
     DEADLINE, plans=tuple(replace(plan, remark=f"{REMARK}; 12 m of the headland cannot be reached and are skipped")
                           for plan in DEADLINE.plans), cut_off_m2=3400.0,
@@ -86,10 +84,10 @@ WEAK = replace(
     DEADLINE, pull=PullFigures("cultivator", 6.0, 8.0, 15.0, 40.0, 70.0, 90.0, 56.0, 3.7, 4.9, 30.0),
     plans=tuple(replace(plan, remark=REMARK) for plan in DEADLINE.plans),
 )  # fmt: skip
-TOO_WEAK = replace(WEAK, pull=replace(WEAK.pull, needed_kw=90.0), shortfalls=(Shortfall(PULL),))
+TOO_WEAK = replace(WEAK, pull=replace(WEAK.pull, needed_kw=90.0), shortfalls=(Shortfall("pull"),))
 CUT_OFF = replace(
     DEFAULT, plans=tuple(replace(plan, worked_pct=19.7, works_enough=False) for plan in PLANS),
-    shortfalls=(Shortfall(WORKED, "No recommendation: only 19.7 % of the field is worked; 78 % is cut off by "
+    shortfalls=(Shortfall("worked", "No recommendation: only 19.7 % of the field is worked; 78 % is cut off by "
                                   "obstacles."),),
     prices_assumed=True,
 )  # fmt: skip

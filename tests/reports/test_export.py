@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
+from reports.common.plan_results import PlanRanking, PlanResult, Shortfall, UnworkedPiece
 from reports.common.rendering import make_json_safe
-from reports.common.shortfalls import RAIN, Shortfall
 from reports.common.study_results import FleetStudy
 from reports.plan.ranking_export import CSV_KEYS, PLAN_KEYS, format_ranking_csv, format_ranking_json, format_study_json
 
@@ -115,7 +114,7 @@ def test_keys_and_order(ranking: PlanRanking) -> None:
 def test_every_plan_has_the_cells_of_its_tracks(ranking: PlanRanking) -> None:
     cells = [{"number": 1, "bearing_deg": 75.0, "area_m2": 900.0, "swaths": 4}]
     told = replace(
-        ranking, scenario={"cells": cells}, shortfalls=(Shortfall(RAIN, "No plan finishes before the rain."),)
+        ranking, scenario={"cells": cells}, shortfalls=(Shortfall("rain", "No plan finishes before the rain."),)
     )
     data = json.loads(format_ranking_json(told))
     assert all(plan["cells"] == cells for plan in [*data["plans"], data["best"]])

@@ -22,8 +22,7 @@ from hypothesis import strategies as st
 from rich.console import Console, RenderableType
 
 from reports.common.language import use_language
-from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s
-from reports.common.shortfalls import LATE, Shortfall
+from reports.common.plan_results import PlanRanking, Shortfall, get_stated_cost, get_stated_end_s
 from reports.common.wording import format_price
 from reports.day.first_screen import build_day_screen
 from reports.day.page import render_day_page
@@ -168,7 +167,7 @@ def draw_ranking(draw: st.DrawFn) -> PlanRanking:
         cut_off_m2=draw(st.sampled_from((0.0, 812.0))), field_name=draw(st.sampled_from(("f", "n" * 90))),
         prices_assumed=draw(st.booleans()),
     )  # fmt: skip
-    return replace(ranking, shortfalls=() if ranking.missed_by_s is None else (Shortfall(LATE),))
+    return replace(ranking, shortfalls=() if ranking.missed_by_s is None else (Shortfall("late"),))
 
 
 @settings(max_examples=count_examples(25))

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reports.common.effect_names import replace_effect_ids
-from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
-from reports.common.shortfalls import LATE, RAIN, Shortfall
+from reports.common.plan_results import PlanRanking, PlanResult, Shortfall, UnworkedPiece
 from reports.common.wording import (
     NO_BREAK,
     format_clock_after_start,
@@ -105,7 +104,7 @@ def test_headline_without_a_deadline_takes_the_fastest(ranking: PlanRanking) -> 
 
 def test_headline_when_nobody_is_in_time(ranking: PlanRanking) -> None:
     plans = tuple(replace(plan, meets_deadline=False if plan.feasible else None) for plan in ranking.plans)
-    late = replace(ranking, plans=plans, deadline="08:10", allowed_s=600.0, shortfalls=(Shortfall(LATE),))
+    late = replace(ranking, plans=plans, deadline="08:10", allowed_s=600.0, shortfalls=(Shortfall("late"),))
     assert describe_ranking(late) == [
         "No plan is done by 08:10; the best is 11 min late.",
         "The best of them: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
@@ -227,7 +226,7 @@ def test_the_cheapest_is_told_once(ranking: PlanRanking) -> None:
         "The deadline (09:00) can be met with 3 or 5 tractors; the best plan is the cheapest of all.",
         "Fastest: 5 tractors, row-by-row, turns omega, done in 0:20:53 (at 08:21), cost 6.89.",
     ]
-    late = describe_ranking(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall(LATE),)))
+    late = describe_ranking(replace(ranking, plans=ranking.plans[4:5], shortfalls=(Shortfall("late"),)))
     assert late[0].startswith("No plan is done by 09:00; the best is ")
     assert late[-1] == "This plan is also the cheapest."
 
@@ -248,7 +247,7 @@ def test_money_of_draws_is_told_as_it_was_chosen_by(ranking: PlanRanking) -> Non
     best = describe_ranking(replace(drawn, chosen=("row-by-row", 5)))
     assert best[-1] == "The best plan is also the cheapest."
     unmet = describe_ranking(
-        replace(drawn, chosen=("row-by-row", 5), shortfalls=(Shortfall(RAIN, "No plan is in time."),))
+        replace(drawn, chosen=("row-by-row", 5), shortfalls=(Shortfall("rain", "No plan is in time."),))
     )
     assert unmet[-1] == "This plan is also the cheapest."
     sure = replace(drawn, plans=tuple(replace(plan, paid_cost=plan.expected_cost) for plan in plans))

@@ -14,8 +14,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-from fields.errors import suggest_name
-from fields.text_files import shorten_value
+from fields.errors import shorten_value, suggest_name
 from vehicle.errors import VehicleError
 from vehicle.model.data_table import load_table
 from vehicle.model.soil import Texture

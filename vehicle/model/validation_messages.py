@@ -9,8 +9,7 @@ from annotated_types import Ge, Gt, Le, Lt
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
-from fields.errors import suggest_name
-from fields.text_files import shorten_value
+from fields.errors import shorten_value, suggest_name
 
 MAX_FAULTS, MAX_MISSING = 6, 16
 Model = type[BaseModel]

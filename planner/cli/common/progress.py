@@ -26,6 +26,7 @@ class StageBar:
         with use_reader():
             self._reader = Reader(get_language(), get_units())  # other threads report and draw, and know no reader
             self.words = translate(words)
+        self._title = words
         self.left_s: float | None = None
         self.share: float | None = None
         self.at_work: tuple[str, ...] = ()
@@ -52,6 +53,10 @@ class StageBar:
             before_s += expected_s
         self.share = share if total else None
         self._estimate_from_share(share)
+
+    def count(self, done: int, total: int) -> None:
+        """So many of a total are done in the stage that the bar was opened with."""
+        self.report(self._title, done, total)
 
     def show_work(self, names: Sequence[str]) -> None:
         """Name what is at work now, such as fields; each once."""

@@ -27,7 +27,7 @@ def create_progress_callback(title: str) -> Iterator[Callable[[int, int], None]]
     from planner.cli.common.progress import open_stage_bar
 
     with open_stage_bar(title) as bar:
-        yield partial(bar.report, title)
+        yield bar.count
 
 
 def warm_up(bar: StageBar | None = None, next_stages_s: Mapping[str, float] | None = None) -> None:

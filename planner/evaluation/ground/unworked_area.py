@@ -98,7 +98,7 @@ def _find_obstacle_losses(context: PlanningContext, outline: shapely.Polygon) ->
     )
     solid = shapely.union_all([obstacles, *map(shapely.Polygon, outline.interiors), *field.fences], grid_size=GRID_M)
     near_obstacles = solid.buffer(2.0 * margin_m + EDGE_M)
-    obstacle_kinds = mark_text("obstacles and fences") if field.fences else mark_text("obstacles")
+    obstacle_kinds = "obstacles and fences" if field.fences else "obstacles"
     yield (
         mark_text(f"cut off by {obstacle_kinds}"),
         extract_polygons(shapely.difference(lost, near_obstacles, grid_size=GRID_M)),
@@ -126,7 +126,7 @@ def _iter_zones(context: PlanningContext) -> Iterator[tuple[str, shapely.Geometr
     half = 0.5 * layout.width_m
     if layout.field.margin_boundary is not None:
         band = shapely.difference(layout.field.margin_boundary, layout.field.boundary, grid_size=GRID_M)
-        obstacle_kinds = mark_text("obstacles and fences") if layout.field.fences else mark_text("obstacles")
+        obstacle_kinds = "obstacles and fences" if layout.field.fences else "obstacles"
         yield (
             f"beside {obstacle_kinds}: room beyond the margin for machines swinging out in turns",
             extract_polygons(band),

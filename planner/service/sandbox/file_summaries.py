@@ -24,7 +24,7 @@ def summarize_field(file_path: str, key: str | None = None, **options: Any) -> d
     Where no `key` says which of several is meant, `field` is None and `error` says how to choose.
     """
     from fields.documents.reader import list_fields, read_field
-    from fields.errors import FieldError
+    from planner.errors import FieldError
     from planner.request.parameter_names import strip_unit
 
     parcels = list_fields(file_path, **options)
@@ -41,7 +41,7 @@ def summarize_field(file_path: str, key: str | None = None, **options: Any) -> d
 def count_uploaded_fields(file_path: str, **options: Any) -> dict[str, Any]:
     """The number of fields in a file; raises FieldError where there is none or none is readable."""
     from fields.documents.reader import list_fields
-    from fields.errors import FieldError
+    from planner.errors import FieldError
 
     parcels = list_fields(file_path, **options)
     if parcels and not any(
@@ -55,7 +55,7 @@ def count_uploaded_fields(file_path: str, **options: Any) -> dict[str, Any]:
 def _is_any_field_usable(file_path: str, options: dict[str, Any]) -> bool:
     """Whether any field of a file can be used with these options."""
     from fields.documents.reader import list_fields
-    from fields.errors import FieldError
+    from planner.errors import FieldError
 
     try:
         return not all(one.fault for one in list_fields(file_path, **options))
@@ -125,7 +125,7 @@ def summarize_log(file_path: str) -> dict[str, Any]:
 
     Columns under other names are no reason to refuse it, as a diagnosis may map them.
     """
-    from fields.errors import HeadlandError
+    from planner.errors import HeadlandError
     from planner.request.parameter_names import strip_unit
     from vehicle.identification.errors import ColumnError
     from vehicle.identification.logs.reader import build_log, list_remarks, resolve_log_path

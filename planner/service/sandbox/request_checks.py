@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from planner.errors import RequestError, mark_parameter
+from planner.errors import RequestError, attach_parameter, mark_parameter
 
 if TYPE_CHECKING:
     from planner.pipeline.farm_inputs import PlanInputs
@@ -35,7 +35,6 @@ def build_request_plan_inputs(values: Mapping[str, Any]) -> PlanInputs:
 
 def check_plan_request(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a plan request that cannot be fulfilled; all its files are read."""
-    from fields.errors import attach_parameter
     from fields.geometry.field_lines import find_line_bearing_deg
     from fields.layout.swaths import check_width
     from planner.evaluation.context_inputs import load_gnss_errors, read_requested_field
@@ -67,7 +66,6 @@ def check_plan_request(values: Mapping[str, Any]) -> None:
 
 def check_day_request(values: Mapping[str, Any]) -> None:
     """Raise HeadlandError for a day that cannot be planned."""
-    from fields.errors import attach_parameter
     from planner.day.input_file import load_day
 
     with attach_parameter("day"):
@@ -79,7 +77,6 @@ def check_diagnosis_request(values: Mapping[str, Any]) -> None:
 
     The logs are read when the job is done.
     """
-    from fields.errors import attach_parameter
     from vehicle.identification.logs.reader import parse_conventions
     from vehicle.identification.logs.table import parse_mapping
     from vehicle.identification.verdict.demo_logs import draw_hidden_effect

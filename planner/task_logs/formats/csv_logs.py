@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
-from fields.text_files import quote_path, read_table_rows, shorten_value
-from planner.errors import suggest_name
+from fields.text_files import quote_path, read_table_rows
+from planner.errors import shorten_value, suggest_name
 from planner.task_logs.formats.log_format import LogFormat, remove_unusable_rows
 from planner.task_logs.formats.point_shapefiles import parse_timestamp
 from planner.task_logs.runs.run_records import Array, LogContents, LoggedRun, Mask
