@@ -9,8 +9,6 @@ from reports.common.plan_results import PlanRanking, PullFigures, Shortfall
 from reports.common.units import format_speed, format_width
 from reports.common.wording import format_deadline, format_number, join_list
 
-CULTIVATOR, DRILL = "cultivator", "drill"
-
 
 def list_shortfall_sentences(ranking: PlanRanking) -> list[str]:
     """What the best plan lacks of what was asked for, the most serious first; empty for a recommendation."""
@@ -47,7 +45,7 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
     if pull.is_assumed and suggests_options:
         sentences.append(
             translate("A drill is assumed; --draft names another implement.")
-            if pull.implement == DRILL
+            if pull.implement == "drill"
             else translate("A cultivator is assumed; --draft names another implement.")
         )
     return " ".join(sentences)
@@ -55,35 +53,28 @@ def question_pull(pull: PullFigures | None, *, suggests_options: bool = True) ->
 
 def _list_ways(pull: PullFigures, suggests_options: bool) -> list[str]:
     """The speed and the width that the tractor can pull, with the options that ask for them."""
-    ways = []
-    if pull.possible_speed_kmh is not None:
-        option = f" (--speed-kmh {pull.possible_speed_kmh:g})" if suggests_options else ""
-        ways.append(_format_speed(pull.possible_speed_kmh) + option)
-    if pull.possible_width_m is not None:
-        option = f" (--width {pull.possible_width_m:g})" if suggests_options else ""
-        ways.append(format_width(pull.possible_width_m) + option)
-    return ways
+    speed_kmh, width_m = pull.possible_speed_kmh, pull.possible_width_m
+    ways = [] if speed_kmh is None else [(_format_speed(speed_kmh), f" (--speed-kmh {speed_kmh:g})")]
+    ways += [] if width_m is None else [(format_width(width_m), f" (--width {width_m:g})")]
+    return [way + option if suggests_options else way for way, option in ways]
 
 
 def _describe_power(pull: PullFigures) -> str:
     """What the implement needs and the tractor has, without a full stop."""
-    figures = {
-        "width": format_width(round(pull.width_m, 1)),
-        "needed": format_number(pull.needed_kw, 0),
-        "speed": _format_speed(pull.speed_kmh),
-        "available": format_number(pull.available_kw, 0),
-    }
-    if pull.implement == DRILL:
-        return translate(
-            "The {width} drill needs about {needed} kW at the drawbar at {speed}; this tractor has about "
-            "{available} kW", **figures)  # fmt: skip
-    if pull.implement == CULTIVATOR:
-        return translate(
-            "The {width} cultivator needs about {needed} kW at the drawbar at {speed}; this tractor has about "
-            "{available} kW", **figures)  # fmt: skip
+    width = format_width(round(pull.width_m, 1))
+    if pull.implement == "drill":
+        subject = translate("The {width} drill", width=width)
+    elif pull.implement == "cultivator":
+        subject = translate("The {width} cultivator", width=width)
+    else:
+        subject = translate("The implement of {width}", width=width)
     return translate(
-        "The implement of {width} needs about {needed} kW at the drawbar at {speed}; this tractor has about "
-        "{available} kW", **figures)  # fmt: skip
+        "{subject} needs about {needed} kW at the drawbar at {speed}; this tractor has about {available} kW",
+        subject=subject,
+        needed=format_number(pull.needed_kw, 0),
+        speed=_format_speed(pull.speed_kmh),
+        available=format_number(pull.available_kw, 0),
+    )
 
 
 def _format_speed(speed_kmh: float) -> str:
