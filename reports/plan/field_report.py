@@ -23,7 +23,7 @@ _HEADINGS = {
     "headlands": "Headlands of the file (for --headland)",
 }
 _DEGREE_KEYS, _METRE_KEYS = {"lon", "lat"}, {"x_m", "y_m"}
-_TOLD_KEYS = {"reason", "kind", "crs"}  # whose values are words of Headland, not names
+_PRINTED_KEYS = {"reason", "kind", "crs"}  # whose values are words of Headland, not names
 _FITTING_TURNS_KEY, _TURN_SECONDS_KEY, _ESTIMATED_SECONDS_KEY = (
     "fitting_pct_by_swaths", "turn_s_by_swaths", "estimated_turn_s_by_swaths"
 )  # fmt: skip
@@ -99,7 +99,7 @@ def _build_facts_table(rows: Sequence[Mapping[str, Any]]) -> FittedTable:
 
 
 def _format_fact_cell(key: str, value: Any) -> str:
-    if key in _TOLD_KEYS and isinstance(value, str):
+    if key in _PRINTED_KEYS and isinstance(value, str):
         return escape_controls(translate_sentence(value))
     return f"{value:.5f}" if key in _DEGREE_KEYS and value is not None else _format_fact(value)
 
