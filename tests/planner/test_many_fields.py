@@ -115,11 +115,11 @@ def test_obstacles_and_names_count_where_they_lie(farm: Path) -> None:
         share(ignored=("1",))
 
 
-def test_fields_of_one_name_are_told_apart_by_position(tmp_path: Path) -> None:
+def test_fields_of_one_name_are_told_apart_by_number(tmp_path: Path) -> None:
     path = tmp_path / "twins.geojson"
     features = [feature("twin", 0, 70, 40), feature("twin", 200, 70, 40), feature("other", 400, 60, 50)]
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}), encoding="utf-8")
-    assert expand_field_names([f"{path}#*"], local=True) == (f"{path}#0", f"{path}#1", f"{path}#other")
+    assert expand_field_names([f"{path}#*"], local=True) == (f"{path}#twin-1", f"{path}#twin-2", f"{path}#other")
 
 
 def test_files_with_a_star_come_sorted_and_each_field_once(farm: Path) -> None:
