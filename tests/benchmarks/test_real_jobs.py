@@ -76,6 +76,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_a_log_comes_back_as_it_was_written(folder: Path) -> None:
     parcels, logs = read_folder(folder)
     assert [log.name for log in logs] == ["TLG00001"]  # the task in two parts is left out
@@ -85,6 +86,7 @@ def test_a_log_comes_back_as_it_was_written(folder: Path) -> None:
     assert set(np.unique(logs[0].values[WORK_STATE])) == {0.0, 1.0}
 
 
+@pytest.mark.slow
 def test_a_job_that_was_driven_as_planned_takes_as_long_as_planned(folder: Path) -> None:
     parcels, (log,) = read_folder(folder)
     job = measured_job(parcels[log.field], log, 9.0)

@@ -165,6 +165,7 @@ def drawn(folder: Path, *corners: tuple[float, float]) -> Path:
     return place
 
 
+@pytest.mark.slow
 def test_what_is_too_narrow_or_cut_off_is_told_apart(headland: Callable[..., Any], tmp_path: Path) -> None:
     # A block of 60 m by 100 m, a spur of 2 m by 30 m, and behind a neck of 2 m by 10 m a piece of 20 m by 20 m.
     place = drawn(

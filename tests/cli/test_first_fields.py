@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import shapely
 
 from tests.cli.refusals import assert_refused, feature, ring
@@ -21,6 +22,7 @@ def write(folder: Path, *features: Any) -> Path:
     return file
 
 
+@pytest.mark.slow
 def test_fields_that_share_an_id_are_all_planned(headland: Callable[..., Any], tmp_path: Path) -> None:
     squares = [ring((x, 0), (x + 60, 0), (x + 60, 40), (x, 40)) for x in (0, 100, 200)]
     file = write(tmp_path, *(feature(square, id=key) for square, key in zip(squares, (2, 2, 1), strict=True)))
@@ -43,6 +45,7 @@ def test_swapped_axes_are_refused_and_the_advice_helps(headland: Callable[..., A
     assert_refused(headland("plan", file, *ONE, "--swap-axes"), "leave out --swap-axes.")
 
 
+@pytest.mark.slow
 def test_a_rough_outline_is_cleaned_and_planned(headland: Callable[..., Any], tmp_path: Path) -> None:
     rng = np.random.default_rng(5)
     outline = shapely.LinearRing([(0, 0), (90, 0), (90, 60), (0, 60)])

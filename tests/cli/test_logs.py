@@ -132,6 +132,7 @@ def test_a_run_that_starts_at_rest_is_laid_on_by_its_heading(folder: Path) -> No
     assert np.hypot(*(stretch.antenna[0] - [stretch.measured.east[0], stretch.measured.north[0]])) < 0.05
 
 
+@pytest.mark.slow
 def test_a_replay_page_stands_alone_and_holds_the_remarks(headland: Run, folder: Path) -> None:
     log().assign(comment="<b>").to_csv("run.csv", index=False)
     assert headland("replay", "run.csv", "--html", "page.html", "--png", "picture.png").status == 0

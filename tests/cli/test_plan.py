@@ -184,6 +184,7 @@ def test_files_are_written_and_valid(headland: Callable[..., Any], small: Path, 
     assert plan.tractors == best["tractors"] and plan.notes["strategy"] == best["strategy"]
 
 
+@pytest.mark.slow
 def test_a_saved_plan_drives_in_the_time_it_was_ranked_by(
     headland: Callable[..., Any], small: Path, tmp_path: Path
 ) -> None:
@@ -225,6 +226,7 @@ def test_the_order_of_tractors_and_processes_change_no_byte(headland: Callable[.
     assert headland(*base, "--tractors", "2,1", "--processes", "2").out == first
 
 
+@pytest.mark.slow
 def test_a_part_of_a_collection_can_be_chosen(headland: Callable[..., Any], tmp_path: Path) -> None:
     def block(name: str, x: float) -> dict[str, Any]:
         ring = [[x, 0], [x + 40, 0], [x + 40, 70], [x, 70], [x, 0]]

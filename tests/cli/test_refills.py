@@ -37,6 +37,7 @@ def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, headland: Headland) ->
     return lambda *options: headland("plan", "field.geojson", *same, "--no-headland", *options)
 
 
+@pytest.mark.slow
 def test_a_plan_tells_its_refills_where_they_are_asked_for(plan: Headland) -> None:
     told = plan("--refill", "headland", "--save", "plan.json", "--html", "plan.html", "--png", "plan.png", "--json")
     assert told.status == 0, told.err

@@ -280,6 +280,7 @@ class TestFieldFiles:
         for path in (place, folder / "pond.html"):
             path.unlink(missing_ok=True)
 
+    @pytest.mark.slow
     def test_what_is_not_used_is_named(self, headland: Callable[..., Any], pond: Path) -> None:
         words = "Features of the field file that are not used: 1 Point with role 'crop'"
         outcome = headland("field", "pond.geojson", "--local", "--json")

@@ -37,6 +37,7 @@ def test_a_saved_plan_driven_again_takes_as_long(headland: Run, saved: tuple[Pat
     )
 
 
+@pytest.mark.slow
 def test_the_table_fits_and_tells_times_of_day(headland: Run, saved: tuple[Path, dict[str, Any]]) -> None:
     outcome = headland("show", saved[0])
     lines = outcome.out.splitlines()

@@ -43,6 +43,7 @@ def test_every_row_was_driven_and_its_difference_is_right(result: FleetStudy) ->
         assert r.difference_pct == pytest.approx(100 * (r.time_s - r.thesis_s) / r.thesis_s)
 
 
+@pytest.mark.slow
 def test_more_tractors_are_faster_up_to_nine_and_eleven_slower(result: FleetStudy) -> None:
     time = {r.tractors: r.time_s or 0.0 for r in result.tables["6.1"]}
     assert time[1] > time[3] > time[5] > time[7] > time[9]

@@ -14,6 +14,8 @@ import pytest
 from tests.cli.examples import EXPERIMENTS, list_guide_commands, run_as_written
 from vehicle.trials.sheets import catalogue
 
+pytestmark = pytest.mark.slow
+
 Run = Callable[..., Any]
 KEYS = {"experiment", "quantity", "unit", "thesis", "ours", "difference_pct", "note"}
 
@@ -35,7 +37,6 @@ def driven() -> Iterator[None]:
         yield
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("driven")
 def test_every_experiment_reports_numbers_as_promised(headland: Run) -> None:
     outcome = headland("validate", "--json")
@@ -107,7 +108,6 @@ def test_straight_on_has_no_radius_either(headland: Run) -> None:
     assert found["radius_m"] is None and found["stable"] is True
 
 
-@pytest.mark.slow
 @pytest.mark.usefixtures("driven")
 @pytest.mark.parametrize("words", [
     ("validate", "changing"), ("design", "mass"),

@@ -63,12 +63,14 @@ def test_half_a_share_is_kept_for_what_follows(clock: CountedClock) -> None:
 
 
 class TestCut:
+    @pytest.mark.slow
     def test_enough_time_gives_the_plan_that_no_limit_gives(self, clock: CountedClock) -> None:
         """It lasts: the cache may keep it, whatever the machine."""
         free, limited = (compute_field_time(build_task(), minutes) for minutes in (1e9, 1e6))
         assert not free.cut_note and free.is_lasting
         assert (limited.strategy, limited.time_s, limited.cut_note) == (free.strategy, free.time_s, "")
 
+    @pytest.mark.slow
     def test_the_best_plan_found_by_then_is_taken(self, clock: CountedClock) -> None:
         """Every share between none and enough: from some share on there is a plan, cut short, and said to be."""
         compute_field_time(build_task(), 1e9)
@@ -96,6 +98,7 @@ name = "one"
 """
 
 
+@pytest.mark.slow
 def test_the_rest_of_the_day_is_planned_and_the_hard_field_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,6 +145,7 @@ def test_progress_names_what_is_at_work() -> None:
     assert bar.describe() == "Simulating fields: 2 of 9 (north, south, ...)"
 
 
+@pytest.mark.slow
 def test_a_pool_tells_which_tasks_are_at_work() -> None:
     """One process and the caller: two at a time, and never one that is only handed over."""
     told: list[list[int]] = []

@@ -22,6 +22,8 @@ from vehicle.identification.verdict.diagnose import diagnose_logs
 from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parent / "data"
 LOG, TRACK_LOG = DATA / "rav4.csv", DATA / "track_car.csv"
 LARGEST_FAILING = {"speed_scale": 0.036, "heading_bias": 0.9, "steering_dead_time": 0.08}  # by the regressions
@@ -97,13 +99,11 @@ def fit_delay_s(columns: Columns) -> float:
     return float(delays[np.argmax([np.corrcoef(command[moving], rate[moving])[0, 1] for command in commands])])
 
 
-@pytest.mark.slow
 def test_wheels_that_hardly_move_name_no_cause(columns: Columns, found: Diagnosis) -> None:
     assert np.ptp(columns["steering_deg"]) < 0.5
     assert found.named == ()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("vehicle", ["found", "track_found"])
 def test_what_may_be_saved_raises_no_error(vehicle: str, request: pytest.FixtureRequest) -> None:
     diagnosis: Diagnosis = request.getfixturevalue(vehicle)

@@ -29,6 +29,7 @@ def diagnosed(tractor: str, seed: int, runs: tuple[str, ...], *names: str) -> Di
     return diagnose_logs(logs, load_tractor(tractor), "soil")
 
 
+@pytest.mark.slow
 def test_another_steering_and_drive_line_are_no_causes(seed: int) -> None:
     found = diagnosed("eg105", seed, ("there", "right"))
     assert not found.named and not found.tractor.effects, f"seed {seed}: {found.named}"

@@ -179,6 +179,7 @@ class TestLayouts:
         with pytest.raises(FieldError, match=f"Cell {number} .* has 2 cells; use 1 to 2"):
             replace_bearings(layout, {number: 45.0})
 
+    @pytest.mark.slow
     @given(turn=st.floats(0, 360), mirrored=st.booleans())
     @settings(max_examples=10)
     def test_effort_stays_when_the_field_is_moved(self, turn: float, mirrored: bool) -> None:

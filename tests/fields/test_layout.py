@@ -236,6 +236,7 @@ class TestProperties:
             assert roomy.covers(shapely.LineString([track.start_m, track.end_m]))
             assert not tight.intersects(shapely.MultiPoint([track.start_m - nudge, track.end_m + nudge]))
 
+    @pytest.mark.slow
     @given(shape=outlines())
     @settings(RELAXED, max_examples=count_examples(25))
     def test_best_bearing_beats_every_other_candidate(self, shape: shapely.Polygon) -> None:

@@ -36,6 +36,7 @@ def get_coordinates(ring: Ring) -> list[list[float]]:
     return [*ring.tolist(), ring[0].tolist()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2_000, 10_000])
 def test_noise_and_a_spike_are_cleaned(saved: Any, count: int) -> None:
     ring = make_rough(count)
@@ -53,6 +54,7 @@ def test_noise_and_a_spike_are_cleaned(saved: Any, count: int) -> None:
     assert shapely.hausdorff_distance(field.boundary.exterior, true.exterior, 0.01) < 2.6
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(400, 3_000), noise_m=st.floats(0.0, 0.4))
 def test_a_cleaned_field_lies_in_the_drawn_one(seed: int, count: int, noise_m: float) -> None:

@@ -26,6 +26,7 @@ class TestManyPoints:
         radius = 150.0 + noise_m * np.random.default_rng(4).standard_normal(count)
         return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)]).tolist()
 
+    @pytest.mark.slow
     def test_points_on_the_sides_of_a_rectangle_are_dropped(self, saved: Any) -> None:
         share = np.linspace(0.0, 1.0, 25_000, endpoint=False)[:, None]
         corners = np.array(SQUARE_M, dtype=float)

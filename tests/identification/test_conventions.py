@@ -201,6 +201,7 @@ def test_radians_with_an_offset_are_radians(name: str, offset_deg: float, wheelb
     assert [one.fix for one in found(frame, wheelbase_m)] == [LogConvention.STEERING_RADIANS]
 
 
+@pytest.mark.slow
 def test_small_degrees_with_a_large_offset_are_no_radians() -> None:
     """Angles within a degree on a path that a standing offset bends: only changes of the angle may count."""
     names = (*STRAIGHT, "autosteer_180")

@@ -48,6 +48,7 @@ def test_the_plan_is_that_of_the_tractor_and_not_of_another(wide: tuple[str, Tra
     assert gain.lateral_after_cm > gain.lateral_before_cm + 2.0
 
 
+@pytest.mark.slow
 def test_a_plan_that_the_real_tractor_would_not_finish_has_no_time() -> None:
     gain, _ = measure_plan_gain(like_eg105(), like_eg105(effects=CRAWL))
     assert gain is not None and gain.time_before_s is not None and gain.time_after_s is None

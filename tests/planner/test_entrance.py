@@ -125,6 +125,7 @@ class TestOffTheField:
 
 
 class TestPlan:
+    @pytest.mark.slow
     @pytest.mark.parametrize(("strategy", "tractors"), CASES)
     def test_everybody_comes_in_and_goes_out_by_the_gate(self, strategy: str, tractors: int) -> None:
         one = driven(strategy, tractors)
@@ -212,6 +213,7 @@ class TestPlan:
         again = World(parse_saved_plan(format_plan(run.plan)).plan, site().tractor, site().implement).run()
         assert np.array_equal(again.record, run.record)
 
+    @pytest.mark.slow
     def test_a_fence_all_round_is_passed_at_the_gate_alone(self) -> None:
         fence = shapely.LineString(BOX.exterior.coords)
         pen = prepare_context(PlanRequest(field="pen", margin_m=0.3), Field("pen", BOX, fences=(fence,), entrance=GATE))

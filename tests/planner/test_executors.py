@@ -75,6 +75,7 @@ class TestLocalPool:
         with pytest.raises(ZeroDivisionError):
             pool.submit(divmod, 1, 0).result(240)
 
+    @pytest.mark.slow
     def test_processes_are_others_and_not_forked(self, pool: LocalPool, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(sys, "here_only", True, raising=False)
         with LocalPool(1) as fresh:
@@ -82,6 +83,7 @@ class TestLocalPool:
             known = fresh.submit(eval, "hasattr(__import__('sys'), 'here_only')").result(240)
         assert number != os.getpid() and known is False
 
+    @pytest.mark.slow
     def test_a_lost_process_is_told(self) -> None:
         with LocalPool(1) as executor, pytest.raises(BrokenExecutor):
             executor.submit(os._exit, 3).result(240)
@@ -98,6 +100,7 @@ class TestLocalPool:
         hands = {process for _, process in iter_completed(pool, busy, [(0.05,)] * 40)}
         assert os.getpid() in hands and len(hands) > 1
 
+    @pytest.mark.slow
     def test_leaving_by_an_error_ends_what_is_under_way(self) -> None:
         began = time.monotonic()
         with pytest.raises(KeyError), LocalPool(1) as executor:
@@ -106,6 +109,7 @@ class TestLocalPool:
             raise KeyError
         assert time.monotonic() - began < 300
 
+    @pytest.mark.slow
     @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="needs Linux")
     def test_processes_are_deaf_to_interrupts_from_their_first_moment(self) -> None:
         with LocalPool(1) as executor:
@@ -155,6 +159,7 @@ def alive(process: int) -> bool:
         return False
 
 
+@pytest.mark.slow
 @needs_signals
 @pytest.mark.parametrize("how", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.matrix)])
 def test_no_process_outlives_the_one_that_started_it(how: signal.Signals) -> None:

@@ -15,6 +15,8 @@ from reports.plan.ranking_export import format_ranking_json
 from strategies.path_planning.errors import StrategyError
 from vehicle.missions.run import DONE
 
+pytestmark = pytest.mark.slow
+
 FORMATIONS = ("row-by-row", "row-by-row-optimised", "col-by-col")
 SHAPES = {
     "L": Polygon([(0, 0), (110, 0), (110, 70), (45, 70), (45, 150), (0, 150)]),
@@ -69,7 +71,6 @@ def test_a_mirrored_field_takes_as_long(sites: Any, shape: str, tractors: int) -
     assert times[1] == pytest.approx(times[0], rel=0.01)
 
 
-@pytest.mark.slow
 def test_optimised_releases_are_never_slower(sites: Any) -> None:
     for name in ("L", "slanted"):
         plain, timed = (run_candidate(sites[name], Candidate(each, 3)).run for each in FORMATIONS[:2])
@@ -84,7 +85,6 @@ def test_the_share_is_a_figure_of_formations_only(sites: Any) -> None:
     assert plans["interleaved"]["formation_pct"] is None
 
 
-@pytest.mark.slow
 def test_where_no_round_fits_the_refusal_says_what_would_help() -> None:
     # Four teeth of two tracks on a spine too shallow for tracks of its own: nowhere lie three side by side.
     teeth = [box(20 * k, 0, 20 * k + 6, 100) for k in range(4)]

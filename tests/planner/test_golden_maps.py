@@ -115,6 +115,7 @@ def test_there_is_a_map_of_every_shape_and_no_other() -> None:
     assert {path.name for path in GOLDEN.iterdir()} == {place(name).name for name in SHAPES}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHOWN)
 def test_what_holds_whatever_the_map_shows(name: str) -> None:
     site, tried = planned(name)

@@ -116,6 +116,7 @@ def test_operations_allow_their_orders(operation: str, orders: tuple[str, ...]) 
     assert PlanRequest(operation=operation, no_headland=True).headland_orders == ()
 
 
+@pytest.mark.slow
 def test_nobody_goes_on_before_all_are_through(rectangle: Any) -> None:
     run = of(rectangle(headland_order="first"), "split-field", 2).run
     assert run is not None
@@ -185,6 +186,7 @@ class TestNumberOfPasses:
         )
         assert self.prepare(headland_passes=3).layout.field.remarks == ()
 
+    @pytest.mark.slow
     def test_one_pass_is_refused_and_the_number_that_works_is_found(self) -> None:
         """Nothing is left out and no pass is added unasked."""
         small = Field("small", shapely.box(0, 0, 45, 24))

@@ -71,6 +71,7 @@ def mark_box(grid: Grid, row: int, middle: Any, ahead: Any, half_length_m: float
     grid[low[1] : high[1], low[0] : high[0]][inside] = row
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", ["first", *seldom("last")])
 def test_driven_over_ground_is_that_of_a_grid_headland_included(
     place: Callable[..., PlanningContext], order: str
@@ -159,6 +160,7 @@ def test_figures_are_those_of_the_rectangles(comparison: HeadlandComparison) -> 
     assert least_s < (comparison.plans[0].plan.time_s or 0.0) < 4.0 * least_s  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_sums_add_up(comparison: HeadlandComparison) -> None:
     for totals in comparison.totals:
         plans = [each for each in comparison.plans if each.choice == totals.choice]

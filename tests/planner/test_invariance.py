@@ -79,6 +79,7 @@ def test_area_and_tracks_stay(how: str, move: Any) -> None:
         assert after.total_length_m == pytest.approx(before.total_length_m, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["upside down", "mirrored"])
 def test_a_formation_without_an_entrance_does_not_depend_on_what_is_up(how: str, move: Any) -> None:
     field = read_field("netherlands")

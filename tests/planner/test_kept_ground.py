@@ -21,6 +21,7 @@ def sown(place: Any) -> tuple[PlanningContext, CandidateEvaluation]:
     return site, simulate_candidate(site, Candidate("interleaved", 2))
 
 
+@pytest.mark.slow
 def test_no_long_way_is_driven_in_reverse(sown: tuple[PlanningContext, CandidateEvaluation]) -> None:
     site, found = sown
     assert found.run is not None and found.result.feasible

@@ -140,6 +140,7 @@ def test_widths() -> None:
             parse_widths(nonsense)
 
 
+@pytest.mark.slow
 def test_one_field_that_fails_does_not_end_the_rest(farm: Path) -> None:
     found = dict(iter_answers(SerialExecutor(), questions(farm, 3.0)))
     assert sorted(found) == [0, 1, 2]

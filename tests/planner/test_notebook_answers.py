@@ -62,6 +62,7 @@ def test_answers_are_short_and_their_html_is_small_and_escaped(answer: PlanningR
     assert all(len(repr(one)) < 300 for one in (*answer.pictures.values(), answer.context))
 
 
+@pytest.mark.slow
 def test_lines_are_as_long_as_the_legs_of_the_plan(answer: PlanningResult) -> None:
     assert answer.run is not None
     frame, missions = answer.to_geodataframe(), answer.run.plan.missions
@@ -87,6 +88,7 @@ def test_geometries_are_on_the_earth_and_measured_in_metres(answer: PlanningResu
     assert best is not None and frame["area_m2"][frame["kind"] == "missed ground"].sum() <= (best.missed_m2 or 0) + 0.1
 
 
+@pytest.mark.slow
 def test_without_a_plan_or_a_place_there_is_the_field_in_metres(refused: PlanningResult) -> None:
     frame = refused.to_geodataframe()
     assert frame.crs is None and frame["kind"].tolist() == ["boundary"] and frame["tractor"].isna().all()
@@ -99,6 +101,7 @@ def test_what_is_missing_for_geometries_is_said(answer: PlanningResult, monkeypa
         answer.to_geodataframe()
 
 
+@pytest.mark.slow
 def test_files_are_those_of_the_command(answer: PlanningResult, refused: PlanningResult, tmp_path: Path) -> None:
     assert answer.run is not None
     text = answer.save(tmp_path / "best.json").read_text(encoding="utf-8")

@@ -90,6 +90,7 @@ def test_the_charge_is_that_of_the_plan(lay: Any) -> None:
     assert site.build_job(1).finishing_rate_s_per_m2 == pytest.approx(own_rate, rel=0.25)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corners", ["auto", *seldom("square", "round")])
 def test_nothing_reaches_farther_than_asked(lay: Any, corners: str) -> None:
     """As planned and driven; the guidance errs by some centimetres."""

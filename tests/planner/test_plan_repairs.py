@@ -96,6 +96,7 @@ def divided_ranking() -> PlanRanking:
 
 
 class TestDivided:
+    @pytest.mark.slow
     def test_the_other_half_has_a_plan_of_its_own(self, divided_ranking: PlanRanking) -> None:
         """South of the ditch remain 40 - 0.75 - 0.3 m of 100 m."""
         (part,) = divided_ranking.parts

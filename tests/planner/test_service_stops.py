@@ -103,6 +103,7 @@ class TestPlans:
         tracks_m = sum(track.length_m for track in site_for(case[0], case[3]).layout.swaths)
         assert worked_m2 == pytest.approx(WIDTH_M * (rounds_m + tracks_m), rel=0.06), "corners are worked twice"
 
+    @pytest.mark.slow
     def test_it_stands_as_often_and_as_long_as_asked_for(self, case: Case) -> None:
         found = driven(*case)
         assert found.run is not None
@@ -289,6 +290,7 @@ def test_an_implement_of_the_farm_carries() -> None:
     assert FarmImplement(name="plough").build_supply(240.0) is None
 
 
+@pytest.mark.slow
 def test_a_plan_in_loads_is_never_dearer_than_the_printed_order() -> None:
     """24 tracks of 9 m by 216 m in three loads of eight (see tests.benchmarks.orders): driven, both in full physics."""
     tank = Supply(8 * 9.0 * 216.0 * 0.0016 * 1.001, 0.0016, 60.0)

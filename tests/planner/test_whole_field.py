@@ -128,6 +128,7 @@ def test_swept_and_missed_ground_are_the_field(site: PlanningContext, tractors: 
     assert 100.0 * share == pytest.approx(result.worked_pct, abs=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strategy", sorted(STRATEGIES))
 @pytest.mark.parametrize("name", ["rectangle", pytest.param("four-sided", marks=pytest.mark.matrix)])
 def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, strategy: str) -> None:

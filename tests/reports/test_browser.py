@@ -21,7 +21,7 @@ from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisCompar
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 BROWSER = next((path for name in NAMES if (path := shutil.which(name))), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no browser is installed")
+pytestmark = [pytest.mark.skipif(BROWSER is None, reason="no browser is installed"), pytest.mark.slow]
 Ask = Callable[[str, int, str], Any]
 
 

@@ -335,6 +335,7 @@ def browser() -> Iterator[Any]:
 
 
 class TestPages:
+    @pytest.mark.slow
     def test_compared_headlands(
         self, browser: Any, comparison: HeadlandComparison, listed_drive: PlanDrive, tmp_path: Path
     ) -> None:

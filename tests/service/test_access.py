@@ -35,6 +35,7 @@ def elsewhere(app: FastAPI) -> TestClient:
     return TestClient(app, base_url="http://farm.example:8765", client=("192.0.2.7", 50000))
 
 
+@pytest.mark.slow
 def test_a_browser_that_logged_in_reads_and_does_nothing_else(client: TestClient) -> None:
     assert client.get("/api/v1/health").json()["status"] == "ok"
     for path in READING:

@@ -13,7 +13,7 @@ from tests.service.accessibility import WIDTHS_PX, find_faults_at_widths, find_v
 from tests.service.test_pages import PAGES
 from tests.service.watching import WIDE, WatchedPage, find_overflow, needs_browser
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 EACH_PAGE = [
     pytest.param(*page, marks=pytest.mark.matrix if place % 2 else ())
     for place, page in enumerate([*PAGES.items(), ("/nowhere", "text=No such page")])

@@ -12,7 +12,7 @@ from tests.examples import seldom
 from tests.service.fake_service import Made
 from tests.service.watching import WIDE, WatchedPage, evaluate_in_page, needs_browser, until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 SMALL_WINDOW = ViewportSize(width=390, height=664)  # with the bars of a telephone's browser
 HOST = "http://camera.example:8080"
 PIXEL = bytes.fromhex(

@@ -23,7 +23,7 @@ from vehicle.identification.logs.reader import read_log
 from vehicle.identification.verdict.diagnosis_types import NextDrive, ReplayEvidence
 from vehicle.model.tractor import EffectSetting, load_tractor
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 
 @pytest.fixture(scope="module")

@@ -31,6 +31,7 @@ def fleet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[DoubtedFl
     made.close()
 
 
+@pytest.mark.slow
 def test_a_doubt_is_diagnosed_once_shown_and_taken_into_the_file(fleet: DoubtedFleet) -> None:
     assert fleet.client.post(f"{TWIN}/mend", json={}).status_code == 409
     fleet.drive(12.0)

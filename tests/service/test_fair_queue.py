@@ -166,6 +166,7 @@ def stored(app: FastAPI, *names: str) -> None:
         app.state.store.add_file("field", name, SMALL.replace(b"80.0", f"8{len(name)}.0".encode()) + name.encode())
 
 
+@pytest.mark.slow
 def test_many_slow_summaries_leave_other_routes_and_clients_quick(slow: tuple[FastAPI, SlowProcesses]) -> None:
     app, processes = slow
     stored(app, "quick", *(f"slow{number}" for number in range(120)))
@@ -293,6 +294,7 @@ def test_a_key_of_many_parts_is_refused_at_once(real: tuple[TestClient, dict[str
     assert time.monotonic() - begin < 8.0
 
 
+@pytest.mark.slow
 def test_a_fault_in_a_reading_here_is_one_sentence_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def read(*_: object, **__: object) -> None:
         raise RuntimeError("something else")

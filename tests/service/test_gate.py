@@ -19,6 +19,8 @@ from starlette.testclient import TestClient
 from tests.service.conftest import BOTH, HERE, SMALL, bearer
 from tests.service.running import Running, run_service
 
+pytestmark = pytest.mark.slow
+
 BOUNDARY = "x" * 20
 PROC = pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="looks at processes as Linux shows them")
 
@@ -53,7 +55,6 @@ def make_form(name: str, content: bytes) -> tuple[bytes, dict[str, str]]:
             {"content-type": f"multipart/form-data; boundary={BOUNDARY}"})  # fmt: skip
 
 
-@pytest.mark.slow
 def test_files_and_pages_are_answered_by_the_office_as_if_by_one(
     running: Running, reader: dict[str, str], planner: dict[str, str]
 ) -> None:
@@ -118,7 +119,6 @@ def test_the_office_answers_only_the_service(running: Running, reader: dict[str,
         assert status == 403 and b"address" in body
 
 
-@pytest.mark.slow
 @PROC
 def test_the_office_is_begun_anew_and_stops_work_meanwhile(
     running: Running, reader: dict[str, str], operator: dict[str, str]
@@ -137,7 +137,6 @@ def test_the_office_is_begun_anew_and_stops_work_meanwhile(
     assert running.ask_json("GET", "/ready")[1] == {"ready": True, "faults": []}
 
 
-@pytest.mark.slow
 def test_stops_are_quick_while_bodies_and_summaries_pour_in(
     running: Running, reader: dict[str, str], planner: dict[str, str], operator: dict[str, str]
 ) -> None:
@@ -179,7 +178,6 @@ def test_figures_and_request_ids(running: Running, reader: dict[str, str]) -> No
     assert len(ids) == 3 and all(re.fullmatch("[0-9a-f]{12}", each) for each in ids)
 
 
-@pytest.mark.slow
 def test_bodies_of_orders_are_short_and_those_of_fleets_long(app: FastAPI) -> None:
     with TestClient(app, base_url=HERE, client=("127.0.0.1", 50000)) as client:
         token = bearer(app, BOTH)

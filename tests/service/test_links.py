@@ -452,6 +452,7 @@ def test_a_slow_reader_gets_the_newest_tick_and_starts_afresh_when_too_much_wait
     assert box.overflowed and len(box) == 1
 
 
+@pytest.mark.slow
 def test_the_document_of_the_link_describes_every_frame_that_models_know() -> None:
     made = build_asyncapi_document()
     json.dumps(made)

@@ -230,6 +230,7 @@ def test_plans_of_two_coordinate_systems_are_compared_by_where_they_are(apart_m:
     assert bool(ground.hood.list_neighbours("a")) == known == (gap_m < 50.0)
 
 
+@pytest.mark.slow
 def test_two_of_different_systems_stop_apart_too() -> None:
     origin, other = in_zone("EPSG:32632", 12.0, 55.0), in_zone("EPSG:32633", 12.0, 55.0)
     plan = lane((0.0, 60.0), (0.0, 0.0), crs="EPSG:32633", origin=other)

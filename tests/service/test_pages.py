@@ -23,7 +23,7 @@ from tests.service.watching import (
     serve_app,
 )
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 PAGES = {
     "/": "text=waits for tractor 1",
     "/fleet/f1": "text=To the deadline",

@@ -14,7 +14,7 @@ from tests.service.fake_service import CONTROL, Made
 from tests.service.test_pages import PAGES
 from tests.service.watching import WatchedPage, needs_browser
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 WAIT_MS, LEAST_TEXTS = 150, 12
 DATA = re.compile(

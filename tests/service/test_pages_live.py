@@ -7,7 +7,7 @@ import pytest
 from tests.service.fake_service import NOTHING, UNDERSTEER, Made
 from tests.service.watching import WatchedPage, evaluate_in_page, needs_browser, until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 
 
 def test_a_fleet_is_watched_and_ordered(watched: WatchedPage, pages: tuple[str, Made]) -> None:

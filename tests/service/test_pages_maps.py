@@ -23,7 +23,7 @@ from tests.service.fake_service import Made
 from tests.service.tiles import TileHost, paint_tile, serve_tiles, write_mbtiles
 from tests.service.watching import NARROW, WIDE, WatchedPage, needs_browser, serve_app, until
 
-pytestmark = needs_browser
+pytestmark = [needs_browser, pytest.mark.slow]
 PREVIEW, EDITOR = "canvas[aria-label^='Map of the chosen field']", "canvas[aria-label^='Drawing of the field']"
 MIDDLE, ACCENT = {"width": 768, "height": 900}, (58, 101, 39)
 

@@ -41,6 +41,8 @@ from vehicle.missions.plan_file import format_plan
 from vehicle.missions.run import SimulationRun
 from vehicle.sim.incremental import IncrementalSimulator
 
+pytestmark = pytest.mark.slow
+
 WIDTH_M, LOAD_M2, STAND_S = 3.0, 620.0, 60.0
 TANK = Supply(LOAD_M2, 1.0, STAND_S)
 
@@ -80,7 +82,6 @@ def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
         return manager, replan_remaining_work(extract_remaining_work(manager, [], 100.0)), runs[-1]
 
 
-@pytest.mark.slow
 def test_one_is_served_at_a_time_where_only_one_can_be(plan: FleetPlan, made: Made) -> None:
     stops = find_service_stops(made[2])
     assert len(stops) >= 2 and {round(stop.to_s - stop.from_s) for stop in stops} == {STAND_S}
@@ -99,7 +100,6 @@ def loads_m2(legs: tuple[Leg, ...]) -> Iterator[float]:
     yield used
 
 
-@pytest.mark.slow
 def test_nobody_is_asked_for_more_than_a_load_and_stops_stay_where_they_are_needed(made: Made) -> None:
     manager, proposal, _ = made
     most = max(load for course in manager.timed_missions for load in loads_m2(course.legs))
@@ -129,7 +129,6 @@ def test_a_proposal_with_refills_is_adopted_and_its_notes_are_true(made: Made) -
     assert manager.version == 2
 
 
-@pytest.mark.slow
 def test_notes_that_somebody_made_up_keep_no_fleet_from_being_planned_anew(plan: FleetPlan) -> None:
     whole = plan.plan.missions
     place = {"x_m": 0, "y_m": 0}

@@ -99,6 +99,7 @@ def worked(plan: FleetPlan, number: int, first: int) -> shapely.Geometry:
     )
 
 
+@pytest.mark.slow
 def test_what_one_has_left_is_worked_by_the_others(half: tuple[FleetManager, ReplanProposal]) -> None:
     manager, proposal = half
     left = worked(manager.plan, 1, manager.states[1].leg + 1)
@@ -233,6 +234,7 @@ def test_who_drives_is_not_told_to_wait_on_its_leg_and_who_stands_waits_there(pl
     assert not state.holds and not state.standing_ordered and manager.find_awaited_legs(0) == []
 
 
+@pytest.mark.slow
 def test_a_plan_with_one_that_waits_where_it_stood_is_not_accepted_when_it_has_gone_on(
     plan_without_entrance: FleetPlan,
 ) -> None:

@@ -271,6 +271,7 @@ def large(folder: Path) -> None:
     (folder / "large.geojson").write_text(text)
 
 
+@pytest.mark.slow
 @only_forking
 @POSIX
 def test_too_much_memory_is_one_sentence(reader: ForkingReader | SpawningReader, here: Path) -> None:
@@ -370,6 +371,7 @@ def test_a_sentence_of_a_taken_over_reader_stays_one_line() -> None:
     )
 
 
+@pytest.mark.slow
 def test_what_a_system_lacks_is_told_once(caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reader_processes, "_LOGGED_MISSING", set())
     for _ in range(3):

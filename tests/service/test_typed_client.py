@@ -52,6 +52,7 @@ def test_every_operation_has_a_method(service: tuple[ModuleType, Any, Store, Pat
     assert "def ask_plan(self, body: models.PlanJobRequest) -> models.JobInfo:" in source
 
 
+@pytest.mark.slow
 def test_a_program_plans_a_field_and_fetches_the_result(service: tuple[ModuleType, Any, Store, Path]) -> None:
     module, client, store, _ = service
     uploaded = client.upload_field(("north.geojson", SMALL, "application/geo+json"))

@@ -91,6 +91,7 @@ def test_hosts_are_refused_where_the_policy_has_no_room_for_them() -> None:
         videos.check_room("https://camera-32.farm.example/live.m3u8")
 
 
+@pytest.mark.slow
 def test_operators_set_it_and_pages_may_load_it_until_it_is_removed(app: FastAPI, fleet: TestClient) -> None:
     operator = bearer(app, "operator")
     assert fleet.put(PUT.format(1), json={"address": CAMERA}).status_code == 401

@@ -309,6 +309,7 @@ def test_ground_is_the_same_at_the_same_place() -> None:
     assert 0.001 < np.std(spread) < 0.008
 
 
+@pytest.mark.slow
 def test_logs_are_the_same_bit_for_bit() -> None:
     case = TruthCase("clean", 11, programme="one_sided")
     one, two = make_third_logs(case), make_third_logs(case)

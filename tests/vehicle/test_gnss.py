@@ -54,6 +54,7 @@ def test_all_sigmas_once_give_the_table_back() -> None:
     assert (build_error_table(drawn[:, 0] + 7000.0, drawn[:, 1] - 300.0) == table).all()
 
 
+@pytest.mark.slow
 def test_draws_follow_the_table() -> None:
     """Pearson's chi-square over the cells; its mean is the degrees of freedom, its variance twice that."""
     table, count = load_default_error_table(), 200_000

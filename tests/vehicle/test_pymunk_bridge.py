@@ -59,6 +59,7 @@ def assert_same(fast: SimulationRun, slow: SimulationRun) -> None:
     assert np.allclose(*margins, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", PLANS)
 def test_the_compiled_loop_drives_as_plain_pymunk_does(
     build: Any, eg105: Tractor, implement: Implement, make: Any

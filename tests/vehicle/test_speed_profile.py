@@ -133,6 +133,7 @@ def test_a_tractor_off_its_line_returns_at_any_speed(eg105: Tractor, kmh: float,
 Piece = st.tuples(st.floats(3.0, 25.0), st.sampled_from([0.0, 0.03, -0.08, 0.15, -0.2, 0.22]))
 
 
+@pytest.mark.slow
 @given(st.lists(Piece, min_size=2, max_size=6), st.floats(1.0, 4.5))
 @settings(max_examples=15)
 def test_no_record_exceeds_the_limits(pieces: list[tuple[float, float]], speed_mps: float) -> None:

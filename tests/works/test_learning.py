@@ -197,6 +197,7 @@ def test_values_put_into_text() -> None:
     assert remove_blocks(block, "learned", {"other"}) == block
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     draw = np.random.default_rng(5)
     inside = 0

@@ -59,6 +59,7 @@ def test_a_heading_that_leaves_the_course_is_no_fault_of_the_steering(name: str,
     assert faults[0].to_s is not None and faults[0].to_s - START_S == pytest.approx(32.0, abs=2.0)
 
 
+@pytest.mark.slow
 def test_clean_runs_have_no_fault_with_and_without_columns() -> None:
     for dropped in ([], ["steering_deg"], ["steering_command_deg"], ["heading_deg"], ["heading_deg", "steering_deg"]):
         logs = [build_log(frame.drop(columns=dropped), name) for name, frame in clean_frames().items()]

@@ -18,6 +18,7 @@ LAWS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [pytest.param(law, marks=pytest.mark.matrix if place else ()) for place, law in enumerate(LAWS)]
 )
