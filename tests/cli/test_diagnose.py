@@ -20,7 +20,7 @@ from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_the_demonstration_says_what_it_hid(headland: Callable[..., Any]) -> None:
     outcome = headland("diagnose", "--demo", "--seed", "3", "--hide", "steering_gain", "--json")
     assert outcome.status == 0, outcome.err

@@ -22,7 +22,7 @@ def row(result: FleetStudy, table: str, label: str) -> ThesisTableRow:
     return next(row for row in result.tables[table] if row.label == label)
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_every_printed_time_has_its_row(result: FleetStudy) -> None:
     assert {name: [r.tractors for r in rows] for name, rows in result.tables.items()} == {
         "6.1": [1, 3, 5, 7, 9, 11],

@@ -120,6 +120,6 @@ def test_too_few_positions_for_a_piece_are_refused_in_a_sentence(apart: str, fra
         named(logs)
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_logs_of_two_tractors_with_the_file_of_one_earn_no_name(frames: list[pd.DataFrame]) -> None:
     assert named([*frames, *second_logs({}, 3, three_speeds_programme()[:2], "mr1000a")]) == ()

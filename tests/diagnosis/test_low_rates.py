@@ -15,7 +15,7 @@ def test_clean_logs_at_low_rates_get_no_name(rate_hz: float) -> None:
     assert not any(one.named for one in found.tractor.effects.values())
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_slip_on_half_the_runs_is_told_with_its_runs() -> None:
     slipping = simulate_demo_logs(HiddenEffect("wheel_slip", {"ratio": 0.15}), eg105(), "soil", 41)[::2]
     plain = simulate_demo_logs(None, eg105(), "soil", 41)[1::2]

@@ -44,7 +44,7 @@ def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
     assert found.after[5.0].cross_cm <= found.before[5.0].cross_cm * 1.02
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_an_effect_outside_the_catalogue_gets_no_name(seed: int) -> None:
     found = diagnosed(hidden(["wind_drift"]), seed, brief_programme(), rate_hz=RATE_HZ)
     assert not found.named, f"seed {seed}: {found.named}"

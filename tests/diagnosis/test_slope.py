@@ -34,7 +34,7 @@ def told(frames: list[pd.DataFrame]) -> Diagnosis:
     return diagnose_logs([build_log(one, f"run {k}") for k, one in enumerate(frames)], eg105(), "soil")
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_drift_per_slope_is_found_where_the_ground_is_no_plane(frames: list[pd.DataFrame]) -> None:
     found = told(frames)
     assert found.named == ("cross_slope_drift",)
@@ -51,7 +51,7 @@ def test_no_plane_stands_for_hills_where_roll_is_taken_away(frames: list[pd.Data
     assert "cross_slope_drift" not in told([one.drop(columns="roll_deg") for one in frames]).named
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 @pytest.mark.parametrize(
     "what", ["the other sign", *(pytest.param(each, marks=pytest.mark.matrix) for each in ("one value", "noise"))]
 )

@@ -16,7 +16,7 @@ from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.swapped_steering import find_swapped_steering
 from vehicle.model.tractor import load_tractor
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.matrix
 
 EG105 = load_tractor("eg105")
 SEED = 61

@@ -137,7 +137,9 @@ def test_advice_of_a_field_that_cannot_be_laid_out(field: Field, options: dict[s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("field", "options"), DRIVEN)
+@pytest.mark.parametrize(("field", "options"), [
+    pytest.param(*case, marks=pytest.mark.matrix if number % 3 else ()) for number, case in enumerate(DRIVEN)
+])  # fmt: skip
 def test_advice_where_no_plan_can_be_driven(field: Field, options: dict[str, Any]) -> None:
     """Every change that was found to work gives a plan."""
     request = PlanRequest(field=field.name, **{"tractors": (1,), **options})

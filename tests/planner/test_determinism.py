@@ -159,7 +159,7 @@ def test_a_plan_does_not_depend_on_what_else_is_asked_for(scenario: PlanRequest,
         assert replace(among, rank=None, on_pareto_front=False) == alone(count, name)
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_the_seed_is_echoed_and_changes_nothing_else(few: PlanRequest, few_first: str, pool: LocalPool) -> None:
     import json
 
@@ -170,7 +170,7 @@ def test_the_seed_is_echoed_and_changes_nothing_else(few: PlanRequest, few_first
     assert before == other
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_progress_counts_up_to_all(few: PlanRequest, pool: LocalPool) -> None:
     seen: list[tuple[int, int]] = []
     ranking = plan(few, executor=pool, progress=lambda done, total: seen.append((done, total))).ranking

@@ -75,7 +75,7 @@ class TestMeasured:
         assert find_deepest_m(standing(site, (60.0, 0.0, math.pi / 2)), site) == 0.0
         assert find_deepest_m(standing(site, (80.0, 0.0, math.pi / 2)), site) > 1.0
 
-    @pytest.mark.slow
+    @pytest.mark.matrix
     def test_a_plan_across_a_fence_is_not_feasible(self) -> None:
         """Planned as if there were none, turns reach over the edge; held against a fence there, that is the reason."""
         site = fenced()

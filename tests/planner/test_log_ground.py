@@ -219,7 +219,7 @@ def test_what_tyres_leave_of_the_drift_is_said(frames: list[pd.DataFrame], tmp_p
     )
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 def test_drift_is_named_per_slope_of_the_heights(frames: list[pd.DataFrame], tmp_path: Path) -> None:
     raster = write_raster(tmp_path / "dem.asc", compute_height)
     found = diagnose(read(frames), heights=raster)

@@ -82,6 +82,7 @@ def made(plan: FleetPlan, request: pytest.FixtureRequest) -> Made:
         return manager, replan_remaining_work(extract_remaining_work(manager, [], 100.0)), runs[-1]
 
 
+@pytest.mark.matrix
 def test_one_is_served_at_a_time_where_only_one_can_be(plan: FleetPlan, made: Made) -> None:
     stops = find_service_stops(made[2])
     assert len(stops) >= 2 and {round(stop.to_s - stop.from_s) for stop in stops} == {STAND_S}

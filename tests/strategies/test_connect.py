@@ -320,7 +320,7 @@ def test_ring_poses_lie_inside_and_come_in_both_headings() -> None:
         assert abs(math.remainder(forth - back, 2 * math.pi)) == pytest.approx(math.pi)
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 @given(st.lists(st.floats(-14.0, 14.0), min_size=4, max_size=4), st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=2))
 def test_room_tells_only_primitives_that_do_not_fit(places: list[float], headings: list[float]) -> None:
     """As many primitives fit, and the same, whether the room of their arcs is known or not."""

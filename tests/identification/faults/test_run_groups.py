@@ -88,7 +88,7 @@ def test_logs_whose_clocks_start_anew_count_in_their_order() -> None:
     assert rank_runs(in_time) == [2, 0, 1]
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 @pytest.mark.parametrize(("programme", "name", "value", "quantity"), [
     pytest.param(programme, *hidden, marks=() if (programme, hidden[0]) in CHOSEN else pytest.mark.matrix)
     for programme in ("three_speeds", "mixed", "closed")

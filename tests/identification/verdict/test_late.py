@@ -78,7 +78,7 @@ def test_a_competitor_that_residuals_told_keeps_its_value() -> None:
     assert add_delay_like_competitors(residual_model(), told, back, back) == told
 
 
-@pytest.mark.slow
+@pytest.mark.matrix
 @pytest.mark.parametrize("dropped", [
     ["heading_deg"],
     *(pytest.param(["heading_deg", more], marks=pytest.mark.matrix) for more in ("speed_mps", "steering_deg")),
