@@ -210,7 +210,7 @@ def _read_plan_field(scenario: PlanRequest, saved: SavedPlan, file: Path | None)
         return None
     source = scenario.field if file is None else str(file)
     if file is not None and "#" in scenario.field_name:
-        source += "#" + scenario.field.rsplit("#", 1)[1]
+        source += "#" + scenario.field.partition("#")[2]
     field = read_field(source, local=scenario.local, crs=scenario.crs, swap_axes=scenario.swap_axes)
     if field.crs != saved.crs:
         raise FleetManagerError(

@@ -229,7 +229,7 @@ def _build_streaming_response(response: httpx2.Response) -> Response:
     return streamed
 
 
-OFFICE_POLL_S, SHORT_LIFE_S, LONGEST_RESTART_PAUSE_S, TERMINATE_TIMEOUT_S = 0.2, 5.0, 30.0, 8.0
+OFFICE_POLL_S, SHORT_LIFE_S, LONGEST_RESTART_PAUSE_S, TERMINATE_TIMEOUT_S = 0.2, 5.0, 30.0, 30.0
 LOOPBACK_HOST = "127.0.0.1"
 
 

@@ -21,13 +21,13 @@ export const token = {
   forget: () => { tabs.postMessage({ forgotten: token.get() }); token.set(null); },
 };
 
-// Tabs of one browser give each other the token; it is never stored on the disk.
-const tabs = new BroadcastChannel(TOKEN);
-let answered = () => {};
+// Tabs of one browser at this service give each other the token; it is never stored on the disk.
+const tabs = new BroadcastChannel(`${TOKEN} ${new URL(ROOT).pathname}`);
+let answered = null; // while this tab asks
 tabs.addEventListener("message", ({ data }) => {
   const own = token.get();
   if (data.wanted && own) tabs.postMessage({ token: own });
-  if (data.token && !own) { token.set(data.token); answered(); }
+  if (data.token && answered) { token.set(data.token); answered(); }
   if (data.forgotten && data.forgotten === own) token.set(null);
 });
 
@@ -36,7 +36,7 @@ export const askOtherTabs = () => !token.get() && new Promise((done) => {
   answered = done;
   tabs.postMessage({ wanted: true });
   setTimeout(done, ANSWER_MS);
-});
+}).then(() => { answered = null; });
 
 export function socketUrl(path) {
   const url = new URL(path, ROOT);

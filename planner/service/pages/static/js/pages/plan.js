@@ -136,7 +136,7 @@ function takeDraft() {
   const request = JSON.parse(sessionStorage.getItem(DRAFT) ?? "null");
   sessionStorage.removeItem(DRAFT);
   if (!request) return {};
-  const [fields, parcel = ""] = String(request.field ?? "").split("#"), rain = /^(.*)\.csv$/i.exec(request.rain ?? "")?.[1];
+  const [, fields, parcel = ""] = /^([^#]*)#?(.*)$/s.exec(request.field ?? ""), rain = /^(.*)\.csv$/i.exec(request.rain ?? "")?.[1];
   const strategies = [request.strategies ?? "all"].flat().join(",");
   return { request: { ...request, rain: rain ? null : request.rain }, reading: { local: request.local, swap_axes: request.swap_axes, crs: request.crs }, fields, parcel, farms: request.farm ?? "", tractors: request.tractor, ofFarm: request.tractor, implement: request.implement, rain, gnss: request.gnss_table, elevation: request.elevation,
     strategies: strategies.split(","), ignore: request.ignore, guidance_line: request.guidance_line };
