@@ -231,16 +231,24 @@ def compute_field_time(task: FieldTimeTask, field_minutes: float = DEFAULT_FIELD
 
     After `field_minutes` of computing it is the best of those found so far.
     """
-    share, spent = TimeShare(60.0 * field_minutes), f"{field_minutes:g} min of computing"
+    share = TimeShare(60.0 * field_minutes)
     try:
         found = _search_field_time(task, share)
     except TimeSpentError:
-        found = FieldTime(reason=f"no plan was found in {spent}")
+        found = FieldTime(reason=f"no plan was found in {field_minutes:g} min of computing")
     if not share.is_cut:
         return found
-    outcome = "this is the best plan found by then" if found.graph else "no plan was found by then"
-    cut_note = f"planning took more than {spent}; {outcome}. Give it more (--field-minutes)."
-    return replace(found, is_lasting=False, cut_note=cut_note)
+    return replace(found, is_lasting=False, cut_note=_describe_cut(field_minutes, found.graph is not None))
+
+
+def _describe_cut(field_minutes: float, has_plan: bool) -> str:
+    """That planning ran out of time, and what to do."""
+    if has_plan:
+        return (
+            f"not everything was tried in {field_minutes:g} min of computing; this is the best plan found by then. "
+            "Give it more (--field-minutes)."
+        )
+    return f"no plan was found in {field_minutes:g} min of computing. Give it more (--field-minutes)."
 
 
 def _search_field_time(task: FieldTimeTask, share: TimeShare) -> FieldTime:

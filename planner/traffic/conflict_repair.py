@@ -156,8 +156,9 @@ def _explain_stall(run: SimulationRun) -> str:
     if lost is None:
         return "tractors wait for each other and none moves any more"
     (x, y), speed_mps = run.record[-1, lost, REC_PLACE], abs(float(run.record[-1, lost, REC_SPEED]))
-    how = "drives beside its path" if speed_mps > MIN_MOVING_MPS else "stands still"
-    return f"tractor {lost + 1} {how} at ({x:.0f}, {y:.0f}) m and gets no farther: it cannot follow its path there"
+    if speed_mps > MIN_MOVING_MPS:
+        return f"tractor {lost + 1} drives beside its path at ({x:.0f}, {y:.0f}) m: it cannot follow it there"
+    return f"tractor {lost + 1} stands still at ({x:.0f}, {y:.0f}) m: it cannot follow its path there"
 
 
 def _describe_slow_work(run: SimulationRun) -> str:

@@ -27,6 +27,7 @@ TELLING_MODULES = (
     "fields/geometry/field.py", "fields/geometry/field_lines.py", "fields/geometry/obstacles.py",
     "fields/layout/swaths.py",
     "planner/day/planning.py", "planner/day/field_times.py", "planner/evaluation/candidates/evaluate.py",
+    "planner/traffic/conflict_repair.py", "strategies/registry.py",
     "planner/evaluation/candidates/slope_figures.py", "planner/evaluation/candidates/variants.py",
     "planner/evaluation/field_physics.py", "planner/evaluation/ground_sentences.py",
     "planner/evaluation/headland_depth.py", "fields/terrain/checks.py",
@@ -47,7 +48,7 @@ ALARMING_MODULES = (
     "planner/request/validation_messages.py", "strategies/path_planning/errors.py",
     "vehicle/identification/logs/table.py", "reports/plan/plan_wording.py",
     "planner/risk/costs.py", "vehicle/energy/trafficability.py",
-    "planner/evaluation/ground/unworked_area.py",
+    "planner/evaluation/ground/unworked_area.py", "fields/geometry/outline_cleaning.py",
 )  # fmt: skip
 """Modules of which every sentence is told: alarms, twins, jobs and forms of the service, checks of values."""
 _TELLING_NAME = re.compile(
