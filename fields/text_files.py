@@ -130,7 +130,8 @@ def explain_parse_error(error: BaseException) -> str:
 DELIMITERS = ",;\t|"
 SAMPLE_CHARS, SAMPLE_ROWS = 65_536, 50  # of the beginning, by which the form of a table is recognised
 _NUMBER_WITH_COMMA = re.compile(r"\s*[+-]?(\d+|\d{1,3}(\.\d{3})+)?,\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
-_NUMBER_WITH_POINT = re.compile(r"\s*[+-]?\d*\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
+_NUMBER_WITH_POINT = re.compile(r"\s*[+-]?(\d*|\d{1,3}(,\d{3})+)\.\d+(e[+-]?\d+)?\s*", re.IGNORECASE)
+_QUOTED_NUMBER_WITH_COMMA = re.compile(f'"{_NUMBER_WITH_COMMA.pattern}"', re.IGNORECASE)
 
 
 def decode_table(content: bytes) -> str:
@@ -147,23 +148,21 @@ def normalise_table(text: str) -> str:
     """The table with commas between cells and points in numbers, and the same rows in the same lines.
 
     Its separator is the one that gives most rows as many cells as the header; of equals, the one that gives most cells.
-    Commas are decimal marks where they separate nothing; in quotes between commas, where no number has a point. A table
-    that begins in this form is returned as it is. Raises csv.Error for a cell that is too long.
+    Commas in cells are decimal marks where no number of the table has a point. A table that begins in this form and has
+    no such commas is returned as it is. Raises csv.Error for a cell that is too long.
     """
     start = text[:SAMPLE_CHARS]
     samples = {one: list(islice(_iter_rows(start, one), SAMPLE_ROWS)) for one in DELIMITERS}
     delimiter = max(DELIMITERS, key=lambda one: _rate_rows(samples[one]))
-    cells = [cell for row in samples[delimiter] for cell in row]
-    has_commas = delimiter != "," or not any(map(_NUMBER_WITH_POINT.fullmatch, cells))
-
-    def write_row(row: list[str]) -> list[str]:
-        return [_write_with_point(cell) for cell in row] if has_commas else row
-
     first_rows = list(islice(csv.reader(io.StringIO(start, newline="")), SAMPLE_ROWS))
-    if first_rows == list(map(write_row, samples[delimiter])):
+    if first_rows == samples[delimiter] and not _QUOTED_NUMBER_WITH_COMMA.search(text):
         return text
+    has_points = any(_NUMBER_WITH_POINT.fullmatch(cell) for row in _iter_rows(text, delimiter) for cell in row)
+    rows = _iter_rows(text, delimiter)
     out = io.StringIO(newline="")
-    csv.writer(out, lineterminator="\n").writerows(map(write_row, _iter_rows(text, delimiter)))
+    csv.writer(out, lineterminator="\n").writerows(
+        rows if has_points else ([_write_with_point(cell) for cell in row] for row in rows)
+    )
     return out.getvalue()
 
 

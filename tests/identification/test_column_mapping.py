@@ -1,5 +1,6 @@
 """Logs with columns under other names, in other units and other forms of CSV: refused with a mapping, or read."""
 
+import csv
 import io
 import shlex
 import time
@@ -177,7 +178,21 @@ def test_a_mapping_file_that_names_no_columns_is_refused(text: str, tmp_path: Pa
     assert "columns.toml" in refusal(lambda: parse_mapping(tmp_path / "columns.toml"))
 
 
-@pytest.mark.parametrize("text", ['time_ms = "Zeit"', '[columns]\ntime_ms = "Zeit"\n[values]\nwidth_m = 3'])
+def test_a_bad_line_of_a_mapping_file_is_refused_with_the_name_of_the_file(tmp_path: Path) -> None:
+    (tmp_path / "columns.toml").write_text('tim_s = "Zeit"')
+    assert "columns.toml': tim_s=Zeit is for no column of a log" in refusal(
+        lambda: parse_mapping(tmp_path / "columns.toml")
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'time_ms = "Zeit"',
+        'time_ms = "Zeit"\n[values]\nwidth_m = 3',
+        '[columns]\ntime_ms = "Zeit"\n[values]\nwidth_m = 3',
+    ],
+)
 def test_a_mapping_file_may_be_that_of_imported_logs(text: str, tmp_path: Path) -> None:
     (tmp_path / "columns.toml").write_text(text)
     assert parse_mapping(tmp_path / "columns.toml") == {"Zeit": ("time_ms", "time_s", 1e-3)}
@@ -266,3 +281,21 @@ def test_commas_in_quotes_are_decimal_where_no_number_has_a_point() -> None:
 
     assert normalise_table('a,b\n"1,5",2\n') == "a,b\n1.5,2\n"
     assert normalise_table('a,b\n"1,5",2.5\n') == 'a,b\n"1,5",2.5\n'
+
+
+@pytest.mark.parametrize("separator", [";", "\t", "|"])
+@pytest.mark.parametrize("point", ["1.5", "1,234.5"])
+def test_commas_are_thousands_where_a_number_has_a_point(separator: str, point: str) -> None:
+    from fields.text_files import normalise_table
+
+    table = [["a", "b"], *[["512,345", "2"]] * 60, ["7", point]]
+    text = "\n".join(map(separator.join, table))
+    assert list(csv.reader(io.StringIO(normalise_table(text)))) == table
+
+
+def test_a_decimal_comma_in_quotes_is_found_in_any_row() -> None:
+    from fields.text_files import normalise_table
+
+    rows = "a,b\n" + "1,2\n" * 60
+    assert normalise_table(rows + '"1,5",2\n') == rows + "1.5,2\n"
+    assert normalise_table(rows) is rows

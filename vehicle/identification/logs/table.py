@@ -244,7 +244,8 @@ def read_mapping_file(path: str | Path) -> tuple[dict[str, str], dict[str, Any]]
         content = parse_toml(text)
     except (ValueError, RecursionError) as error:
         raise LogError(f"{label} is not TOML: {explain_parse_error(error)}.") from None
-    columns, values = content.get("columns", content), content.get("values", {})
+    values = content.pop("values", {})
+    columns = content.get("columns", content)
     are_tables = isinstance(columns, dict) and isinstance(values, dict)
     if not are_tables or not columns or not all(isinstance(name, str) for name in columns.values()):
         raise LogError(f'{label} does not name columns; write lines such as time_s = "Zeit".')
@@ -252,16 +253,20 @@ def read_mapping_file(path: str | Path) -> tuple[dict[str, str], dict[str, Any]]
 
 
 def list_pairs(mapping: MappingSource) -> list[str]:
-    """A mapping as texts such as "time_s=Zeit"; raises LogError as `read_mapping_file`."""
+    """A mapping as texts such as "time_s=Zeit"; raises LogError as `read_mapping_file`, and for a bad line of a file."""
     columns = read_mapping_file(mapping)[0] if isinstance(mapping, str | Path) else mapping or ()
-    return [f"{key}={name}" for key, name in columns.items()] if isinstance(columns, Mapping) else list(columns)
+    pairs = [f"{key}={name}" for key, name in columns.items()] if isinstance(columns, Mapping) else list(columns)
+    if isinstance(mapping, str | Path):
+        for pair in pairs:
+            _parse_pair(pair, f"{quote_path(mapping)}:")
+    return pairs
 
 
 def parse_mapping(mapping: MappingSource) -> dict[str, NamedColumn]:
     """Our columns by their names in the file; raises LogError, in one sentence, for what is no mapping."""
     found: dict[str, NamedColumn] = {}
     for pair in list_pairs(mapping):
-        name, target = _parse_pair(pair)
+        name, target = _parse_pair(pair, mark_parameter("mapping"))
         twice = [f"{one.key}={other}" for other, one in found.items() if other == name or one.column == target.column]
         if twice:
             raise LogError(f"{mark_parameter('mapping')} {twice[0]} and {pair} are for one column; keep one of them.")
@@ -274,10 +279,10 @@ def parse_mapping(mapping: MappingSource) -> dict[str, NamedColumn]:
     return found
 
 
-def _parse_pair(pair: str) -> tuple[str, NamedColumn]:
+def _parse_pair(pair: str, source: str) -> tuple[str, NamedColumn]:
     """The name in the file and our column, in the unit of the key or, where that is the usual one, of the name."""
     key, _, name = map(str.strip, str(pair).partition("="))
-    given = f"{mark_parameter('mapping')} {pair}"
+    given = f"{source} {pair}"
     if not key or not name:
         raise LogError(f"{given} names no column; write it like time_s=Zeit.")
     target, unit = read_name(key), split_name(name)[1]
