@@ -120,5 +120,9 @@ def attach_parameter(parameter: str) -> Iterator[None]:
         raise
 
 
+class StopError(Exception):
+    """Planning must stop: nothing is wrong with a plan, so nobody takes this for a fault of one."""
+
+
 class FieldError(HeadlandError):
     """A field, a field file or a layout request that cannot be used."""

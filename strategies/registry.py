@@ -15,7 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from fields.errors import HeadlandError, suggest_name
+from fields.errors import HeadlandError, StopError, suggest_name
 from strategies.names import STRATEGY_NAMES, get_package_name, list_entry_points, list_strategy_names
 from strategies.path_planning.errors import StrategyError
 from strategies.program.strategy_record import RefinedPlan, Strategy
@@ -89,7 +89,7 @@ def _convert_faults(function: Callable[..., Any], label: str) -> Callable[..., A
             if not isinstance(output, Plan | RefinedPlan):
                 raise TypeError(f"it gives a {type(output).__name__} in place of a plan")
             return output
-        except HeadlandError:
+        except (HeadlandError, StopError):
             raise
         except Exception as error:
             raise StrategyError(f"{label} failed ({type(error).__name__}: {error}).") from error

@@ -235,7 +235,7 @@ def can_be_farmland(longitude_deg: float, latitude_deg: float) -> bool:
 def _read_land_boxes() -> npt.NDArray[np.float64]:
     """West, south, east and north in degrees of areas on land, and of countries with their sea that have no such area.
 
-    None if the register has another form.
+    Empty if the register has another form.
     """
     from pyproj.datadir import get_data_dir
 

@@ -57,7 +57,7 @@ def clean_outline(
     remark = (
         f"The outline of {label} was cleaned to {100 * tolerance_m:.0f} cm: {_count_points(cleaned)} of its {points} "
         f"points remain, the farthest of the others is {moved_m:.2f} m from the new line, and the area changed by "
-        f"{cleaned.area - valid.area:.0f} m2."
+        f"{round(cleaned.area - valid.area) + 0.0:.0f} m2."
     )
     return cleaned, (remark,)
 

@@ -40,9 +40,9 @@ MAX_LINES = 20_000
 MAX_HEADLAND_M = 1e5
 GRID_M = 1e-6
 MIN_THICKNESS_M = 1e-5
+"""Thinner parts of the inner region are rounding errors."""
 WIDTH_STEP_M = 0.5  # of working widths that are advised
 SHALLOWER_SHARES = (0.75, 0.5, 0.25, 0.0)  # of the headland beyond half a width, tried where it leaves no track
-"""Thinner parts of the inner region are rounding errors."""
 SAME_LINE_M, SAME_CURVE_M = 1e-3, 0.05
 """Distances of parallel swaths differ by less; those of curved ones also by how far their steps of a metre sag."""
 PROMISING_COST_RATIO = 1.25

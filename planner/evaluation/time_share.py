@@ -10,9 +10,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from fields.errors import StopError
 
-class TimeSpentError(Exception):
-    """The share is spent. No HeadlandError, as nothing is wrong with the plan: who tries another one must stop too."""
+
+class TimeSpentError(StopError):
+    """The share is spent: who tries another plan must stop too."""
 
 
 class TimeShare:

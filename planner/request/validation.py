@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Hashable, Mapping
 from dataclasses import fields
-from numbers import Integral, Real
+from numbers import Integral, Rational, Real
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
@@ -25,10 +25,15 @@ def _convert_to_number(value: Any, info: ValidationInfo) -> Any:
     """Numbers of other libraries as Python's."""
     if isinstance(value, bool) or not isinstance(value, Real):
         return value
-    if isinstance(value, Integral) and abs(int(value)) > MAX_NUMBER:
-        mark = mark_parameter(str(info.field_name))
-        raise RequestError(f"{mark} has too many digits; use {MAX_NUMBER:.0e} at most.")
+    _check_digits(value, str(info.field_name))
     return int(value) if isinstance(value, Integral) else float(value)
+
+
+def _check_digits(value: Real, parameter: str) -> None:
+    """Refuse whole numbers and fractions that a float may not hold."""
+    if isinstance(value, Rational) and abs(value.numerator) > MAX_NUMBER * value.denominator:
+        mark = mark_parameter(parameter)
+        raise RequestError(f"{mark} has too many digits; use {MAX_NUMBER:.0e} at most.")
 
 
 def _convert_to_tuple(value: Any, info: ValidationInfo) -> Any:
@@ -106,14 +111,17 @@ def _convert_option_units(model: type, named: Mapping[str, Any], positional: Map
     """The named values with those of options in the units of their parameters; raises RequestError."""
     converted = dict(named)
     scaled = _list_scaled_options(model)
-    for name in named.keys() & scaled.keys():
+    for name in filter(scaled.__contains__, named):
         value, (parameter, scale) = converted.pop(name), scaled[name]
         if parameter in named or parameter in positional:
             marks = f"{mark_parameter(name)} and {mark_parameter(parameter)}"
             raise RequestError(f"{marks} are the same in two units; leave out one of them.")
-        if value is not None and (isinstance(value, bool) or not isinstance(value, Real)):
-            raise RequestError(f"{mark_parameter(name)} is {shorten_value(value)}; give a number.")
-        converted[parameter] = value if value is None else float(value) * scale
+        if value is not None:
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise RequestError(f"{mark_parameter(name)} is {shorten_value(value)}; give a number.")
+            _check_digits(value, name)
+            value = float(value) * scale
+        converted[parameter] = value
     return converted
 
 

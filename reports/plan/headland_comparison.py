@@ -43,9 +43,9 @@ class ComparedPlan:
     """The best plan of a field with one way to work its headland, or why there is none.
 
     `requested_field` is the field as named in the request; `map` is a small map of the plan where one was asked for.
-    `meets_request` is False where the plan misses the deadline, the rain or the budget of the request. `parts` and
-    `cut_off` are the ground that it does not reach: parts with plans of their own, and all that obstacles cut off, at
-    the place of its largest piece.
+    `meets_request` is False where the plan is no recommendation: for deadline, rain, budget, share worked or pull.
+    `parts` and `cut_off` are the ground that it does not reach: parts with plans of their own, and all that obstacles
+    cut off, at the place of its largest piece.
     """
 
     requested_field: str

@@ -181,11 +181,13 @@ def format_cost_per_ha(totals: HeadlandTotals, comparison: HeadlandComparison) -
 
 
 def _describe_unmet(comparison: HeadlandComparison, best: HeadlandTotals) -> Iterator[str]:
-    """That the best way misses what was asked for, and where."""
+    """Where the best way is no recommendation."""
     missing = [comparison.field_names[each.requested_field] for each in best.plans if not each.meets_request]
     if missing:
         names = ", ".join(missing) if len(missing) <= MOST_NAMED_FIELDS else _count_fields(len(missing))
-        yield translate("It misses the deadline, the rain or the budget on {fields}.", fields=names)
+        yield translate(
+            "It is no recommendation on {fields} (deadline, rain, budget, share worked or pull).", fields=names
+        )
 
 
 def _count_fields(count: int) -> str:

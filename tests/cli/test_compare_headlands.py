@@ -136,7 +136,9 @@ def test_a_deadline_that_is_missed_is_said(headland: Callable[..., Any], farm: P
     outcome = headland("compare-headlands", f"{farm}#south", *QUICK, "--corners", "round", "--headland-order", "last",
                        "--start", "8:00", "--deadline", "8:02", "--samples", "100")  # fmt: skip
     assert outcome.status == 3
-    assert "It misses the deadline, the rain or the budget on south." in " ".join(outcome.out.split())
+    assert "It is no recommendation on south (deadline, rain, budget, share worked or pull)." in " ".join(
+        outcome.out.split()
+    )
 
 
 @pytest.mark.parametrize(

@@ -91,6 +91,13 @@ def test_ordinary_outlines_stay(saved: Any) -> None:
     assert clean_outline([jagged], "a") == (shapely.Polygon(jagged), ())
 
 
+def test_an_area_that_does_not_change_by_a_metre_has_no_sign() -> None:
+    """A ring of 600 points on a circle of 5 m is cleaned inwards."""
+    angles = np.linspace(0.0, 2.0 * np.pi, 600, endpoint=False)
+    cleaned, (remark,) = clean_outline([5.0 * np.column_stack([np.cos(angles), np.sin(angles)])], "a") or pytest.fail()
+    assert -0.5 < cleaned.area - 25.0 * np.pi < 0.0 and remark.endswith("changed by 0 m2.")
+
+
 def test_what_is_beyond_repair_is_refused(saved: Any) -> None:
     assert "crosses itself at" in refusal(saved(polygon([[0, 0], [100, 100], [100, 0], [0, 100], [0, 0]])), local=True)
     small_loop = [[0, 0], [200, 0], [200, 102], [197, 98], [200, 98], [196, 102], [0, 100], [0, 0]]

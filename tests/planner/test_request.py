@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from dataclasses import fields
+from fractions import Fraction
 from typing import Any, get_args
 
 import pytest
@@ -118,3 +119,18 @@ def test_a_speed_that_is_no_number_is_refused_by_the_name_it_was_given(value: An
     with pytest.raises(RequestError, match=r"^speed_kmh is .*; give a number") as refusal:
         PlanRequest(speed_kmh=value)  # type: ignore[call-arg]
     assert refusal.value.parameter == "speed_kmh"
+
+
+@pytest.mark.parametrize("name", ["speed_kmh", "speed_mps"])
+@pytest.mark.parametrize("value", [10**400, -Fraction(10**400, 3)])
+def test_a_speed_too_large_for_a_float_is_refused(name: str, value: Any) -> None:
+    with pytest.raises(RequestError, match=f"^{name} has too many digits; use 1e.18 at most") as refusal:
+        PlanRequest(**{name: value})
+    assert refusal.value.parameter == name
+
+
+@pytest.mark.parametrize("names", [("speed_kmh", "turn_speed_kmh"), ("turn_speed_kmh", "speed_kmh")])
+def test_of_two_faults_the_first_given_is_refused(names: tuple[str, str]) -> None:
+    with pytest.raises(RequestError) as refusal:
+        PlanRequest(**dict.fromkeys(names, "fast"))  # type: ignore[arg-type]
+    assert refusal.value.parameter == names[0]

@@ -15,6 +15,7 @@ import shapely
 
 from fields.geometry.field import Field
 from planner.errors import RequestError
+from planner.evaluation.time_share import TimeShare, TimeSpentError
 from planner.guide.guide_pages import read_page
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.farm_inputs import build_inputs_without_farm
@@ -129,6 +130,13 @@ def test_faults_while_planning_are_a_reason_and_leave_other_plans(install: Insta
     assert ranking.best is not None and ranking.best.strategy == "split-field"
     assert ranking.plans[-1].reason is not None
     assert "Strategy 'faulty' of the package faulty_one failed (ZeroDivisionError" in ranking.plans[-1].reason
+
+
+def test_the_end_of_the_computing_time_is_no_fault_of_a_strategy(install: Install) -> None:
+    source = "from headland import Strategy\nSTRATEGY = Strategy('slow', 'words', lambda job: job())"
+    install("slow_one", source, {"slow": "slow_one:STRATEGY"})
+    with pytest.raises(TimeSpentError):
+        get_strategy("slow").build(TimeShare(-1.0).check)  # type: ignore[arg-type]
 
 
 def test_a_name_of_headland_stays_headlands_and_a_remark_says_so(install: Install) -> None:
