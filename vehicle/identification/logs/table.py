@@ -253,7 +253,7 @@ def read_mapping_file(path: str | Path) -> tuple[dict[str, str], dict[str, Any]]
 
 
 def list_pairs(mapping: MappingSource) -> list[str]:
-    """A mapping as texts such as "time_s=Zeit"; raises LogError as `read_mapping_file`, and for a bad line of a file."""
+    """A mapping as texts such as "time_s=Zeit"; raises LogError as `read_mapping_file` and for a bad line in it."""
     columns = read_mapping_file(mapping)[0] if isinstance(mapping, str | Path) else mapping or ()
     pairs = [f"{key}={name}" for key, name in columns.items()] if isinstance(columns, Mapping) else list(columns)
     if isinstance(mapping, str | Path):
