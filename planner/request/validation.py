@@ -29,9 +29,9 @@ def _convert_to_number(value: Any, info: ValidationInfo) -> Any:
     return int(value) if isinstance(value, Integral) else float(value)
 
 
-def _check_digits(value: Real, parameter: str) -> None:
+def _check_digits(value: Any, parameter: str) -> None:
     """Refuse whole numbers and fractions that a float may not hold."""
-    if isinstance(value, Rational) and abs(value.numerator) > MAX_NUMBER * value.denominator:
+    if isinstance(value, Rational) and abs(int(value)) > MAX_NUMBER:
         mark = mark_parameter(parameter)
         raise RequestError(f"{mark} has too many digits; use {MAX_NUMBER:.0e} at most.")
 
