@@ -31,7 +31,7 @@ def _convert_to_number(value: Any, info: ValidationInfo) -> Any:
 
 def _check_digits(value: Any, parameter: str) -> None:
     """Refuse whole numbers and fractions that a float may not hold."""
-    if isinstance(value, Rational) and abs(int(value)) > MAX_NUMBER:
+    if isinstance(value, Rational) and abs(int(cast(Any, value))) > MAX_NUMBER:
         mark = mark_parameter(parameter)
         raise RequestError(f"{mark} has too many digits; use {MAX_NUMBER:.0e} at most.")
 
