@@ -25,7 +25,8 @@ HIDDEN_EFFECTS = {2: "steering_offset=1.5"}
 """An error of the second robot that its twin finds."""
 HEADLAND_COMMAND = (sys.executable, "-c", "from planner.cli.main import main; main()")
 TOKEN_VARIABLE = "HEADLAND_TOKEN"  # an environment variable, as other users of a machine see command lines
-TERMINATION_S, STARTUP_S = 10.0, 600.0
+# Longer than a service waits for its office, and that for its workers: who is killed earlier leaves semaphores behind.
+TERMINATION_S, STARTUP_S = 60.0, 600.0
 
 demo = typer.Typer(help="Demonstrations.\n\nExample: headland demo fleet", no_args_is_help=True)
 

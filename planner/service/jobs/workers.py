@@ -233,7 +233,7 @@ def _exit_with_service() -> None:
         os._exit(0)
 
 
-SUPERVISE_PERIOD_S, TERMINATE_TIMEOUT_S = 1.0, 5.0
+SUPERVISE_PERIOD_S, TERMINATE_TIMEOUT_S = 1.0, 10.0
 SHORT_LIFE_S, LONGEST_RESTART_PAUSE_S = 1.0, 30.0
 """A worker that ends sooner is replaced after a pause, which doubles each time."""
 
