@@ -1,0 +1,113 @@
+"""Circles of the field in which the tractor turns otherwise: the best one is searched for by its linear response."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.diagnosis.drive_data import POSE_CELLS, STRIDE
+from vehicle.identification.diagnosis.grammar import (
+    CONSTANT,
+    FEWEST_PATCH_STEPS,
+    LARGEST_PATCH_SHARE,
+    ODDS,
+    PATCH_RADII_M,
+    WIDTH_PER_TYPICAL,
+    Coordinate,
+    Hypothesis,
+    format_circle,
+)
+from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Gain, Problem
+from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion
+from vehicle.model.effects import get_effect
+
+SPACING = 0.7  # of the radius between the centres that are tried
+FINEST_MOVE_M, FIRST_MOVE_M, SMALLEST_RADIUS_M = 0.5, 4.0, 3.0
+Circle = tuple[float, float, float]
+
+
+def build_patch(circle: Circle) -> Hypothesis:
+    """A change of grip inside a circle."""
+    size = get_effect("grip_patch").size
+    coordinate = Coordinate((("bend", 1.0),), WIDTH_PER_TYPICAL * size.typical, size.low - 1.0, size.high - 1.0)
+    return Hypothesis("grip_patch", format_circle(*circle), (coordinate,), ODDS["place"], size.finest, place=circle)
+
+
+@dataclass(eq=False)
+class CircleSearch:
+    """Scores circles beside a fit by what they add to the yaw rate, all at once."""
+
+    problem: Problem
+    fit: Fit
+
+    def __post_init__(self) -> None:
+        problem, fit = self.problem, self.fit
+        self.noise = problem.noise["pose"]
+        response = build_yaw_response(problem.data, problem.rig.tractor.antenna_forward_m)
+        yaw = cut_motion(problem.data)[2]
+        white = self.noise.whiten(fit.residuals["pose"])
+        root = np.sqrt(self.noise.compute_weights(white))[:, None, None]
+        self.response = root * self.noise.whiten(response * yaw[:, None, :])
+        self.rest = (root[:, :, 0] * white).ravel()
+        secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP)
+        _, roots = problem.weigh(fit.residuals)
+        known = [secants[c] * roots[c][:, None, None] for c in secants]
+        stacked = np.concatenate([part.reshape(-1, part.shape[2]) for part in known])
+        self.inverse = np.linalg.inv(stacked.T @ stacked + np.eye(stacked.shape[1]))
+        self.known = known[0].reshape(-1, stacked.shape[1])
+        # Directions that the model explains already, also by other channels, take their part of the rest.
+        self.slope = stacked.T @ np.concatenate(
+            [(problem.noise[c].whiten(fit.residuals[c]) * roots[c][:, None]).ravel() for c in secants])  # fmt: skip
+
+    def find_best(self) -> Gain | None:
+        """The best circle, moved and resized until nothing is gained."""
+        path = self.problem.data.path
+        low = (float(path["east"].min()), float(path["north"].min()))
+        high = (float(path["east"].max()), float(path["north"].max()))
+        circles = [
+            (float(east), float(north), radius)
+            for radius in PATCH_RADII_M
+            for east in np.arange(low[0], high[0] + 1.0, SPACING * radius)
+            for north in np.arange(low[1], high[1] + 1.0, SPACING * radius)
+        ]
+        best, move = self._choose(circles), FIRST_MOVE_M
+        while best is not None and move >= FINEST_MOVE_M:
+            east, north, radius = best[1]
+            near = [(east + i * move, north + j * move, max(radius + k * move, SMALLEST_RADIUS_M))
+                    for i, j, k in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 0.5), (0, 0, -0.5))]  # fmt: skip
+            other = self._choose(near)
+            if other is not None and other[0] > best[0] + 0.1:
+                best = other
+            else:
+                move *= 0.5
+        if best is None:
+            return None
+        patch = build_patch(best[1])
+        return Gain(best[0] - patch.odds, patch, np.array([best[2] * patch.coordinates[0].width]))
+
+    def _choose(self, circles: Sequence[Circle]) -> tuple[float, Circle, float] | None:
+        """The best of some circles: nats, the circle, and its amount in widths."""
+        kept, columns = [], []
+        for circle in circles:
+            inside = self.problem.bases.find_circle(*circle)
+            if inside.sum() >= FEWEST_PATCH_STEPS * 3 // STRIDE and inside.mean() <= LARGEST_PATCH_SHARE:
+                kept.append(circle)
+                columns.append(self.problem.data.cut(inside.astype(np.float64), POSE_CELLS))
+        if not kept:
+            return None
+        width = WIDTH_PER_TYPICAL * get_effect("grip_patch").size.typical
+        own = np.stack(columns, axis=2)
+        values = width * (self.response @ own).reshape(len(self.rest), -1)
+        crossed = self.known.T @ values
+        curvature = (values * values).sum(axis=0) - (crossed * (self.inverse @ crossed)).sum(axis=0) + 1.0
+        slope = values.T @ self.rest - crossed.T @ (self.inverse @ self.slope)
+        nats = 0.5 * slope * slope / curvature - 0.5 * np.log(curvature)
+        place = int(np.argmax(nats))
+        return float(nats[place]), kept[place], float(slope[place] / curvature[place])
+
+
+def is_circle(hypothesis: Hypothesis) -> bool:
+    """Whether a hypothesis is about a place."""
+    return hypothesis.law != CONSTANT and hypothesis.id == "grip_patch"

@@ -1,0 +1,259 @@
+"""The logs as the likelihood sees them: inputs per step of the simulation, and samples in windows of ten seconds.
+
+Inputs (commands, wheel angles, speeds) are on two axes of all segments one after the other: STEP_S for steering and
+speed, PATH_STEP_S for the path. What was measured is averaged over short cells of a window; a cell without a sample is
+left out of the likelihood, so columns may be slow or missing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.schema import Array, Mask, Rows
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.records import DT_S
+
+WINDOW_S = 10.0  # the start of a window is free: longer ones hold what drifts, shorter ones lose what is slow
+POSE_CELL_S, SENSOR_CELL_S = 0.4, 0.2  # cells of a window; shorter ones cost time and tell nothing more at 10 Hz
+STRIDE = 2  # steps of the grid in a step of the path: 1/30 s
+STEP_S, PATH_STEP_S = DT_S, STRIDE * DT_S
+POSE_CELLS, SENSOR_CELLS = round(WINDOW_S / POSE_CELL_S), round(WINDOW_S / SENSOR_CELL_S)
+FEWEST_WINDOWS = 3
+LEAST_CELL_SHARE = 0.2  # of the cells of a window that hold a position
+CRAWL_MPS = 0.2  # windows driven more slowly on average say nothing
+Places = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One measured column in the cells of all windows (w, cells).
+
+    `values` are means over the rows of a cell and 0 without one; `places` are the steps (of the column's axis) of the
+    rows used, `cells` their cells, `segments` the segment of each row.
+    """
+
+    values: Array
+    observed: Mask
+    places: Array
+    cells: Places
+    segments: Places
+
+    def average(self, rows: Array) -> Array:
+        """Means (w, cells) of values per row (k,); 0 in cells without a row."""
+        size = self.observed.size
+        total = np.bincount(self.cells, rows, minlength=size).reshape(self.observed.shape)
+        return np.asarray(total / np.maximum(self._counts, 1.0))
+
+    @cached_property
+    def _counts(self) -> Array:
+        counts = np.bincount(self.cells, minlength=self.observed.size)
+        return counts.reshape(self.observed.shape).astype(np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveData:
+    """All segments of a dataset that hold a window.
+
+    `step_starts` and `path_starts` (s + 1,) bound the segments on their axes; arrays on the step axis are (n,), those
+    of `path` (m,). `window_runs` (w,) are indices of runs, `window_starts` (w,) steps of the path.
+    """
+
+    dataset: DriveDataset
+    segments: tuple[DriveSegment, ...]
+    step_starts: Places
+    path_starts: Places
+    command: Array
+    first_wheel: Array
+    target: Array
+    working: Array
+    path: dict[str, Array]
+    window_runs: Places
+    window_starts: Places
+    window_segments: Places
+    east: Samples
+    north: Samples
+    heading: Samples
+    wheel: Samples
+    speed: Samples
+    earlier: tuple[Array, ...] = field(default=())
+
+    @property
+    def windows(self) -> int:
+        """Number of windows."""
+        return len(self.window_runs)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs, with those that hold no window."""
+        return len(self.dataset.names)
+
+    @cached_property
+    def has_wheel(self) -> Mask:
+        """Per segment, whether its wheel angle was measured."""
+        return np.array([segment.wheel is not None for segment in self.segments])
+
+    @cached_property
+    def path_runs(self) -> Places:
+        """The run of every step of the path (m,)."""
+        return self.spread([segment.run for segment in self.segments])
+
+    @cached_property
+    def row_step_s(self) -> float:
+        """The median time between rows (s)."""
+        return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.segments])))
+
+    def spread(self, per_segment: Sequence[float] | Array) -> npt.NDArray[np.int64]:
+        """One value per segment on every step of its path."""
+        return np.repeat(np.asarray(per_segment), np.diff(self.path_starts))
+
+    def cut(self, values: Array, cells: int) -> Array:
+        """Means (w, cells) of values per step of the path over all cells of the windows."""
+        steps = round(WINDOW_S / PATH_STEP_S)
+        last = self.path_starts[1:][self.window_segments] - 1
+        places = np.minimum(self.window_starts[:, None] + np.arange(steps), last[:, None])
+        return np.asarray(values[places].reshape(len(places), cells, -1).mean(axis=2))
+
+
+def build_drive_data(dataset: DriveDataset) -> DriveData:
+    """Lay the segments of a dataset out in windows.
+
+    Raises LogError where fewer than FEWEST_WINDOWS hold enough driving.
+    """
+    kept = [segment for segment in dataset.segments if _list_windows(segment)]
+    windows = [(number, start) for number, segment in enumerate(kept) for start in _list_windows(segment)]
+    if len(windows) < FEWEST_WINDOWS:
+        raise LogError(
+            f"These logs hold {len(windows)} pieces of {WINDOW_S:g} s in which the tractor drives and its position is "
+            f"known; a diagnosis needs {FEWEST_WINDOWS}: give longer runs."
+        )
+    steps = [STRIDE * -(-len(segment.grids["speed"]) // STRIDE) for segment in kept]
+    step_starts = np.concatenate([[0], np.cumsum(steps)]).astype(np.int64)
+    path_starts = step_starts // STRIDE
+    window_segments = np.array([number for number, _ in windows], dtype=np.int64)
+    window_starts = path_starts[window_segments] + np.array([round(start / PATH_STEP_S) for _, start in windows])
+    command = [_pad(_get_command(segment), count) for segment, count in zip(kept, steps, strict=True)]
+    return DriveData(
+        dataset,
+        tuple(kept),
+        step_starts,
+        path_starts,
+        np.concatenate(command),
+        np.array([_get_wheel(segment)[0] for segment in kept]),
+        np.concatenate([_pad(_get_target(segment), count) for segment, count in zip(kept, steps, strict=True)]),
+        np.concatenate([_pad(segment.grids["working"], count) for segment, count in zip(kept, steps, strict=True)]),
+        _build_path(kept, steps),
+        np.array([kept[number].run for number in window_segments], dtype=np.int64),
+        window_starts,
+        window_segments,
+        *_build_samples(kept, windows, step_starts, path_starts),
+        tuple(segment.earlier_commands for segment in kept),
+    )
+
+
+def _list_windows(segment: DriveSegment) -> list[float]:
+    """Starts (s) of the windows of a segment that hold driving; the last may be half empty."""
+    count = int((segment.time[-1] + 0.5 * WINDOW_S) / WINDOW_S)
+    starts = []
+    for start in WINDOW_S * np.arange(count):
+        rows = (segment.time >= start) & (segment.time < start + WINDOW_S)
+        cells = len(np.unique(segment.time[rows] // POSE_CELL_S))
+        if rows.any() and cells >= max(4, LEAST_CELL_SHARE * POSE_CELLS) and _is_driving(segment, rows):
+            starts.append(float(start))
+    return starts
+
+
+def _is_driving(segment: DriveSegment, rows: Mask) -> bool:
+    return float(np.abs(segment.speed[rows]).mean()) > CRAWL_MPS
+
+
+def _pad(values: Array, count: int) -> Array:
+    return np.concatenate([values, np.full(count - len(values), values[-1])])
+
+
+def _get_command(segment: DriveSegment) -> Array:
+    return segment.grids["command"] if segment.command is not None else segment.grids["wheel"]
+
+
+def _get_wheel(segment: DriveSegment) -> Array:
+    return segment.grids["wheel"] if segment.wheel is not None else segment.grids["command"]
+
+
+def _get_target(segment: DriveSegment) -> Array:
+    return segment.grids["target"] if segment.target is not None else segment.grids["speed"]
+
+
+def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int]) -> dict[str, Array]:
+    """Inputs on the axis of the path: measured pose, speed, wheel angle (noisy and steady), slope, seconds."""
+    columns: dict[str, list[Array]] = {}
+    for segment, count in zip(segments, steps, strict=True):
+        wheel = _get_wheel(segment)
+        steady = segment.denoised_wheel_angle if segment.wheel is not None else wheel
+        inputs = {
+            **{name: segment.grids[name] for name in ("east", "north", "heading", "speed", "working")},
+            "wheel": wheel,
+            "steady": steady,
+            "across": segment.grids.get("across", np.zeros(len(wheel))),
+            "seconds": segment.start_s + np.arange(len(wheel)) * STEP_S,
+        }
+        for name, values in inputs.items():
+            columns.setdefault(name, []).append(_pad(values, count)[::STRIDE])
+    path = {name: np.ascontiguousarray(np.concatenate(parts)) for name, parts in columns.items()}
+    return {**path, "cosine": np.cos(path["heading"]), "sine": np.sin(path["heading"])}
+
+
+def _build_samples(
+    segments: Sequence[DriveSegment], windows: list[tuple[int, float]], step_starts: Places, path_starts: Places
+) -> list[Samples]:
+    """East, north, heading, wheel angle and speed as measured, in cells of the windows."""
+    samples = []
+    for name, cells in (("east", POSE_CELLS), ("north", POSE_CELLS), ("heading", POSE_CELLS),
+                        ("wheel", SENSOR_CELLS), ("speed", SENSOR_CELLS)):  # fmt: skip
+        starts, step_s = (path_starts, PATH_STEP_S) if cells == POSE_CELLS else (step_starts, STEP_S)
+        parts: list[tuple[Array, Array, Rows, Rows]] = []
+        for window, (number, start_s) in enumerate(windows):
+            segment = segments[number]
+            values = _get_sampled_column(segment, name)
+            if values is None:
+                continue
+            rows = np.flatnonzero((segment.time >= start_s) & (segment.time < start_s + WINDOW_S) & values[1])
+            cell = ((segment.time[rows] - start_s) / (WINDOW_S / cells)).astype(np.int64)
+            places = starts[number] + segment.time[rows] / step_s
+            parts.append((values[0][rows], places, window * cells + np.minimum(cell, cells - 1),
+                          np.full(len(rows), number)))  # fmt: skip
+        samples.append(_collect_samples(parts, (len(windows), cells)))
+    return samples
+
+
+def _get_sampled_column(segment: DriveSegment, name: str) -> tuple[Array, Mask] | None:
+    """The values of a column (k,) and in which rows they were measured; None where nothing can be compared with them."""
+    every = np.ones(segment.rows, dtype=np.bool_)
+    if name == "heading" and not segment.heading_measured:
+        return None
+    if name == "wheel":
+        if segment.wheel is None or segment.command is None:
+            return None
+        return segment.wheel, segment.measured_rows.get("wheel", every)
+    if name == "speed":
+        if not segment.speed_measured or segment.target is None:
+            return None
+        return segment.speed, segment.measured_rows.get("speed", every)
+    values: Array = getattr(segment, name)
+    return values, every
+
+
+def _collect_samples(parts: Sequence[tuple[Array, Array, Rows, Rows]], shape: tuple[int, int]) -> Samples:
+    values, places, cells, segments = (
+        np.concatenate([part[number] for part in parts]) if parts else np.empty(0) for number in range(4)
+    )
+    cells, size = cells.astype(np.int64), shape[0] * shape[1]
+    counts = np.bincount(cells, minlength=size)
+    means = np.bincount(cells, values, minlength=size) / np.maximum(counts, 1)
+    return Samples(
+        means.reshape(shape), (counts > 0).reshape(shape), places, cells, segments.astype(np.int64)
+    )

@@ -1,0 +1,312 @@
+"""The hypotheses of a diagnosis: effect x scope x law x instrument, enumerated from the catalogue.
+
+A hypothesis adds to fields of the model: an amount per coordinate times a basis over the steps of the logs. Which fields
+and how much a unit adds is taken from the catalogue itself; a scope (one run, the implement, one side, a circle) or a
+law (by speed, angle, time, direction) is only another basis.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from vehicle.identification.diagnosis.drive_data import DriveData
+from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
+from vehicle.identification.logs.schema import Array, Mask
+from vehicle.model.effect_kinds import CIRCLE, SLOPE, EffectKind, EffectParameter
+from vehicle.model.effects import (
+    CATALOGUE,
+    SLOPE_DRIFT,
+    Effect,
+    compute_effect_fields,
+    get_effect,
+    get_neutral_values,
+)
+from vehicle.model.tractor import Tractor
+
+CONSTANT = "constant"
+WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation of the prior
+# Nats of prior odds against: an effect of the catalogue, a law of one, and one of many runs or places.
+ODDS = {"catalogue": 0.0, "law": 2.0, "run": 5.0, "place": 5.0}
+STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
+PATCH_RADII_M = (8.0, 14.0)
+FEWEST_PATCH_STEPS, LARGEST_PATCH_SHARE = 60, 0.7
+LAW_WORDS = {
+    "by_speed": "speed",
+    "by_angle": "the size of the wheel angle",
+    "by_implement": "the implement",
+    "by_side": "the side",
+    "over_minutes": "the driving time",
+    "to_east": "the direction of travel",
+    "to_north": "the direction of travel",
+    "by_run": "the run",
+    "by_place": "the place",
+}
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number of a hypothesis: what a unit of it adds to fields, and the width of its prior with its limits."""
+
+    slopes: tuple[tuple[str, float], ...]
+    width: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An effect with a scope or a law. `basis` is constant or a key of Bases; `odds` are nats against it beforehand.
+
+    `finest` is the smallest size that may be claimed, in the unit of the first coordinate; `is_nuisance` marks what
+    every model has and no diagnosis reports. `starts` are sizes to try first, in widths.
+    """
+
+    id: str
+    basis: str
+    coordinates: tuple[Coordinate, ...]
+    odds: float = 0.0
+    finest: float = 0.0
+    is_nuisance: bool = False
+    starts: tuple[float, ...] = ()
+    place: tuple[float, ...] = ()
+
+    @cached_property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return len(self.coordinates)
+
+    @cached_property
+    def chains(self) -> frozenset[str]:
+        """Chains of the simulation that it acts on."""
+        names = {name for coordinate in self.coordinates for name, _ in coordinate.slopes}
+        return frozenset(chain for chain, fields in CHAINS.items() if names & set(fields))
+
+    @property
+    def law(self) -> str:
+        """The kind of its law without its place: constant, by_run, by_place, by_speed, ..."""
+        return self.basis.split(":")[0]
+
+    @property
+    def is_catalogued(self) -> bool:
+        """Whether it is an effect of the catalogue as a tractor file holds it."""
+        return not self.is_nuisance and self.basis in (CONSTANT, "by_place")
+
+    def __str__(self) -> str:
+        return self.id if self.basis == CONSTANT else f"{self.id}@{self.basis}"
+
+
+@dataclass(eq=False)
+class Bases:
+    """What an amount is multiplied with at every step of the path (m,), by key; circles are added as they are tried."""
+
+    data: DriveData
+    arrays: dict[str, Array] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        path = self.data.path
+        speed, wheel = np.abs(path["speed"]), path["steady"]
+        side = np.where(np.abs(wheel) < STRAIGHT_RAD, 0.0, np.sign(wheel))
+        moving_right = np.sign(np.gradient(wheel)) > 0.0
+        self.arrays |= {
+            CONSTANT: np.ones(len(wheel)),
+            "by_speed": speed,
+            "by_square": speed * speed,
+            "by_angle": np.abs(wheel),
+            "by_implement": path["working"],
+            "by_side:left": (side < 0.0).astype(np.float64),
+            "by_side:right": (side > 0.0).astype(np.float64),
+            "by_side:to_left": (~moving_right).astype(np.float64),
+            "by_side:to_right": moving_right.astype(np.float64),
+            "over_minutes": path["seconds"] / 60.0,
+            "to_east": path["cosine"],
+            "to_north": path["sine"],
+        }
+        runs = self.data.path_runs
+        for run in range(self.data.runs):
+            self.arrays[f"by_run:{run}"] = (runs == run).astype(np.float64)
+
+    def get(self, key: str) -> Array:
+        """The basis of a key; a circle is made on the first call."""
+        if key not in self.arrays:
+            self.arrays[key] = self.find_circle(*parse_circle(key)).astype(np.float64)
+        return self.arrays[key]
+
+    def find_circle(self, east: float, north: float, radius: float) -> Mask:
+        """Steps (m,) inside a circle."""
+        path = self.data.path
+        return np.asarray((path["east"] - east) ** 2 + (path["north"] - north) ** 2 < radius * radius)
+
+
+def format_circle(east: float, north: float, radius: float) -> str:
+    """The key of a circle."""
+    return f"by_place:{east:.2f}:{north:.2f}:{radius:.2f}"
+
+
+def parse_circle(key: str) -> tuple[float, float, float]:
+    """Centre and radius of the key of a circle."""
+    east, north, radius = map(float, key.split(":")[1:])
+    return east, north, radius
+
+
+def scale_parameter(parameter: EffectParameter, tractor: Tractor) -> EffectParameter:
+    """The parameter for the size of a tractor."""
+    return parameter.scale_to_wheelbase(tractor.wheelbase_m)
+
+
+def get_kind(effect: Effect, data: DriveData) -> EffectKind:
+    """The kind of an effect for what these logs hold, such as the slope of their ground."""
+    return effect.kind.get_kind_for_place(data.dataset.effect_places.get(effect.id, ()))
+
+
+def list_catalogue(data: DriveData, tractor: Tractor) -> list[Hypothesis]:
+    """Every effect of the catalogue as a constant, but circles, whose place is searched for."""
+    return [build_constant(effect, data, tractor) for effect in CATALOGUE if effect.kind is not CIRCLE]
+
+
+def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothesis:
+    """An effect as a constant: its coordinates about neutral, with the fields that they change."""
+    kind, size = get_kind(effect, data), scale_parameter(effect.size, tractor)
+    zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
+    box = kind.build_box(size, zero, ())
+    coordinates = []
+    for place, typical in enumerate(box.typical):
+        slopes = _measure_slopes(effect, kind, np.array(box.neutral), place, typical)
+        low, high = box.low[place] - box.neutral[place], box.high[place] - box.neutral[place]
+        coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high))
+    finest = size.finest if kind is not SLOPE else scale_parameter(effect.size, tractor).finest
+    return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, finest)
+
+
+def _measure_slopes(
+    effect: Effect, kind: EffectKind, neutral: Array, place: int, typical: float
+) -> tuple[tuple[str, float], ...]:
+    """What a unit of a coordinate adds to fields of the model, by the formulas of the catalogue."""
+    if effect.id == SLOPE_DRIFT and len(neutral) == 1:
+        share = float(kind.compute_values(effect.params, np.array([typical]))["per_slope"])
+        return (("per_slope", share / typical),)
+    moved = neutral.copy()
+    moved[place] += 1e-3 * typical
+    if effect.id == "grip_drift":
+        return (("bend", 1.0),)
+    before, after = (
+        compute_effect_fields({effect.id: kind.compute_values(effect.params, coordinates, ())})
+        for coordinates in (neutral, moved)
+    )
+    return tuple(
+        (name, (after[name] - before[name]) / (1e-3 * typical))
+        for name in after
+        if name in before and after[name] != before[name]
+    )
+
+
+def build_scope(parent: Hypothesis, basis: str, scale: float = 1.0) -> Hypothesis:
+    """A hypothesis with another basis, whose usual size there is `scale`: the width is over it."""
+    coordinates = tuple(
+        Coordinate(one.slopes, one.width / scale, -math.inf, math.inf) for one in parent.coordinates
+    )
+    kind = basis.split(":")[0]
+    odds = ODDS["run" if kind == "by_run" else "place" if kind == "by_place" else "law"]
+    return Hypothesis(parent.id, basis, coordinates, odds, parent.finest / scale)
+
+
+def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
+    """All laws of an effect that these logs can show."""
+    laws = []
+    for key, values in bases.arrays.items():
+        if key == CONSTANT or key.startswith(("by_place", "by_square")):
+            continue
+        spread = float(np.std(values))
+        if spread > 1e-3 * max(float(np.abs(values).max()), 1e-9) and _can_vary(parent, key):
+            scale = float(np.sqrt(np.mean(values * values))) if ":" not in key else 1.0
+            laws.append(build_scope(parent, key, max(scale, 1e-6)))
+    return laws
+
+
+def _can_vary(parent: Hypothesis, key: str) -> bool:
+    """Sides of movement are for the steering system, sides of the wheels for the path; columns do not know either."""
+    if key.startswith("by_side:to_"):
+        return "steering" in parent.chains
+    if key.startswith("by_side"):
+        return parent.chains == frozenset({"path"})
+    if parent.chains & {"instruments"}:
+        return key.startswith(("by_run", "over_minutes"))
+    return True
+
+
+def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hypothesis]:
+    """What may look like an effect of the catalogue and is none: laws of grip, angle, speed and of single runs."""
+    constants = {one.id: one for one in list_catalogue(data, tractor)}
+    wide = ("steering_gain", "steering_offset")
+    hypotheses = [law for name in wide for law in list_laws(constants[name], bases) if law.law != "by_side"]
+    hypotheses = [law for law in hypotheses if str(law) != "steering_gain@over_minutes"]  # that is grip_drift
+    hypotheses += [law for law in list_laws(constants["wheel_slip"], bases)
+                   if law.law in ("by_speed", "by_run", "over_minutes")]  # fmt: skip
+    for name in ("steering_rate", "steering_deadband"):
+        hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
+    hypotheses += [law for law in list_laws(constants["gnss_latency"], bases) if law.law == "by_run"]
+    wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
+    hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), ODDS["law"], 0.02))
+    late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)
+    hypotheses.append(Hypothesis("gnss_latency", "with_speed", (late,), ODDS["law"], get_effect("gnss_latency").size.finest))
+    push = tuple(Coordinate(((name, 1.0),), 0.075, -math.inf, math.inf) for name in ("push_east", "push_north"))
+    hypotheses.append(Hypothesis("push", CONSTANT, push, ODDS["law"], 0.01))
+    return hypotheses
+
+
+# What the base model is known not to know, in every model with a small prior: tyres relax and creep, a wheel sensor is a
+# little off, speeds follow a little later, a ramp is steeper. Standard deviations from six truths made by other hands.
+NUISANCES: Mapping[str, tuple[str, float]] = {
+    "speed_lag": ("speed_lag", 0.25),
+    "ramp": ("ramp", 3.0),
+    "relaxation": ("relaxation", 0.15),
+    "crab": ("crab", 0.006),
+    "wheel_scale": ("wheel_scale", 0.005),
+    "lateness": ("latency", 0.02 * 60.0),
+}
+MOST_NUISANCE_WIDTHS = 2.5
+
+
+def list_nuisances(data: DriveData) -> list[Hypothesis]:
+    """The nuisances of every model; commands are late by what the interval between rows leaves open."""
+    nuisances = []
+    for name, (field_name, width) in NUISANCES.items():
+        low = 0.0 if name in ("speed_lag", "ramp", "relaxation") else -MOST_NUISANCE_WIDTHS * width
+        coordinate = Coordinate(((field_name, 1.0),), width, low, MOST_NUISANCE_WIDTHS * width)
+        nuisances.append(Hypothesis(f"_{name}", CONSTANT, (coordinate,), is_nuisance=True))
+    width = 0.29 * data.row_step_s
+    command = Coordinate((("command_clock", -1.0),), width, -MOST_NUISANCE_WIDTHS * width, MOST_NUISANCE_WIDTHS * width)
+    return [*nuisances, Hypothesis("_command", CONSTANT, (command,), is_nuisance=True)]
+
+
+def sum_fields(model: Sequence[Hypothesis], amounts: Array, bases: Bases, base: Mapping[str, float]) -> dict[str, Array]:
+    """The fields (m,) of all hypotheses together, for those that differ from the base."""
+    fields: dict[str, Array] = {}
+    for hypothesis, own in split_amounts(model, amounts):
+        values = bases.get("over_minutes" if hypothesis.id == "grip_drift" else hypothesis.basis
+                           if hypothesis.basis != "with_speed" else CONSTANT)  # fmt: skip
+        for amount, coordinate in zip(own, hypothesis.coordinates, strict=True):
+            for name, slope in coordinate.slopes:
+                part = slope * amount * values
+                if name in FACTORS:
+                    fields[name] = fields.get(name, base[name]) * (1.0 + part)
+                else:
+                    fields[name] = fields.get(name, base[name]) + part
+    return fields
+
+
+def split_amounts(model: Sequence[Hypothesis], amounts: Array) -> Iterator[tuple[Hypothesis, Array]]:
+    """Every hypothesis with its own amounts."""
+    place = 0
+    for hypothesis in model:
+        yield hypothesis, amounts[place : place + hypothesis.size]
+        place += hypothesis.size
+
+
+def collect_widths(model: Sequence[Hypothesis]) -> Array:
+    """Widths of all coordinates of a model."""
+    return np.array([one.width for hypothesis in model for one in hypothesis.coordinates])

@@ -1,0 +1,364 @@
+"""Fitting a model, that is a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vehicle.identification.diagnosis.drive_data import DriveData
+from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, collect_widths, split_amounts, sum_fields
+from vehicle.identification.diagnosis.noise import (
+    ChannelNoise,
+    build_pose_noise,
+    build_speed_noise,
+    build_wheel_noise,
+)
+from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.rig import ReplayRig
+
+CHANNELS = ("pose", "wheel", "speed")
+SCAN_STEP, FIT_STEP = 0.5, 0.04  # widths: the secant of an untried hypothesis, and that of a fit
+SETTLED_NATS = 0.05
+NEAR_WIDTHS, MOST_STORED = 0.15, 3  # amounts up to which a change of the prediction is used again
+MOST_DAMPINGS = 6
+SEARCH_WIDTHS = (-1.0, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 1.0)
+NOISE_ITERATIONS = 40
+# Effects of the steering system act by thresholds: their cost has many minima, so a line of sizes is tried first.
+RUGGED_CHAINS = frozenset({"steering"})
+Residuals = dict[str, Array]
+Model = tuple[Hypothesis, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A model with its most likely amounts: cost (nats), residuals, and the curvature of the cost per width (k, k)."""
+
+    model: Model
+    amounts: Array
+    cost: float
+    residuals: Residuals
+    curvature: Array
+
+    @property
+    def evidence(self) -> float:
+        """Log evidence by Laplace's method, up to a constant: the noise is part of the cost."""
+        sign, log_size = np.linalg.slogdet(self.curvature)
+        odds = sum(hypothesis.odds for hypothesis in self.model)
+        return -self.cost - 0.5 * float(log_size if sign > 0 else 0.0) - odds
+
+    def get_amounts(self, hypothesis: Hypothesis) -> Array:
+        """The amounts of one of its hypotheses."""
+        return next(own for one, own in split_amounts(self.model, self.amounts) if one == hypothesis)
+
+    def locate(self, hypothesis: Hypothesis) -> slice:
+        """The place of a hypothesis among the amounts."""
+        start = 0
+        for one in self.model:
+            if one == hypothesis:
+                return slice(start, start + one.size)
+            start += one.size
+        raise KeyError(str(hypothesis))
+
+
+@dataclass(frozen=True)
+class Gain:
+    """What a hypothesis would gain on top of a fit (nats, less its odds), by linear prediction, and its amounts."""
+
+    nats: float
+    hypothesis: Hypothesis
+    amounts: Array
+
+
+@dataclass(eq=False)
+class Problem:
+    """Data, simulator and noise of a diagnosis."""
+
+    data: DriveData
+    rig: ReplayRig
+    noise: dict[str, ChannelNoise] = field(init=False)
+    changes: dict[tuple[str, int, bool, bool], list[tuple[dict[tuple[str, int], float], Residuals]]] = field(
+        default_factory=dict
+    )
+
+    def __post_init__(self) -> None:
+        self.simulator, self.bases = Simulator(self.data, self.rig), Bases(self.data)
+        tractor = self.rig.tractor
+        self.noise = {
+            "pose": build_pose_noise(self.data, tractor.antenna_forward_m),
+            "wheel": build_wheel_noise(self.data),
+            "speed": build_speed_noise(self.data),
+        }
+        data = self.data
+        self.measured = np.stack([data.east.values, data.north.values, data.heading.values], axis=2)
+        self.seen = np.stack([one.observed for one in (data.east, data.north, data.heading)], axis=2).astype(np.float64)
+
+    def compute_residuals(self, model: Sequence[Hypothesis], amounts: Array) -> Residuals:
+        """Residuals (w, n) per channel; a pose is first laid on the measurement, as the start of a window is free."""
+        fields = sum_fields(model, amounts, self.bases, self.simulator.base)
+        own = [(one, tuple(part)) for one, part in split_amounts(model, amounts) if np.any(part)]
+        keys = {
+            chain: tuple((str(one), part) for one, part in own if chain in one.chains) for chain in CHAINS
+        }
+        shown = self.simulator.simulate(fields, keys)
+        predicted = np.stack([shown["east"], shown["north"], shown["heading"]], axis=2)
+        data = self.data
+        return {
+            "pose": self._align(predicted),
+            "wheel": (data.wheel.values - shown["wheel"]) * data.wheel.observed,
+            "speed": (data.speed.values - shown["speed"]) * data.speed.observed,
+        }
+
+    def _align(self, predicted: Array) -> Array:
+        seen, measured = self.seen, self.measured
+        counts = np.maximum(seen.sum(axis=1), 1.0)
+        m = measured[:, :, :2] - ((measured * seen).sum(axis=1) / counts)[:, None, :2]
+        p = predicted[:, :, :2] - ((predicted * seen).sum(axis=1) / counts)[:, None, :2]
+        off = ((measured[:, :, 2] - predicted[:, :, 2]) * seen[:, :, 2]).sum(axis=1) / counts[:, 2]
+        cross = ((p[:, :, 0] * m[:, :, 1] - p[:, :, 1] * m[:, :, 0]) * seen[:, :, 0]).sum(axis=1)
+        dot = ((p * m).sum(axis=2) * seen[:, :, 0]).sum(axis=1)
+        turn = np.where(seen[:, :, 2].sum(axis=1) > 2, off, np.arctan2(cross, dot))
+        cosine, sine = np.cos(turn)[:, None], np.sin(turn)[:, None]
+        east = m[:, :, 0] - p[:, :, 0] * cosine + p[:, :, 1] * sine
+        north = m[:, :, 1] - p[:, :, 0] * sine - p[:, :, 1] * cosine
+        heading = measured[:, :, 2] - predicted[:, :, 2] - turn[:, None]
+        out = np.stack([east, north, heading], axis=1) * seen.transpose(0, 2, 1)
+        return np.asarray(out.reshape(len(out), -1))
+
+    def compute_cost(self, model: Sequence[Hypothesis], amounts: Array, residuals: Residuals) -> float:
+        """Minus the log posterior of amounts (nats)."""
+        scaled = amounts / collect_widths(model)
+        likelihood = sum(
+            float(noise.compute_log_density(noise.whiten(residuals[channel])).sum())
+            for channel, noise in self.noise.items()
+        )
+        return -likelihood + 0.5 * float(scaled @ scaled)
+
+    def compute_secants(
+        self, model: Model, amounts: Array, residuals: Residuals, places: Iterable[int], step: float,
+        is_fresh: bool = False,
+    ) -> dict[str, Array]:  # fmt: skip
+        """Whitened change of the prediction per width of the coordinates at `places`: (w, n, k) per channel.
+
+        Changes that were computed where the amounts were nearly the same are used again, unless `is_fresh`.
+        """
+        names = [(str(one), number) for one in model for number in range(one.size)]
+        columns = [self._get_change(model, amounts, residuals, place, names[place], step, NEAR_WIDTHS * (not is_fresh)) for place in places]
+        return {
+            channel: self.noise[channel].whiten(np.stack([column[channel] for column in columns], axis=2))
+            for channel in CHANNELS
+        }
+
+    def _get_change(
+        self, model: Model, amounts: Array, residuals: Residuals, place: int, name: tuple[str, int], step: float,
+        near: float,
+    ) -> Residuals:  # fmt: skip
+        """The change of the prediction per width of one coordinate, there or within `near` widths."""
+        widths = collect_widths(model)
+        chains = next(one for one in model if str(one) == name[0]).chains
+        point = {
+            (str(one), number): own[number] / coordinate.width
+            for one, own in split_amounts(model, amounts)
+            for number, coordinate in enumerate(one.coordinates)
+            if one.chains & chains
+        }
+        stored = self.changes.setdefault((*name, step > 0.0, abs(step) > 2.0 * FIT_STEP), [])
+        for other, change in stored:
+            if all(abs(point.get(key, 0.0) - other.get(key, 0.0)) <= near for key in point.keys() | other.keys()):
+                return change
+        moved = amounts.copy()
+        moved[place] += step * widths[place]
+        shown = self.compute_residuals(model, moved)
+        change = {channel: (residuals[channel] - shown[channel]) / step for channel in CHANNELS}
+        stored.insert(0, (point, change))
+        del stored[MOST_STORED:]
+        return change
+
+    def weigh(self, residuals: Residuals) -> tuple[Residuals, dict[str, Array]]:
+        """Whitened residuals and the roots of the weights of windows."""
+        white = {channel: noise.whiten(residuals[channel]) for channel, noise in self.noise.items()}
+        return white, {channel: np.sqrt(self.noise[channel].compute_weights(own)) for channel, own in white.items()}
+
+    def refit(self, model: Model, amounts: Array, iterations: int = 10) -> Fit:
+        """The most likely amounts from a start, by damped Gauss-Newton steps inside the limits, at this noise."""
+        widths, bounds = collect_widths(model), _collect_bounds(model)
+        amounts = np.clip(amounts, *bounds)
+        residuals = self.compute_residuals(model, amounts)
+        cost, damping = self.compute_cost(model, amounts, residuals), 1e-3
+        curvature, is_fresh = np.eye(len(amounts)), False
+        for _ in range(iterations):
+            curvature, slope = self._linearise(model, amounts, residuals, is_fresh)
+            found = None
+            for _ in range(MOST_DAMPINGS):
+                step = _solve_inside(curvature, slope, damping, amounts, widths, bounds)
+                tried = np.clip(amounts + widths * step, *bounds)
+                tried_residuals = self.compute_residuals(model, tried)
+                tried_cost = self.compute_cost(model, tried, tried_residuals)
+                if tried_cost < cost - 1e-6:
+                    found = tried, tried_residuals, tried_cost
+                    break
+                damping = max(8.0 * damping, 1e-2)
+            gained = 0.0
+            if found is not None:
+                gained = cost - found[2]
+                amounts, residuals, cost = found
+            damping = 0.3 * damping if found is not None else 1e-3
+            if gained < SETTLED_NATS:
+                if is_fresh:
+                    break
+                is_fresh = True
+        return Fit(model, amounts, cost, residuals, curvature)
+
+    def _linearise(self, model: Model, amounts: Array, residuals: Residuals, is_fresh: bool) -> tuple[Array, Array]:
+        """Curvature and slope of the cost per width at these amounts; `is_fresh` computes all changes here."""
+        white, roots = self.weigh(residuals)
+        secants = self.compute_secants(model, amounts, residuals, range(len(amounts)), FIT_STEP, is_fresh)
+        curvature, slope = np.eye(len(amounts)), -amounts / collect_widths(model)
+        for channel, columns in secants.items():
+            weighted = (columns * roots[channel][:, None, None]).reshape(-1, len(amounts))
+            curvature = curvature + weighted.T @ weighted
+            slope = slope + weighted.T @ (white[channel] * roots[channel][:, None]).ravel()
+        return curvature, slope
+
+    def fit(self, model: Model, amounts: Array, rounds: int = 3, iterations: int = 12) -> Fit:
+        """Amounts and noise in turn, and the amounts once more; rugged effects by a line of sizes first."""
+        fit = self.refit(model, self.search_lines(model, amounts), iterations)
+        for _ in range(rounds):
+            self.fit_noise(fit.residuals)
+            before = self.compute_cost(model, fit.amounts, fit.residuals)
+            fit = self.refit(model, fit.amounts, iterations)
+            if before - fit.cost < 1.0:
+                break
+        return fit
+
+    def search_lines(self, model: Model, amounts: Array) -> Array:
+        """Try sizes along every rugged effect and keep the best."""
+        widths, bounds = collect_widths(model), _collect_bounds(model)
+        best = np.clip(amounts, *bounds)
+        cost = self.compute_cost(model, best, self.compute_residuals(model, best))
+        place = 0
+        for hypothesis in model:
+            if not hypothesis.is_nuisance and hypothesis.chains & RUGGED_CHAINS:
+                start = best.copy()
+                for step in SEARCH_WIDTHS:
+                    tried = start.copy()
+                    tried[place] += step * widths[place]
+                    tried = np.clip(tried, *bounds)
+                    tried_cost = self.compute_cost(model, tried, self.compute_residuals(model, tried))
+                    if tried_cost < cost:
+                        best, cost = tried, tried_cost
+            place += hypothesis.size
+        return best
+
+    def fit_noise(self, residuals: Residuals, channels: Sequence[str] = CHANNELS) -> None:
+        """Fit the noise of channels to residuals."""
+        for channel in channels:
+            self.noise[channel].fit(residuals[channel], NOISE_ITERATIONS)
+
+    def list_channels(self, hypothesis: Hypothesis) -> frozenset[str]:
+        """Channels whose prediction a hypothesis can change."""
+        names = {name for coordinate in hypothesis.coordinates for name, _ in coordinate.slopes}
+        channels = {"pose"} if hypothesis.chains & {"path", "instruments"} else set()
+        if hypothesis.chains & {"steering"}:
+            channels |= {"wheel"} if self.data.has_wheel.all() else {"wheel", "pose"}
+        channels |= {"wheel"} if names & {"wheel_scale", "steering_clock"} else set()
+        channels |= {"speed"} if hypothesis.chains & {"speed"} or names & {"speed_scale", "speed_clock"} else set()
+        return frozenset(channels)
+
+    def get_noise(self) -> dict[str, Array]:
+        """The amounts of the noise, to return to."""
+        return {channel: noise.amounts.copy() for channel, noise in self.noise.items()}
+
+    def set_noise(self, amounts: dict[str, Array]) -> None:
+        """Return to earlier amounts of the noise."""
+        for channel, noise in self.noise.items():
+            if not np.array_equal(noise.amounts, amounts[channel]):
+                noise.set_amounts(amounts[channel])
+
+    def scan(self, fit: Fit, hypotheses: Iterable[Hypothesis]) -> list[Gain]:
+        """What every hypothesis would gain on top of a fit, the best first, by secants at half a width."""
+        white, roots = self.weigh(fit.residuals)
+        rest = np.concatenate([(white[c] * roots[c][:, None]).ravel() for c in CHANNELS])
+        known = self._stack(self.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)),
+                                                 FIT_STEP), roots)  # fmt: skip
+        inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
+        gains = []
+        for hypothesis in hypotheses:
+            found = [self._score(fit, hypothesis, sign, roots, rest, known, inverse) for sign in _list_signs(hypothesis)]
+            best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
+            if best is not None:
+                gains.append(best)
+        return sorted(gains, key=lambda one: -one.nats)
+
+    def _stack(self, secants: dict[str, Array], roots: dict[str, Array]) -> Array:
+        parts = [(secants[c] * roots[c][:, None, None]).reshape(-1, secants[c].shape[2]) for c in CHANNELS]
+        return np.concatenate(parts)
+
+    def _score(
+        self, fit: Fit, hypothesis: Hypothesis, sign: float, roots: dict[str, Array], rest: Array, known: Array,
+        inverse: Array,
+    ) -> Gain | None:  # fmt: skip
+        model = (*fit.model, hypothesis)
+        size = len(fit.amounts)
+        amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
+        step = sign * SCAN_STEP
+        columns = self._stack(
+            self.compute_secants(model, amounts, fit.residuals, range(size, len(amounts)), step), roots
+        )
+        return solve_gain(hypothesis, columns, rest, known, inverse, sign)
+
+
+def solve_gain(
+    hypothesis: Hypothesis, columns: Array, rest: Array, known: Array, inverse: Array, sign: float
+) -> Gain | None:
+    """The gain of columns (rows, k) beside known ones, by linear prediction; None on the wrong side."""
+    own = columns - known @ (inverse @ (known.T @ columns))
+    curvature = columns.T @ own + np.eye(hypothesis.size)
+    slope = own.T @ rest
+    amounts = np.linalg.solve(curvature, slope)
+    if hypothesis.size == 1:
+        coordinate = hypothesis.coordinates[0]
+        if (amounts[0] < 0.0 and coordinate.low >= 0.0) or (amounts[0] > 0.0 and coordinate.high <= 0.0):
+            return None
+        if len(_list_signs(hypothesis)) > 1 and amounts[0] * sign < 0.0:
+            return None
+    nats = 0.5 * float(slope @ amounts) - 0.5 * float(np.linalg.slogdet(curvature)[1]) - hypothesis.odds
+    widths = np.array([one.width for one in hypothesis.coordinates])
+    return Gain(nats, hypothesis, amounts * widths)
+
+
+def _list_signs(hypothesis: Hypothesis) -> tuple[float, ...]:
+    """Directions to try: of effects of the steering system, and of limits, both sides act differently."""
+    low, high = hypothesis.coordinates[0].low, hypothesis.coordinates[0].high
+    if low >= 0.0:
+        return (1.0,)
+    if high <= 0.0:
+        return (-1.0,)
+    return (1.0, -1.0) if hypothesis.chains & RUGGED_CHAINS else (1.0,)
+
+
+def _collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:
+    coordinates = [one for hypothesis in model for one in hypothesis.coordinates]
+    return np.array([one.low for one in coordinates]), np.array([one.high for one in coordinates])
+
+
+def _solve_inside(
+    curvature: Array, slope: Array, damping: float, amounts: Array, widths: Array, bounds: tuple[Array, Array]
+) -> Array:
+    """A damped step in widths; what would leave its limits stays there, and the others are solved without it."""
+    low, high = (bounds[0] - amounts) / widths, (bounds[1] - amounts) / widths
+    free, step = np.ones(len(slope), dtype=np.bool_), np.zeros(len(slope))
+    damped = curvature + damping * np.diag(np.diag(curvature))
+    for _ in range(len(slope)):
+        right = slope - damped[:, ~free] @ step[~free]
+        step[free] = np.linalg.solve(damped[np.ix_(free, free)], right[free])
+        out = free & ((step < low - 1e-12) | (step > high + 1e-12))
+        if not out.any():
+            break
+        step[out] = np.clip(step[out], low[out], high[out])
+        free &= ~out
+        if not free.any():
+            break
+    return step

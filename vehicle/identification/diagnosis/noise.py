@@ -1,0 +1,234 @@
+"""The noise of a channel: what a window of residuals is like where the model is right.
+
+The covariance of a window is a sum of known matrices with unknown amounts: noise of the sensor, random walks, and what
+the base model never gets right (a yaw rate that wanders, timing, a speed that is a little off) carried through the
+geometry of the window. Its start is not estimated: place and direction have a wide prior and are integrated out.
+Windows follow a Student t distribution, so that one odd window does not decide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.optimize import minimize
+
+from vehicle.identification.diagnosis.drive_data import (
+    POSE_CELL_S,
+    POSE_CELLS,
+    SENSOR_CELL_S,
+    SENSOR_CELLS,
+    DriveData,
+)
+from vehicle.identification.logs.schema import Array, Mask
+
+FREEDOM = 10.0  # of the Student t of a window: any from 4 to 30 gives the same names
+UNSEEN_VARIANCE = 1e4  # of a cell without a sample, far above any residual: m2 or rad2
+FREE_START_RAD = 0.2  # standard deviation of the direction at the start of a window, after the alignment
+MOST_LOG_AMOUNT = 7.0  # how far the logarithm of a variance may go from its usual value
+LOG_AMOUNT_SIGMA = 3.0  # standard deviation of that logarithm: a factor of 20
+# Usual standard deviations of the parts, by which a fit begins: RTK positions, a dual-antenna heading, farm tyres.
+POSE_AMOUNTS = (4e-3, 1e-3, 6e-4, 1e-3, 3e-3, 1e-3, 5e-4, 1e-2, 8e-3, 3e-3, 1e-3, 3e-3)
+YAW_TIMES_S = (0.6, 3.0, 20.0)  # of the wandering of the yaw rate: a bump, a rut, a slope
+HEADING_TIME_S, SPEED_TIME_S, SHORT_S = 20.0, 5.0, 3.0
+WHEEL_AMOUNTS_DEG, WHEEL_TIMES_S = (0.04, 0.03, 0.02), (0.3, 3.0)
+SPEED_AMOUNTS, SPEED_TIMES_S = (0.01, 0.005, 0.003), (1.0, 10.0)
+WHEEL_TIMING_S, SPEED_TIMING_S = (0.02, 0.03), (0.1, 0.1)
+SETTLED_SHARE = 1e-6  # of the cost: a twentieth of a nat for ten minutes of logs
+SMALLEST_HALF = 20  # rows from which a triangular matrix is inverted as a whole: smaller halves take no less time
+COMMAND_JITTER = 0.29  # of the step between rows: 1 / sqrt(12), a command may have come at any time in between
+
+
+@dataclass(eq=False)
+class ChannelNoise:
+    """The distribution of the residuals of a channel, window by window.
+
+    `parts` (p, w, n, n) are known matrices, `amounts` (p,) logarithms of their variances, `free` (w, n, n) the
+    covariance of the start, `observed` (w, n) the cells with a sample.
+    """
+
+    parts: Array
+    amounts: Array
+    free: Array
+    free_count: int
+    observed: Mask
+    usual: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.usual = self.amounts.copy()
+        self.counts = np.maximum(self.observed.sum(axis=1) - self.free_count, 0)
+        self.fixed = self.free + UNSEEN_VARIANCE * (~self.observed)[:, :, None] * np.eye(self.observed.shape[1])
+        self.set_amounts(self.amounts)
+
+    def set_amounts(self, amounts: Array) -> None:
+        """Factor the covariance for other amounts (p,)."""
+        self.amounts = amounts.copy()
+        covariance = np.tensordot(np.exp(amounts), self.parts, axes=1) + self.fixed
+        lower = np.linalg.cholesky(covariance)
+        self.inverse = invert_lower(lower)
+        self.log_sizes = np.log(np.diagonal(lower, axis1=1, axis2=2))
+
+    def whiten(self, residuals: Array) -> Array:
+        """Residuals (w, n) or (w, n, k) as independent ones of unit size."""
+        if residuals.ndim == 2:
+            return np.asarray((self.inverse @ residuals[:, :, None])[:, :, 0])
+        return np.asarray(self.inverse @ residuals)
+
+    def compute_log_density(self, white: Array) -> Array:
+        """Log density (w,) of whitened residuals (w, n)."""
+        squares = (white * white).sum(axis=1)
+        log_sizes = self.log_sizes.sum(axis=1)
+        return np.asarray(-log_sizes - 0.5 * (FREEDOM + self.counts) * np.log1p(squares / FREEDOM))
+
+    def compute_cell_densities(self, white: Array) -> Array:
+        """The same split among cells (w, n), each given those before it; 0 where nothing was measured."""
+        seen = self.observed
+        squares = white * white * seen
+        counts = np.cumsum(seen, axis=1) - 1
+        total = np.cumsum(squares, axis=1)
+        density = -0.5 * (FREEDOM + counts + 1) * np.log1p(total / FREEDOM)
+        density += 0.5 * (FREEDOM + counts) * np.log1p((total - squares) / FREEDOM)
+        return np.asarray((density - self.log_sizes) * seen)
+
+    def compute_weights(self, white: Array) -> Array:
+        """Weights (w,) of windows in a least-squares step: small for odd ones."""
+        return np.asarray((FREEDOM + self.counts) / (FREEDOM + (white * white).sum(axis=1)))
+
+    def fit(self, residuals: Array, iterations: int) -> None:
+        """Fit the amounts to residuals (w, n), with a wide prior around the usual ones."""
+        if not self.observed.any():
+            return
+
+        def evaluate(amounts: Array) -> tuple[float, Array]:
+            self.set_amounts(amounts)
+            white = self.whiten(residuals)
+            solved = np.einsum("wba,wb->wa", self.inverse, white)
+            weights = self.compute_weights(white)
+            inner = weights[:, None, None] * solved[:, :, None] * solved[:, None, :]
+            inner -= self.inverse.transpose(0, 2, 1) @ self.inverse
+            parts = self.parts.reshape(len(amounts), -1)
+            slope = 0.5 * (parts @ inner.ravel()) * np.exp(amounts)
+            away = (amounts - self.usual) / LOG_AMOUNT_SIGMA
+            cost = -self.compute_log_density(white).sum() + 0.5 * float(away @ away)
+            return cost, -slope + away / LOG_AMOUNT_SIGMA
+
+        bounds = [(usual - MOST_LOG_AMOUNT, usual + MOST_LOG_AMOUNT) for usual in self.usual]
+        best = minimize(evaluate, self.amounts, jac=True, method="L-BFGS-B", bounds=bounds,
+                        options={"maxiter": iterations, "ftol": SETTLED_SHARE})  # fmt: skip
+        self.set_amounts(np.asarray(best.x))
+
+
+def invert_lower(lower: Array) -> Array:
+    """The inverses of lower triangular matrices (w, n, n), by halves: a third of the time of a general inverse."""
+    size = lower.shape[1]
+    if size <= SMALLEST_HALF:
+        return np.asarray(np.linalg.inv(lower))
+    half = size // 2
+    first, last = invert_lower(lower[:, :half, :half]), invert_lower(lower[:, half:, half:])
+    out = np.zeros_like(lower)
+    out[:, :half, :half], out[:, half:, half:] = first, last
+    out[:, half:, :half] = -last @ (lower[:, half:, :half] @ first)
+    return out
+
+
+def compute_memory(times: Array, time_constant: float) -> Array:
+    """Covariance (n, n) of unit noise that forgets with a time constant (s)."""
+    return np.asarray(np.exp(-np.abs(times[:, None] - times[None]) / time_constant))
+
+
+def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
+    """Noise of east, north and heading together (w, 3 n); the antenna is `ahead` (m) of the rear axle."""
+    n, windows = POSE_CELLS, data.windows
+    times = POSE_CELL_S * np.arange(n)
+    one = np.broadcast_to(np.eye(n), (windows, n, n))
+    speed, heading, yaw = cut_motion(data)
+    total = integrate_cells()
+    cosine, sine = np.cos(heading)[:, :, None], np.sin(heading)[:, :, None]
+    along, none = speed[:, :, None], np.zeros((windows, n, n))
+    by_yaw = build_yaw_response(data, ahead)
+    by_speed = np.concatenate([total @ (cosine * one), total @ (sine * one), none], axis=1)
+    by_crab = np.concatenate([-(total @ (along * sine * one)), total @ (along * cosine * one), none], axis=1)
+    by_time = np.concatenate([along * cosine * one, along * sine * one, yaw[:, :, None] * one], axis=1)
+    by_turning = by_yaw * np.abs(yaw)[:, None, :]
+
+    def carry(how: Array, memory: Array) -> Array:
+        return np.asarray(how @ memory @ how.transpose(0, 2, 1))
+
+    def place(position: float, direction: float, memory: Array) -> Array:
+        block = np.kron(np.diag([position, position, direction]), memory)
+        return np.broadcast_to(block, (windows, 3 * n, 3 * n))
+
+    walk = np.minimum(times[:, None], times[None]) + POSE_CELL_S
+    parts = [
+        place(1.0, 0.0, np.eye(n)), place(0.0, 1.0, np.eye(n)), place(1.0, 0.0, walk),
+        place(0.0, 1.0, compute_memory(times, HEADING_TIME_S)),
+        *(carry(by_yaw, compute_memory(times, tau)) for tau in YAW_TIMES_S),
+        carry(by_turning, compute_memory(times, SHORT_S)), carry(by_speed, np.eye(n)),
+        carry(by_speed, compute_memory(times, SPEED_TIME_S)), carry(by_crab, compute_memory(times, SHORT_S)),
+        carry(by_time, np.eye(n)),
+    ]  # fmt: skip
+    observed = np.concatenate([data.east.observed, data.north.observed, data.heading.observed], axis=1)
+    amounts = np.log(np.square(POSE_AMOUNTS))
+    return ChannelNoise(np.array(parts), amounts, _free_start(by_yaw), 3, observed)
+
+
+def cut_motion(data: DriveData) -> tuple[Array, Array, Array]:
+    """Speed, heading and yaw rate in the cells of the windows (w, n)."""
+    speed, heading = data.cut(data.path["speed"], POSE_CELLS), data.cut(data.path["heading"], POSE_CELLS)
+    return speed, heading, np.gradient(heading, POSE_CELL_S, axis=1)
+
+
+def integrate_cells() -> Array:
+    """The matrix (n, n) that integrates a rate over the cells of a window."""
+    return np.asarray(POSE_CELL_S * (np.tril(np.ones((POSE_CELLS, POSE_CELLS)), -1) + 0.5 * np.eye(POSE_CELLS)))
+
+
+def build_yaw_response(data: DriveData, ahead: float) -> Array:
+    """Change of the pose (w, 3 n, n) per change of the yaw rate in each cell."""
+    speed, heading, _ = cut_motion(data)
+    total = integrate_cells()
+    cosine, sine, along = np.cos(heading)[:, :, None], np.sin(heading)[:, :, None], speed[:, :, None]
+    turned = np.broadcast_to(total, (data.windows, POSE_CELLS, POSE_CELLS))
+    return np.concatenate(
+        [-(total @ (along * sine * total)) - ahead * sine * total,
+         total @ (along * cosine * total) + ahead * cosine * total, turned], axis=1)  # fmt: skip
+
+
+def _free_start(by_yaw: Array) -> Array:
+    """Covariance (w, 3 n, 3 n) of an unknown place and direction at the start of each window."""
+    windows, n = len(by_yaw), by_yaw.shape[1] // 3
+    turn = FREE_START_RAD * by_yaw[:, :, :1] / POSE_CELL_S
+    shift = np.zeros((windows, 3 * n, 2))
+    shift[:, :n, 0] = shift[:, n : 2 * n, 1] = 1.0
+    free = np.concatenate([shift, turn], axis=2)
+    return np.asarray(free @ free.transpose(0, 2, 1))
+
+
+def build_wheel_noise(data: DriveData) -> ChannelNoise:
+    """Noise of the wheel angle (w, n), rad."""
+    sizes = np.radians(WHEEL_AMOUNTS_DEG)
+    jitter_s = max(WHEEL_TIMING_S[1], COMMAND_JITTER * data.row_step_s)
+    return _build_sensor_noise(data, data.path["wheel"], data.wheel.observed, (*sizes, WHEEL_TIMING_S[0], jitter_s),
+                               WHEEL_TIMES_S, max(WHEEL_TIMES_S[0], data.row_step_s))  # fmt: skip
+
+
+def build_speed_noise(data: DriveData) -> ChannelNoise:
+    """Noise of the speed (w, n), m/s."""
+    return _build_sensor_noise(data, data.path["speed"], data.speed.observed, (*SPEED_AMOUNTS, *SPEED_TIMING_S),
+                               SPEED_TIMES_S, SPEED_TIMES_S[0])  # fmt: skip
+
+
+def _build_sensor_noise(
+    data: DriveData, values: Array, observed: Mask, sizes: tuple[float, ...], taus: tuple[float, ...], jitter_s: float
+) -> ChannelNoise:
+    """White and slow noise, and errors of timing in proportion to the rate of change, white and slow."""
+    n, windows = SENSOR_CELLS, data.windows
+    times = SENSOR_CELL_S * np.arange(n)
+    one = np.broadcast_to(np.eye(n), (windows, n, n))
+    rate = np.gradient(data.cut(values, n), SENSOR_CELL_S, axis=1)
+    slow = [np.broadcast_to(compute_memory(times, tau), one.shape) for tau in taus]
+    timing = rate[:, :, None] * compute_memory(times, jitter_s) * rate[:, None, :]
+    parts = np.array([one, *slow, rate[:, :, None] ** 2 * one, timing])
+    return ChannelNoise(parts, np.log(np.square(sizes)), np.zeros(one.shape), 0, observed)
+
+

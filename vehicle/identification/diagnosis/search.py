@@ -1,0 +1,273 @@
+"""The search: which hypotheses the logs call for, and how much better each predicts left-out windows than its rivals.
+
+A hypothesis enters by evidence. It is judged by prediction: windows are left out in turn, and the density of what was
+measured in them is compared with that of the model without it and of every competitor in its place, each fitted with
+its own noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vehicle.identification.diagnosis.circles import CircleSearch
+from vehicle.identification.diagnosis.grammar import (
+    ODDS,
+    Hypothesis,
+    collect_widths,
+    list_catalogue,
+    list_competitors,
+    list_laws,
+    list_nuisances,
+)
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, _collect_bounds
+from vehicle.identification.logs.schema import Array
+
+ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
+MOST_TRIED = 4  # hypotheses of a scan that are fitted
+NEAR_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
+MOST_ROUNDS, MOST_TURNS = 8, 6
+FOLDS = 5
+BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
+CLEAR_Z = 4.0  # standard errors of the predictive difference from which something is certain
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How much better left-out windows are predicted with a hypothesis than by an alternative: nats, and in standard
+    errors. `alternative` None stands for the model without it."""
+
+    alternative: Hypothesis | None
+    nats: float
+    z: float
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A hypothesis of the final model: against nothing, and against what could take its place."""
+
+    hypothesis: Hypothesis
+    against_none: Comparison
+    against_others: tuple[Comparison, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class SearchResult:
+    """The final fit, its judgements, and the fit without any hypothesis."""
+
+    fit: Fit
+    base: Fit
+    judgements: tuple[Judgement, ...]
+    noise: dict[str, Array] = field(default_factory=dict)
+
+
+Step = Callable[[], None]
+
+
+@dataclass(eq=False)
+class Searcher:
+    """Searches the hypotheses of a problem. `step` is called from time to time."""
+
+    problem: Problem
+    step: Step = lambda: None
+    visited: set[frozenset[str]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        problem = self.problem
+        tractor = problem.rig.tractor
+        self.nuisances = tuple(list_nuisances(problem.data))
+        self.catalogue = list_catalogue(problem.data, tractor)
+        self.hypotheses = [*self.catalogue, *list_competitors(problem.data, tractor, problem.bases)]
+
+    def run(self) -> SearchResult:
+        """The model the logs call for, judged."""
+        base = self.fit_base()
+        base_noise = self.problem.get_noise()
+        fit = self.add_greedily(base)
+        fit, judgements = self.settle(fit)
+        noise = self.problem.get_noise()
+        self.problem.set_noise(base_noise)
+        self.problem.set_noise(noise)
+        return SearchResult(fit, base, tuple(judgements), base_noise)
+
+    def fit_base(self) -> Fit:
+        """The fit of the nuisances alone."""
+        return self.problem.fit(self.nuisances, np.zeros(len(self.nuisances)), rounds=4)
+
+    def scan(self, fit: Fit, channels: frozenset[str] = frozenset(CHANNELS)) -> list[Gain]:
+        """What further hypotheses that act on some channels would gain; those of effects in the model only as other
+        laws of them."""
+        known = {one.id for one in fit.model if not one.is_nuisance}
+        tried = [one for one in self.hypotheses if one not in fit.model and not (one.is_catalogued and one.id in known)]
+        tried = [one for one in [*tried, *self._list_laws(fit)] if self.problem.list_channels(one) & channels]
+        gains = self.problem.scan(fit, tried)
+        circle = None
+        if "grip_patch" not in known and "pose" in channels:
+            circle = CircleSearch(self.problem, fit).find_best()
+        gains += [] if circle is None else [circle]
+        self.step()
+        worth = [one for one in gains if _is_worth(one)]
+        return sorted(worth, key=lambda one: -one.nats)
+
+    def _list_laws(self, fit: Fit) -> list[Hypothesis]:
+        """Laws of the effects in the model that are not among the hypotheses anyway."""
+        laws = []
+        for one in fit.model:
+            if one.is_catalogued and one.id != "grip_patch":
+                laws += [law for law in list_laws(one, self.problem.bases)
+                         if law not in self.hypotheses and law not in fit.model]  # fmt: skip
+        return [law for law in laws if str(law) not in ("steering_gain@over_minutes", "steering_gain@by_side:left")]
+
+    def add_greedily(self, fit: Fit) -> Fit:
+        """Add the hypothesis with the largest evidence until none has enough."""
+        for _ in range(MOST_ROUNDS):
+            best = self._try_best(fit, self.scan(fit))
+            if best is None or best.evidence - fit.evidence < ADD_NATS:
+                return fit
+            fit = self.problem.fit(best.model, best.amounts)
+        return fit
+
+    def _try_best(self, fit: Fit, gains: Sequence[Gain]) -> Fit | None:
+        """The fit with the most evidence among the best of a scan, at the noise of the fit before."""
+        if not gains or gains[0].nats < 0.5 * ADD_NATS:
+            return None
+        tried = [one for one in gains[:MOST_TRIED] if one.nats > max(0.5 * ADD_NATS, NEAR_SHARE * gains[0].nats)]
+        fits = []
+        for gain in tried:
+            model = (*fit.model, gain.hypothesis)
+            amounts = self.problem.search_lines(model, np.concatenate([fit.amounts, gain.amounts]))
+            fits.append(self.problem.refit(model, amounts, 6))
+            self.step()
+        large = [one for one in fits if is_large(one, one.model[-1])]
+        return max(large, key=lambda one: one.evidence, default=None)
+
+    def settle(self, fit: Fit) -> tuple[Fit, list[Judgement]]:
+        """Judge every hypothesis; drop what predicts nothing and exchange what a competitor predicts better."""
+        judgements: list[Judgement] = []
+        for _ in range(MOST_TURNS):
+            self.visited.add(_name_model(fit))
+            changed, judgements = self._judge_all(fit)
+            if changed is None:
+                break
+            fit = self.problem.fit(changed.model, changed.amounts)
+        return fit, judgements
+
+    def _judge_all(self, fit: Fit) -> tuple[Fit | None, list[Judgement]]:
+        """Judgements of a fit, or the better fit that one of them led to."""
+        noise, judgements = self.problem.get_noise(), []
+        predicted = self.predict(fit)
+        for hypothesis in [one for one in fit.model if not one.is_nuisance]:
+            without = self._fit_without(fit, hypothesis)
+            against_none = self._compare(fit, predicted, without, None, noise)
+            if against_none.nats < 0.5 * ADD_NATS and _name_model(without) not in self.visited:
+                self.problem.set_noise(noise)
+                return without, judgements
+            others = []
+            if against_none.z > 1.0:
+                better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
+                if better is not None:
+                    self.problem.set_noise(noise)
+                    return better, judgements
+            judgements.append(Judgement(hypothesis, against_none, tuple(others)))
+            self.problem.set_noise(noise)
+        return None, judgements
+
+    def _compare_competitors(
+        self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
+    ) -> tuple[Fit | None, list[Comparison]]:
+        """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
+        gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis)) if one.hypothesis.id != hypothesis.id or (
+            one.hypothesis.basis != hypothesis.basis and not hypothesis.id == one.hypothesis.id == "grip_patch")]
+        comparisons: list[Comparison] = []
+        for gain in gains[:MOST_TRIED]:
+            if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):
+                break
+            model = (*without.model, gain.hypothesis)
+            start = self.problem.refit(
+                model, self.problem.search_lines(model, np.concatenate([without.amounts, gain.amounts])), 6)
+            comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
+            self.step()
+            comparisons.append(comparison)
+            change = comparison.nats + gain.hypothesis.odds - hypothesis.odds
+            if change < -BETTER_NATS and _name_model(start) not in self.visited:
+                return start, comparisons
+        return None, comparisons
+
+    def _fit_without(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
+        place = fit.locate(hypothesis)
+        kept = np.ones(len(fit.amounts), dtype=np.bool_)
+        kept[place] = False
+        model = tuple(one for one in fit.model if one != hypothesis)
+        return self.problem.refit(model, fit.amounts[kept], 6)
+
+    def _compare(
+        self, fit: Fit, predicted: dict[str, Array], other: Fit, alternative: Hypothesis | None,
+        noise: dict[str, Array],
+    ) -> Comparison:  # fmt: skip
+        """The predictive difference between a fit and another, which gets its own noise where the two differ."""
+        channels = [c for c in CHANNELS if float(np.abs(fit.residuals[c] - other.residuals[c]).max(initial=0.0)) > 1e-9]
+        self.problem.set_noise(noise)
+        for _ in range(2):
+            self.problem.fit_noise(other.residuals, channels)
+            other = self.problem.refit(other.model, other.amounts, 4)
+        their = self.predict(other)
+        difference = np.concatenate([(predicted[c] - their[c]).ravel() for c in channels] or [np.zeros(1)])
+        total = float(difference.sum())
+        error = float(np.sqrt(((difference - difference.mean()) ** 2).sum()))
+        self.problem.set_noise(noise)
+        return Comparison(alternative, total, total / max(error, 1e-9))
+
+    def predict(self, fit: Fit) -> dict[str, Array]:
+        """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
+        problem, data = self.problem, self.problem.data
+        white, roots = problem.weigh(fit.residuals)
+        widths, bounds = collect_widths(fit.model), _collect_bounds(fit.model)
+        secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
+        fold = number_folds(data.window_runs)
+        curvature = np.eye(len(widths))
+        weighted = {c: secants[c] * roots[c][:, None, None] for c in CHANNELS}
+        for columns in weighted.values():
+            flat = columns.reshape(-1, len(widths))
+            curvature += flat.T @ flat
+        out = {c: np.zeros_like(white[c]) for c in CHANNELS}
+        for number in range(FOLDS):
+            inside = fold == number
+            if not inside.any():
+                continue
+            without, slope = curvature.copy(), np.zeros(len(widths))
+            for c in CHANNELS:
+                flat = weighted[c][inside].reshape(-1, len(widths))
+                without -= flat.T @ flat
+                slope += flat.T @ (white[c][inside] * roots[c][inside][:, None]).ravel()
+            moved = np.clip(fit.amounts - widths * np.linalg.solve(without, slope), *bounds)
+            residuals = problem.compute_residuals(fit.model, moved)
+            for c in CHANNELS:
+                cells = problem.noise[c].compute_cell_densities(problem.noise[c].whiten(residuals[c]))
+                out[c][inside] = cells[inside]
+        return out
+
+
+def number_folds(window_runs: Array) -> Array:
+    """The fold (w,) of every window: those of a run in turn, each run beginning with another, so that what happens at
+    the start of all runs is in every fold."""
+    fold = np.zeros(len(window_runs), dtype=np.int64)
+    for run in np.unique(window_runs):
+        rows = np.flatnonzero(window_runs == run)
+        fold[rows] = (np.arange(len(rows)) + run) % FOLDS
+    return fold
+
+
+def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:
+    """Whether the amounts of a hypothesis are at least the finest that may be claimed."""
+    return float(np.linalg.norm(fit.get_amounts(hypothesis))) >= hypothesis.finest
+
+
+def _is_worth(gain: Gain) -> bool:
+    """Whether a hypothesis would be large enough to matter."""
+    return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -ODDS["place"]
+
+
+def _name_model(fit: Fit) -> frozenset[str]:
+    return frozenset(str(one) for one in fit.model if not one.is_nuisance)

@@ -1,0 +1,329 @@
+"""What instruments would have shown: the vehicle of planning driven with effects that vary from step to step.
+
+The formulas are those of vehicle.sim and vehicle.control; here every field of the model may be an array over steps, so
+that an effect in one run, at one speed or from one moment on is only another array. Three chains: wheel angle from
+commands, speed from commands, path from measured wheel angles and speeds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from vehicle.control.steering import step_steering_simulator
+from vehicle.fast_math import compute_cosine_sine
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, STEP_S, STRIDE, DriveData, Samples
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.rig import ReplayRig
+from vehicle.identification.replay.steering_steps import make_settled_state
+from vehicle.jit import compile_function
+from vehicle.model.instruments import apply_lever_arm, compute_filter_share
+from vehicle.records import DT_S, GRAVITY_MPS2, STATE
+from vehicle.sim.dynamics import step_body, step_speed_control
+from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_slope_drift, read_delayed
+
+STEERING_FIELDS = ("dead_steps", "lag", "rate", "dead_band", "command_clock")
+SPEED_FIELDS = ("slip", "tool_slip", "speed_lag", "ramp")
+PATH_FIELDS = ("offset", "half_play", "bend", "bend_left", "understeer", "draft", "slide", "slope_east", "slope_north",
+               "steering_clock", "speed_clock", "speed_scale", "wheel_scale", "relaxation", "crab", "push_east",
+               "push_north", "per_slope", "grip_limit")  # fmt: skip
+INSTRUMENT_FIELDS = ("shift_forward", "shift_right", "latency", "heading_bias", "position_late", "heading_late",
+                     "heading_filter", "position_clock", "heading_clock")  # fmt: skip
+CHAINS = {"steering": STEERING_FIELDS, "speed": SPEED_FIELDS, "path": PATH_FIELDS, "instruments": INSTRUMENT_FIELDS}
+FACTORS = ("bend", "bend_left", "speed_scale", "wheel_scale", "ramp")
+"""Fields whose neutral value is 1: contributions to them multiply."""
+(OFFSET, HALF_PLAY, BEND, BEND_LEFT, UNDERSTEER, DRAFT, SLIDE, SLOPE_EAST, SLOPE_NORTH, STEERING_CLOCK, SPEED_CLOCK,
+ SPEED_SCALE, WHEEL_SCALE, RELAXATION, CRAB, PUSH_EAST, PUSH_NORTH, PER_SLOPE, GRIP_LIMIT) = range(19)  # fmt: skip
+(FORWARD, RIGHT, LATENCY, BIAS, POSITION_LATE, HEADING_LATE, HEADING_FILTER, POSITION_CLOCK,
+ HEADING_CLOCK) = range(9)  # fmt: skip
+MOST_CACHED = 6  # chains kept: a fit changes one effect at a time
+
+
+@compile_function
+def _read_at(values, low: int, high: int, place: float) -> float:  # type: ignore[no-untyped-def]
+    """Value at a fractional place inside [low, high), by linear interpolation; constant outside."""
+    if place <= low:
+        return values[low]  # type: ignore[no-any-return]
+    if place >= high - 1:
+        return values[high - 1]  # type: ignore[no-any-return]
+    whole = int(place)
+    share = place - whole
+    return values[whole] * (1.0 - share) + values[whole + 1] * share  # type: ignore[no-any-return]
+
+
+@compile_function
+def simulate_steering(starts, command, first, states, fields, model, out) -> None:  # type: ignore[no-untyped-def]
+    """Write the wheel angle before each step to `out` (n,), from commands (n,) and fields (f, n) per step.
+
+    `first` (s,) are the angles at the start of the segments, `states` hold the commands before them.
+    """
+    for number in range(len(starts) - 1):
+        begin, end = starts[number], starts[number + 1]
+        state = states[number]
+        angle, stage = first[number], 1
+        for i in range(begin, end):
+            out[i] = angle
+            ahead = fields[4, i] / STEP_S
+            state.commands[state.clock % len(state.commands)] = _read_at(command, begin, end, i + max(ahead, 0.0))
+            late = min(fields[0, i] + max(-ahead, 0.0), float(state.clock))
+            delayed = read_delayed(state.commands, state.clock, late)
+            angle, stage = step_steering_simulator(
+                angle, delayed, stage, STEP_S, max(fields[3, i], 0.0), model.switch, max(fields[2, i], 0.01),
+                max(fields[1, i], 0.01), model.gain, model.latch,
+            )  # fmt: skip
+            state.clock += 1
+
+
+@compile_function
+def simulate_speeds(starts, target, working, first, fields, model, ground, state, out) -> None:  # type: ignore[no-untyped-def]
+    """Write the forward speed before each step to `out` (n,), from commanded speeds (n,), straight ahead."""
+    acceleration = model.acceleration
+    for number in range(len(starts) - 1):
+        begin, end = starts[number], starts[number + 1]
+        forward = first[number]
+        state.reference_speed, state.integral, state.last_error = forward, 0.0, 0.0
+        for i in range(begin, end):
+            out[i] = forward
+            state.working, state.target_speed = working[i], target[i]
+            model.slip, model.tool_slip = fields[0, i], fields[1, i]
+            model.speed_lag, model.acceleration = max(fields[2, i], 0.0), acceleration * max(fields[3, i], 0.1)
+            drive = step_speed_control(state, model, ground, forward, STEP_S)
+            resistance = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
+            forward += STEP_S * (drive - resistance) / model.mass
+    model.acceleration = acceleration
+
+
+@compile_function
+def simulate_path(  # type: ignore[no-untyped-def]
+    starts, wheel, steady, speed, working, east, north, heading, cosine, sine, across, noisy, fields, model, ground,
+    table, out,
+) -> None:  # fmt: skip
+    """Write x, y and angle of the centre of mass before each step to `out` (3, m), at measured speeds.
+
+    `fields` (f, m) in the order of PATH_FIELDS; `noisy` (s,) says where wheel angles were measured.
+    """
+    for number in range(len(starts) - 1):
+        begin, end = starts[number], starts[number + 1]
+        x, y, angle, right, spin = east[begin], north[begin], heading[begin], 0.0, 0.0
+        play, bend = steady[begin], 0.0
+        for i in range(begin, end):
+            out[0, i], out[1, i], out[2, i] = x, y, angle
+            forward = speed[i] if fields[SPEED_CLOCK, i] == 0.0 else _read_at(
+                speed, begin, end, i + fields[SPEED_CLOCK, i] / PATH_STEP_S)
+            forward /= fields[SPEED_SCALE, i]
+            ahead = fields[STEERING_CLOCK, i] / PATH_STEP_S
+            turned, calm = wheel[i], steady[i]
+            if ahead != 0.0:
+                turned, calm = _read_at(wheel, begin, end, i + ahead), _read_at(steady, begin, end, i + ahead)
+            turned, calm = turned / fields[WHEEL_SCALE, i], calm / fields[WHEEL_SCALE, i]
+            half = max(fields[HALF_PLAY, i], 0.0)
+            if half > 0.0:
+                play = min(max(play, calm - half), calm + half)
+                turned = turned + (play - calm) if noisy[number] else play
+            else:
+                play = calm
+            model.offset, model.understeer, model.draft = fields[OFFSET, i], fields[UNDERSTEER, i], fields[DRAFT, i]
+            model.bend, model.bend_left = fields[BEND, i], fields[BEND_LEFT, i]
+            model.slide = max(fields[SLIDE, i], 0.0)
+            model.slope_east, model.slope_north = fields[SLOPE_EAST, i], fields[SLOPE_NORTH, i]
+            tangent = compute_affected_tangent(
+                turned, forward, 0.0, 0.0, cosine[i], sine[i], 0.0, working[i], table, model
+            )
+            if fields[GRIP_LIMIT, i] > 0.0:
+                share = abs(tangent) * forward * forward * fields[GRIP_LIMIT, i]
+                share /= (model.front + model.rear) * GRAVITY_MPS2
+                tangent *= (1.0 + share**4) ** -0.25
+            if fields[RELAXATION, i] > 1e-3 and i > begin:
+                bend += (tangent - bend) * (1.0 - np.exp(-abs(forward) * PATH_STEP_S / fields[RELAXATION, i]))
+            else:
+                bend = tangent
+            slide = compute_slope_drift(forward, cosine[i], sine[i], model) + abs(forward) * across[i] * fields[
+                PER_SLOPE, i]
+            if model.draft != 0.0:
+                slide += compute_draft_crab(forward, working[i], model, ground)
+            slide += fields[PUSH_EAST, i] * sine[i] - fields[PUSH_NORTH, i] * cosine[i]
+            slide -= fields[CRAB, i] * abs(forward) * forward * spin
+            along = fields[PUSH_EAST, i] * cosine[i] + fields[PUSH_NORTH, i] * sine[i]
+            _, new_right, new_spin = step_body(
+                forward, right - slide, spin, bend, 0.0, PATH_STEP_S, model, ground
+            )
+            c, s = compute_cosine_sine(angle)
+            x += ((forward + along) * c + right * s) * PATH_STEP_S
+            y += ((forward + along) * s - right * c) * PATH_STEP_S
+            angle -= spin * PATH_STEP_S
+            right, spin = new_right + slide, new_spin
+
+
+@compile_function
+def filter_angles(starts, angle, time_constant, out) -> None:  # type: ignore[no-untyped-def]
+    """Write the first-order low pass of angles (m,) to `out` (m,), with a time constant (s) per step."""
+    for number in range(len(starts) - 1):
+        shown = angle[starts[number]]
+        for i in range(starts[number], starts[number + 1]):
+            for _ in range(STRIDE):
+                shown += (angle[i] - shown) * compute_filter_share(max(time_constant[i], 0.0))
+            out[i] = shown
+
+
+@compile_function
+def sample_positions(places, segments, starts, path, fields, ahead, aside, out) -> None:  # type: ignore[no-untyped-def]
+    """Write antenna positions (2, k) at fractional steps `places` (k,), by the lever arm and what makes them late."""
+    for row in range(len(places)):
+        begin, end = starts[segments[row]], starts[segments[row] + 1]
+        i = min(max(int(places[row]), begin), end - 1)
+        late_s = (fields[LATENCY, i] + fields[POSITION_LATE, i]) * DT_S + fields[POSITION_CLOCK, i]
+        place = places[row] - late_s / PATH_STEP_S
+        cosine, sine = compute_cosine_sine(_read_at(path[2], begin, end, place))
+        out[0, row], out[1, row] = apply_lever_arm(
+            _read_at(path[0], begin, end, place), _read_at(path[1], begin, end, place), cosine, sine,
+            ahead + fields[FORWARD, i], aside + fields[RIGHT, i],
+        )  # fmt: skip
+
+
+@compile_function
+def sample_headings(places, segments, starts, angle, fields, out) -> None:  # type: ignore[no-untyped-def]
+    """Write shown headings (k,) at fractional steps."""
+    for row in range(len(places)):
+        begin, end = starts[segments[row]], starts[segments[row] + 1]
+        i = min(max(int(places[row]), begin), end - 1)
+        late_s = (fields[LATENCY, i] + fields[HEADING_LATE, i]) * DT_S + fields[HEADING_CLOCK, i]
+        out[row] = _read_at(angle, begin, end, places[row] - late_s / PATH_STEP_S) + fields[BIAS, i]
+
+
+@compile_function
+def sample_values(places, segments, starts, values, late_s, step_s, out) -> None:  # type: ignore[no-untyped-def]
+    """Write values (k,) at fractional steps, `late_s` (s) old; for what one number per step describes."""
+    for row in range(len(places)):
+        begin, end = starts[segments[row]], starts[segments[row] + 1]
+        i = min(max(int(places[row]), begin), end - 1)
+        out[row] = _read_at(values, begin, end, places[row] - late_s[i] / step_s)
+
+
+Fields = Mapping[str, Array]
+Keys = Mapping[str, Hashable]
+
+
+@dataclass(eq=False)
+class Simulator:
+    """Simulates what instruments show of the data, chain by chain; chains that no field changed are kept."""
+
+    data: DriveData
+    rig: ReplayRig
+    base: dict[str, float] = field(init=False)
+    cache: dict[tuple[str, Hashable], Array] = field(default_factory=dict)
+    simulations: int = 0
+
+    def __post_init__(self) -> None:
+        model = self.rig.build_effective_model({})
+        self.model, self.ground = model[0], self.rig.ground[0]
+        self.base = dict.fromkeys((*STEERING_FIELDS, *SPEED_FIELDS, *PATH_FIELDS, *INSTRUMENT_FIELDS), 0.0)
+        self.base |= dict.fromkeys(FACTORS, 1.0)
+        self.base |= {name: float(self.model[name]) for name in ("lag", "rate", "dead_band")}
+        self.blank = {
+            name: np.array([np.full(size, self.base[field]) for field in names])
+            for name, names in CHAINS.items()
+            for size in (self.data.step_starts[-1] if name in ("steering", "speed") else self.data.path_starts[-1],)
+        }
+
+    def simulate(self, fields: Fields, keys: Keys) -> dict[str, Array]:
+        """Predicted columns in the cells of the windows.
+
+        `fields` holds arrays on the axis of the path for fields that differ from the base; `keys` says per chain what
+        they are made of, so that a chain is driven again only where that changed.
+        """
+        wheel = self._get("steering", keys["steering"], lambda: self._simulate_wheel(fields))
+        speed = self._get("speed", keys["speed"], lambda: self._simulate_speed(fields))
+        steered = () if self.data.has_wheel.all() else keys["steering"]
+        path = self._get("path", (keys["path"], steered), lambda: self._simulate_path(fields, wheel))
+        return {**self._show_pose(path, fields), **self._show_sensors(wheel, speed, fields)}
+
+    def _get(self, chain: str, key: Hashable, make: Any) -> Array:
+        if (chain, key) not in self.cache:
+            old = [entry for entry in self.cache if entry[0] == chain]
+            if len(old) >= MOST_CACHED:
+                del self.cache[old[1]]  # the first is the base
+            self.cache[chain, key] = make()
+            self.simulations += 1
+        return self.cache[chain, key]
+
+    def _fill(self, chain: str, fields: Fields) -> Array:
+        """All fields of a chain (f, n)."""
+        names = CHAINS[chain]
+        if not any(name in fields for name in names):
+            return self.blank[chain]
+        out = self.blank[chain].copy()
+        for place, name in enumerate(names):
+            if name in fields:
+                values = fields[name]
+                out[place] = np.repeat(values, STRIDE) if chain in ("steering", "speed") else values
+        return out
+
+    def _simulate_wheel(self, fields: Fields) -> Array:
+        data = self.data
+        states = np.concatenate([
+            make_settled_state(data.command[begin:], earlier)
+            for begin, earlier in zip(data.step_starts[:-1], data.earlier, strict=True)
+        ])  # fmt: skip
+        out = np.empty(len(data.command))
+        simulate_steering(
+            data.step_starts, data.command, data.first_wheel, states, self._fill("steering", fields), self.model, out
+        )
+        return out
+
+    def _simulate_speed(self, fields: Fields) -> Array:
+        data, out = self.data, np.empty(len(self.data.target))
+        first = data.path["speed"][data.path_starts[:-1]]
+        self.model["affected"] = 1.0
+        simulate_speeds(data.step_starts, data.target, data.working, first, self._fill("speed", fields), self.model,
+                        self.ground, np.zeros(1, dtype=STATE)[0], out)  # fmt: skip
+        return out
+
+    def _simulate_path(self, fields: Fields, simulated: Array) -> Array:
+        data, inputs = self.data, self.data.path
+        wheel, steady = inputs["wheel"], inputs["steady"]
+        if not data.has_wheel.all():
+            is_simulated = ~np.repeat(data.has_wheel, np.diff(data.path_starts))
+            wheel = np.where(is_simulated, simulated[::STRIDE], wheel)
+            steady = np.where(is_simulated, simulated[::STRIDE], steady)
+        out = np.empty((3, len(wheel)))
+        simulate_path(
+            data.path_starts, wheel, steady,
+            *(inputs[name] for name in ("speed", "working", "east", "north", "heading", "cosine", "sine", "across")),
+            data.has_wheel, self._fill("path", fields), self.model, self.ground, self.rig.table, out,
+        )  # fmt: skip
+        return out
+
+    def _show_pose(self, path: Array, fields: Fields) -> dict[str, Array]:
+        data, filled, tractor = self.data, self._fill("instruments", fields), self.rig.tractor
+        places = data.east
+        positions = np.empty((2, len(places.places)))
+        ahead = tractor.antenna_forward_m - tractor.rear_axle_m
+        sample_positions(places.places, places.segments, data.path_starts, path, filled, ahead,
+                         tractor.antenna_right_m, positions)  # fmt: skip
+        angle = path[2]
+        if filled[HEADING_FILTER].max() > 0.0:
+            angle = np.empty(len(path[2]))
+            filter_angles(data.path_starts, path[2], filled[HEADING_FILTER], angle)
+        headings = np.empty(len(data.heading.places))
+        sample_headings(data.heading.places, data.heading.segments, data.path_starts, angle, filled, headings)
+        return {"east": data.east.average(positions[0]), "north": data.north.average(positions[1]),
+                "heading": data.heading.average(headings)}  # fmt: skip
+
+    def _show_sensors(self, wheel: Array, speed: Array, fields: Fields) -> dict[str, Array]:
+        return {
+            "wheel": self._show(self.data.wheel, wheel, fields, "steering_clock", "wheel_scale"),
+            "speed": self._show(self.data.speed, speed, fields, "speed_clock", "speed_scale"),
+        }
+
+    def _show(self, samples: Samples, values: Array, fields: Fields, clock: str, scale: str) -> Array:
+        """A sensor of one column: what it shows is late by its clock and of its own scale."""
+        starts, out = self.data.step_starts, np.empty(len(samples.places))
+        late = np.repeat(fields[clock], STRIDE) if clock in fields else np.zeros(len(values))
+        shown = values * np.repeat(fields[scale], STRIDE) if scale in fields else values
+        sample_values(samples.places, samples.segments, starts, shown, late, STEP_S, out)
+        return samples.average(out)
+
+
