@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from planner.errors import RequestError
     from planner.pipeline.log_ground import HeightFile
     from planner.pipeline.soil_rows import SoilLine
-    from vehicle.identification.verdict.demo_logs import HiddenEffect
-    from vehicle.identification.verdict.diagnosis_types import Diagnosis
+    from vehicle.identification.diagnosis.demo_logs import HiddenEffect
+    from vehicle.identification.diagnosis.results import Diagnosis
 
 
 NOT_SAVED_STATUS = 3

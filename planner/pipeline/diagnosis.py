@@ -16,6 +16,10 @@ from planner.pipeline.log_ground import HeightFile, add_known_ground, describe_k
 from planner.pipeline.next_drive_plan import build_next_drive_plan
 from reports.common.notebook import ResultView, ShownResult
 from reports.diagnosis.notebook import build_replay_view
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.diagnosis.diagnose import ReportProgress, diagnose_logs
+from vehicle.identification.diagnosis.holdout import measure_holdout
+from vehicle.identification.diagnosis.results import Diagnosis, PlanGain, ReplayedSegment, ReplayResult
 from vehicle.identification.logs.reader import list_remarks, read_log, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.table import MappingSource
@@ -29,10 +33,6 @@ from vehicle.identification.replay.horizon_errors import (
     sum_squared_errors_by_run,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
-from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
-from vehicle.identification.verdict.diagnose import ReportProgress, diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis, PlanGain, ReplayedSegment, ReplayResult
-from vehicle.identification.verdict.holdout import measure_holdout
 from vehicle.model.tractor import Settings, Tractor, resolve_tractor
 from vehicle.records import WORKING
 

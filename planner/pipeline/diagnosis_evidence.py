@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vehicle.identification.diagnosis.corrections import correct_logs
+from vehicle.identification.diagnosis.results import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.horizon_errors import (
@@ -21,8 +23,6 @@ from vehicle.identification.replay.horizon_errors import (
     simulate_instruments,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
-from vehicle.identification.verdict.diagnose import correct_logs
-from vehicle.identification.verdict.diagnosis_types import PathPair, PieceErrors, PlaceErrors, ReplayEvidence
 from vehicle.model.tractor import Settings, Tractor
 
 ALIGNMENT_S = 5.0  # of a path that is then left alone

@@ -26,9 +26,9 @@ from fields.terrain.track_levels import level_tracks
 from fields.text_files import quote_path
 from planner.errors import RequestError, attach_parameter, mark_parameter
 from planner.evaluation.field_physics import compute_tyre_drift
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.terrain import get_ground_source
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import BY_ROLL, SLOPE_DRIFT
 from vehicle.model.terrain import Terrain

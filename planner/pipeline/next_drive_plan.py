@@ -12,6 +12,8 @@ import numpy as np
 import shapely
 
 from planner.pipeline.outputs.saved_plans import MACHINES_KEY
+from vehicle.identification.diagnosis.corrections import correct_logs
+from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.replay.drive_programmes import (
     DRIVE_PROGRAMMES,
@@ -21,8 +23,6 @@ from vehicle.identification.replay.drive_programmes import (
 )
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.replay.rig import build_rig_and_corrections
-from vehicle.identification.verdict.diagnose import correct_logs
-from vehicle.identification.verdict.diagnosis_types import NextDrive
 from vehicle.missions.plan import DRIVE, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.plan_file import format_plan
 from vehicle.model.tractor import Implement, Tractor

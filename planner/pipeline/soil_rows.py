@@ -13,7 +13,7 @@ from planner.errors import RequestError, mark_parameter
 from planner.evaluation.field_physics import NAME_MARK, split_soil_name
 from reports.diagnosis.log_checks import describe_unsaved
 from vehicle.errors import VehicleError
-from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, NAMED, Diagnosis, Finding
+from vehicle.identification.diagnosis.results import CONSTANT_LAW, NAMED, Diagnosis, Finding
 from vehicle.model.effects import DRIVE_LINE_SLIP, MAX_PLAUSIBLE_SLIP, get_effect
 from vehicle.model.soil import SoilRow, load_soils
 from vehicle.model.soil_effects import HIGH, LOW, SOIL_EFFECTS, MeasuredEffects

@@ -13,7 +13,7 @@ import numpy as np
 from reports.common.effect_names import get_effect_label
 from reports.common.rendering import make_json_safe
 from reports.common.wording import format_number
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.results import (
     Diagnosis,
     ParameterCorrelations,
     PathPair,

@@ -19,7 +19,7 @@ from reports.diagnosis.sentences import (
     sort_findings,
 )
 from reports.diagnosis.tables import build_error_table, build_holdout_parts, build_verdict_lines
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis
+from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, NOT_VISIBLE, REFUTED, Diagnosis
 
 if TYPE_CHECKING:
     from rich.console import Group

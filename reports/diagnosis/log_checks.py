@@ -7,7 +7,7 @@ import math
 from reports.common.effect_names import replace_effect_ids
 from reports.common.text_tables import FittedTable, TableColumn
 from reports.common.wording import NO_VALUE, capitalize_first, format_number
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,
     NAMED,

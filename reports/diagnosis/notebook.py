@@ -34,7 +34,7 @@ from reports.diagnosis.sentences import (
 )
 from reports.diagnosis.tables import build_diagnosis_dict, format_diagnosis_json
 from reports.plan.map_figure import render_png
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NAMED, Diagnosis, ReplayResult
+from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Diagnosis, ReplayResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

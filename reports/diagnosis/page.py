@@ -43,7 +43,7 @@ from reports.diagnosis.sentences import (
     name_held_out_data,
     sort_findings,
 )
-from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
+from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, NOT_VISIBLE, Diagnosis, Finding
 from vehicle.model.effects import get_effect
 
 ERROR_KINDS = (("Across", "cm", "cross_cm", 1), ("Along", "cm", "along_cm", 1), ("Heading", "deg", "heading_deg", 2))

@@ -14,7 +14,7 @@ from reports.common.rendering import make_json_safe, render_template
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence
 from reports.common.wording import NO_VALUE, format_number, join_list
 from reports.plan.map_figure import encode_svg_base64
-from vehicle.identification.verdict.diagnosis_types import ReplayedSegment, ReplayResult
+from vehicle.identification.diagnosis.results import ReplayedSegment, ReplayResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from reports.common.effect_names import format_effect_with_id, get_effect_label, replace_effect_ids
 from reports.common.wording import capitalize_first, format_number, join_list
 from reports.diagnosis.log_checks import SHOWN_HORIZON_S, describe_rows_left_out, describe_unsaved_finds
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,
     LIKELY_OF,

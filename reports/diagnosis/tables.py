@@ -41,7 +41,7 @@ from reports.diagnosis.sentences import (
     name_held_out_data,
     sort_findings,
 )
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     NAMED,
     Diagnosis,
@@ -54,7 +54,7 @@ from vehicle.identification.verdict.diagnosis_types import (
 if TYPE_CHECKING:
     from rich.console import Group
 
-    from vehicle.identification.verdict.demo_logs import HiddenEffect
+    from vehicle.identification.diagnosis.demo_logs import HiddenEffect
 
 
 def format_diagnosis_json(diagnosis: Diagnosis, hidden: HiddenEffect | None = None) -> str:

@@ -14,9 +14,9 @@ import time
 
 from tests.truth.drives import Drive, circles, default_programme, drive, stairs, straight
 from tests.truth.model import Truth
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.diagnose import diagnose_logs
 from vehicle.model.tractor import load_tractor
 
 PROGRAMME_H = 0.26

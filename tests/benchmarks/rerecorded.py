@@ -33,7 +33,7 @@ from tests.diagnosis.foreign_sets import (
 )
 from tests.diagnosis.rerecording import VARIATIONS, is_as_recorded, list_flips, list_losses, vary_logs
 from tests.truth.cases import KINDS, TruthCase
-from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
 from vehicle.model.tractor import Tractor, load_tractor
 
 RECORDED, DEMO, DEMO_HZ = "as recorded", "demo", 20.0

@@ -6,8 +6,8 @@ import pytest
 
 from tests.benchmarks import unseen
 from tests.benchmarks.unseen import LogSet, UnseenRow, format_row, list_third_sets, main
+from vehicle.identification.diagnosis.results import HoldoutResult
 from vehicle.identification.replay.horizon_errors import HorizonError
-from vehicle.identification.verdict.diagnosis_types import HoldoutResult
 
 
 def make_row(after_cm: float, is_offered: bool = True) -> UnseenRow:

@@ -21,15 +21,15 @@ from pathlib import Path
 from planner.pipeline.held_out_runs import AUTO, split_held_out_runs
 from tests.diagnosis.foreign_sets import draw_cases, make_logs
 from tests.truth.cases import KINDS, TruthCase
+from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.holdout import measure_holdout
+from vehicle.identification.diagnosis.results import HoldoutResult
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.horizon_errors import HorizonError
-from vehicle.identification.verdict.demo_logs import draw_hidden_effect, simulate_demo_logs
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import HoldoutResult
 from vehicle.identification.verdict.guard import is_harmful
-from vehicle.identification.verdict.holdout import measure_holdout
 from vehicle.model.effects import CATALOGUE
 from vehicle.model.tractor import Tractor, load_tractor
 

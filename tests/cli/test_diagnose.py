@@ -14,9 +14,9 @@ import pytest
 
 from planner.pipeline.diagnosis import diagnose
 from tests.truth.sample_log import HIDDEN, format_sample_log
+from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import resolve_log_path
-from vehicle.identification.verdict.demo_logs import draw_hidden_effect
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 

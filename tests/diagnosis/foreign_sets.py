@@ -19,12 +19,12 @@ import pandas as pd
 from tests.diagnosis.rerecording import VARIATIONS, Record, vary_logs
 from tests.truth.cases import TruthCase
 from tests.truth.fourth import MACHINES, MASS_POINT_M, make_unseen_case
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.replay.horizon_errors import compute_horizon_errors, sum_squared_errors_by_run
 from vehicle.identification.replay.rig import build_rig_and_corrections
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import Tractor, load_tractor
 
 REFERENCES = {"third": "third_draw", "fourth": "fourth_cases", "fifth": "fifth_cases"}

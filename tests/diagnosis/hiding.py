@@ -10,9 +10,9 @@ from typing import Any
 from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import NEUTRAL, PLACES, scaled
 from tests.truth.model import make_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NOT_VISIBLE, Diagnosis
 from vehicle.model.tractor import Tractor, load_tractor
 
 BRIEF = ("straight_090", "straight_270", "circles_right", "circles_left", "steps", "speed_steps", "implement_straight")

@@ -19,9 +19,9 @@ import numpy as np
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, PLACES, scaled
 from tests.truth.second import TRACTORS, second_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 SIZES = {"clear": 1.0, "half": 0.5, "third": 1.0 / 3.0}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tests.diagnosis.sets import inside, size_of
-from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, REFUTED
+from vehicle.identification.diagnosis.results import LIKELY, NAMED, REFUTED
 
 NAMED_WANTED, LIKELY_WANTED, INSIDE_WANTED, SETS_PER_WRONG_NAME = 0.97, 0.80, (0.93, 0.97), 300
 LEAST_INSIDE = 0.90  # of the values of every parameter

@@ -10,9 +10,9 @@ from tests.diagnosis.hiding import brief_programme, eg105
 from tests.truth.drives import three_speeds_programme
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.diagnose import diagnose_logs
 from vehicle.model.tractor import load_tractor
 
 RUNS = ("straight_090", "straight_270", "circles_right", "steps")

@@ -3,7 +3,7 @@
 import pytest
 
 from tests.diagnosis.foreign_sets import build_record, draw_cases, name_case
-from vehicle.identification.verdict.diagnosis_types import NAMED
+from vehicle.identification.diagnosis.results import NAMED
 
 
 @pytest.mark.matrix

@@ -5,11 +5,11 @@ import pytest
 from tests.diagnosis.hiding import eg105
 from tests.truth.drives import default_programme
 from tests.truth.model import Truth
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.data_subset import select_balanced_subset
 from vehicle.identification.verdict import cross_fit as module
-from vehicle.identification.verdict.diagnose import diagnose_logs
 
 HIDDEN = {"steering_offset": {"angle_deg": 1.5}}
 

@@ -3,8 +3,8 @@
 import pytest
 
 from tests.diagnosis.hiding import eg105
-from vehicle.identification.verdict.demo_logs import HiddenEffect, simulate_demo_logs
-from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect, simulate_demo_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 
 
 @pytest.mark.slow

@@ -8,8 +8,8 @@ from tests.diagnosis.hiding import Verdict, diagnosed, hidden, judge
 from tests.examples import draw_seed
 from tests.truth.drives import one_way_programme
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
-from vehicle.identification.verdict.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
-from vehicle.identification.verdict.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.model.tractor import load_tractor
 
 pytestmark = pytest.mark.matrix

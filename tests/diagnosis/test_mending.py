@@ -6,10 +6,10 @@ import pytest
 from tests.diagnosis.hiding import eg105, hidden
 from tests.truth.drives import default_programme
 from tests.truth.model import make_logs
+from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import compute_half_numbers
-from vehicle.identification.verdict.demo_logs import draw_hidden_effect, simulate_demo_logs
-from vehicle.identification.verdict.diagnose import diagnose_logs
 from vehicle.model.tractor import EffectSetting
 
 FAST = ("fast_circles", "fast_steps", "speed_steps", "circles_right")

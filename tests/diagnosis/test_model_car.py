@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.logs.reader import read_logs
-from vehicle.identification.verdict.diagnose import diagnose_logs
 from vehicle.model.tractor import load_tractor
 
 CAR = Path(__file__).parent / "data" / "dart.toml"

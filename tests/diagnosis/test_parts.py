@@ -17,6 +17,7 @@ from tests.diagnosis.hiding import eg105
 from tests.examples import count_examples
 from tests.truth.drives import circles, straight
 from tests.truth.model import make_logs
+from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.replay.horizon_errors import (
@@ -28,7 +29,6 @@ from vehicle.identification.replay.rig import build_rig
 from vehicle.identification.residuals.noise_floor import compute_noise_floor
 from vehicle.identification.residuals.noise_weights import estimate_first_noise
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
-from vehicle.identification.verdict.demo_logs import draw_hidden_effect, simulate_demo_logs
 from vehicle.model.tractor import EffectSetting, load_tractor
 from vehicle.model.tractor_writer import format_tractor_toml
 

@@ -10,9 +10,9 @@ import pytest
 from tests.diagnosis.hiding import eg105
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import second_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Diagnosis, Finding
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, Diagnosis, Finding
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 TOLD = (NAMED, LIKELY, EQUIVALENT)

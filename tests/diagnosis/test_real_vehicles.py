@@ -17,9 +17,9 @@ import pytest
 from numpy.typing import NDArray
 
 from vehicle.errors import VehicleError
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import read_logs
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 pytestmark = pytest.mark.slow

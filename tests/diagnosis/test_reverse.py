@@ -9,12 +9,12 @@ from tests.truth.drives import Drive, constant, reversing, three_speeds_programm
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.model import make_logs
 from tests.truth.second import second_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.replay.horizon_errors import compute_horizon_errors, sum_squared_errors_by_run
 from vehicle.identification.replay.rig import build_rig
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 RUNS = ("there", "back", "right")

@@ -10,9 +10,9 @@ from tests.examples import draw_seed
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
 from tests.truth.second import Receiver, second_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.tractor import load_tractor
 
 

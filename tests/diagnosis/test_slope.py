@@ -8,11 +8,11 @@ from tests.diagnosis.hiding import brief_programme, eg105
 from tests.truth.body import Ground
 from tests.truth.model import make_logs
 from tests.truth.sensors import Instruments
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.identification.replay.rig import build_rig, replay_segment
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
 from vehicle.model.effect_kinds import PER_SLOPE
 
 HILLS = Ground(wave_m=0.6, length_m=45.0, drift=0.4)

@@ -19,12 +19,12 @@ from tests.diagnosis.hiding import brief_programme
 from tests.reports.test_diagnosis import diagnosis, finding
 from tests.truth.body import Ground, falls
 from tests.truth.model import make_logs
+from vehicle.identification.diagnosis.results import NAMED
 from vehicle.identification.logs.conventions import convert_columns
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log, LogConvention
 from vehicle.identification.logs.terrain import estimate_cross_slope, estimate_grade_speed
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.verdict.diagnosis_types import NAMED
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.effects import BY_ROLL, SLOPE_DRIFT, get_effect
 

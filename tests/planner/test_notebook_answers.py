@@ -26,7 +26,7 @@ from reports.plan.ranking_export import format_ranking_csv
 from tests.reports.test_notebook import EVIL, check_shown
 from tests.service.conftest import SMALL
 from tests.truth.model import make_logs
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.missions.plan_file import parse_saved_plan
 
 UTM = "EPSG:32654"

@@ -16,7 +16,7 @@ from planner.evaluation.field_physics import FieldPhysics, adapt_to_ground
 from planner.pipeline.soil_rows import SoilLine, build_soil_row, format_soil_table, parse_soil_line
 from planner.request.plan_request import PlanRequest
 from tests.reports.test_diagnosis import diagnosis, in_model
-from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, GroundLevel, ParameterLaw
+from vehicle.identification.diagnosis.results import LIKELY, NAMED, GroundLevel, ParameterLaw
 from vehicle.model.effect_kinds import PER_SLOPE
 from vehicle.model.soil import find_soil
 from vehicle.model.terrain import Terrain

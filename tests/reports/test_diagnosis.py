@@ -21,9 +21,8 @@ from reports.diagnosis.evidence import choose_ticks
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.sentences import LIKELY_MEANS, explain_likely_verdict
 from reports.diagnosis.tables import build_diagnosis_table, format_diagnosis_json
-from vehicle.identification.replay.horizon_errors import HorizonError
-from vehicle.identification.verdict.demo_logs import HiddenEffect
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect
+from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,
     NAMED,
@@ -37,6 +36,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     PlanGain,
     ResidualPlot,
 )
+from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.model.effects import CATALOGUE, get_effect
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, load_tractor
 

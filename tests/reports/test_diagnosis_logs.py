@@ -20,8 +20,7 @@ from reports.diagnosis.notebook import build_diagnosis_view
 from reports.diagnosis.sentences import describe_remaining_error
 from reports.diagnosis.tables import format_diagnosis_json
 from tests.reports.test_diagnosis import both, diagnosis, extended, flat, in_model, printed, setting
-from vehicle.identification.replay.horizon_errors import HorizonError
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.results import (
     LIKELY,
     NAMED,
     ColumnTiming,
@@ -33,6 +32,7 @@ from vehicle.identification.verdict.diagnosis_types import (
     ParameterLaw,
     RunCheck,
 )
+from vehicle.identification.replay.horizon_errors import HorizonError
 
 GOLDEN = Path(__file__).parent / "screens"
 WRITE = os.environ.get("HEADLAND_GOLDEN") == "write"

@@ -13,7 +13,7 @@ from reports.diagnosis.evidence import build_curve_drawing, build_evidence_conte
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.tables import format_diagnosis_json
 from tests.reports.test_diagnosis import diagnosis, page_text
-from vehicle.identification.verdict.diagnosis_types import (
+from vehicle.identification.diagnosis.results import (
     ParameterCorrelations,
     PathPair,
     PieceErrors,

@@ -27,7 +27,7 @@ from reports.common.study_results import FleetStudy
 from reports.diagnosis.tables import build_diagnosis_dict
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from tests.reports.test_diagnosis import diagnosis, in_model
-from vehicle.identification.verdict.diagnosis_types import NAMED
+from vehicle.identification.diagnosis.results import NAMED
 
 MOST_REPR_CHARS, MOST_HTML_BYTES = 300, 300_000
 EVIL = "<script>alert('&')</script>"

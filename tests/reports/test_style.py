@@ -13,8 +13,8 @@ from reports.diagnosis.replay import build_replay_table, format_replay_json, ren
 from reports.plan.ranking_page import render_plan_page
 from reports.trials.report import render_trials_page
 from tests.reports.test_diagnosis import NAMED, diagnosis, in_model
+from vehicle.identification.diagnosis.results import ReplayResult
 from vehicle.identification.replay.horizon_errors import HorizonError
-from vehicle.identification.verdict.diagnosis_types import ReplayResult
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison
 
 

@@ -31,8 +31,8 @@ from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.ranking_export import format_ranking_csv, format_ranking_json
 from reports.plan.ranking_page import render_plan_page
 from reports.plan.shortfall_wording import list_shortfall_sentences
-from vehicle.identification.verdict.demo_logs import HiddenEffect
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.model.tractor_writer import format_tractor_toml
 
 

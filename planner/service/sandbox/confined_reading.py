@@ -43,8 +43,8 @@ def load_libraries() -> None:
         import rasterio.windows  # noqa: F401
     from planner.evaluation import context  # noqa: F401
     from planner.service.sandbox.file_summaries import summarize_field, summarize_tractor
+    from vehicle.identification.diagnosis import demo_logs  # noqa: F401
     from vehicle.identification.logs import reader  # noqa: F401
-    from vehicle.identification.verdict import demo_logs  # noqa: F401
     from vehicle.model import gnss  # noqa: F401
 
     summarize_field("netherlands")

@@ -77,9 +77,9 @@ def check_diagnosis_request(values: Mapping[str, Any]) -> None:
 
     The logs are read when the job is done.
     """
+    from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect
     from vehicle.identification.logs.reader import parse_conventions
     from vehicle.identification.logs.table import parse_mapping
-    from vehicle.identification.verdict.demo_logs import draw_hidden_effect
     from vehicle.model.ground import find_ground_index
     from vehicle.model.tractor import resolve_tractor
 

@@ -16,9 +16,9 @@ from vehicle.identification.columns.staleness import (
     mark_stale_columns_of_set,
     measure_hold,
 )
+from vehicle.identification.diagnosis.log_notes import describe_columns
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.log_findings import describe_columns
 
 WAVES = drive("waves", 60.0, triangle(15.0, 9.0), stairs((20.0, 1.0), (20.0, 1.8), (20.0, 1.2)))
 STEPS = drive("steps", 60.0, stairs(*[(6.0, 12.0), (6.0, -9.0), (6.0, 4.0)] * 4), 1.4)

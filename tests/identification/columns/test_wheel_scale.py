@@ -14,9 +14,9 @@ from vehicle.identification.columns.wheel_scale import (
     leave_out_saturated_angles,
     measure_wheel_scale,
 )
+from vehicle.identification.diagnosis.log_notes import describe_columns
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.log_findings import describe_columns
 
 PROGRAMME = brief_programme("circles_right")
 

@@ -5,9 +5,9 @@ import pandas as pd
 import pytest
 
 from tests.identification.fault_logs import START_S, clean_frames
+from vehicle.identification.diagnosis.log_notes import list_onset_faults
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP, correct_heading_jumps
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.log_findings import list_onset_faults
 
 
 def turn(frame: pd.DataFrame, by_deg: np.ndarray) -> pd.DataFrame:

@@ -5,10 +5,10 @@ import pandas as pd
 import pytest
 
 from tests.identification.fault_logs import RUNS, START_S, clean_frames
+from vehicle.identification.diagnosis.log_notes import list_onset_faults
 from vehicle.identification.faults.level_steps import STEERING_JUMP, mark_level_step
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log, LogFault
-from vehicle.identification.verdict.log_findings import list_onset_faults
 
 SLIP, BENT, OPEN = ("steering_deg",), ("steering_deg", "steering_command_deg"), ("steering_command_deg",)
 

@@ -11,6 +11,7 @@ from tests.examples import seldom
 from tests.identification.fault_logs import START_S, clean_frames, degrade, ignore_commands, rows_of
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import second_logs
+from vehicle.identification.diagnosis.log_notes import format_time, list_onset_faults
 from vehicle.identification.faults.steering_evidence import (
     build_evidence_segments,
     find_largest_angles,
@@ -20,7 +21,6 @@ from vehicle.identification.faults.steering_evidence import (
 from vehicle.identification.faults.steering_faults import mark_steering_faults
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.log_findings import format_time, list_onset_faults
 
 
 def logs_with(changed: dict) -> list[Log]:  # type: ignore[type-arg]

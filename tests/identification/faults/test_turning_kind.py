@@ -11,6 +11,8 @@ import pytest
 
 from tests.truth.drives import Drive, drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
 from vehicle.identification.faults.turning_kind import (
     ARTICULATED,
     REAR_STEERED,
@@ -21,8 +23,6 @@ from vehicle.identification.faults.turning_kind import (
 )
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
 from vehicle.identification.verdict.unclear_findings import withdraw_faked
 from vehicle.model.tractor import Tractor, load_tractor
 

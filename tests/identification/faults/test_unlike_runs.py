@@ -8,12 +8,12 @@ from tests.examples import seldom
 from tests.identification.fault_logs import RUNS, clean_frames
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import Second, second_logs
+from vehicle.identification.diagnosis.log_notes import mark_unlike_runs
+from vehicle.identification.diagnosis.results import RunCheck
 from vehicle.identification.faults.unlike_runs import find_unlike_runs
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.replay.data_subset import leave_out_runs, select_balanced_subset
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.verdict.diagnosis_types import RunCheck
-from vehicle.identification.verdict.log_findings import mark_unlike_runs
 from vehicle.model.tractor import load_tractor
 
 EG105 = load_tractor("eg105")

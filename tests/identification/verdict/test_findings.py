@@ -11,6 +11,15 @@ import pytest
 from tests.identification.residual_models import build_programme_model, eg105, get_parameters
 from vehicle.identification.cause_selection.challenge import challenge_causes
 from vehicle.identification.cause_selection.refit import compute_unnamed_gain
+from vehicle.identification.diagnosis.results import (
+    EQUIVALENT,
+    LIKELY,
+    LIKELY_OF,
+    LIKELY_RIGHT,
+    NAMED,
+    NOT_VISIBLE,
+    REFUTED,
+)
 from vehicle.identification.fit.open_loop import ModelTerm
 from vehicle.identification.fit.residual_fit import EffectFit, LinearTerms, refine_fit
 from vehicle.identification.model_extension.tractor_extension import ModelExtension, build_fit_extension
@@ -25,15 +34,6 @@ from vehicle.identification.thresholds import (
     WORTH_A_NAME_PCT,
 )
 from vehicle.identification.verdict import named_causes
-from vehicle.identification.verdict.diagnosis_types import (
-    EQUIVALENT,
-    LIKELY,
-    LIKELY_OF,
-    LIKELY_RIGHT,
-    NAMED,
-    NOT_VISIBLE,
-    REFUTED,
-)
 from vehicle.identification.verdict.findings import (
     build_findings,
     extend_to_neutral,

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from tests.identification.log_tables import runs
-from vehicle.identification.logs.reader import build_log
-from vehicle.identification.verdict.holdout import (
+from vehicle.identification.diagnosis.holdout import (
     PiecesByHorizon,
     compute_errors,
     compute_rise_sigmas,
     is_extension_helpful,
     measure_holdout,
 )
+from vehicle.identification.logs.reader import build_log
 from vehicle.model.tractor import EffectSetting, load_tractor
 
 

@@ -9,10 +9,10 @@ import pytest
 from tests.diagnosis.sets import LogSet
 from tests.truth.drives import three_speeds_programme
 from tests.truth.second import second_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, REFUTED
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.verdict.diagnose import diagnose_logs
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, NAMED, REFUTED
 from vehicle.identification.verdict.findings import add_delay_like_competitors, list_delay_like_effects
 from vehicle.model.tractor import load_tractor
 

@@ -7,8 +7,8 @@ import pytest
 
 from tests.identification.residual_models import build_programme_model
 from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.diagnosis.results import LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.fit.residual_fit import make_empty_fit
-from vehicle.identification.verdict.diagnosis_types import LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.law_drives import choose_law_drive, choose_side_drive
 from vehicle.identification.verdict.law_findings import mark_one_sided
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.laws.bases import RunClock
 from vehicle.identification.laws.settle import SettledLaw
 from vehicle.identification.laws.sides import SideLaw
 from vehicle.identification.laws.words import describe_law
 from vehicle.identification.thresholds import WORTH_OF_WHEEL_PCT
 from vehicle.identification.verdict import law_findings
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.law_findings import (
     GAIN_TERMS,
     _compare_with_gain_by_speed,

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, log
+from vehicle.identification.diagnosis.log_notes import _describe_clocks, _describe_logs, _describe_subset
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.replay.drive_segments import build_dataset
-from vehicle.identification.verdict.diagnosis_types import Diagnosis
-from vehicle.identification.verdict.log_findings import _describe_clocks, _describe_logs, _describe_subset
 
 
 def said(found: dict[str, dict[str, float] | None], *seconds: float) -> list[str]:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
 from vehicle.identification.verdict import unclear_findings
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding, ParameterLaw
 from vehicle.identification.verdict.unclear_findings import (
     doubt_follow_stage,
     doubt_names,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import POSE_CELLS, STRIDE
+from vehicle.identification.diagnosis.drive_data import POSE_CELLS, STRIDE, DriveData
 from vehicle.identification.diagnosis.grammar import (
     CONSTANT,
     FEWEST_PATCH_STEPS,
@@ -25,6 +25,7 @@ from vehicle.model.effects import get_effect
 
 SPACING = 0.7  # of the radius between the centres that are tried
 FINEST_MOVE_M, FIRST_MOVE_M, SMALLEST_RADIUS_M = 0.5, 4.0, 3.0
+MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
 Circle = tuple[float, float, float]
 
 
@@ -33,6 +34,13 @@ def build_patch(circle: Circle) -> Hypothesis:
     size = get_effect("grip_patch").size
     coordinate = Coordinate((("bend", 1.0),), WIDTH_PER_TYPICAL * size.typical, size.low - 1.0, size.high - 1.0)
     return Hypothesis("grip_patch", format_circle(*circle), (coordinate,), ODDS["place"], size.finest, place=circle)
+
+
+def find_middle_circle(data: DriveData) -> Circle:
+    """A circle about the middle of the driving, with a quarter of its spread."""
+    east, north = data.path["east"], data.path["north"]
+    radius = MIDDLE_SHARE * float(max(np.ptp(east), np.ptp(north)))
+    return float(np.median(east)), float(np.median(north)), radius
 
 
 @dataclass(eq=False)

@@ -254,6 +254,4 @@ def _collect_samples(parts: Sequence[tuple[Array, Array, Rows, Rows]], shape: tu
     cells, size = cells.astype(np.int64), shape[0] * shape[1]
     counts = np.bincount(cells, minlength=size)
     means = np.bincount(cells, values, minlength=size) / np.maximum(counts, 1)
-    return Samples(
-        means.reshape(shape), (counts > 0).reshape(shape), places, cells, segments.astype(np.int64)
-    )
+    return Samples(means.reshape(shape), (counts > 0).reshape(shape), places, cells, segments.astype(np.int64))

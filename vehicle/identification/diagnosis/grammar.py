@@ -17,7 +17,7 @@ import numpy as np
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.model.effect_kinds import CIRCLE, SLOPE, EffectKind, EffectParameter
+from vehicle.model.effect_kinds import CIRCLE, LIMIT, SLOPE, EffectKind, EffectParameter
 from vehicle.model.effects import (
     CATALOGUE,
     SLOPE_DRIFT,
@@ -179,7 +179,8 @@ def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothe
         low, high = box.low[place] - box.neutral[place], box.high[place] - box.neutral[place]
         coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high))
     finest = size.finest if kind is not SLOPE else scale_parameter(effect.size, tractor).finest
-    return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, finest)
+    starts = tuple(start / coordinates[0].width for start in effect.starts) if kind is LIMIT else ()
+    return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, finest, starts=starts)
 
 
 def _measure_slopes(
@@ -206,9 +207,7 @@ def _measure_slopes(
 
 def build_scope(parent: Hypothesis, basis: str, scale: float = 1.0) -> Hypothesis:
     """A hypothesis with another basis, whose usual size there is `scale`: the width is over it."""
-    coordinates = tuple(
-        Coordinate(one.slopes, one.width / scale, -math.inf, math.inf) for one in parent.coordinates
-    )
+    coordinates = tuple(Coordinate(one.slopes, one.width / scale, -math.inf, math.inf) for one in parent.coordinates)
     kind = basis.split(":")[0]
     odds = ODDS["run" if kind == "by_run" else "place" if kind == "by_place" else "law"]
     return Hypothesis(parent.id, basis, coordinates, odds, parent.finest / scale)
@@ -252,7 +251,9 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
     hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), ODDS["law"], 0.02))
     late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)
-    hypotheses.append(Hypothesis("gnss_latency", "with_speed", (late,), ODDS["law"], get_effect("gnss_latency").size.finest))
+    hypotheses.append(
+        Hypothesis("gnss_latency", "with_speed", (late,), ODDS["law"], get_effect("gnss_latency").size.finest)
+    )
     push = tuple(Coordinate(((name, 1.0),), 0.075, -math.inf, math.inf) for name in ("push_east", "push_north"))
     hypotheses.append(Hypothesis("push", CONSTANT, push, ODDS["law"], 0.01))
     return hypotheses
@@ -283,7 +284,9 @@ def list_nuisances(data: DriveData) -> list[Hypothesis]:
     return [*nuisances, Hypothesis("_command", CONSTANT, (command,), is_nuisance=True)]
 
 
-def sum_fields(model: Sequence[Hypothesis], amounts: Array, bases: Bases, base: Mapping[str, float]) -> dict[str, Array]:
+def sum_fields(
+    model: Sequence[Hypothesis], amounts: Array, bases: Bases, base: Mapping[str, float]
+) -> dict[str, Array]:
     """The fields (m,) of all hypotheses together, for those that differ from the base."""
     fields: dict[str, Array] = {}
     for hypothesis, own in split_amounts(model, amounts):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -79,7 +80,7 @@ class Problem:
     data: DriveData
     rig: ReplayRig
     noise: dict[str, ChannelNoise] = field(init=False)
-    changes: dict[tuple[str, int, bool, bool], list[tuple[dict[tuple[str, int], float], Residuals]]] = field(
+    changes: dict[tuple[str, int, float], list[tuple[dict[tuple[str, int], float], Residuals]]] = field(
         default_factory=dict
     )
 
@@ -99,9 +100,7 @@ class Problem:
         """Residuals (w, n) per channel; a pose is first laid on the measurement, as the start of a window is free."""
         fields = sum_fields(model, amounts, self.bases, self.simulator.base)
         own = [(one, tuple(part)) for one, part in split_amounts(model, amounts) if np.any(part)]
-        keys = {
-            chain: tuple((str(one), part) for one, part in own if chain in one.chains) for chain in CHAINS
-        }
+        keys = {chain: tuple((str(one), part) for one, part in own if chain in one.chains) for chain in CHAINS}
         shown = self.simulator.simulate(fields, keys)
         predicted = np.stack([shown["east"], shown["north"], shown["heading"]], axis=2)
         data = self.data
@@ -145,7 +144,10 @@ class Problem:
         Changes that were computed where the amounts were nearly the same are used again, unless `is_fresh`.
         """
         names = [(str(one), number) for one in model for number in range(one.size)]
-        columns = [self._get_change(model, amounts, residuals, place, names[place], step, NEAR_WIDTHS * (not is_fresh)) for place in places]
+        columns = [
+            self._get_change(model, amounts, residuals, place, names[place], step, NEAR_WIDTHS * (not is_fresh))
+            for place in places
+        ]
         return {
             channel: self.noise[channel].whiten(np.stack([column[channel] for column in columns], axis=2))
             for channel in CHANNELS
@@ -164,7 +166,7 @@ class Problem:
             for number, coordinate in enumerate(one.coordinates)
             if one.chains & chains
         }
-        stored = self.changes.setdefault((*name, step > 0.0, abs(step) > 2.0 * FIT_STEP), [])
+        stored = self.changes.setdefault((*name, step if abs(step) > 2.0 * FIT_STEP else math.copysign(0.0, step)), [])
         for other, change in stored:
             if all(abs(point.get(key, 0.0) - other.get(key, 0.0)) <= near for key in point.keys() | other.keys()):
                 return change
@@ -183,7 +185,7 @@ class Problem:
 
     def refit(self, model: Model, amounts: Array, iterations: int = 10) -> Fit:
         """The most likely amounts from a start, by damped Gauss-Newton steps inside the limits, at this noise."""
-        widths, bounds = collect_widths(model), _collect_bounds(model)
+        widths, bounds = collect_widths(model), collect_bounds(model)
         amounts = np.clip(amounts, *bounds)
         residuals = self.compute_residuals(model, amounts)
         cost, damping = self.compute_cost(model, amounts, residuals), 1e-3
@@ -235,16 +237,16 @@ class Problem:
 
     def search_lines(self, model: Model, amounts: Array) -> Array:
         """Try sizes along every rugged effect and keep the best."""
-        widths, bounds = collect_widths(model), _collect_bounds(model)
+        widths, bounds = collect_widths(model), collect_bounds(model)
         best = np.clip(amounts, *bounds)
         cost = self.compute_cost(model, best, self.compute_residuals(model, best))
         place = 0
         for hypothesis in model:
-            if not hypothesis.is_nuisance and hypothesis.chains & RUGGED_CHAINS:
+            if not hypothesis.is_nuisance and (hypothesis.starts or hypothesis.chains & RUGGED_CHAINS):
                 start = best.copy()
-                for step in SEARCH_WIDTHS:
+                for step in hypothesis.starts or SEARCH_WIDTHS:
                     tried = start.copy()
-                    tried[place] += step * widths[place]
+                    tried[place] = step * widths[place] + start[place] * (not hypothesis.starts)
                     tried = np.clip(tried, *bounds)
                     tried_cost = self.compute_cost(model, tried, self.compute_residuals(model, tried))
                     if tried_cost < cost:
@@ -281,33 +283,39 @@ class Problem:
         """What every hypothesis would gain on top of a fit, the best first, by secants at half a width."""
         white, roots = self.weigh(fit.residuals)
         rest = np.concatenate([(white[c] * roots[c][:, None]).ravel() for c in CHANNELS])
-        known = self._stack(self.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)),
+        known = self.stack(self.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)),
                                                  FIT_STEP), roots)  # fmt: skip
         inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
         gains = []
         for hypothesis in hypotheses:
-            found = [self._score(fit, hypothesis, sign, roots, rest, known, inverse) for sign in _list_signs(hypothesis)]
+            steps = hypothesis.starts or [SCAN_STEP * sign for sign in _list_signs(hypothesis)]
+            found = [self._score(fit, hypothesis, step, roots, rest, known, inverse) for step in steps]
             best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
             if best is not None:
                 gains.append(best)
         return sorted(gains, key=lambda one: -one.nats)
 
-    def _stack(self, secants: dict[str, Array], roots: dict[str, Array]) -> Array:
+    def stack(self, secants: dict[str, Array], roots: dict[str, Array]) -> Array:
+        """Weighted columns of all channels as one matrix (rows, k)."""
         parts = [(secants[c] * roots[c][:, None, None]).reshape(-1, secants[c].shape[2]) for c in CHANNELS]
         return np.concatenate(parts)
 
     def _score(
-        self, fit: Fit, hypothesis: Hypothesis, sign: float, roots: dict[str, Array], rest: Array, known: Array,
+        self, fit: Fit, hypothesis: Hypothesis, step: float, roots: dict[str, Array], rest: Array, known: Array,
         inverse: Array,
     ) -> Gain | None:  # fmt: skip
         model = (*fit.model, hypothesis)
         size = len(fit.amounts)
         amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
-        step = sign * SCAN_STEP
-        columns = self._stack(
+        columns = self.stack(
             self.compute_secants(model, amounts, fit.residuals, range(size, len(amounts)), step), roots
         )
-        return solve_gain(hypothesis, columns, rest, known, inverse, sign)
+        gain = solve_gain(hypothesis, columns, rest, known, inverse, math.copysign(1.0, step))
+        return (
+            gain
+            if gain is None or not hypothesis.starts
+            else replace(gain, amounts=step * collect_widths((hypothesis,)))
+        )
 
 
 def solve_gain(
@@ -339,7 +347,8 @@ def _list_signs(hypothesis: Hypothesis) -> tuple[float, ...]:
     return (1.0, -1.0) if hypothesis.chains & RUGGED_CHAINS else (1.0,)
 
 
-def _collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:
+def collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:
+    """Limits of all coordinates of a model."""
     coordinates = [one for hypothesis in model for one in hypothesis.coordinates]
     return np.array([one.low for one in coordinates]), np.array([one.high for one in coordinates])
 

@@ -230,5 +230,3 @@ def _build_sensor_noise(
     timing = rate[:, :, None] * compute_memory(times, jitter_s) * rate[:, None, :]
     parts = np.array([one, *slow, rate[:, :, None] ** 2 * one, timing])
     return ChannelNoise(parts, np.log(np.square(sizes)), np.zeros(one.shape), 0, observed)
-
-

@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.grammar import (
     list_laws,
     list_nuisances,
 )
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, _collect_bounds
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
@@ -178,15 +178,20 @@ class Searcher:
         self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
     ) -> tuple[Fit | None, list[Comparison]]:
         """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
-        gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis)) if one.hypothesis.id != hypothesis.id or (
-            one.hypothesis.basis != hypothesis.basis and not hypothesis.id == one.hypothesis.id == "grip_patch")]
+        gains = [
+            one
+            for one in self.scan(without, self.problem.list_channels(hypothesis))
+            if one.hypothesis.id != hypothesis.id
+            or (one.hypothesis.basis != hypothesis.basis and not hypothesis.id == one.hypothesis.id == "grip_patch")
+        ]
         comparisons: list[Comparison] = []
         for gain in gains[:MOST_TRIED]:
             if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):
                 break
             model = (*without.model, gain.hypothesis)
             start = self.problem.refit(
-                model, self.problem.search_lines(model, np.concatenate([without.amounts, gain.amounts])), 6)
+                model, self.problem.search_lines(model, np.concatenate([without.amounts, gain.amounts])), 6
+            )
             comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
             self.step()
             comparisons.append(comparison)
@@ -223,7 +228,7 @@ class Searcher:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
         problem, data = self.problem, self.problem.data
         white, roots = problem.weigh(fit.residuals)
-        widths, bounds = collect_widths(fit.model), _collect_bounds(fit.model)
+        widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
         secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
         fold = number_folds(data.window_runs)
         curvature = np.eye(len(widths))

@@ -111,8 +111,11 @@ def simulate_path(  # type: ignore[no-untyped-def]
         play, bend = steady[begin], 0.0
         for i in range(begin, end):
             out[0, i], out[1, i], out[2, i] = x, y, angle
-            forward = speed[i] if fields[SPEED_CLOCK, i] == 0.0 else _read_at(
-                speed, begin, end, i + fields[SPEED_CLOCK, i] / PATH_STEP_S)
+            forward = (
+                speed[i]
+                if fields[SPEED_CLOCK, i] == 0.0
+                else _read_at(speed, begin, end, i + fields[SPEED_CLOCK, i] / PATH_STEP_S)
+            )
             forward /= fields[SPEED_SCALE, i]
             ahead = fields[STEERING_CLOCK, i] / PATH_STEP_S
             turned, calm = wheel[i], steady[i]
@@ -140,16 +143,16 @@ def simulate_path(  # type: ignore[no-untyped-def]
                 bend += (tangent - bend) * (1.0 - np.exp(-abs(forward) * PATH_STEP_S / fields[RELAXATION, i]))
             else:
                 bend = tangent
-            slide = compute_slope_drift(forward, cosine[i], sine[i], model) + abs(forward) * across[i] * fields[
-                PER_SLOPE, i]
+            slide = (
+                compute_slope_drift(forward, cosine[i], sine[i], model)
+                + abs(forward) * across[i] * fields[PER_SLOPE, i]
+            )
             if model.draft != 0.0:
                 slide += compute_draft_crab(forward, working[i], model, ground)
             slide += fields[PUSH_EAST, i] * sine[i] - fields[PUSH_NORTH, i] * cosine[i]
             slide -= fields[CRAB, i] * abs(forward) * forward * spin
             along = fields[PUSH_EAST, i] * cosine[i] + fields[PUSH_NORTH, i] * sine[i]
-            _, new_right, new_spin = step_body(
-                forward, right - slide, spin, bend, 0.0, PATH_STEP_S, model, ground
-            )
+            _, new_right, new_spin = step_body(forward, right - slide, spin, bend, 0.0, PATH_STEP_S, model, ground)
             c, s = compute_cosine_sine(angle)
             x += ((forward + along) * c + right * s) * PATH_STEP_S
             y += ((forward + along) * s - right * c) * PATH_STEP_S
@@ -325,5 +328,3 @@ class Simulator:
         shown = values * np.repeat(fields[scale], STRIDE) if scale in fields else values
         sample_values(samples.places, samples.segments, starts, shown, late, STEP_S, out)
         return samples.average(out)
-
-

@@ -8,10 +8,10 @@ import numpy as np
 
 from vehicle.identification.cause_selection.evidence import estimate_robust_covariance
 from vehicle.identification.cause_selection.tolerances import estimate_run_variances
+from vehicle.identification.diagnosis.results import ParameterCorrelations
 from vehicle.identification.fit.residual_fit import EffectFit, FitPart
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.residuals.residual_model import RESIDUAL_BLOCK_S, ResidualModel
-from vehicle.identification.verdict.diagnosis_types import ParameterCorrelations
 
 LEAST_FACTOR = 1.05  # chosen: smaller differences change no printed digit
 CONTENTS = (

@@ -15,6 +15,24 @@ import numpy as np
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.columns.staleness import mark_stale_columns_of_set
 from vehicle.identification.columns.wheel_scale import correct_wheel_scale
+from vehicle.identification.diagnosis.log_notes import (
+    build_fault_diagnosis,
+    check_runs,
+    describe_columns,
+    describe_unsaved_names,
+    list_diagnosis_notes,
+    list_onset_faults,
+    mark_other_turning,
+    mark_unlike_runs,
+)
+from vehicle.identification.diagnosis.results import (
+    EQUIVALENT,
+    NAMED,
+    NOT_VISIBLE,
+    Diagnosis,
+    Finding,
+    GroundLevel,
+)
 from vehicle.identification.errors import LogError
 from vehicle.identification.faults.heading_kind import drop_course_headings
 from vehicle.identification.faults.steering_faults import mark_steering_faults
@@ -52,14 +70,6 @@ from vehicle.identification.residuals.residual_model import ResidualModel, build
 from vehicle.identification.thresholds import SAME_ERROR_FACTOR
 from vehicle.identification.verdict.correlations import compute_value_correlations, describe_intervals
 from vehicle.identification.verdict.cross_fit import SearchedRuns, explain_agreeing_runs, explain_selection
-from vehicle.identification.verdict.diagnosis_types import (
-    EQUIVALENT,
-    NAMED,
-    NOT_VISIBLE,
-    Diagnosis,
-    Finding,
-    GroundLevel,
-)
 from vehicle.identification.verdict.findings import (
     CompetitorsByName,
     add_delay_like_competitors,
@@ -81,16 +91,6 @@ from vehicle.identification.verdict.law_findings import (
     describe_offset_at_work,
     leave_out_stand_ins,
     mark_one_sided,
-)
-from vehicle.identification.verdict.log_findings import (
-    build_fault_diagnosis,
-    check_runs,
-    describe_columns,
-    describe_unsaved_names,
-    list_diagnosis_notes,
-    list_onset_faults,
-    mark_other_turning,
-    mark_unlike_runs,
 )
 from vehicle.identification.verdict.named_causes import ExplainedCase, ReportStep, keep_terms, measure_unexplained
 from vehicle.identification.verdict.residual_curves import build_residual_plot

@@ -15,6 +15,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.cause_selection.candidate_fit import Projector, fit_candidate
+from vehicle.identification.diagnosis.results import (
+    EQUIVALENT,
+    LIKELY,
+    NAMED,
+    NOT_VISIBLE,
+    REFUTED,
+    Finding,
+    NextDrive,
+    convert_nonfinite_to_none,
+)
 from vehicle.identification.fit.column_products import sum_squares
 from vehicle.identification.fit.effect_parameters import (
     EffectParameters,
@@ -36,16 +46,6 @@ from vehicle.identification.replay.drive_programmes import (
 from vehicle.identification.residuals.noise_weights import ResidualChannel
 from vehicle.identification.residuals.residual_model import ResidualModel, build_residual_model
 from vehicle.identification.thresholds import DECISIVE_LOSS, LEAST_GAIN, ONE_SPEED_SPREAD, SURELY_SHOWN_FACTOR
-from vehicle.identification.verdict.diagnosis_types import (
-    EQUIVALENT,
-    LIKELY,
-    NAMED,
-    NOT_VISIBLE,
-    REFUTED,
-    Finding,
-    NextDrive,
-    convert_nonfinite_to_none,
-)
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import CATALOGUE, Effect, get_effect, get_neutral_values

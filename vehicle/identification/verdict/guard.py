@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
 
 from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.diagnosis.results import ErrorsByHorizon, HoldoutResult, HoldoutRun
 from vehicle.identification.replay.data_subset import DataSubset
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import (
@@ -24,7 +25,6 @@ from vehicle.identification.replay.horizon_errors import (
 from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.thresholds import HARM_FACTOR, LEAST_HARM_CM, LEAST_HARM_DEG
 from vehicle.identification.verdict.cross_fit import Half, add_squares, cross_fit, sum_squares_without
-from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
 from vehicle.identification.verdict.held_out_case import (
     ERROR_PIECE_S,
     DiagnosisCase,

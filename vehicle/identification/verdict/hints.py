@@ -23,6 +23,7 @@ from vehicle.identification.cause_selection.covariates import (
     list_covariates,
     score_covariates,
 )
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED, Diagnosis, Hint
 from vehicle.identification.faults.heading_kind import find_double_swing, find_heading_scale
 from vehicle.identification.faults.turning_kind import measure_compass_share
 from vehicle.identification.fit.open_loop import collect_run_settings
@@ -46,7 +47,6 @@ from vehicle.identification.thresholds import (
     LEAST_STRENGTH,
     MOST_OF_THIRD,
 )
-from vehicle.identification.verdict.diagnosis_types import EQUIVALENT, LIKELY, NAMED, Diagnosis, Hint
 from vehicle.identification.verdict.held_out_case import DiagnosisCase
 from vehicle.identification.verdict.wandering import HeadingWitness, describe_wander
 from vehicle.model.discrepancy_model import TERMS_BY_NAME

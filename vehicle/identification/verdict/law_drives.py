@@ -14,6 +14,7 @@ import numpy as np
 
 from vehicle.identification.cause_selection.candidate_fit import Projector
 from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.diagnosis.results import Finding, NextDrive
 from vehicle.identification.fit.column_products import stack_columns, sum_squares
 from vehicle.identification.fit.residual_fit import EffectFit, refine_fit
 from vehicle.identification.laws.bases import BY_RUN, OVER_DAY
@@ -30,7 +31,6 @@ from vehicle.identification.replay.drive_programmes import (
 )
 from vehicle.identification.residuals.residual_model import build_residual_model
 from vehicle.identification.thresholds import DECISIVE_LOSS
-from vehicle.identification.verdict.diagnosis_types import Finding, NextDrive
 from vehicle.identification.verdict.findings import compute_programme_separation, give_constant_channel_weights
 from vehicle.identification.verdict.law_findings import (
     ASYMMETRY,

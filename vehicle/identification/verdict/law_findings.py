@@ -7,6 +7,15 @@ import math
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+from vehicle.identification.diagnosis.results import (
+    CONSTANT_LAW,
+    EQUIVALENT,
+    LIKELY,
+    NAMED,
+    NOT_VISIBLE,
+    Finding,
+    ParameterLaw,
+)
 from vehicle.identification.laws.bases import (
     BY_ANGLE,
     BY_IMPLEMENT,
@@ -25,15 +34,6 @@ from vehicle.identification.laws.sides import RIGHT, SIDED_EFFECTS, SideLaw, fin
 from vehicle.identification.laws.words import compute_law_values, describe_alternatives, describe_law
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.thresholds import WITHDRAWING_LAW_SHARE, WORTH_OF_WHEEL_PCT
-from vehicle.identification.verdict.diagnosis_types import (
-    CONSTANT_LAW,
-    EQUIVALENT,
-    LIKELY,
-    NAMED,
-    NOT_VISIBLE,
-    Finding,
-    ParameterLaw,
-)
 from vehicle.identification.verdict.findings import extend_to_neutral
 from vehicle.identification.verdict.named_causes import ExplainedCase
 from vehicle.model.effects import get_effect, get_neutral_values

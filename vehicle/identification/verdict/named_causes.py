@@ -18,6 +18,7 @@ from vehicle.identification.cause_selection.evidence import is_helping_held_out,
 from vehicle.identification.cause_selection.refit import compute_unnamed_gain, refit_with_covariates, refit_without
 from vehicle.identification.cause_selection.selection import CauseSelection
 from vehicle.identification.cause_selection.tolerances import is_within_tolerances
+from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.fit.effect_parameters import find_finest_size
 from vehicle.identification.fit.open_loop import ModelTerm, fit_terms
 from vehicle.identification.fit.residual_fit import EffectFit
@@ -48,7 +49,6 @@ from vehicle.identification.thresholds import (
     WORTH_A_NAME_PCT,
     WORTH_OF_WHEEL_PCT,
 )
-from vehicle.identification.verdict.diagnosis_types import Hint
 from vehicle.identification.verdict.held_out_case import (
     ERROR_PIECE_S,
     DiagnosisCase,

@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from vehicle.identification.cause_selection.covariates import ErrorCovariate
+from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.rig import replay_segment, simulate_logged_values
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.verdict.diagnosis_types import ResidualPlot
 from vehicle.model.effects import (
     ANGLE,
     COMMAND_RATE,

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 from vehicle.identification.cause_selection.merging import COMMAND_CLOCK, DEAD_TIME
 from vehicle.identification.cause_selection.selection import CauseSelection
+from vehicle.identification.diagnosis.results import CONSTANT_LAW, EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.fit.effect_parameters import find_finest_size
 from vehicle.identification.residuals.residual_model import RECEIVER_DELAY
 from vehicle.identification.thresholds import (
@@ -18,7 +19,6 @@ from vehicle.identification.thresholds import (
     SENSOR_TIMING_S,
     WIDEST_NAMED_SPAN,
 )
-from vehicle.identification.verdict.diagnosis_types import CONSTANT_LAW, EQUIVALENT, LIKELY, NAMED, NOT_VISIBLE, Finding
 from vehicle.identification.verdict.held_out_case import DiagnosisCase, is_within_noise
 from vehicle.identification.verdict.named_causes import ExplainedCase, keep_terms
 from vehicle.model.discrepancy_model import TERMS_BY_NAME

@@ -20,13 +20,13 @@ from vehicle.identification.cause_selection.covariates import (
     TermIncrements,
     compute_curvature_per_angle,
 )
+from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.laws.settle import HEADING_WINDOW_S, LEAST_HEADING_SHARE, measure_turned_share
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.residuals.innovations import PoseIncrements
 from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.verdict.diagnosis_types import Hint
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 from vehicle.model.tractor import Settings

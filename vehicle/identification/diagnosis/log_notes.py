@@ -4,17 +4,26 @@ notes on the data that a diagnosis rests on."""
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 
 from vehicle.identification.columns.staleness import STANDING_FACTOR
+from vehicle.identification.diagnosis.results import (
+    COLUMN_WORDS,
+    LIKELY,
+    NAMED,
+    ColumnTiming,
+    Diagnosis,
+    Finding,
+    OnsetFault,
+    RunCheck,
+)
+from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
-from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
-from vehicle.identification.faults.unlike_runs import RunDifference
 from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.position_jumps import POSITION_JUMP
@@ -22,27 +31,10 @@ from vehicle.identification.logs.reader import count_rows_left_out, list_shared_
 from vehicle.identification.logs.schema import Log, LogFault, Mask
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import HorizonSquares
-from vehicle.identification.residuals.residual_model import ResidualModel
-from vehicle.identification.verdict.diagnosis_types import (
-    COLUMN_WORDS,
-    LIKELY,
-    NAMED,
-    ColumnTiming,
-    Diagnosis,
-    Finding,
-    Hint,
-    OnsetFault,
-    RunCheck,
-)
-from vehicle.identification.verdict.held_out_case import ERROR_PIECE_S
-from vehicle.model.effects import PATH, POSITION, get_effect
+from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 
 TIME_EFFECTS = ("steering_dead_time", "gnss_latency")  # what drifting clocks would look like
-OWN_GROUND_NOTE = (
-    "The errors after are for every run on its own ground, fitted to the other half of the run; the tractor file has "
-    "one ground and is less accurate on the other."
-)
 _LOG_COLUMNS = {
     "heading": "heading_deg",
     "speed": "speed_mps",
@@ -69,6 +61,7 @@ _CORRECTED_COLUMNS = {
 }
 _SCALE_FACTORS = {"speed": "speed_factor", "steering": "steering_factor"}
 EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for nine years
+ERROR_PIECE_S = 5.0
 _OFTEN = 0.5  # of the logs that have a column: fewer are told as one log
 
 
@@ -235,52 +228,16 @@ def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, re
     )
 
 
-def mark_unlike_runs(runs: Sequence[RunCheck], differences: Sequence[RunDifference]) -> tuple[RunCheck, ...]:
-    """Return the checks of all runs with what is unlike in some of them; causes are found without these."""
-    by_run = {difference.run: difference for difference in differences}
+def mark_different_runs(runs: Sequence[RunCheck], verdicts: Sequence[Verdict]) -> tuple[RunCheck, ...]:
+    """The checks of all runs with what is different in some of them."""
+    words = {
+        int(one.hypothesis.basis.split(":")[1]): f"its {get_effect(one.hypothesis.id).label} differs from the others"
+        for one in verdicts
+        if one.hypothesis.law == "by_run"
+    }
     return tuple(
-        replace(run, unlike=True, words=f"it {by_run[number].words}; causes are found without it")
-        if number in by_run
-        else run
-        for number, run in enumerate(runs)
+        replace(run, unlike=True, words=words[number]) if number in words else run for number, run in enumerate(runs)
     )
-
-
-def mark_other_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
-    """Return the diagnosis with how the vehicle turns, and without a drive that would tell what stands in for that."""
-    drive, block = diagnosis.next_drive, PATH if turning.kind == ARTICULATED else POSITION
-    if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
-        drive = None
-    depends_on = "the rate of steering" if turning.kind == ARTICULATED else "the way the vehicle steers"
-    hint = Hint(depends_on, None, block, turning.words)
-    return replace(diagnosis, known_outside=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
-
-
-def describe_unsaved_names(names: Collection[str], shown_names: Collection[str]) -> tuple[str, ...]:
-    """Return notes on causes that are not saved because longer horizons speak against them.
-
-    Of these, `names` have no name either; `shown_names` have one, as a sensor shows them.
-    """
-    notes = []
-    if names:
-        subject, are = _list_labels(names)
-        notes.append(
-            f"{subject} {are} neither named nor saved: over 5 s held-out runs are simulated better with the value "
-            "found, over 10 or 20 s worse, and the errors after are without it."
-        )
-    if shown_names:
-        subject, are = _list_labels(shown_names)
-        notes.append(
-            f"{subject} {are} not saved: the measured wheel angle or speed shows it, but over 10 or 20 s "
-            "held-out runs are simulated worse with the value found, and the errors after are without it."
-        )
-    return tuple(notes)
-
-
-def _list_labels(names: Collection[str]) -> tuple[str, str]:
-    """Return the labels of causes as the subject of a sentence, and its verb."""
-    subject = ", ".join(get_effect(name).label for name in sorted(names))
-    return f"{subject[0].upper()}{subject[1:]}", "is" if len(names) == 1 else "are"
 
 
 def check_runs(
@@ -304,50 +261,30 @@ def check_runs(
 
 
 def list_diagnosis_notes(
-    logs: Sequence[Log], residual_model: ResidualModel, tractor: Tractor, diagnosis: Diagnosis
+    logs: Sequence[Log], dataset: DriveDataset, tractor: Tractor, diagnosis: Diagnosis
 ) -> tuple[str, ...]:
     """Return all notes, those on the logs first."""
-    sentences = (
-        *_describe_logs(logs, residual_model),
-        *_describe_subset(residual_model, diagnosis),
+    return (
+        *_describe_logs(logs, dataset),
         *_describe_clocks(logs, diagnosis),
         *_describe_file_corrections(tractor, diagnosis),
     )
-    return (*sentences, OWN_GROUND_NOTE) if diagnosis.grounds else sentences
 
 
-def _describe_logs(logs: Sequence[Log], residual_model: ResidualModel) -> tuple[str, ...]:
+def _describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...]:
     """Return notes on rows and columns."""
-    sentences = list_shared_remarks(logs) + list(residual_model.dataset.remarks)
-    if not residual_model.has_measured_wheel_angle:
+    sentences = list_shared_remarks(logs) + list(dataset.remarks)
+    if all(segment.wheel is None for segment in dataset.segments):
         sentences.append(
             "No wheel angle was logged, so faults of the steering and of the path are hard to distinguish."
         )
-    if any(segment.target is None for segment in residual_model.dataset.segments):
+    if any(segment.target is None for segment in dataset.segments):
         sentences.append("No commanded speed was logged, so the speed control was not checked.")
     if any(log.heading_deg is None for log in logs):  # of all logs, as the errors are; a subset may lack some of them
         sentences.append("Some logs have no heading; the course of the positions is used instead.")
     if len(logs) == 1:
         sentences.append("There is only one run, so its own 20 s windows replace runs not used for fitting.")
     return tuple(sentences)
-
-
-def _describe_subset(residual_model: ResidualModel, diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return a note that the causes of long logs were searched in a subset."""
-    minutes = residual_model.dataset.seconds / 60.0
-    unlike = [run.name for run in diagnosis.runs if run.unlike]
-    if unlike:
-        return (
-            f"Causes, values and intervals come from {minutes:.0f} of {diagnosis.minutes:.0f} minutes, without "
-            f"{', '.join(unlike)}, unlike the other runs; the errors before and after are for all of the driving.",
-        )
-    if minutes >= diagnosis.minutes:
-        return ()
-    return (
-        f"Causes, values and intervals come from {minutes:.0f} of {diagnosis.minutes:.0f} minutes, sampled from all "
-        "logs; "
-        "the errors before and after and the unexplained error are for all of the driving.",
-    )
 
 
 def _describe_clocks(logs: Sequence[Log], diagnosis: Diagnosis) -> list[str]:

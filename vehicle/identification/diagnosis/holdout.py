@@ -7,26 +7,28 @@ between pieces, as a few held-out runs hold only a few of the longer ones.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log
+from vehicle.identification.diagnosis.corrections import correct_logs
+from vehicle.identification.diagnosis.results import ErrorsByHorizon, HoldoutResult, HoldoutRun
+from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
 from vehicle.identification.replay.horizon_errors import (
     HORIZONS_S,
     HorizonError,
     compute_piece_errors,
     list_covering_bounds,
-    simulate_instruments,
+    simulate_poses,
 )
-from vehicle.identification.replay.rig import build_rig_and_corrections
-from vehicle.identification.thresholds import CLEAR_RISE_SIGMAS, HARM_FACTOR, LEAST_HARM_CM, LEAST_HARM_DEG
-from vehicle.identification.verdict.diagnose import correct_logs
-from vehicle.identification.verdict.diagnosis_types import ErrorsByHorizon, HoldoutResult, HoldoutRun
-from vehicle.model.tractor import Tractor
+from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
+from vehicle.model.tractor import Settings, Tractor
 
+HARM_FACTOR = 1.05  # an error that changes by less than a twentieth is the same
+LEAST_HARM_CM, LEAST_HARM_DEG = 0.05, 0.03  # smaller errors differ by the last digits of the instruments
+CLEAR_RISE_SIGMAS = 2.0  # of the scatter between pieces
 UNITS = np.array([100.0, 100.0, math.degrees(1.0)])  # from m, m and rad to cm, cm and deg
 LEAST = np.array([LEAST_HARM_CM, LEAST_HARM_CM, LEAST_HARM_DEG])
 PiecesByHorizon = Mapping[float, Array]
@@ -53,9 +55,14 @@ def measure_holdout(logs: Sequence[Log], tractor: Tractor, extended: Tractor, gr
 def _measure_pieces(dataset: DriveDataset, machine: Tractor, ground: str) -> PiecesByHorizon:
     """Replay all segments by a tractor."""
     rig, settings = build_rig_and_corrections(machine, ground, dataset.origin)
+    return measure_pieces(dataset, rig, dict.fromkeys(range(len(dataset.names)), settings))
+
+
+def measure_pieces(dataset: DriveDataset, rig: ReplayRig, settings: Mapping[int, Settings]) -> PiecesByHorizon:
+    """Replay all segments, each with the settings of its run."""
     rows: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS_S}
-    for segment in dataset.segments:
-        antenna, heading, _, _ = simulate_instruments(rig, segment, settings)
+    poses = simulate_poses(rig, [(segment, settings[segment.run]) for segment in dataset.segments])
+    for segment, (antenna, heading) in zip(dataset.segments, poses, strict=True):
         for horizon in HORIZONS_S:
             for bounds in list_covering_bounds(segment.time, horizon):
                 squares = (compute_piece_errors(segment, antenna, heading, bounds) * UNITS) ** 2
@@ -81,19 +88,32 @@ def is_extension_helpful(old: PiecesByHorizon, new: PiecesByHorizon, with_along:
 
     All horizons and kinds of error weigh the same; those along the path only count `with_along`.
     """
+    if is_extension_harmful(old, new, with_along):
+        return False
+    changes = [np.where(noticeable, change, 0.0) for _, change, noticeable, _ in _list_changes(old, new, with_along)]
+    together = np.concatenate(changes) if changes else np.zeros(1)
+    return bool(together.mean() < 0.0 and together.min() < -math.log(HARM_FACTOR))
+
+
+def is_extension_harmful(old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool) -> bool:
+    """Whether some error rises noticeably, and by more than the scatter of its pieces."""
+    for horizon, change, is_noticeable, is_judged in _list_changes(old, new, with_along):
+        is_risen = (change > math.log(HARM_FACTOR)) & is_noticeable
+        if np.any(is_risen & (compute_rise_sigmas(old[horizon], new[horizon])[is_judged] > CLEAR_RISE_SIGMAS)):
+            return True
+    return False
+
+
+def _list_changes(
+    old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool
+) -> Iterator[tuple[float, Array, Mask, Mask]]:
+    """By horizon the logarithm of the change of every judged error, whether it is noticeable, and which are judged."""
     before, after = compute_errors(old), compute_errors(new)
-    changes = []
     for horizon in before:
         first, last = (np.maximum(astuple(errors[horizon]), 1e-9) for errors in (before, after))
         is_judged = np.isfinite(first) & np.array([True, with_along, True])
         is_noticeable = np.abs(last - first) > LEAST
-        change = np.log(last / first)[is_judged]
-        is_risen = (change > math.log(HARM_FACTOR)) & is_noticeable[is_judged]
-        if np.any(is_risen & (compute_rise_sigmas(old[horizon], new[horizon])[is_judged] > CLEAR_RISE_SIGMAS)):
-            return False
-        changes.append(np.where(is_noticeable[is_judged], change, 0.0))
-    together = np.concatenate(changes) if changes else np.zeros(1)
-    return bool(together.mean() < 0.0 and together.min() < -math.log(HARM_FACTOR))
+        yield horizon, np.log(last / first)[is_judged], is_noticeable[is_judged], is_judged
 
 
 def compute_rise_sigmas(old: Array, new: Array) -> Array:

@@ -1,0 +1,183 @@
+"""From logs to a diagnosis: the order of the work, and its result."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.diagnosis.corrections import correct_logs
+from vehicle.identification.diagnosis.drive_data import build_drive_data
+from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_harmful
+from vehicle.identification.diagnosis.log_notes import (
+    build_fault_diagnosis,
+    check_runs,
+    describe_columns,
+    list_diagnosis_notes,
+    list_onset_faults,
+    mark_different_runs,
+)
+from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
+from vehicle.identification.diagnosis.results import EQUIVALENT, Diagnosis, Finding
+from vehicle.identification.diagnosis.saving import Saved, choose_saved
+from vehicle.identification.diagnosis.search import Searcher, SearchResult
+from vehicle.identification.diagnosis.tractor_extension import build_extended_tractor
+from vehicle.identification.diagnosis.verdicts import Verdict, decide
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.reader import count_rows_left_out
+from vehicle.identification.logs.schema import Log
+from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
+from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
+from vehicle.identification.replay.horizon_errors import (
+    FEWEST_PIECE_ROWS,
+    HorizonSquares,
+    compute_horizon_errors,
+    find_piece_bounds,
+    sum_squared_errors_by_run,
+)
+from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
+from vehicle.model.effects import get_effect
+from vehicle.model.tractor import Tractor
+
+ReportProgress = Callable[[int, int], None]
+ERROR_PIECE_S = 5.0
+BLOCKS = {"pose": "wheel to path and antenna", "wheel": "command to wheel", "speed": "speed"}
+INTERVAL_NOTE = (
+    "Intervals hold 95 %: the scatter between runs where that is more than the noise tells, and what the base model is "
+    "known to leave open."
+)
+
+
+def diagnose_logs(
+    logs: Sequence[Log], tractor: Tractor, ground: str, progress: ReportProgress | None = None
+) -> Diagnosis:
+    """What the simulation of a tractor gets wrong in these logs, why, and the gain of correcting it.
+
+    Effects that the tractor file already has are removed and fitted again; the error before is that of the file.
+    `progress` is called with steps done and an estimate of all steps. Raises LogError when no segment can be replayed
+    or none has enough positions for an error, unless faults are to be reported, and VehicleError for an unknown ground.
+    """
+    count = _ProgressCounter(progress)
+    logs = correct_logs(logs, tractor)
+    try:
+        dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
+        _refuse_sparse(dataset)
+        data = build_drive_data(dataset)
+    except LogError as error:
+        if not any(log.faults for log in logs):
+            raise
+        return build_fault_diagnosis(logs, tractor, ground, str(error))
+    problem = Problem(data, build_rig(tractor, ground, dataset.origin))
+    result = Searcher(problem, count.count_step).run()
+    verdicts = decide(problem, result)
+    saved = choose_saved(problem, result.fit, verdicts, count.count_step)
+    verdicts = withdraw_harmful(verdicts, saved.harmful)
+    findings = FindingBuilder(problem, result, saved).build(verdicts)
+    diagnosis = _Composer(logs, tractor, ground, problem, result, saved, verdicts, findings).compose()
+    count.report_completion()
+    return diagnosis
+
+
+@dataclass(frozen=True, eq=False)
+class _Composer:
+    """Composes the diagnosis of what was found."""
+
+    logs: Sequence[Log]
+    tractor: Tractor
+    ground: str
+    problem: Problem
+    result: SearchResult
+    saved: Saved
+    verdicts: Sequence[Verdict]
+    findings: Sequence[Finding]
+
+    def compose(self) -> Diagnosis:
+        """The diagnosis: causes from the windows, errors from all driving."""
+        dataset = self.problem.data.dataset
+        extended = build_extended_tractor(self.problem, self.tractor, self.ground, self.saved.verdicts, self.findings)
+        before, after = (self._sum_errors(one) for one in (self.tractor, extended))
+        named = order_names(self.findings)
+        certain = {*named, *(one.id for one in self.findings if one.status == EQUIVALENT)}
+        diagnosis = Diagnosis(
+            names=dataset.names,
+            rows_used=dataset.rows,
+            rows_gated=dataset.rows_read - dataset.rows,
+            minutes=dataset.seconds / 60.0,
+            ground=self.ground,
+            before=compute_horizon_errors(before),
+            after=compute_horizon_errors(after),
+            noise_floor=compute_horizon_errors(after),
+            guilty_block=self._find_block(named),
+            block_error=self._compute_block_errors(),
+            findings=tuple(self.findings),
+            named=named,
+            unexplained_share=0.0,
+            depends_on=(),
+            next_drive=None,
+            tractor=extended,
+            calibration={
+                name: dict(setting.value) for name, setting in extended.effects.items()
+                if name not in certain and name not in self.tractor.effects
+            },
+            curve=None,
+            pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
+            along_judged=all(segment.speed_measured for segment in dataset.segments),
+            runs=mark_different_runs(check_runs(dataset, before, after), self.verdicts),
+            holdout=self.saved.holdout,
+            interval_note=INTERVAL_NOTE if any(one.interval for one in self.findings) else "",
+            rows_gated_by_reason=count_rows_left_out(self.logs, dataset.rows),
+            faults=list_onset_faults(self.logs),
+            columns=describe_columns(self.logs, self.findings),
+        )  # fmt: skip
+        return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
+
+    def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
+        dataset = self.problem.data.dataset
+        rig, settings = build_rig_and_corrections(tractor, self.ground, dataset.origin)
+        return sum_squared_errors_by_run(dataset, rig, dict.fromkeys(range(len(dataset.names)), settings))
+
+    def _find_block(self, named: Sequence[str]) -> str | None:
+        """The block of the first name; without one, of the first alternative."""
+        equivalents = [finding.block for finding in self.findings if finding.status == EQUIVALENT]
+        return get_effect(named[0]).block if named else equivalents[0] if equivalents else None
+
+    def _compute_block_errors(self) -> dict[str, tuple[float, float]]:
+        """Per channel cut at the sensors, the root mean square residual before and after (1 is noise alone)."""
+        errors = {}
+        for channel in CHANNELS:
+            noise = self.problem.noise[channel]
+            if noise.observed.any():
+                sizes = [
+                    float(np.sqrt((noise.whiten(fit.residuals[channel]) ** 2).sum() / noise.observed.sum()))
+                    for fit in (self.result.base, self.result.fit)
+                ]
+                errors[BLOCKS[channel]] = (sizes[0], sizes[1])
+        return errors
+
+
+def _refuse_sparse(dataset: DriveDataset) -> None:
+    if not any(len(find_piece_bounds(segment.time, ERROR_PIECE_S)[0]) for segment in dataset.segments):
+        raise LogError(
+            f"No {ERROR_PIECE_S:g} s of these logs hold {FEWEST_PIECE_ROWS} measured positions, the fewest that "
+            "errors are computed from; log positions at 1 Hz or faster, without rows that are lost."
+        )
+
+
+class _ProgressCounter:
+    """Progress in steps; the total is not known beforehand, so the estimate grows when necessary."""
+
+    def __init__(self, progress: ReportProgress | None) -> None:
+        self.progress, self.steps_done, self.steps_total = progress, 0, 60
+
+    def count_step(self) -> None:
+        """Count one step."""
+        self.steps_done += 1
+        self.steps_total = max(self.steps_total, self.steps_done + 20)
+        if self.progress:
+            self.progress(self.steps_done, self.steps_total)
+
+    def report_completion(self) -> None:
+        """Report that everything is done."""
+        if self.progress:
+            self.progress(self.steps_total, self.steps_total)

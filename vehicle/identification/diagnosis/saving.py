@@ -1,0 +1,148 @@
+"""What a diagnosis saves: effect by effect, whatever lowers the error of runs that had no part in its value.
+
+Every run is replayed from its commands with amounts fitted to the other runs; of one run each half with those of the
+other windows. An effect that raises an error by more than the scatter of its pieces is not saved, and has no name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
+from vehicle.identification.diagnosis.holdout import (
+    PiecesByHorizon,
+    compute_errors,
+    is_extension_harmful,
+    is_extension_helpful,
+    measure_pieces,
+)
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
+from vehicle.identification.diagnosis.results import LIKELY, HoldoutResult, HoldoutRun
+from vehicle.identification.diagnosis.values import ValueConverter, is_storable
+from vehicle.identification.diagnosis.verdicts import Verdict
+from vehicle.identification.logs.schema import Array
+from vehicle.model.tractor import Settings
+
+ERROR_HORIZON_S = 5.0  # over which the gain of an effect is told
+DRAWS, GAIN_QUANTILES, SEED = 200, (0.05, 0.95), 7
+LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other runs show."
+
+
+@dataclass(frozen=True, eq=False)
+class Saved:
+    """Verdicts to save, those that harm left-out runs, the gain (%) of each with its 90 % interval, and the errors of
+    left-out runs."""
+
+    verdicts: tuple[Verdict, ...]
+    harmful: tuple[Verdict, ...]
+    gains: dict[str, tuple[float, tuple[float, float]]] = field(default_factory=dict)
+    holdout: HoldoutResult | None = None
+
+
+def choose_saved(problem: Problem, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
+    """Try the verdicts that a tractor file can hold, the clearest first."""
+    trial = _LeftOutTrial(problem, fit)
+    kept: list[Verdict] = []
+    harmful: list[Verdict] = []
+    base = now = trial.replay([])
+    for verdict in verdicts:
+        if not is_storable(verdict.hypothesis):
+            continue
+        pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
+        step()
+        if is_extension_harmful(now, pieces, trial.has_speed):
+            harmful.append(verdict)
+        elif verdict.status != LIKELY or is_extension_helpful(now, pieces, trial.has_speed):
+            kept.append(verdict)
+            now = pieces
+    gains = {}
+    for verdict in kept:
+        others = [one.hypothesis for one in kept if one is not verdict]
+        gains[verdict.hypothesis.id] = _compute_gain(trial.replay(others), now)
+    return Saved(tuple(kept), tuple(harmful), gains, _build_holdout(problem, base, now) if kept else None)
+
+
+@dataclass(eq=False)
+class _LeftOutTrial:
+    """Replays of every run with amounts that the run had no part in."""
+
+    problem: Problem
+    fit: Fit
+
+    def __post_init__(self) -> None:
+        dataset = self.problem.data.dataset
+        self.converter = ValueConverter(self.problem)
+        self.has_speed = all(segment.speed_measured for segment in dataset.segments)
+        self.amounts = compute_left_out_amounts(self.problem, self.fit)
+
+    def replay(self, hypotheses: Sequence[Hypothesis]) -> PiecesByHorizon:
+        """Errors of all pieces with these hypotheses alone."""
+        settings: dict[int, Settings] = {}
+        for run, amounts in self.amounts.items():
+            parts = [(one, own) for one, own in split_amounts(self.fit.model, amounts) if one in hypotheses]
+            settings[run] = self.converter.build_settings(parts)
+        return measure_pieces(self.problem.data.dataset, self.problem.rig, settings)
+
+
+def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, Array]:
+    """By run the amounts (k,) that the other runs give, by one Gauss-Newton step; of a single run its own."""
+    white, roots = problem.weigh(fit.residuals)
+    widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
+    secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
+    runs = problem.data.window_runs
+    weighted = {c: secants[c] * roots[c][:, None, None] for c in CHANNELS}
+    total = np.eye(len(widths))
+    for columns in weighted.values():
+        flat = columns.reshape(-1, len(widths))
+        total += flat.T @ flat
+    amounts = {}
+    for run in range(problem.data.runs):
+        inside = runs == run
+        if inside.all() or not inside.any():
+            amounts[run] = fit.amounts
+            continue
+        curvature, slope = total.copy(), np.zeros(len(widths))
+        for c in CHANNELS:
+            flat = weighted[c][inside].reshape(-1, len(widths))
+            curvature -= flat.T @ flat
+            slope += flat.T @ (white[c][inside] * roots[c][inside][:, None]).ravel()
+        amounts[run] = np.clip(fit.amounts - widths * np.linalg.solve(curvature, slope), *bounds)
+    return amounts
+
+
+def _sum_by_run(pieces: PiecesByHorizon) -> Array:
+    """Squared errors over 5 s, cross and along together, and rows: (runs, 2)."""
+    rows = pieces.get(ERROR_HORIZON_S)
+    if rows is None:
+        return np.zeros((0, 2))
+    runs = rows[:, 0].astype(np.int64)
+    return np.stack([np.bincount(runs, rows[:, 1] + rows[:, 2]), np.bincount(runs, rows[:, 4])], axis=1)
+
+
+def _compute_gain(without: PiecesByHorizon, with_it: PiecesByHorizon) -> tuple[float, tuple[float, float]]:
+    """Reduction (%) of the error over 5 s on left-out runs, and its 90 % interval by drawing runs again."""
+    before, after = _sum_by_run(without), _sum_by_run(with_it)
+    if not before.size:
+        return 0.0, (0.0, 0.0)
+    draws = np.random.default_rng(SEED).integers(0, len(before), (DRAWS, len(before)))
+
+    def measure(chosen: Array) -> float:
+        first, last = before[chosen].sum(axis=0)[0], after[chosen].sum(axis=0)[0]
+        return 100.0 * (1.0 - math.sqrt(last / max(first, 1e-12)))
+
+    low, high = np.quantile([measure(chosen) for chosen in draws], GAIN_QUANTILES)
+    return measure(np.arange(len(before))), (float(low), float(high))
+
+
+def _build_holdout(problem: Problem, before: PiecesByHorizon, after: PiecesByHorizon) -> HoldoutResult:
+    names = problem.data.dataset.names
+    has_speed = all(segment.speed_measured for segment in problem.data.dataset.segments)
+    by_run = tuple(
+        HoldoutRun(name, compute_errors(before, run), compute_errors(after, run)) for run, name in enumerate(names)
+    )
+    return HoldoutResult(names, compute_errors(before), compute_errors(after),
+                         is_extension_helpful(before, after, has_speed), by_run, LEFT_OUT_WORDS)  # fmt: skip

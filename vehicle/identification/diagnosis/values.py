@@ -1,0 +1,148 @@
+"""From amounts of a fit to values of effects: settings of a tractor file, intervals, laws and their sentences."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, get_kind, parse_circle, scale_parameter
+from vehicle.identification.diagnosis.model_fit import Problem
+from vehicle.identification.diagnosis.results import ParameterLaw
+from vehicle.identification.diagnosis.verdicts import Verdict
+from vehicle.identification.logs.schema import Array
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
+from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
+from vehicle.model.effects import DISCREPANCY_KEY, get_effect, get_neutral_values
+from vehicle.model.tractor import Settings
+
+WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
+# Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
+TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
+    "steering_offset@by_speed": ("angle_by_speed",),
+    "steering_offset@by_square": ("angle_by_square",),
+    "steering_offset@to_east": ("angle_to_east",),
+    "steering_offset@to_north": ("angle_to_north",),
+    "steering_gain@by_speed": ("grip_by_speed",),
+    "steering_gain@by_angle": ("grip_by_angle",),
+    "steering_gain@by_implement": ("grip_by_implement",),
+    "steering_gain@to_east": ("grip_to_east",),
+    "steering_gain@to_north": ("grip_to_north",),
+    "push": ("push_to_east", "push_to_north"),
+}
+Values = dict[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ValueConverter:
+    """Converts amounts of hypotheses for the tractor and the logs of a problem."""
+
+    problem: Problem
+
+    def compute_values(self, hypothesis: Hypothesis, amounts: Array) -> Values:
+        """The values of an effect as a tractor file holds them; of a law those of its effect at an amount of 1."""
+        effect = get_effect(hypothesis.id)
+        tractor = self.problem.rig.tractor
+        zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
+        if effect.kind is CIRCLE:
+            east, north, radius = parse_circle(hypothesis.basis)
+            origin = self.problem.data.dataset.origin
+            numbers = (zero + float(amounts[0]), east + origin[0], north + origin[1], radius)
+            return {one.name: round(value, 6) for one, value in zip(effect.params, numbers, strict=True)}
+        kind = get_kind(effect, self.problem.data)
+        box = kind.build_box(scale_parameter(effect.size, tractor), zero, ())
+        return kind.compute_values(effect.params, np.array(box.neutral) + amounts)
+
+    def compute_interval(self, hypothesis: Hypothesis, amounts: Array, covariance: Array) -> dict[str, Interval]:
+        """95 % intervals of the values; none for the place of a circle."""
+        effect = get_effect(hypothesis.id)
+        tractor = self.problem.rig.tractor
+        size = scale_parameter(effect.size, tractor)
+        zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
+        if effect.kind is CIRCLE:
+            half = INTERVAL_SIGMAS * math.sqrt(float(covariance[0, 0]))
+            value = zero + float(amounts[0])
+            return {size.name: (value - half, value + half)}
+        kind = get_kind(effect, self.problem.data)
+        box = kind.build_box(size, zero, ())
+        return kind.compute_interval(effect.params, box, np.array(box.neutral) + amounts, covariance, 0.0)
+
+    def build_settings(self, parts: Sequence[tuple[Hypothesis, Array]]) -> Settings:
+        """What a tractor file would hold of these hypotheses; those that none can hold are left out."""
+        settings: dict[str, Values] = {}
+        amounts_by_term: Values = {}
+        for hypothesis, amounts in parts:
+            terms = TERMS_OF_LAWS.get(str(hypothesis), ())
+            if terms:
+                for term, amount, one in zip(terms, amounts, hypothesis.coordinates, strict=True):
+                    amounts_by_term[term] = float(amount) * one.slopes[0][1] / TERMS_BY_NAME[term].scale
+            elif is_storable(hypothesis):
+                settings[hypothesis.id] = self.compute_values(hypothesis, amounts)
+        finite = {name: values for name, values in settings.items() if all(map(math.isfinite, values.values()))}
+        return {**finite, **({DISCREPANCY_KEY: amounts_by_term} if amounts_by_term else {})}
+
+    def describe_law(self, verdict: Verdict, constant: Array | None) -> ParameterLaw:
+        """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
+        hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
+        neutral = self.compute_values(_make_constant(hypothesis), np.zeros(hypothesis.size))[effect.size.name]
+        at = neutral + (0.0 if constant is None else float(constant[0]))
+        values = self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
+        unit = f" {effect.size.unit}" if effect.size.unit else ""
+        words = _describe_values(hypothesis.law, values, unit, self._list_run_names(hypothesis))
+        return ParameterLaw(hypothesis.law, values, f"The {effect.label} is {words}.")
+
+    def _list_run_names(self, hypothesis: Hypothesis) -> str:
+        names = self.problem.data.dataset.names
+        return names[int(hypothesis.basis.split(":")[1])] if hypothesis.law == "by_run" else ""
+
+    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float) -> Values:
+        match hypothesis.law:
+            case "by_speed":
+                return {"at_0": at, "per_mps": amount}
+            case "by_angle":
+                return {"at_0": at, "at_27": at + math.radians(WIDEST_ANGLE_DEG) * amount}
+            case "by_implement":
+                return {"lifted": at, "working": at + amount}
+            case "over_minutes":
+                return {"start": at, "per_minute": amount}
+            case "by_run":
+                return {"value": at + amount, "other": at}
+            case "by_side":
+                is_left = hypothesis.basis.endswith("left")
+                return {"right": at + amount * (not is_left), "left": at + amount * is_left}
+            case _:
+                return {"amount": amount}
+
+
+def is_storable(hypothesis: Hypothesis) -> bool:
+    """Whether a tractor file can hold a hypothesis as an effect or as terms of its discrepancy model."""
+    return str(hypothesis) in TERMS_OF_LAWS or (
+        hypothesis.is_catalogued and hypothesis.id not in ("wheel_sensor_scale", "push")
+    )
+
+
+def _make_constant(hypothesis: Hypothesis) -> Hypothesis:
+    return Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates)
+
+
+def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
+    def show(name: str) -> str:
+        return f"{values[name]:.2f}{unit}"
+
+    match law:
+        case "by_speed":
+            return f"{show('at_0')} at a crawl and changes by {values['per_mps']:+.3f}{unit} per m/s"
+        case "by_angle":
+            return f"{show('at_0')} at 0 degrees and {show('at_27')} at 27 degrees"
+        case "by_implement":
+            return f"{show('lifted')} with the implement lifted and {show('working')} with it working"
+        case "over_minutes":
+            return f"{show('start')} at the start of a run and changes by {values['per_minute']:+.3f}{unit} per minute"
+        case "by_run":
+            return f"{show('value')} in {run} and {show('other')} in the other runs"
+        case "by_side":
+            return f"{show('right')} to the right and {show('left')} to the left"
+        case _:
+            return f"not the same in all directions ({values['amount']:+.3f}{unit})"

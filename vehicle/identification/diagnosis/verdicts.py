@@ -1,0 +1,201 @@
+"""Verdicts: what may be said of each hypothesis, with which interval, and how small an effect these logs would show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from vehicle.identification.diagnosis.circles import build_patch, find_middle_circle
+from vehicle.identification.diagnosis.grammar import (
+    CONSTANT,
+    WIDTH_PER_TYPICAL,
+    Hypothesis,
+    build_constant,
+    collect_widths,
+    get_kind,
+    scale_parameter,
+)
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
+from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, SearchResult
+from vehicle.identification.logs.schema import Array
+from vehicle.model.effect_kinds import CIRCLE
+from vehicle.model.effects import CATALOGUE, Effect, get_effect
+
+LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
+CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
+FIRM_SIZES = 2.0  # times the finest size that may be claimed: smaller ones are likely at most, and no law
+FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
+# Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
+MODEL_SHARE = 0.35
+CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
+TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """What is said of a hypothesis: status, amounts (k,) with their covariance (k, k), nats and z against nothing, and
+    the ids of effects that explain the logs as well. `others` are the hypotheses behind these."""
+
+    hypothesis: Hypothesis
+    status: str
+    amounts: Array
+    covariance: Array
+    nats: float
+    z: float
+    equivalent_to: tuple[str, ...] = ()
+    others: tuple[Hypothesis, ...] = ()
+
+
+def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
+    """Verdicts on the hypotheses of the final model that anything can be said of, the clearest first."""
+    covariance = compute_covariance(problem, result.fit)
+    widths = collect_widths(result.fit.model)
+    is_far = any(
+        np.abs(result.fit.get_amounts(one.hypothesis) / widths[result.fit.locate(one.hypothesis)]).max() > FAR_WIDTHS
+        for one in result.judgements
+        if one.hypothesis.law != "by_run"
+    )
+    verdicts = []
+    for judgement in result.judgements:
+        place = result.fit.locate(judgement.hypothesis)
+        own = covariance[place, place]
+        amounts = result.fit.amounts[place]
+        status = _choose_status(judgement, amounts, own)
+        if status == NAMED and is_far:
+            status = LIKELY
+        others = _list_equivalents(judgement)
+        if status:
+            verdicts.append(
+                Verdict(judgement.hypothesis, status, amounts, own, judgement.against_none.nats,
+                        judgement.against_none.z, tuple(dict.fromkeys(one.id for one in others)), others)
+            )  # fmt: skip
+    return sorted(verdicts, key=lambda one: -one.nats)
+
+
+def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:
+    """The status of a hypothesis, or an empty text where nothing can be said."""
+    against = judgement.against_none
+    sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    is_clear = float(np.max(np.abs(amounts) / sigmas)) >= CLEAR_OF_NEUTRAL
+    is_large = float(np.linalg.norm(amounts)) >= judgement.hypothesis.finest
+    if against.z < LIKELY_Z or not is_clear or not is_large:
+        return ""
+    is_firm = float(np.linalg.norm(amounts)) >= FIRM_SIZES * judgement.hypothesis.finest
+    if judgement.hypothesis.law not in (CONSTANT, "by_place"):
+        return NAMED if is_firm and against.z >= CLEAR_Z and not _list_equivalents(judgement) else ""
+    if against.z < CLEAR_Z or not is_firm:
+        return LIKELY
+    return EQUIVALENT if _list_equivalents(judgement) else NAMED
+
+
+def _list_equivalents(judgement: Judgement) -> tuple[Hypothesis, ...]:
+    """Competitors with another id that predict the logs hardly worse."""
+    own = judgement.hypothesis
+    return tuple(
+        one.alternative
+        for one in judgement.against_others
+        if one.alternative is not None and one.alternative.id != own.id and one.z < CLEAR_Z
+    )
+
+
+def compute_covariance(problem: Problem, fit: Fit) -> Array:
+    """Covariance (k, k) of all amounts: by the curvature, or by the scatter between runs where that is larger, and at
+    least what the base model leaves open."""
+    widths = collect_widths(fit.model)
+    white, roots = problem.weigh(fit.residuals)
+    secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
+    groups = problem.data.window_runs
+    if len(np.unique(groups)) < 3:
+        groups = np.arange(len(groups)) % max(len(groups) // 2, 1)
+    curvature, scatter = np.eye(len(widths)), np.zeros((len(widths),) * 2)
+    names = np.unique(groups)
+    for group in names:
+        slope = np.zeros(len(widths))
+        for channel in CHANNELS:
+            columns = (secants[channel] * roots[channel][:, None, None])[groups == group].reshape(-1, len(widths))
+            rest = (white[channel] * roots[channel][:, None])[groups == group].ravel()
+            curvature += columns.T @ columns
+            slope += columns.T @ rest
+        scatter += np.outer(slope, slope)
+    inverse = np.linalg.inv(curvature)
+    robust = inverse @ scatter @ inverse * len(names) / max(len(names) - 1, 1)
+    growth = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse), 1.0))
+    covariance = inverse * np.outer(growth, growth) * np.outer(widths, widths)
+    return np.asarray(covariance + np.diag(_list_model_variances(problem, fit)))
+
+
+def _list_model_variances(problem: Problem, fit: Fit) -> Array:
+    """Variance of every amount by what the base model and the clock of the inputs leave open."""
+    variances = []
+    for hypothesis in fit.model:
+        times = {name for one in hypothesis.coordinates for name, _ in one.slopes} & {
+            "dead_steps", "lag", "latency", "speed_lag", "position_late", "heading_late"}  # fmt: skip
+        clock = CLOCK_SHARE * problem.data.row_step_s if times else 0.0
+        variances += [(MODEL_SHARE * hypothesis.finest) ** 2 + clock**2] * hypothesis.size
+    return np.array(variances)
+
+
+def find_smallest_visible(problem: Problem, fit: Fit, effects: Sequence[Effect] = CATALOGUE) -> dict[str, float]:
+    """The smallest size of every effect (unit of its first parameter) that these logs would have shown; effects that no
+    size of up to twice the typical one would show are left out."""
+    _, roots = problem.weigh(fit.residuals)
+    known = problem.stack(
+        problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP), roots
+    )
+    inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
+    visible = {}
+    for effect in effects:
+        hypothesis = (
+            build_patch(find_middle_circle(problem.data))
+            if effect.kind is CIRCLE
+            else build_constant(effect, problem.data, problem.rig.tractor)
+        )
+        if any(one.id == effect.id and one.is_catalogued for one in fit.model):
+            continue
+        smallest = _find_smallest(problem, fit, effect, hypothesis, roots, known, inverse)
+        if smallest is not None:
+            visible[effect.id] = smallest
+    return visible
+
+
+def _find_smallest(
+    problem: Problem, fit: Fit, effect: Effect, hypothesis: Hypothesis, roots: dict[str, Array], known: Array,
+    inverse: Array,
+) -> float | None:  # fmt: skip
+    model, size = (*fit.model, hypothesis), len(fit.amounts)
+    amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
+    kind, parameter = get_kind(effect, problem.data), scale_parameter(effect.size, problem.rig.tractor)
+    coordinate = hypothesis.coordinates[0]
+    sign = -1.0 if coordinate.high <= 0.0 or effect.is_worse_when_less else 1.0
+    for share in TRIED_SHARES:
+        step = sign * share * get_typical(hypothesis) / coordinate.width
+        moved = amounts.copy()
+        moved[size] += step * coordinate.width
+        shown = problem.compute_residuals(model, moved)
+        columns = np.concatenate([
+            (problem.noise[c].whiten(fit.residuals[c] - shown[c]) * roots[c][:, None]).ravel() for c in CHANNELS
+        ])  # fmt: skip
+        own = float(columns @ columns) - float((known.T @ columns) @ (inverse @ (known.T @ columns)))
+        # An effect of this size would enter by evidence and be clear: half its squares are the nats it brings.
+        needed = 2.0 * (ADD_NATS + 0.5 * np.log1p(own)) + CLEAR_Z**2
+        if own >= needed:
+            tried = np.array([share * get_typical(hypothesis)])
+            fraction = share * float(np.sqrt(needed / own))
+            return kind.compute_smallest_detectable(tried, fraction, parameter.typical, parameter.finest)
+    return None
+
+
+def get_typical(hypothesis: Hypothesis) -> float:
+    """The typical size of a hypothesis in its coordinate."""
+    return hypothesis.coordinates[0].width / WIDTH_PER_TYPICAL
+
+
+def is_refutable(effect: Effect, visible: float | None, problem: Problem) -> bool:
+    """Whether an effect that was not found is refuted: a usual size would have been seen."""
+    if visible is None:
+        return False
+    kind = get_kind(effect, problem.data)
+    return kind.is_no_larger_fault(visible, scale_parameter(get_effect(effect.id).size, problem.rig.tractor).typical)
