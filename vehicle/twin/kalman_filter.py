@@ -1,6 +1,6 @@
 """A Kalman filter over the pose of a tractor and its deviations from the model's motion.
 
-As in vehicle.identification.residuals.innovations, the pose is advanced by simulated increments, and soil and slow
+The pose is advanced by simulated increments, and soil and slow
 drifts of the receivers are parts of the state; here step by step, as fixes come in. The same filter serves twice:
 
 - the tracker lets the tractor turn and slip differently from the model for some seconds: it estimates how the real one

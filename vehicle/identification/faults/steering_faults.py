@@ -30,7 +30,7 @@ from vehicle.identification.logs.column_faults import POSITION_LOST, WHEEL_SENSO
 from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
 from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
 from vehicle.identification.logs.sparse_steering import SPARSE_S, STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
-from vehicle.identification.thresholds import (
+from vehicle.identification.faults.thresholds import (
     FAULT_JOIN_S,
     FAULT_LEAST_S,
     FAULT_NEEDED_SIGMAS,

@@ -1,1 +1,0 @@
-"""Which effects the residuals support: candidates, covariates, evidence and challenges."""

@@ -1,1 +1,0 @@
-"""Least-squares fits of effects to residuals and to the open-loop error."""

@@ -1,1 +1,0 @@
-"""Whitened residuals of logs against a model: innovations, weights and the noise floor."""

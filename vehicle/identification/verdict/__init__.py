@@ -1,1 +1,0 @@
-"""The diagnosis: named and likely causes, findings, held-out errors, curves and the next drive."""
