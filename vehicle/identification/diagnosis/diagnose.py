@@ -10,6 +10,7 @@ import numpy as np
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_harmful
+from vehicle.identification.diagnosis.grammar import BY_RUN
 from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
     build_fault_diagnosis,
@@ -21,9 +22,11 @@ from vehicle.identification.diagnosis.log_notes import (
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, Diagnosis, Finding
+from vehicle.identification.diagnosis.run_laws import list_run_starts
 from vehicle.identification.diagnosis.saving import Saved, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.tractor_extension import build_extended_tractor
+from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
@@ -72,10 +75,13 @@ def diagnose_logs(
     problem = Problem(data, build_rig(tractor, ground, dataset.origin))
     result = Searcher(problem, count.count_step).run()
     verdicts = decide(problem, result)
-    saved = choose_saved(problem, result.fit, verdicts, count.count_step)
+    converter = ValueConverter(problem, list_run_starts(logs))
+    saved = choose_saved(converter, result.fit, verdicts, count.count_step)
     verdicts = withdraw_harmful(verdicts, saved.harmful)
-    findings = FindingBuilder(problem, result, saved).build(verdicts)
-    diagnosis = _Composer(logs, dataset, tractor, ground, problem, result, saved, verdicts, findings).compose()
+    findings = FindingBuilder(problem, result, saved, converter).build(verdicts)
+    diagnosis = _Composer(
+        logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings
+    ).compose()
     count.report_completion()
     return diagnosis
 
@@ -89,6 +95,7 @@ class _Composer:
     tractor: Tractor
     ground: str
     problem: Problem
+    converter: ValueConverter
     result: SearchResult
     saved: Saved
     verdicts: Sequence[Verdict]
@@ -97,7 +104,7 @@ class _Composer:
     def compose(self) -> Diagnosis:
         """The diagnosis: causes from the windows, errors from all driving."""
         dataset = self.dataset
-        extended = build_extended_tractor(self.problem, self.tractor, self.ground, self.saved.verdicts, self.findings)
+        extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, self.findings)
         before, after = (self._sum_errors(one) for one in (self.tractor, extended))
         named = order_names(self.findings)
         certain = {*named, *(one.id for one in self.findings if one.status == EQUIVALENT)}
@@ -125,7 +132,7 @@ class _Composer:
             curve=None,
             pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
             along_judged=all(segment.speed_measured for segment in dataset.segments),
-            runs=mark_different_runs(check_runs(dataset, before, after), self.verdicts),
+            runs=mark_different_runs(check_runs(dataset, before, after), self._list_odd_runs()),
             holdout=self.saved.holdout,
             interval_note=INTERVAL_NOTE if any(one.interval for one in self.findings) else "",
             rows_gated_by_reason=count_rows_left_out(self.logs, dataset.rows),
@@ -133,6 +140,11 @@ class _Composer:
             columns=describe_columns(self.logs, self.findings),
         )  # fmt: skip
         return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
+
+    def _list_odd_runs(self) -> dict[int, str]:
+        """Runs that are unlike the others, and the effect in which they are."""
+        patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
+        return {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
 
     def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
         dataset = self.dataset

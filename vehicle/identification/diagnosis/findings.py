@@ -35,6 +35,7 @@ class FindingBuilder:
     problem: Problem
     result: SearchResult
     saved: Saved
+    converter: ValueConverter
 
     def build(self, verdicts: Sequence[Verdict]) -> list[Finding]:
         """A finding for every effect of the catalogue, in its order."""
@@ -54,7 +55,7 @@ class FindingBuilder:
 
     def _build_found(self, verdicts: Sequence[Verdict], visible: float | None) -> Finding:
         """The finding of an effect: its constant with a law, if it has one."""
-        converter = ValueConverter(self.problem)
+        converter = self.converter
         constants = [one for one in verdicts if one.hypothesis.is_catalogued]
         main = (constants or list(verdicts))[0]
         effect = get_effect(main.hypothesis.id)
@@ -82,7 +83,7 @@ class FindingBuilder:
         constant = Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
         shares = [float(np.mean(self.problem.bases.get(hypothesis.get_basis_key(place)))) for place in
                   range(hypothesis.size)]  # fmt: skip
-        return ValueConverter(self.problem).compute_values(constant, np.array([float(verdict.amounts @ shares)]))
+        return self.converter.compute_values(constant, np.array([float(verdict.amounts @ shares)]))
 
     def _extend_to_neutral(self, effect: Effect, interval: Interval) -> Interval:
         """The interval of an effect that another could replace reaches to neutral."""

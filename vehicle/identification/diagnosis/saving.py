@@ -43,9 +43,10 @@ class Saved:
     holdout: HoldoutResult | None = None
 
 
-def choose_saved(problem: Problem, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
+def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
-    trial = _LeftOutTrial(problem, fit)
+    problem = converter.problem
+    trial = _LeftOutTrial(converter, fit)
     kept: list[Verdict] = []
     harmful: list[Verdict] = []
     base = now = trial.replay([])
@@ -70,12 +71,12 @@ def choose_saved(problem: Problem, fit: Fit, verdicts: Sequence[Verdict], step: 
 class _LeftOutTrial:
     """Replays of every run with amounts that the run had no part in."""
 
-    problem: Problem
+    converter: ValueConverter
     fit: Fit
 
     def __post_init__(self) -> None:
+        self.problem = self.converter.problem
         dataset = self.problem.data.dataset
-        self.converter = ValueConverter(self.problem)
         self.has_speed = all(segment.speed_measured for segment in dataset.segments)
         self.amounts = compute_left_out_amounts(self.problem, self.fit)
 

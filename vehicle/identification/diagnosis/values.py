@@ -8,9 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, get_kind, parse_circle, scale_parameter
+from vehicle.identification.diagnosis.grammar import (
+    BY_RUN,
+    CONSTANT,
+    Hypothesis,
+    get_kind,
+    parse_circle,
+    scale_parameter,
+)
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.results import ParameterLaw
+from vehicle.identification.diagnosis.run_laws import RunPattern, find_run_pattern
 from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.logs.schema import Array
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
@@ -40,6 +48,7 @@ class ValueConverter:
     """Converts amounts of hypotheses for the tractor and the logs of a problem."""
 
     problem: Problem
+    run_starts_s: Array
 
     def compute_values(self, hypothesis: Hypothesis, amounts: Array) -> Values:
         """The values of an effect as a tractor file holds them; of a law those of its effect at an amount of 1."""
@@ -86,17 +95,27 @@ class ValueConverter:
     def describe_law(self, verdict: Verdict, constant: Array | None) -> ParameterLaw:
         """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
         hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
-        neutral = self.compute_values(_make_constant(hypothesis), np.zeros(hypothesis.size))[effect.size.name]
+        neutral = self.compute_values(_make_constant(hypothesis), np.zeros(1))[effect.size.name]
         at = neutral + (0.0 if constant is None else float(constant[0]))
-        amount, other, run = (
-            find_odd_run(verdict.amounts) if hypothesis.law == "by_run" else (float(verdict.amounts[0]), 0.0, 0)
+        pattern = self.find_pattern(verdict)
+        kind = pattern.kind if pattern is not None else hypothesis.law
+        values = (
+            self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
+            if pattern is None
+            else _compute_pattern_values(pattern, at)
         )
-        values = self._compute_law_values(hypothesis, at, amount, other)
         unit = f" {effect.size.unit}" if effect.size.unit else ""
-        words = _describe_values(hypothesis.law, values, unit, self.problem.data.dataset.names[run])
-        return ParameterLaw(hypothesis.law, values, f"The {effect.label} is {words}.")
+        run = "" if pattern is None else self.problem.data.dataset.names[pattern.run]
+        return ParameterLaw(kind, values, f"The {effect.label} is {_describe_values(kind, values, unit, run)}.")
 
-    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float, other: float) -> Values:
+    def find_pattern(self, verdict: Verdict) -> RunPattern | None:
+        """What the values of single runs have in common; None for other laws."""
+        if verdict.hypothesis.law != BY_RUN:
+            return None
+        sigmas = np.sqrt(np.diag(verdict.covariance))
+        return find_run_pattern(verdict.amounts, sigmas, self.run_starts_s)
+
+    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float) -> Values:
         match hypothesis.law:
             case "by_speed":
                 return {"at_0": at, "per_mps": amount}
@@ -106,8 +125,6 @@ class ValueConverter:
                 return {"lifted": at, "working": at + amount}
             case "over_minutes":
                 return {"start": at, "per_minute": amount}
-            case "by_run":
-                return {"value": at + amount, "other": at + other}
             case "by_side":
                 is_left = hypothesis.basis.endswith("left")
                 return {"right": at + amount * (not is_left), "left": at + amount * is_left}
@@ -115,10 +132,18 @@ class ValueConverter:
                 return {"amount": amount}
 
 
-def find_odd_run(amounts: Array) -> tuple[float, float, int]:
-    """The amount of the run that is most unlike the others, the mean of the others, and which run it is."""
-    run = int(np.argmax(np.abs(amounts - np.median(amounts))))
-    return float(amounts[run]), float(np.delete(amounts, run).mean()), run
+def _compute_pattern_values(pattern: RunPattern, at: float) -> Values:
+    """The numbers of a pattern of runs, as in LOGS.md; `lowest_s` is a time of the lowest value."""
+    if pattern.kind == BY_RUN:
+        return {"value": at + pattern.amount, "other": at + pattern.other}
+    lowest = (-0.25 - pattern.phase / (2.0 * math.pi)) % 1.0 * pattern.period_s
+    return {
+        "mean": at + pattern.other,
+        "amplitude": pattern.amount,
+        "period_s": pattern.period_s,
+        "phase_deg": math.degrees(pattern.phase) % 360.0,
+        "lowest_s": lowest,
+    }
 
 
 def is_storable(hypothesis: Hypothesis) -> bool:
@@ -129,7 +154,7 @@ def is_storable(hypothesis: Hypothesis) -> bool:
 
 
 def _make_constant(hypothesis: Hypothesis) -> Hypothesis:
-    return Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates)
+    return Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
 
 
 def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
@@ -147,6 +172,8 @@ def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
             return f"{show('start')} at the start of a run and changes by {values['per_minute']:+.3f}{unit} per minute"
         case "by_run":
             return f"{show('value')} in {run} and {show('other')} in the other runs"
+        case "over_day":
+            return f"{show('mean')} on average and swings by {values['amplitude']:.2f}{unit} over the day"
         case "by_side":
             return f"{show('right')} to the right and {show('left')} to the left"
         case _:
