@@ -64,7 +64,7 @@ class ChannelNoise:
         """Factor the covariance for other amounts (p,)."""
         self.amounts = amounts.copy()
         covariance = np.tensordot(np.exp(amounts), self.parts, axes=1) + self.fixed
-        lower = np.linalg.cholesky(covariance)
+        lower: Array = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
         self.inverse = invert_lower(lower)
         self.log_sizes = np.log(np.diagonal(lower, axis1=1, axis2=2))
 
@@ -139,7 +139,7 @@ def compute_memory(times: Array, time_constant: float) -> Array:
 def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     """Noise of east, north and heading together (w, 3 n); the antenna is `ahead` (m) of the rear axle."""
     n, windows = POSE_CELLS, data.windows
-    times = POSE_CELL_S * np.arange(n)
+    times = np.asarray(POSE_CELL_S * np.arange(n), dtype=np.float64)
     one = np.broadcast_to(np.eye(n), (windows, n, n))
     speed, heading, yaw = cut_motion(data)
     total = integrate_cells()
@@ -223,9 +223,9 @@ def _build_sensor_noise(
 ) -> ChannelNoise:
     """White and slow noise, and errors of timing in proportion to the rate of change, white and slow."""
     n, windows = SENSOR_CELLS, data.windows
-    times = SENSOR_CELL_S * np.arange(n)
+    times = np.asarray(SENSOR_CELL_S * np.arange(n), dtype=np.float64)
     one = np.broadcast_to(np.eye(n), (windows, n, n))
-    rate = np.gradient(data.cut(values, n), SENSOR_CELL_S, axis=1)
+    rate: Array = np.asarray(np.gradient(data.cut(values, n), SENSOR_CELL_S, axis=1))
     slow = [np.broadcast_to(compute_memory(times, tau), one.shape) for tau in taus]
     timing = rate[:, :, None] * compute_memory(times, jitter_s) * rate[:, None, :]
     parts = np.array([one, *slow, rate[:, :, None] ** 2 * one, timing])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.holdout import (
     PiecesByHorizon,
@@ -131,7 +132,7 @@ def _compute_gain(without: PiecesByHorizon, with_it: PiecesByHorizon) -> tuple[f
         return 0.0, (0.0, 0.0)
     draws = np.random.default_rng(SEED).integers(0, len(before), (DRAWS, len(before)))
 
-    def measure(chosen: Array) -> float:
+    def measure(chosen: Places) -> float:
         first, last = before[chosen].sum(axis=0)[0], after[chosen].sum(axis=0)[0]
         return 100.0 * (1.0 - math.sqrt(last / max(first, 1e-12)))
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vehicle.identification.diagnosis.circles import CircleSearch
+from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
     ODDS,
     Hypothesis,
@@ -156,7 +157,7 @@ class Searcher:
 
     def _judge_all(self, fit: Fit) -> tuple[Fit | None, list[Judgement]]:
         """Judgements of a fit, or the better fit that one of them led to."""
-        noise, judgements = self.problem.get_noise(), []
+        noise, judgements = self.problem.get_noise(), list[Judgement]()
         predicted = self.predict(fit)
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
             without = self._fit_without(fit, hypothesis)
@@ -164,7 +165,7 @@ class Searcher:
             if against_none.nats < 0.5 * ADD_NATS and _name_model(without) not in self.visited:
                 self.problem.set_noise(noise)
                 return without, judgements
-            others = []
+            others: list[Comparison] = []
             if against_none.z > 1.0:
                 better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
                 if better is not None:
@@ -254,7 +255,7 @@ class Searcher:
         return out
 
 
-def number_folds(window_runs: Array) -> Array:
+def number_folds(window_runs: Places) -> Places:
     """The fold (w,) of every window: those of a run in turn, each run beginning with another, so that what happens at
     the start of all runs is in every fold."""
     fold = np.zeros(len(window_runs), dtype=np.int64)

@@ -55,7 +55,7 @@ def round_value(value: float) -> float:
 
 def _list_spreads(converter: ValueConverter, saved: Sequence[Verdict]) -> dict[str, Interval]:
     """95 % intervals of the amounts of a discrepancy model."""
-    spreads = {}
+    spreads: dict[str, Interval] = {}
     for verdict in saved:
         sigmas = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
         ends = [

@@ -146,7 +146,7 @@ def find_smallest_visible(problem: Problem, fit: Fit, effects: Sequence[Effect] 
     known = problem.stack(
         problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP), roots
     )
-    inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
+    inverse: Array = np.asarray(np.linalg.inv(known.T @ known + np.eye(known.shape[1])), dtype=np.float64)
     visible = {}
     for effect in effects:
         hypothesis = (
