@@ -230,7 +230,7 @@ def _build_samples(
 
 
 def _get_sampled_column(segment: DriveSegment, name: str) -> tuple[Array, Mask] | None:
-    """The values of a column (k,) and in which rows they were measured; None where nothing can be compared with them."""
+    """The values of a column (k,) and in which rows they were measured; None where they cannot be compared."""
     every = np.ones(segment.rows, dtype=np.bool_)
     if name == "heading" and not segment.heading_measured:
         return None

@@ -1,4 +1,4 @@
-"""Fitting a model, that is a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
+"""Fitting a model, a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
 
 from __future__ import annotations
 
