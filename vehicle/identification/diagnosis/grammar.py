@@ -1,8 +1,8 @@
 """The hypotheses of a diagnosis: effect x scope x law x instrument, enumerated from the catalogue.
 
 A hypothesis adds to fields of the model: an amount per coordinate times a basis over the steps of the logs. Which
-fields and how much a unit adds is taken from the catalogue itself; a scope (one run, the implement, one side, a circle) or a
-law (by speed, angle, time, direction) is only another basis.
+fields and how much a unit adds is taken from the catalogue itself; a scope (one run, the implement, one side, a circle)
+or a law (by speed, angle, time, direction) is only another basis.
 """
 
 from __future__ import annotations
@@ -272,7 +272,7 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
 
 
 # What the base model is known not to know, in every model with a small prior: tyres relax and creep, a wheel sensor is
-# a little off, speeds follow a little later, a ramp is steeper. Standard deviations from six truths made by other hands.
+# a little off, speeds follow a little later, a ramp is steeper. Standard deviations from truths made by other hands.
 NUISANCES: Mapping[str, tuple[str, float]] = {
     "speed_lag": ("speed_lag", 0.25),
     "ramp": ("ramp", 3.0),
