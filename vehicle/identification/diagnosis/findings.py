@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.saving import Saved
 from vehicle.identification.diagnosis.search import SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, find_smallest_visible, is_refutable
-from vehicle.model.effect_kinds import Interval
+from vehicle.model.effect_kinds import CIRCLE, Interval
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
 
 STANDINGS = (NAMED, EQUIVALENT, LIKELY)
@@ -59,7 +59,9 @@ class FindingBuilder:
         constants = [one for one in verdicts if one.hypothesis.is_catalogued]
         main = (constants or list(verdicts))[0]
         effect = get_effect(main.hypothesis.id)
-        laws = [one for one in verdicts if not one.hypothesis.is_catalogued and one.hypothesis.law != "with_speed"]
+        is_circle = effect.kind is CIRCLE  # its place is its law
+        laws = [one for one in verdicts if not (one.hypothesis.is_catalogued or is_circle) and
+                one.hypothesis.law != "with_speed"]  # fmt: skip
         value: Mapping[str, float] = {}
         interval: dict[str, Interval] | None = None
         if constants or main.hypothesis.law == "with_speed":

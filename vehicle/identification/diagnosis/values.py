@@ -13,7 +13,6 @@ from vehicle.identification.diagnosis.grammar import (
     CONSTANT,
     Hypothesis,
     get_kind,
-    parse_circle,
     scale_parameter,
 )
 from vehicle.identification.diagnosis.model_fit import Problem
@@ -55,8 +54,8 @@ class ValueConverter:
         effect = get_effect(hypothesis.id)
         tractor = self.problem.rig.tractor
         zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
-        if effect.kind is CIRCLE:
-            east, north, radius = parse_circle(hypothesis.basis)
+        if effect.kind is CIRCLE and hypothesis.place:
+            east, north, radius = hypothesis.place
             origin = self.problem.data.dataset.origin
             numbers = (zero + float(amounts[0]), east + origin[0], north + origin[1], radius)
             return {one.name: round(value, 6) for one, value in zip(effect.params, numbers, strict=True)}

@@ -22,12 +22,11 @@ from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, 
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
 from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, SearchResult
 from vehicle.identification.logs.schema import Array
-from vehicle.model.effect_kinds import CIRCLE
+from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
-FIRM_SIZES = 2.0  # times the finest size that may be claimed: smaller ones are likely at most, and no law
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.35
@@ -84,12 +83,22 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
     is_large = float(np.linalg.norm(amounts)) >= judgement.hypothesis.finest
     if against.z < LIKELY_Z or not is_clear or not is_large:
         return ""
-    is_firm = float(np.linalg.norm(amounts)) >= FIRM_SIZES * judgement.hypothesis.finest
+    is_firm = _is_firm(judgement.hypothesis, amounts, sigmas)
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
         return NAMED if is_firm and against.z >= CLEAR_Z and not _list_equivalents(judgement) else ""
     if against.z < CLEAR_Z or not is_firm:
         return LIKELY
     return EQUIVALENT if _list_equivalents(judgement) else NAMED
+
+
+def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
+    """Whether the interval of the size excludes what may be claimed at the least; of a value of its own in every run,
+    whether that of one excludes twice as much, as each of them is a chance to be unlike the others."""
+    if hypothesis.law == BY_RUN:
+        away = np.abs(amounts - np.median(amounts)) - INTERVAL_SIGMAS * sigmas
+        return bool(away.max() >= 2.0 * hypothesis.finest)
+    place = int(np.argmax(np.abs(amounts) / sigmas))
+    return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= hypothesis.finest
 
 
 def _list_equivalents(judgement: Judgement) -> tuple[Hypothesis, ...]:
