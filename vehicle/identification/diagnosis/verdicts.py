@@ -26,6 +26,7 @@ from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
+CLEAR_OF_LAWS_Z = 2.5  # the same against a law of another effect, of which many are tried and few are true
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
@@ -107,7 +108,9 @@ def _list_equivalents(judgement: Judgement) -> tuple[Hypothesis, ...]:
     return tuple(
         one.alternative
         for one in judgement.against_others
-        if one.alternative is not None and one.alternative.id != own.id and one.z < CLEAR_Z
+        if one.alternative is not None
+        and one.alternative.id != own.id
+        and one.z < (CLEAR_Z if one.alternative.is_catalogued else CLEAR_OF_LAWS_Z)
     )
 
 
