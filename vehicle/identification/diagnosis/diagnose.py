@@ -9,7 +9,7 @@ import numpy as np
 
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.drive_data import build_drive_data
-from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_harmful
+from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_refused
 from vehicle.identification.diagnosis.grammar import BY_RUN
 from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
@@ -77,7 +77,7 @@ def diagnose_logs(
     verdicts = decide(problem, result)
     converter = ValueConverter(problem, list_run_starts(logs))
     saved = choose_saved(converter, result.fit, verdicts, count.count_step)
-    verdicts = withdraw_harmful(verdicts, saved.harmful)
+    verdicts = withdraw_refused(verdicts, saved.refused)
     findings = FindingBuilder(problem, result, saved, converter).build(verdicts)
     diagnosis = _Composer(
         logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings

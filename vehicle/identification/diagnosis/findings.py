@@ -133,14 +133,17 @@ def order_names(findings: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(finding.id for finding in sorted(named, key=lambda one: -(one.gain_pct or 0.0)))
 
 
-def withdraw_harmful(verdicts: Sequence[Verdict], harmful: Sequence[Verdict]) -> list[Verdict]:
-    """The verdicts without a name for what harms left-out runs, but for columns: those show in no path."""
+def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) -> list[Verdict]:
+    """The verdicts without those that left-out runs refuse: a name becomes likely, anything else is dropped.
+
+    Columns that no path shows stay as they are.
+    """
     kept = []
     for verdict in verdicts:
         effect = EFFECTS_BY_ID.get(verdict.hypothesis.id)
-        is_doubtful = any(one is verdict for one in harmful) and not (effect is not None and effect.is_of_log_alone)
-        if is_doubtful and verdict.status == NAMED:
-            verdict = replace(verdict, status=LIKELY)
-        if not (is_doubtful and verdict.status != LIKELY):
+        is_refused = any(one is verdict for one in refused) and not (effect is not None and effect.is_of_log_alone)
+        if not is_refused:
             kept.append(verdict)
+        elif verdict.status == NAMED:
+            kept.append(replace(verdict, status=LIKELY))
     return kept

@@ -95,13 +95,14 @@ def is_extension_helpful(old: PiecesByHorizon, new: PiecesByHorizon, with_along:
 
 
 def is_extension_harmful(old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool) -> bool:
-    """Whether some error rises noticeably, and by more than the scatter of its pieces."""
+    """Whether the distance rises over some horizon, noticeably and by more than the scatter of its pieces; or the
+    heading does while the distances do not fall together."""
+    risen, fallen = np.zeros(2, dtype=np.bool_), 0.0
     for horizon, change, is_noticeable in _list_changes(old, new, with_along):
-        is_risen = (change > math.log(HARM_FACTOR)) & is_noticeable
         rise = compute_rise_sigmas(_join_kinds(old[horizon], with_along), _join_kinds(new[horizon], with_along))
-        if np.any(is_risen & (rise > CLEAR_RISE_SIGMAS)):
-            return True
-    return False
+        risen |= (change > math.log(HARM_FACTOR)) & is_noticeable & (rise > CLEAR_RISE_SIGMAS)
+        fallen += float(change[0]) * float(is_noticeable[0])
+    return bool(risen[0] or (risen[1] and fallen >= 0.0))
 
 
 def _join_kinds(pieces: Array, with_along: bool) -> Array:

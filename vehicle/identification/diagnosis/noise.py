@@ -169,7 +169,7 @@ def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     ]  # fmt: skip
     observed = np.concatenate([data.east.observed, data.north.observed, data.heading.observed], axis=1)
     amounts = np.log(np.square(POSE_AMOUNTS))
-    return ChannelNoise(np.array(parts), amounts, _free_start(by_yaw), 3, observed)
+    return ChannelNoise(np.array(parts), amounts, _free_start(data, ahead), 3, observed)
 
 
 def cut_motion(data: DriveData) -> tuple[Array, Array, Array]:
@@ -194,13 +194,15 @@ def build_yaw_response(data: DriveData, ahead: float) -> Array:
          total @ (along * cosine * total) + ahead * cosine * total, turned], axis=1)  # fmt: skip
 
 
-def _free_start(by_yaw: Array) -> Array:
-    """Covariance (w, 3 n, 3 n) of an unknown place and direction at the start of each window."""
-    windows, n = len(by_yaw), by_yaw.shape[1] // 3
-    turn = FREE_START_RAD * by_yaw[:, :, :1] / POSE_CELL_S
-    shift = np.zeros((windows, 3 * n, 2))
-    shift[:, :n, 0] = shift[:, n : 2 * n, 1] = 1.0
-    free = np.concatenate([shift, turn], axis=2)
+def _free_start(data: DriveData, ahead: float) -> Array:
+    """Covariance (w, 3 n, 3 n) of an unknown place and direction at the start of each window: a rigid motion."""
+    speed, heading, _ = cut_motion(data)
+    total, n = integrate_cells(), POSE_CELLS
+    east = (speed * np.cos(heading)) @ total.T + ahead * np.cos(heading)
+    north = (speed * np.sin(heading)) @ total.T + ahead * np.sin(heading)
+    free = np.zeros((data.windows, 3 * n, 3))
+    free[:, :n, 0] = free[:, n : 2 * n, 1] = 1.0
+    free[:, :, 2] = FREE_START_RAD * np.concatenate([-north, east, np.ones_like(east)], axis=1)
     return np.asarray(free @ free.transpose(0, 2, 1))
 
 

@@ -35,11 +35,11 @@ LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other ru
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """Verdicts to save, those that harm left-out runs, the gain (%) of each with its 90 % interval, and the errors of
-    left-out runs."""
+    """Verdicts to save and those that left-out runs refuse, as they harm them or, only likely, do not help them; the
+    gain (%) of each with its 90 % interval, and the errors of left-out runs."""
 
     verdicts: tuple[Verdict, ...]
-    harmful: tuple[Verdict, ...]
+    refused: tuple[Verdict, ...]
     gains: dict[str, tuple[float, tuple[float, float]]] = field(default_factory=dict)
     holdout: HoldoutResult | None = None
 
@@ -49,23 +49,28 @@ def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict
     problem = converter.problem
     trial = _LeftOutTrial(converter, fit)
     kept: list[Verdict] = []
-    harmful: list[Verdict] = []
+    refused: list[Verdict] = []
     base = now = trial.replay([])
     for verdict in verdicts:
         if not is_storable(verdict.hypothesis):
             continue
         pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
         step()
-        if is_extension_harmful(now, pieces, trial.has_speed):
-            harmful.append(verdict)
-        elif verdict.status != LIKELY or is_extension_helpful(now, pieces, trial.has_speed):
+        is_refused = (
+            not is_extension_helpful(now, pieces, trial.has_speed)
+            if verdict.status == LIKELY
+            else is_extension_harmful(now, pieces, trial.has_speed)
+        )
+        if is_refused:
+            refused.append(verdict)
+        else:
             kept.append(verdict)
             now = pieces
     gains = {}
     for verdict in kept:
         others = [one.hypothesis for one in kept if one is not verdict]
         gains[verdict.hypothesis.id] = _compute_gain(trial.replay(others), now)
-    return Saved(tuple(kept), tuple(harmful), gains, _build_holdout(problem, base, now) if kept else None)
+    return Saved(tuple(kept), tuple(refused), gains, _build_holdout(problem, base, now) if kept else None)
 
 
 @dataclass(eq=False)

@@ -147,9 +147,7 @@ def _compute_pattern_values(pattern: RunPattern, at: float) -> Values:
 
 def is_storable(hypothesis: Hypothesis) -> bool:
     """Whether a tractor file can hold a hypothesis as an effect or as terms of its discrepancy model."""
-    return str(hypothesis) in TERMS_OF_LAWS or (
-        hypothesis.is_catalogued and hypothesis.id not in ("wheel_sensor_scale", "push")
-    )
+    return str(hypothesis) in TERMS_OF_LAWS or hypothesis.is_catalogued
 
 
 def _make_constant(hypothesis: Hypothesis) -> Hypothesis:

@@ -26,11 +26,11 @@ from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
-CLEAR_OF_LAWS_Z = 2.5  # the same against a law of another effect, of which many are tried and few are true
+CLEAR_OF_LAWS_Z = 2.5  # the same against laws and circles, of which many are tried and few are true
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
-MODEL_SHARE = 0.35
+MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 
@@ -80,11 +80,12 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
     """The status of a hypothesis, or an empty text where nothing can be said."""
     against = judgement.against_none
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    scatter = np.sqrt(np.maximum(sigmas**2 - (MODEL_SHARE * judgement.hypothesis.finest) ** 2, 1e-30))
     is_clear = float(np.max(np.abs(amounts) / sigmas)) >= CLEAR_OF_NEUTRAL
     is_large = float(np.linalg.norm(amounts)) >= judgement.hypothesis.finest
     if against.z < LIKELY_Z or not is_clear or not is_large:
         return ""
-    is_firm = _is_firm(judgement.hypothesis, amounts, sigmas)
+    is_firm = _is_firm(judgement.hypothesis, amounts, scatter)
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
         return NAMED if is_firm and against.z >= CLEAR_Z and not _list_equivalents(judgement) else ""
     if against.z < CLEAR_Z or not is_firm:
@@ -93,7 +94,7 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
 
 
 def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
-    """Whether the interval of the size excludes what may be claimed at the least; of a value of its own in every run,
+    """Whether the size, less its scatter, is what may be claimed at the least; of a value of its own in every run,
     whether that of one excludes twice as much, as each of them is a chance to be unlike the others."""
     if hypothesis.law == BY_RUN:
         away = np.abs(amounts - np.median(amounts)) - INTERVAL_SIGMAS * sigmas
@@ -110,7 +111,7 @@ def _list_equivalents(judgement: Judgement) -> tuple[Hypothesis, ...]:
         for one in judgement.against_others
         if one.alternative is not None
         and one.alternative.id != own.id
-        and one.z < (CLEAR_Z if one.alternative.is_catalogued else CLEAR_OF_LAWS_Z)
+        and one.z < (CLEAR_OF_LAWS_Z if one.alternative.odds else CLEAR_Z)
     )
 
 
