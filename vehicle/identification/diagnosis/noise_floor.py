@@ -2,6 +2,9 @@
 
 Runs are replayed from their commands twice: with the causes of a fit alone, as a tractor file holds them, and with its
 nuisances and noise as the fit found it, which is what instruments would have shown. The difference is the floor.
+
+A fit calls noise whatever it has no cause for, so the floor takes of each slow part no more than ground, tyres and
+instruments were ever seen to make; what is beyond that is unexplained.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ from vehicle.identification.diagnosis.drive_data import (
 from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, split_amounts, sum_fields
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import (
+    COMMAND_JITTER,
+    FREEDOM,
     HEADING_TIME_S,
     SHORT_S,
     SPEED_TIME_S,
@@ -42,6 +47,11 @@ from vehicle.identification.replay.horizon_errors import (
 from vehicle.identification.replay.rig import ReplayRig
 
 DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
+# Most of each part that is still noise, in the order of noise.ChannelNoise: the largest of 60 sets of three truths by
+# other hands with nothing outside the catalogue, and a fifth more. White noise of receivers and sensors has no limit.
+MOST_POSE = (np.inf, np.inf, 0.02, 0.01, 0.005, 0.0012, 0.0005, 0.02, 0.02, 0.003, 0.005, 0.006)
+MOST_WHEEL, MOST_SPEED = (np.inf, 3e-4, 8e-4, 0.05, 0.07), (np.inf, 0.008, 0.004, 0.015, 0.13)
+MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart
 Rng = np.random.Generator
 Model = Sequence[tuple[Hypothesis, Array]]
 
@@ -66,7 +76,7 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
     model = list(split_amounts(fit.model, fit.amounts))
     expected = replay_commands(data, problem.rig, [part for part in model if not part[0].is_nuisance])
     shown = replay_commands(data, problem.rig, model)
-    sizes = {channel: np.exp(0.5 * noise.amounts) * noise.observed.any() for channel, noise in problem.noise.items()}
+    sizes = limit_noise(problem)
     ends, rng = np.cumsum([segment.rows for segment in data.segments]), np.random.default_rng(SEED)
     totals = make_zero_squared_errors(len(dataset.names))
     for number, segment in enumerate(data.segments):
@@ -80,6 +90,18 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
             for horizon, part in squares.items():
                 totals[segment.run][horizon] += part / DRAWS
     return totals
+
+
+def limit_noise(problem: Problem) -> dict[str, Array]:
+    """Standard deviations of the parts of the noise per channel, none above what is still noise.
+
+    The variance of a Student t distribution is larger than its scale.
+    """
+    jitter_s = MOST_JITTERS * COMMAND_JITTER * problem.data.row_step_s
+    wheel = np.maximum(MOST_WHEEL, [0.0, 0.0, 0.0, jitter_s, jitter_s])
+    most = {"pose": np.array(MOST_POSE), "wheel": wheel, "speed": np.array(MOST_SPEED)}
+    spread = np.sqrt(FREEDOM / (FREEDOM - 2.0))
+    return {name: spread * np.minimum(np.exp(0.5 * one.amounts), most[name]) for name, one in problem.noise.items()}
 
 
 def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> Replay:
