@@ -9,6 +9,7 @@ instruments were ever seen to make; what is beyond that is unexplained.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -76,7 +77,8 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
     model = list(split_amounts(fit.model, fit.amounts))
     expected = replay_commands(data, problem.rig, [part for part in model if not part[0].is_nuisance])
     shown = replay_commands(data, problem.rig, model)
-    sizes = limit_noise(problem)
+    spread = math.sqrt(FREEDOM / (FREEDOM - 2.0))  # a Student t distribution has a larger variance than its scale
+    sizes = {channel: spread * own for channel, own in limit_noise(problem).items()}
     ends, rng = np.cumsum([segment.rows for segment in data.segments]), np.random.default_rng(SEED)
     totals = make_zero_squared_errors(len(dataset.names))
     for number, segment in enumerate(data.segments):
@@ -93,19 +95,15 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
 
 
 def limit_noise(problem: Problem) -> dict[str, Array]:
-    """Standard deviations of the parts of the noise per channel, none above what is still noise.
-
-    The variance of a Student t distribution is larger than its scale.
-    """
+    """Standard deviations of the parts of the noise per channel, none above what is still noise."""
     jitter_s = MOST_JITTERS * COMMAND_JITTER * problem.data.row_step_s
     wheel = np.maximum(MOST_WHEEL, [0.0, 0.0, 0.0, jitter_s, jitter_s])
     most = {"pose": np.array(MOST_POSE), "wheel": wheel, "speed": np.array(MOST_SPEED)}
-    spread = np.sqrt(FREEDOM / (FREEDOM - 2.0))
-    return {name: spread * np.minimum(np.exp(0.5 * one.amounts), most[name]) for name, one in problem.noise.items()}
+    return {name: np.minimum(np.exp(0.5 * one.amounts), most[name]) for name, one in problem.noise.items()}
 
 
 def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> Replay:
-    """Drive the commands of all segments open loop; where none were logged, as the wheel and the speed were measured."""
+    """Drive the commands of all segments open loop; where none were logged, as wheel and speed were measured."""
     causes = [one for one, _ in model]
     amounts = np.concatenate([np.zeros(0), *(own for _, own in model)])
     simulator, keys = Simulator(data, rig), dict.fromkeys(CHAINS, 0)
@@ -144,7 +142,7 @@ class _Motion:
         self.row_step_s = problem.data.row_step_s
         self.curvature = np.tan(wheel) / tractor.wheelbase_m
         self.bend = 1.0 / (np.cos(wheel) ** 2 * tractor.wheelbase_m)
-        self.ahead = tractor.antenna_forward_m - tractor.rear_axle_m
+        self.ahead = tractor.antenna_forward_m
 
     def draw(self, antenna: Array, heading: Array, rng: Rng) -> DriveSegment:
         """The segment with positions and headings as they might have been measured."""

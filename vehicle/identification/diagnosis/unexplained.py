@@ -30,7 +30,7 @@ class Unexplained:
 
 @dataclass(frozen=True, eq=False)
 class NoiseLimit:
-    """What counts as noise in a dataset: errors in units of the floor, over the horizons that runs are long enough for."""
+    """What counts as noise in a dataset: errors are in units of its floor."""
 
     floor: list[HorizonSquares]
     seconds: float
