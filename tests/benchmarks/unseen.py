@@ -18,6 +18,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from vehicle.identification.verdict.guard import is_harmful
+
 from planner.pipeline.held_out_runs import AUTO, split_held_out_runs
 from tests.diagnosis.foreign_sets import draw_cases, make_logs
 from tests.truth.cases import KINDS, TruthCase
@@ -29,7 +31,6 @@ from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log, read_logs
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.horizon_errors import HorizonError
-from vehicle.identification.verdict.guard import is_harmful
 from vehicle.model.effects import CATALOGUE
 from vehicle.model.tractor import Tractor, load_tractor
 

@@ -20,7 +20,7 @@ from vehicle.identification.diagnosis.curves import (
 )
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.verdict.diagnosis_types import ResidualPlot
+from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.model.effects import ANGLE, CATALOGUE, CRAB, DIRECTION, SPEED, TURN
 from vehicle.records import GRAVITY_MPS2
 

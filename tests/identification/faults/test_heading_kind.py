@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from vehicle.identification.verdict.hints import find_wrong_heading
 
 from tests.truth.drives import drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, ROW_S, Jointed, drive_jointed
 from vehicle.identification.faults.heading_kind import drop_course_headings, find_double_swing, find_heading_scale
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.hints import find_wrong_heading
 from vehicle.model.tractor import Tractor, load_tractor
 
 BASE_M, ANTENNA_M = 2.4, 1.1

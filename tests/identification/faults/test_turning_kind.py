@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from vehicle.identification.verdict.unclear_findings import withdraw_faked
 
 from tests.truth.drives import Drive, drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
@@ -23,7 +24,6 @@ from vehicle.identification.faults.turning_kind import (
 )
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.verdict.unclear_findings import withdraw_faked
 from vehicle.model.tractor import Tractor, load_tractor
 
 FILE_ANTENNA_M = 1.1

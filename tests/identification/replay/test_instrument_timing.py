@@ -4,8 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from tests.identification.residual_models import build_programme_model, rig
+from vehicle.identification.residuals.innovations import compute_reference_headings
+
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
 from vehicle.identification.replay.horizon_errors import simulate_instruments
 from vehicle.identification.replay.instrument_timing import (
@@ -15,7 +16,6 @@ from vehicle.identification.replay.instrument_timing import (
     compute_timing,
     restore_true_inputs,
 )
-from vehicle.identification.residuals.innovations import compute_reference_headings
 
 
 @pytest.fixture(scope="module")

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from tests.identification.residual_models import eg105
+
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Tractor, load_tractor
 from vehicle.model.tractor_writer import _format_key, _format_value, format_tractor_toml
 

@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
 from tests.identification.residual_models import build_programme_model, eg105, get_parameters
+from vehicle.identification.fit.residual_fit import EffectFit
+from vehicle.identification.thresholds import DECISIVE_LOSS, SAME_ERROR_FACTOR
+from vehicle.identification.verdict.findings import choose_next_drive, compute_programme_separation
+from vehicle.identification.verdict.hints import hint_at_withdrawn
+
 from vehicle.identification.diagnosis.demo_logs import DEMO_PLACE, build_programme, draw_hidden_effect
 from vehicle.identification.diagnosis.diagnose import (
     _choose_discrepancy_model,
@@ -29,11 +33,7 @@ from vehicle.identification.diagnosis.results import (
     convert_nonfinite_to_none,
     join_clauses,
 )
-from vehicle.identification.fit.residual_fit import EffectFit
 from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES
-from vehicle.identification.thresholds import DECISIVE_LOSS, SAME_ERROR_FACTOR
-from vehicle.identification.verdict.findings import choose_next_drive, compute_programme_separation
-from vehicle.identification.verdict.hints import hint_at_withdrawn
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, PATH, SPEED, check_effect, get_neutral_values
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting
 

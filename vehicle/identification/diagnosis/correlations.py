@@ -7,8 +7,8 @@ import numpy as np
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, collect_widths, get_kind, scale_parameter
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.results import ParameterCorrelations
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.verdict.diagnosis_types import ParameterCorrelations
 from vehicle.model.effects import EFFECTS_BY_ID, get_neutral_values
 from vehicle.model.tractor import Tractor
 

@@ -21,8 +21,8 @@ from vehicle.identification.diagnosis.drive_data import (
 )
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
+from vehicle.identification.diagnosis.results import ResidualPlot
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.identification.verdict.diagnosis_types import ResidualPlot
 from vehicle.model import effects
 from vehicle.records import GRAVITY_MPS2
 

@@ -19,10 +19,10 @@ from vehicle.identification.diagnosis.grammar import LAW_WORDS, ODDS, Coordinate
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise_floor import limit_noise
 from vehicle.identification.diagnosis.pose_response import PoseResponse
+from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, Searcher
 from vehicle.identification.diagnosis.unexplained import Unexplained
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.verdict.diagnosis_types import Hint
 from vehicle.model.effects import PATH, get_effect
 
 MOST_HINTS, MOST_TRIED = 4, 3  # chosen: a longer list is of no use to a reader; laws of a scan that are fitted

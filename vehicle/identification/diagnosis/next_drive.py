@@ -18,6 +18,7 @@ import numpy as np
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import Hypothesis, split_amounts
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Model, Problem
+from vehicle.identification.diagnosis.results import NextDrive
 from vehicle.identification.diagnosis.search import CLEAR_Z
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_programmes import (
@@ -27,7 +28,6 @@ from vehicle.identification.replay.drive_programmes import (
     simulate_programme,
 )
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
-from vehicle.identification.verdict.diagnosis_types import NextDrive
 
 SIGMAS_PER_Z = 2.0  # standard deviations between two explanations per standard error of their predictive difference
 NO_EFFECT = "no effect"  # the name of the alternative without any hypothesis
