@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import DriveData
-from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, collect_widths, get_kind, scale_parameter
+from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, collect_widths
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.results import ParameterCorrelations
+from vehicle.identification.diagnosis.values import compute_values
 from vehicle.identification.logs.schema import Array
-from vehicle.model.effects import EFFECTS_BY_ID, get_neutral_values
-from vehicle.model.tractor import Tractor
 
 RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
 FEWEST_VALUES = 2
@@ -30,7 +28,7 @@ def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelati
             own, slopes = _list_value_slopes(problem, hypothesis, fit.get_amounts(hypothesis))
             block = np.zeros((len(own), len(widths)))
             block[:, fit.locate(hypothesis)] = slopes
-            label = hypothesis.id if has_law_of_file(hypothesis) else f"{hypothesis.id}:{hypothesis.law}"
+            label = hypothesis.id if hypothesis.law in (CONSTANT, "by_place") else f"{hypothesis.id}:{hypothesis.law}"
             names += [(label, name) for name in own]
             rows.append(block)
     slopes = np.concatenate(rows)
@@ -42,29 +40,6 @@ def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelati
     matrix = of_values[np.ix_(known, known)] / np.outer(spread[known], spread[known])
     kept = tuple(name for name, is_known in zip(names, known, strict=True) if is_known)
     return ParameterCorrelations(kept, np.clip(matrix, -1.0, 1.0))
-
-
-def has_law_of_file(hypothesis: Hypothesis) -> bool:
-    """Whether the amounts are constant, everywhere or in a circle, as a tractor file holds them."""
-    return hypothesis.law in (CONSTANT, "by_place")
-
-
-def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, tractor: Tractor) -> dict[str, float]:
-    """The values by name that amounts of a hypothesis stand for: of the tractor file, where it is in the catalogue.
-
-    Those of a law, or of what no tractor file holds, are the amounts themselves.
-    """
-    effect = EFFECTS_BY_ID.get(hypothesis.id)
-    if effect is None or not has_law_of_file(hypothesis):
-        names = [one.slopes[0][0] for one in hypothesis.coordinates]
-        if effect is not None and hypothesis.size == 1:
-            names = [effect.size.name]
-        return dict(zip(names, map(float, amounts), strict=True))
-    kind, zero = get_kind(effect, data), get_neutral_values(effect.id, tractor.steering)[effect.size.name]
-    neutral = kind.build_box(scale_parameter(effect.size, tractor), float(zero), ()).neutral
-    origin, place = data.dataset.origin, hypothesis.place
-    circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
-    return kind.compute_values(effect.params, np.array(neutral) + amounts, circle)
 
 
 def _list_value_slopes(problem: Problem, hypothesis: Hypothesis, amounts: Array) -> tuple[list[str], Array]:

@@ -10,7 +10,6 @@ import math
 
 import numpy as np
 
-from vehicle.identification.diagnosis.correlations import compute_values
 from vehicle.identification.diagnosis.drive_data import (
     POSE_CELL_S,
     POSE_CELLS,
@@ -22,6 +21,7 @@ from vehicle.identification.diagnosis.drive_data import (
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.diagnosis.results import ResidualPlot
+from vehicle.identification.diagnosis.values import compute_values
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.model import effects
 from vehicle.records import GRAVITY_MPS2

@@ -101,19 +101,22 @@ class FindingBuilder:
 
     def _build_alternatives(self, verdict: Verdict, visible: Mapping[str, float]) -> list[Finding]:
         """Findings of the effects that could take the place of one."""
-        if verdict.status != EQUIVALENT:
+        if verdict.status != EQUIVALENT or verdict.hypothesis.id not in EFFECTS_BY_ID:
             return []
         found = []
         for other in verdict.others:
-            if other.id in EFFECTS_BY_ID:
-                effect = get_effect(other.id)
-                sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != other.id))
-                found.append(
-                    Finding(effect.id, EQUIVALENT, None, None, None, None, visible.get(effect.id), effect.size.unit,
-                            effect.block, f"{effect.label[0].upper()}{effect.label[1:]} would explain these logs too.",
-                            self._list_ids(sets), f"looks like {get_effect(verdict.hypothesis.id).label}"
-                            if verdict.hypothesis.id in EFFECTS_BY_ID else "")
-                )  # fmt: skip
+            alternative, amounts = other.alternative, other.amounts
+            if alternative is None or amounts is None or not alternative.is_catalogued:
+                continue
+            effect, value = get_effect(alternative.id), self.converter.compute_values(alternative, amounts)
+            sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != effect.id))
+            found.append(
+                Finding(
+                    effect.id, EQUIVALENT, value, None, None, None, visible.get(effect.id), effect.size.unit,
+                    effect.block, effect.describe(value), self._list_ids(sets),
+                    f"looks like {get_effect(verdict.hypothesis.id).label}",
+                )
+            )  # fmt: skip
         return found
 
     def _build_absent(self, effect: Effect, visible: float | None) -> Finding:

@@ -35,14 +35,15 @@ BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
 CLEAR_Z = 4.0  # standard errors of the predictive difference from which something is certain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """How much better left-out windows are predicted with a hypothesis than by an alternative: nats, and in standard
-    errors. `alternative` None stands for the model without it."""
+    errors. `amounts` are those of the alternative; None stands for the model without it."""
 
     alternative: Hypothesis | None
     nats: float
     z: float
+    amounts: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -228,7 +229,8 @@ class Searcher:
         total = float(difference.sum())
         error = float(np.sqrt(((difference - difference.mean()) ** 2).sum()))
         self.problem.set_noise(noise)
-        return Comparison(alternative, total, total / max(error, 1e-9))
+        amounts = None if alternative is None else other.get_amounts(alternative)
+        return Comparison(alternative, total, total / max(error, 1e-9), amounts)
 
     def predict(self, fit: Fit) -> dict[str, Array]:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""

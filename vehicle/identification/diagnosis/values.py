@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
     CONSTANT,
@@ -22,8 +23,8 @@ from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.logs.schema import Array
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
-from vehicle.model.effects import DISCREPANCY_KEY, get_effect, get_neutral_values
-from vehicle.model.tractor import Settings
+from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect, get_neutral_values
+from vehicle.model.tractor import Settings, Tractor
 
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 # Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
@@ -50,18 +51,8 @@ class ValueConverter:
     run_starts_s: Array
 
     def compute_values(self, hypothesis: Hypothesis, amounts: Array) -> Values:
-        """The values of an effect as a tractor file holds them; of a law those of its effect at an amount of 1."""
-        effect = get_effect(hypothesis.id)
-        tractor = self.problem.rig.tractor
-        zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
-        if effect.kind is CIRCLE and hypothesis.place:
-            east, north, radius = hypothesis.place
-            origin = self.problem.data.dataset.origin
-            numbers = (zero + float(amounts[0]), east + origin[0], north + origin[1], radius)
-            return {one.name: round(value, 6) for one, value in zip(effect.params, numbers, strict=True)}
-        kind = get_kind(effect, self.problem.data)
-        box = kind.build_box(scale_parameter(effect.size, tractor), zero, ())
-        return kind.compute_values(effect.params, np.array(box.neutral) + amounts)
+        """The values of compute_values for this tractor and these logs."""
+        return compute_values(hypothesis, amounts, self.problem.data, self.problem.rig.tractor)
 
     def compute_interval(self, hypothesis: Hypothesis, amounts: Array, covariance: Array) -> dict[str, Interval]:
         """95 % intervals of the values; none for the place of a circle."""
@@ -143,6 +134,29 @@ def _compute_pattern_values(pattern: RunPattern, at: float) -> Values:
         "phase_deg": math.degrees(pattern.phase) % 360.0,
         "lowest_s": lowest,
     }
+
+
+def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, tractor: Tractor) -> Values:
+    """The values by name that amounts of a hypothesis stand for: of the tractor file, where it is in the catalogue.
+
+    Those of a law, or of what no tractor file holds, are the amounts themselves.
+    """
+    effect = EFFECTS_BY_ID.get(hypothesis.id)
+    if effect is None or hypothesis.law not in (CONSTANT, "by_place", "with_speed"):
+        names = [one.slopes[0][0] for one in hypothesis.coordinates]
+        if effect is not None and hypothesis.size == 1:
+            names = [effect.size.name]
+        return dict(zip(names, map(float, amounts), strict=True))
+    kind, zero = get_kind(effect, data), get_neutral_values(effect.id, tractor.steering)[effect.size.name]
+    neutral = kind.build_box(scale_parameter(effect.size, tractor), float(zero), ()).neutral
+    origin, place = data.dataset.origin, hypothesis.place
+    circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
+    return kind.compute_values(effect.params, np.array(neutral) + amounts, circle)
+
+
+def list_terms(hypothesis: Hypothesis) -> tuple[str, ...]:
+    """The terms of a discrepancy model that hold a hypothesis; none for an effect."""
+    return TERMS_OF_LAWS.get(str(hypothesis), ())
 
 
 def is_storable(hypothesis: Hypothesis) -> bool:

@@ -20,7 +20,7 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
-from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, SearchResult
+from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Comparison, Judgement, SearchResult
 from vehicle.identification.logs.schema import Array
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
@@ -38,7 +38,7 @@ TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smalles
 @dataclass(frozen=True, eq=False)
 class Verdict:
     """What is said of a hypothesis: status, amounts (k,) with their covariance (k, k), nats and z against nothing, and
-    the ids of effects that explain the logs as well. `others` are the hypotheses behind these."""
+    the ids of effects that explain the logs as well. `others` are the comparisons behind these."""
 
     hypothesis: Hypothesis
     status: str
@@ -47,7 +47,7 @@ class Verdict:
     nats: float
     z: float
     equivalent_to: tuple[str, ...] = ()
-    others: tuple[Hypothesis, ...] = ()
+    others: tuple[Comparison, ...] = ()
 
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
@@ -68,10 +68,11 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
         if status == NAMED and is_far:
             status = LIKELY
         others = _list_equivalents(judgement)
+        ids = tuple(dict.fromkeys(one.alternative.id for one in others if one.alternative is not None))
         if status:
             verdicts.append(
                 Verdict(judgement.hypothesis, status, amounts, own, judgement.against_none.nats,
-                        judgement.against_none.z, tuple(dict.fromkeys(one.id for one in others)), others)
+                        judgement.against_none.z, ids, others)
             )  # fmt: skip
     return sorted(verdicts, key=lambda one: -one.nats)
 
@@ -103,11 +104,11 @@ def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
     return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= hypothesis.finest
 
 
-def _list_equivalents(judgement: Judgement) -> tuple[Hypothesis, ...]:
-    """Competitors with another id that predict the logs hardly worse."""
+def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
+    """Comparisons with competitors with another id that predict the logs hardly worse."""
     own = judgement.hypothesis
     return tuple(
-        one.alternative
+        one
         for one in judgement.against_others
         if one.alternative is not None
         and one.alternative.id != own.id
