@@ -22,6 +22,7 @@ from vehicle.identification.diagnosis.drive_data import (
     SENSOR_CELL_S,
     STRIDE,
     DriveData,
+    Places,
     Samples,
     build_drive_data,
 )
@@ -122,7 +123,7 @@ def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> Replay:
     return Replay(antenna, shown["heading"], sensors["wheel"], sensors["speed"])
 
 
-def _sample_all(places: Array, segments: Array) -> Samples:
+def _sample_all(places: Array, segments: Places) -> Samples:
     """Samples at single steps (k,) instead of means over cells."""
     count = len(places)
     return Samples(np.zeros(count), np.ones(count, dtype=np.bool_), places, np.arange(count), segments)
