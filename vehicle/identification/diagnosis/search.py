@@ -208,10 +208,12 @@ class Searcher:
         return None, comparisons
 
     def _fit_without(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
-        place = fit.locate(hypothesis)
-        kept = np.ones(len(fit.amounts), dtype=np.bool_)
-        kept[place] = False
-        model = tuple(one for one in fit.model if one != hypothesis)
+        """The fit without a hypothesis; without a constant its laws go too, as they could take its place."""
+        is_kept = [
+            one != hypothesis and not (one.id == hypothesis.id and hypothesis.is_catalogued) for one in fit.model
+        ]
+        kept = np.repeat(is_kept, [one.size for one in fit.model])
+        model = tuple(one for one, stays in zip(fit.model, is_kept, strict=True) if stays)
         return self.problem.refit(model, fit.amounts[kept], 6)
 
     def _compare(
