@@ -88,7 +88,9 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
         return ""
     is_firm = _is_firm(judgement.hypothesis, amounts, scatter)
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
-        return NAMED if is_firm and against.z >= CLEAR_Z and not _list_equivalents(judgement) else ""
+        if not is_firm or against.z < CLEAR_OF_LAWS_Z:
+            return ""
+        return NAMED if against.z >= CLEAR_Z and not _list_equivalents(judgement) else LIKELY
     if against.z < CLEAR_Z or not is_firm:
         return LIKELY
     return EQUIVALENT if _list_equivalents(judgement) else NAMED
