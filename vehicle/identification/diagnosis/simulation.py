@@ -225,6 +225,12 @@ class Simulator:
         self.base = dict.fromkeys((*STEERING_FIELDS, *SPEED_FIELDS, *PATH_FIELDS, *INSTRUMENT_FIELDS), 0.0)
         self.base |= dict.fromkeys(FACTORS, 1.0)
         self.base |= {name: float(self.model[name]) for name in ("lag", "rate", "dead_band")}
+        self.settled = np.concatenate(
+            [
+                make_settled_state(self.data.command[begin:], segment.earlier_commands)
+                for begin, segment in zip(self.data.step_starts[:-1], self.data.segments, strict=True)
+            ]
+        )
         self.blank = {
             name: np.array([np.full(size, self.base[field]) for field in names])
             for name, names in CHAINS.items()
@@ -266,13 +272,15 @@ class Simulator:
 
     def _simulate_wheel(self, fields: Fields) -> Array:
         data = self.data
-        states = np.concatenate([
-            make_settled_state(data.command[begin:], segment.earlier_commands)
-            for begin, segment in zip(data.step_starts[:-1], data.segments, strict=True)
-        ])  # fmt: skip
         out = np.empty(len(data.command))
         simulate_steering(
-            data.step_starts, data.command, data.first_wheel, states, self._fill("steering", fields), self.model, out
+            data.step_starts,
+            data.command,
+            data.first_wheel,
+            self.settled.copy(),
+            self._fill("steering", fields),
+            self.model,
+            out,
         )
         return out
 
