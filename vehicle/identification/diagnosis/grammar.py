@@ -36,6 +36,9 @@ ODDS = {"catalogue": 0.0, "law": 2.0, "place": 5.0}
 STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
 PATCH_RADII_M = (8.0, 14.0)
 FEWEST_PATCH_STEPS, LARGEST_PATCH_SHARE = 60, 0.7
+# Laws that are effects of the catalogue: the grip over the time, the left side, the draft and the slip at work.
+SYNONYMS = ("steering_gain@over_minutes", "steering_gain@by_side:left", "steering_offset@by_implement",
+            "wheel_slip@by_implement")  # fmt: skip
 LAW_WORDS = {
     "by_speed": "speed",
     "by_angle": "the size of the wheel angle",
@@ -234,7 +237,8 @@ def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
         if key == CONSTANT or key.startswith(("by_place", "by_square", BY_RUN)):
             continue
         spread = float(np.std(values))
-        if spread > 1e-3 * max(float(np.abs(values).max()), 1e-9) and _can_vary(parent, key):
+        is_varied = spread > 1e-3 * max(float(np.abs(values).max()), 1e-9)
+        if is_varied and _can_vary(parent, key) and f"{parent.id}@{key}" not in SYNONYMS:
             scale = float(np.sqrt(np.mean(values * values))) if ":" not in key else 1.0
             laws.append(build_scope(parent, key, max(scale, 1e-6)))
     return laws
@@ -256,12 +260,15 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     constants = {one.id: one for one in list_catalogue(data, tractor)}
     wide = ("steering_gain", "steering_offset")
     hypotheses = [law for name in wide for law in list_laws(constants[name], bases) if law.law != "by_side"]
-    hypotheses = [law for law in hypotheses if str(law) != "steering_gain@over_minutes"]  # that is grip_drift
     hypotheses += [law for law in list_laws(constants["wheel_slip"], bases)
                    if law.law in ("by_speed", BY_RUN, "over_minutes")]  # fmt: skip
     for name in ("steering_rate", "steering_deadband"):
         hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
     hypotheses += [law for law in list_laws(constants[SLOPE_DRIFT], bases) if law.law == "by_implement"]
+    if float(np.ptp(bases.get("by_implement"))) > 0.0:
+        hypotheses.append(build_scope(constants["speed_scale"], "by_implement"))
+    clocks = (constants[f"clock_offset_{column}"] for column in ("position", "heading"))
+    hypotheses += [build_scope(clock, "over_minutes") for clock in clocks]
     wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
     hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), ODDS["law"], 0.02))
     late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)

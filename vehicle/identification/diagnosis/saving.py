@@ -29,6 +29,7 @@ from vehicle.identification.logs.schema import Array
 from vehicle.model.tractor import Settings
 
 ERROR_HORIZON_S = 5.0  # over which the gain of an effect is told
+LEAST_INFORMATION_SHARE = 0.02  # of what all runs know of an amount: with less the other runs say nothing of it
 DRAWS, GAIN_QUANTILES, SEED = 200, (0.05, 0.95), 7
 LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other runs show."
 
@@ -96,7 +97,7 @@ class _LeftOutTrial:
 
 
 def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, Array]:
-    """By run the amounts (k,) that the other runs give, by one Gauss-Newton step; of a single run its own."""
+    """By run the amounts (k,) that the other runs give, by one Gauss-Newton step; what only it shows stays its own."""
     white, roots = problem.weigh(fit.residuals)
     widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
     secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
@@ -117,7 +118,9 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, Array]:
             flat = weighted[c][inside].reshape(-1, len(widths))
             curvature -= flat.T @ flat
             slope += flat.T @ (white[c][inside] * roots[c][inside][:, None]).ravel()
-        amounts[run] = np.clip(fit.amounts - widths * np.linalg.solve(curvature, slope), *bounds)
+        moved = np.clip(fit.amounts - widths * np.linalg.solve(curvature, slope), *bounds)
+        is_known = np.diag(curvature) >= LEAST_INFORMATION_SHARE * np.diag(total)
+        amounts[run] = np.where(is_known, moved, fit.amounts)
     return amounts
 
 

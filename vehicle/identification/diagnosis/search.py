@@ -121,22 +121,28 @@ class Searcher:
             if one.is_catalogued and one.id != "grip_patch":
                 laws += [law for law in list_laws(one, self.problem.bases)
                          if law not in self.hypotheses and law not in fit.model]  # fmt: skip
-        return [law for law in laws if str(law) not in ("steering_gain@over_minutes", "steering_gain@by_side:left")]
+        return laws
 
     def add_greedily(self, fit: Fit) -> Fit:
         """Add the hypothesis with the largest evidence until none has enough."""
         for _ in range(MOST_ROUNDS):
+            noise = self.problem.get_noise()
             best = self._try_best(fit, self.scan(fit))
-            if best is None or best.evidence - fit.evidence < ADD_NATS:
+            if best is None:
                 return fit
-            fit = self.problem.fit(best.model, best.amounts)
+            # Noise that had to make up for what is missing hides the gain: with its own noise the model may show it.
+            better = self.problem.fit(best.model, best.amounts)
+            if max(best.evidence, better.evidence) - fit.evidence < ADD_NATS:
+                self.problem.set_noise(noise)
+                return fit
+            fit = better
         return fit
 
     def _try_best(self, fit: Fit, gains: Sequence[Gain]) -> Fit | None:
         """The fit with the most evidence among the best of a scan, at the noise of the fit before."""
-        if not gains or gains[0].nats < 0.5 * ADD_NATS:
+        if not gains or gains[0].nats < 0.0:
             return None
-        tried = [one for one in gains[:MOST_TRIED] if one.nats > max(0.5 * ADD_NATS, NEAR_SHARE * gains[0].nats)]
+        tried = [one for one in gains[:MOST_TRIED] if one.nats >= NEAR_SHARE * gains[0].nats]
         fits = []
         for gain in tried:
             model = (*fit.model, gain.hypothesis)

@@ -26,7 +26,7 @@ from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
-CLEAR_OF_LAWS_Z = 2.5  # the same against laws and circles, of which many are tried and few are true
+CLEAR_OF_LAWS_Z = 1.5  # the same against laws and circles, of which many are tried and few are true
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
@@ -53,12 +53,7 @@ class Verdict:
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     """Verdicts on the hypotheses of the final model that anything can be said of, the clearest first."""
     covariance = compute_covariance(problem, result.fit)
-    widths = collect_widths(result.fit.model)
-    is_far = any(
-        np.abs(result.fit.get_amounts(one.hypothesis) / widths[result.fit.locate(one.hypothesis)]).max() > FAR_WIDTHS
-        for one in result.judgements
-        if one.hypothesis.law != BY_RUN
-    )
+    is_far = any(_is_far(one.hypothesis, result.fit.get_amounts(one.hypothesis)) for one in result.judgements)
     verdicts = []
     for judgement in result.judgements:
         place = result.fit.locate(judgement.hypothesis)
@@ -77,6 +72,16 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     return sorted(verdicts, key=lambda one: -one.nats)
 
 
+def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
+    """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs."""
+    widths = np.array([one.width for one in hypothesis.coordinates])
+    ends = np.array([[one.low, one.high] for one in hypothesis.coordinates])
+    is_at_end = (
+        np.isclose(amounts[:, None], ends).any() and hypothesis.law == CONSTANT and bool(np.abs(amounts).max() > 0)
+    )
+    return bool(is_at_end or (hypothesis.law != BY_RUN and np.abs(amounts / widths).max() > FAR_WIDTHS))
+
+
 def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:
     """The status of a hypothesis, or an empty text where nothing can be said."""
     against = judgement.against_none
@@ -88,7 +93,7 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
         return ""
     is_firm = _is_firm(judgement.hypothesis, amounts, scatter)
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
-        if not is_firm or against.z < CLEAR_OF_LAWS_Z:
+        if not is_firm or against.z < LIKELY_Z:
             return ""
         return NAMED if against.z >= CLEAR_Z and not _list_equivalents(judgement) else LIKELY
     if against.z < CLEAR_Z or not is_firm:
@@ -114,7 +119,7 @@ def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
         for one in judgement.against_others
         if one.alternative is not None
         and one.alternative.id != own.id
-        and one.z < (CLEAR_OF_LAWS_Z if one.alternative.odds else CLEAR_Z)
+        and (one.z < CLEAR_OF_LAWS_Z or one.nats < ADD_NATS if one.alternative.odds else one.z < CLEAR_Z)
     )
 
 
