@@ -12,8 +12,7 @@ from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_programmes import ProgrammePieces, build_command_segment
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, build_dataset
 from vehicle.identification.replay.rig import ReplayRig, build_rig, replay_segment
-from vehicle.identification.residuals.innovations import NoiseLevels
-from vehicle.identification.residuals.noise_floor import add_instrument_noise, add_soil_noise
+from vehicle.identification.diagnosis.noise_draws import NoiseLevels, add_instrument_noise, add_soil_noise
 from vehicle.model.tractor import load_tractor
 
 Array = npt.NDArray[np.float64]
