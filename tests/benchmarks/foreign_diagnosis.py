@@ -1,6 +1,6 @@
 """Diagnoses of truth made another way: python -m tests.benchmarks.foreign_diagnosis --reference third --out FILE
 
-The cases of the third, fourth or fifth reference (tests.truth) are diagnosed; the answers go to FILE, a line
+The cases of the third to the sixth reference (tests.truth) are diagnosed; the answers go to FILE, a line
 of JSON each. Called again with the same FILE it does what is left. Answers of another state of the code
 are neither counted nor taken for done. A case takes about 5 s of CPU, with --vary (the same logs resampled, held,
 interpolated, with a clock that jitters) seven times as much. Printed are counts beside what is asked, names by kind,

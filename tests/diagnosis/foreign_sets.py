@@ -1,4 +1,4 @@
-"""Sets of logs by the third, fourth and fifth reference: what a diagnosis made of each case, as a record for JSON.
+"""Sets of logs by the third to the sixth reference: what a diagnosis made of each case, as a record for JSON.
 
 A record has what was hidden, all that was said, and errors on runs that the same truth drives with another seed: by the
 tractor of the file, and by the one that the diagnosis would save.
@@ -27,7 +27,7 @@ from vehicle.identification.replay.horizon_errors import compute_horizon_errors,
 from vehicle.identification.replay.rig import build_rig_and_corrections
 from vehicle.model.tractor import Tractor, load_tractor
 
-REFERENCES = {"third": "third_draw", "fourth": "fourth_cases", "fifth": "fifth_cases"}
+REFERENCES = {"third": "third_draw", "fourth": "fourth_cases", "fifth": "fifth_cases", "sixth": "sixth_cases"}
 """References and the modules that draw their cases."""
 HORIZONS_S, UNSEEN_SEED, UNSEEN_RUNS = (5.0, 20.0), 500_000, 5
 Errors = dict[str, dict[str, float]]

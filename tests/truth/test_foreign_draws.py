@@ -53,7 +53,7 @@ def test_a_seed_of_the_fifth_has_all_kinds_and_three_have_all_causes() -> None:
         fifth.build_parameters(TruthCase("outside", 1, outside={"gremlins": {}}))
 
 
-@pytest.mark.parametrize("name", ["fourth", "fifth"])
+@pytest.mark.parametrize("name", ["fourth", "fifth", "sixth"])
 def test_a_reference_imports_nothing_that_it_tests(name: str) -> None:
     for file in Path(fourth.__file__).parent.glob(f"{name}*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

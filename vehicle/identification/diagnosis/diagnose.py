@@ -10,6 +10,7 @@ import numpy as np
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_harmful
+from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
     build_fault_diagnosis,
     check_runs,
@@ -63,7 +64,7 @@ def diagnose_logs(
     try:
         dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
         _refuse_sparse(dataset)
-        data = build_drive_data(dataset)
+        data = build_drive_data(choose_informative_parts(dataset))
     except LogError as error:
         if not any(log.faults for log in logs):
             raise
@@ -74,7 +75,7 @@ def diagnose_logs(
     saved = choose_saved(problem, result.fit, verdicts, count.count_step)
     verdicts = withdraw_harmful(verdicts, saved.harmful)
     findings = FindingBuilder(problem, result, saved).build(verdicts)
-    diagnosis = _Composer(logs, tractor, ground, problem, result, saved, verdicts, findings).compose()
+    diagnosis = _Composer(logs, dataset, tractor, ground, problem, result, saved, verdicts, findings).compose()
     count.report_completion()
     return diagnosis
 
@@ -84,6 +85,7 @@ class _Composer:
     """Composes the diagnosis of what was found."""
 
     logs: Sequence[Log]
+    dataset: DriveDataset
     tractor: Tractor
     ground: str
     problem: Problem
@@ -94,7 +96,7 @@ class _Composer:
 
     def compose(self) -> Diagnosis:
         """The diagnosis: causes from the windows, errors from all driving."""
-        dataset = self.problem.data.dataset
+        dataset = self.dataset
         extended = build_extended_tractor(self.problem, self.tractor, self.ground, self.saved.verdicts, self.findings)
         before, after = (self._sum_errors(one) for one in (self.tractor, extended))
         named = order_names(self.findings)
@@ -133,7 +135,7 @@ class _Composer:
         return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
 
     def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
-        dataset = self.problem.data.dataset
+        dataset = self.dataset
         rig, settings = build_rig_and_corrections(tractor, self.ground, dataset.origin)
         return sum_squared_errors_by_run(dataset, rig, dict.fromkeys(range(len(dataset.names)), settings))
 

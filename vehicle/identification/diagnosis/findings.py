@@ -78,9 +78,11 @@ class FindingBuilder:
 
     def _average_law(self, verdict: Verdict, effect: Effect) -> dict[str, float]:
         """The mean value over the logs of an effect that follows a law."""
-        basis = self.problem.bases.get(verdict.hypothesis.basis)
-        constant = Hypothesis(verdict.hypothesis.id, CONSTANT, verdict.hypothesis.coordinates)
-        return ValueConverter(self.problem).compute_values(constant, verdict.amounts * float(np.mean(basis)))
+        hypothesis = verdict.hypothesis
+        constant = Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
+        shares = [float(np.mean(self.problem.bases.get(hypothesis.get_basis_key(place)))) for place in
+                  range(hypothesis.size)]  # fmt: skip
+        return ValueConverter(self.problem).compute_values(constant, np.array([float(verdict.amounts @ shares)]))
 
     def _extend_to_neutral(self, effect: Effect, interval: Interval) -> Interval:
         """The interval of an effect that another could replace reaches to neutral."""

@@ -28,10 +28,10 @@ from vehicle.model.effects import (
 )
 from vehicle.model.tractor import Tractor
 
-CONSTANT = "constant"
+CONSTANT, BY_RUN = "constant", "by_run"
 WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation of the prior
-# Nats of prior odds against: an effect of the catalogue, a law of one, and one of many runs or places.
-ODDS = {"catalogue": 0.0, "law": 2.0, "run": 5.0, "place": 5.0}
+# Nats of prior odds against: an effect of the catalogue, a law of one, and one of many places.
+ODDS = {"catalogue": 0.0, "law": 2.0, "place": 5.0}
 STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
 PATCH_RADII_M = (8.0, 14.0)
 FEWEST_PATCH_STEPS, LARGEST_PATCH_SHARE = 60, 0.7
@@ -86,6 +86,14 @@ class Hypothesis:
         names = {name for coordinate in self.coordinates for name, _ in coordinate.slopes}
         return frozenset(chain for chain, fields in CHAINS.items() if names & set(fields))
 
+    def get_basis_key(self, place: int) -> str:
+        """The key in Bases of what a coordinate is multiplied with."""
+        if self.basis == BY_RUN:
+            return f"{BY_RUN}:{place}"
+        if self.id == "grip_drift":
+            return "over_minutes"
+        return CONSTANT if self.basis == "with_speed" else self.basis
+
     @property
     def law(self) -> str:
         """The kind of its law without its place: constant, by_run, by_place, by_speed, ..."""
@@ -126,14 +134,12 @@ class Bases:
             "to_east": path["cosine"],
             "to_north": path["sine"],
         }
-        runs = self.data.path_runs
-        for run in range(self.data.runs):
-            self.arrays[f"by_run:{run}"] = (runs == run).astype(np.float64)
 
     def get(self, key: str) -> Array:
-        """The basis of a key; a circle is made on the first call."""
+        """The basis of a key; that of a circle or of a run is made on the first call."""
         if key not in self.arrays:
-            self.arrays[key] = self.find_circle(*parse_circle(key)).astype(np.float64)
+            own = self.data.path_runs == int(key.split(":")[1]) if key.startswith(BY_RUN) else None
+            self.arrays[key] = (self.find_circle(*parse_circle(key)) if own is None else own).astype(np.float64)
         return self.arrays[key]
 
     def find_circle(self, east: float, north: float, radius: float) -> Mask:
@@ -209,15 +215,22 @@ def build_scope(parent: Hypothesis, basis: str, scale: float = 1.0) -> Hypothesi
     """A hypothesis with another basis, whose usual size there is `scale`: the width is over it."""
     coordinates = tuple(Coordinate(one.slopes, one.width / scale, -math.inf, math.inf) for one in parent.coordinates)
     kind = basis.split(":")[0]
-    odds = ODDS["run" if kind == "by_run" else "place" if kind == "by_place" else "law"]
+    odds = ODDS["place" if kind == "by_place" else "law"]
     return Hypothesis(parent.id, basis, coordinates, odds, parent.finest / scale)
+
+
+def build_run_law(parent: Hypothesis, runs: int) -> Hypothesis:
+    """An effect with a value of its own in every run: an amount each, about what all have in common."""
+    own = parent.coordinates[0]
+    coordinates = (Coordinate(own.slopes, own.width, -math.inf, math.inf),) * runs
+    return Hypothesis(parent.id, BY_RUN, coordinates, ODDS["law"], parent.finest)
 
 
 def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
     """All laws of an effect that these logs can show."""
-    laws = []
+    laws = [build_run_law(parent, bases.data.runs)] if bases.data.runs > 1 and parent.size == 1 else []
     for key, values in bases.arrays.items():
-        if key == CONSTANT or key.startswith(("by_place", "by_square")):
+        if key == CONSTANT or key.startswith(("by_place", "by_square", BY_RUN)):
             continue
         spread = float(np.std(values))
         if spread > 1e-3 * max(float(np.abs(values).max()), 1e-9) and _can_vary(parent, key):
@@ -233,7 +246,7 @@ def _can_vary(parent: Hypothesis, key: str) -> bool:
     if key.startswith("by_side"):
         return parent.chains == frozenset({"path"})
     if parent.chains & {"instruments"}:
-        return key.startswith(("by_run", "over_minutes"))
+        return key == "over_minutes"
     return True
 
 
@@ -244,10 +257,9 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     hypotheses = [law for name in wide for law in list_laws(constants[name], bases) if law.law != "by_side"]
     hypotheses = [law for law in hypotheses if str(law) != "steering_gain@over_minutes"]  # that is grip_drift
     hypotheses += [law for law in list_laws(constants["wheel_slip"], bases)
-                   if law.law in ("by_speed", "by_run", "over_minutes")]  # fmt: skip
+                   if law.law in ("by_speed", BY_RUN, "over_minutes")]  # fmt: skip
     for name in ("steering_rate", "steering_deadband"):
         hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
-    hypotheses += [law for law in list_laws(constants["gnss_latency"], bases) if law.law == "by_run"]
     wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
     hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), ODDS["law"], 0.02))
     late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)
@@ -290,9 +302,10 @@ def sum_fields(
     """The fields (m,) of all hypotheses together, for those that differ from the base."""
     fields: dict[str, Array] = {}
     for hypothesis, own in split_amounts(model, amounts):
-        values = bases.get("over_minutes" if hypothesis.id == "grip_drift" else hypothesis.basis
-                           if hypothesis.basis != "with_speed" else CONSTANT)  # fmt: skip
-        for amount, coordinate in zip(own, hypothesis.coordinates, strict=True):
+        for place, (amount, coordinate) in enumerate(zip(own, hypothesis.coordinates, strict=True)):
+            if amount == 0.0:
+                continue
+            values = bases.get(hypothesis.get_basis_key(place))
             for name, slope in coordinate.slopes:
                 part = slope * amount * values
                 if name in FACTORS:

@@ -21,6 +21,7 @@ from vehicle.identification.diagnosis.results import (
     OnsetFault,
     RunCheck,
 )
+from vehicle.identification.diagnosis.values import find_odd_run
 from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
@@ -231,7 +232,7 @@ def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, re
 def mark_different_runs(runs: Sequence[RunCheck], verdicts: Sequence[Verdict]) -> tuple[RunCheck, ...]:
     """The checks of all runs with what is different in some of them."""
     words = {
-        int(one.hypothesis.basis.split(":")[1]): f"its {get_effect(one.hypothesis.id).label} differs from the others"
+        find_odd_run(one.amounts)[2]: f"its {get_effect(one.hypothesis.id).label} differs from the others"
         for one in verdicts
         if one.hypothesis.law == "by_run"
     }

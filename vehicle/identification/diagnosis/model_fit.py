@@ -9,7 +9,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import DriveData
-from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, collect_widths, split_amounts, sum_fields
+from vehicle.identification.diagnosis.grammar import (
+    BY_RUN,
+    CONSTANT,
+    Bases,
+    Hypothesis,
+    collect_widths,
+    split_amounts,
+    sum_fields,
+)
 from vehicle.identification.diagnosis.noise import (
     ChannelNoise,
     build_pose_noise,
@@ -157,9 +165,19 @@ class Problem:
         self, model: Model, amounts: Array, residuals: Residuals, place: int, name: tuple[str, int], step: float,
         near: float,
     ) -> Residuals:  # fmt: skip
-        """The change of the prediction per width of one coordinate, there or within `near` widths."""
+        """The change of the prediction per width of one coordinate, there or within `near` widths.
+
+        Runs do not know each other: what an effect of one run changes is what the same effect changes in that run.
+        """
+        own = next(one for one in model if str(one) == name[0])
+        if own.basis == BY_RUN:
+            constant = Hypothesis(own.id, CONSTANT, own.coordinates[:1], is_nuisance=own.is_nuisance)
+            change = self._get_change((*model, constant), np.append(amounts, 0.0), residuals, len(amounts),
+                                      (str(constant), 0), step, near)  # fmt: skip
+            inside = (self.data.window_runs == name[1])[:, None]
+            return {channel: values * inside for channel, values in change.items()}
         widths = collect_widths(model)
-        chains = next(one for one in model if str(one) == name[0]).chains
+        chains = own.chains
         point = {
             (str(one), number): own[number] / coordinate.width
             for one, own in split_amounts(model, amounts)

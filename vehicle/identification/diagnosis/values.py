@@ -88,16 +88,15 @@ class ValueConverter:
         hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
         neutral = self.compute_values(_make_constant(hypothesis), np.zeros(hypothesis.size))[effect.size.name]
         at = neutral + (0.0 if constant is None else float(constant[0]))
-        values = self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
+        amount, other, run = (
+            find_odd_run(verdict.amounts) if hypothesis.law == "by_run" else (float(verdict.amounts[0]), 0.0, 0)
+        )
+        values = self._compute_law_values(hypothesis, at, amount, other)
         unit = f" {effect.size.unit}" if effect.size.unit else ""
-        words = _describe_values(hypothesis.law, values, unit, self._list_run_names(hypothesis))
+        words = _describe_values(hypothesis.law, values, unit, self.problem.data.dataset.names[run])
         return ParameterLaw(hypothesis.law, values, f"The {effect.label} is {words}.")
 
-    def _list_run_names(self, hypothesis: Hypothesis) -> str:
-        names = self.problem.data.dataset.names
-        return names[int(hypothesis.basis.split(":")[1])] if hypothesis.law == "by_run" else ""
-
-    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float) -> Values:
+    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float, other: float) -> Values:
         match hypothesis.law:
             case "by_speed":
                 return {"at_0": at, "per_mps": amount}
@@ -108,12 +107,18 @@ class ValueConverter:
             case "over_minutes":
                 return {"start": at, "per_minute": amount}
             case "by_run":
-                return {"value": at + amount, "other": at}
+                return {"value": at + amount, "other": at + other}
             case "by_side":
                 is_left = hypothesis.basis.endswith("left")
                 return {"right": at + amount * (not is_left), "left": at + amount * is_left}
             case _:
                 return {"amount": amount}
+
+
+def find_odd_run(amounts: Array) -> tuple[float, float, int]:
+    """The amount of the run that is most unlike the others, the mean of the others, and which run it is."""
+    run = int(np.argmax(np.abs(amounts - np.median(amounts))))
+    return float(amounts[run]), float(np.delete(amounts, run).mean()), run
 
 
 def is_storable(hypothesis: Hypothesis) -> bool:

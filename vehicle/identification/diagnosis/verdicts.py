@@ -9,6 +9,7 @@ import numpy as np
 
 from vehicle.identification.diagnosis.circles import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.grammar import (
+    BY_RUN,
     CONSTANT,
     WIDTH_PER_TYPICAL,
     Hypothesis,
@@ -56,7 +57,7 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     is_far = any(
         np.abs(result.fit.get_amounts(one.hypothesis) / widths[result.fit.locate(one.hypothesis)]).max() > FAR_WIDTHS
         for one in result.judgements
-        if one.hypothesis.law != "by_run"
+        if one.hypothesis.law != BY_RUN
     )
     verdicts = []
     for judgement in result.judgements:
