@@ -34,7 +34,7 @@ def make_noise(observed: Array | None = None, windows: int = WINDOWS) -> Channel
     return ChannelNoise(parts, TRUE.copy(), np.zeros((windows, CELLS, CELLS)), 0, seen)
 
 
-def draw(noise: ChannelNoise, seed: int = 3) -> Array:
+def draw(noise: ChannelNoise, seed: int = 7) -> Array:
     """Residuals of its Student t distribution: of normal windows, each with a variance of its own."""
     rng = np.random.default_rng(seed)
     spread = np.sqrt(FREEDOM / rng.chisquare(FREEDOM, (len(noise.observed), 1)))
