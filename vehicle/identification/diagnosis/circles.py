@@ -25,6 +25,7 @@ from vehicle.model.effects import get_effect
 
 SPACING = 0.7  # of the radius between the centres that are tried
 FINEST_MOVE_M, FIRST_MOVE_M, SMALLEST_RADIUS_M = 0.5, 4.0, 3.0
+MOVES = ((1, 0, 0.0), (-1, 0, 0.0), (0, 1, 0.0), (0, -1, 0.0), (0, 0, 0.5), (0, 0, -0.5))
 MIDDLE_SHARE = 0.25  # of the spread of the driving: the circle by which it is told how small a patch would show
 Circle = tuple[float, float, float]
 
@@ -84,7 +85,7 @@ class CircleSearch:
         while best is not None and move >= FINEST_MOVE_M:
             east, north, radius = best[1]
             near = [(east + i * move, north + j * move, max(radius + k * move, SMALLEST_RADIUS_M))
-                    for i, j, k in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 0.5), (0, 0, -0.5))]  # fmt: skip
+                    for i, j, k in MOVES]  # fmt: skip
             other = self._choose(near)
             if other is not None and other[0] > best[0] + 0.1:
                 best = other

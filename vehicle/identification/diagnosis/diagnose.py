@@ -8,8 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.diagnosis.corrections import correct_logs
+from vehicle.identification.diagnosis.correlations import compute_value_correlations
+from vehicle.identification.diagnosis.curves import build_residual_plot
 from vehicle.identification.diagnosis.drive_data import build_drive_data
-from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_harmful
+from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_refused
+from vehicle.identification.diagnosis.grammar import BY_RUN
+from vehicle.identification.diagnosis.hints import find_hints
 from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
     build_fault_diagnosis,
@@ -20,10 +24,15 @@ from vehicle.identification.diagnosis.log_notes import (
     mark_different_runs,
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
-from vehicle.identification.diagnosis.results import EQUIVALENT, Diagnosis, Finding
+from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
+from vehicle.identification.diagnosis.noise_floor import compute_noise_floor
+from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, Diagnosis, Finding, ResidualPlot
+from vehicle.identification.diagnosis.run_laws import list_run_starts
 from vehicle.identification.diagnosis.saving import Saved, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.tractor_extension import build_extended_tractor
+from vehicle.identification.diagnosis.unexplained import build_noise_limit, measure_unexplained
+from vehicle.identification.diagnosis.values import ValueConverter, list_terms
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
@@ -38,6 +47,7 @@ from vehicle.identification.replay.horizon_errors import (
     sum_squared_errors_by_run,
 )
 from vehicle.identification.replay.rig import build_rig, build_rig_and_corrections
+from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 
@@ -72,10 +82,13 @@ def diagnose_logs(
     problem = Problem(data, build_rig(tractor, ground, dataset.origin))
     result = Searcher(problem, count.count_step).run()
     verdicts = decide(problem, result)
-    saved = choose_saved(problem, result.fit, verdicts, count.count_step)
-    verdicts = withdraw_harmful(verdicts, saved.harmful)
-    findings = FindingBuilder(problem, result, saved).build(verdicts)
-    diagnosis = _Composer(logs, dataset, tractor, ground, problem, result, saved, verdicts, findings).compose()
+    converter = ValueConverter(problem, list_run_starts(logs))
+    saved = choose_saved(converter, result.fit, verdicts, count.count_step)
+    verdicts = withdraw_refused(verdicts, saved.refused)
+    findings = FindingBuilder(problem, result, saved, converter).build(verdicts)
+    diagnosis = _Composer(
+        logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings
+    ).compose()
     count.report_completion()
     return diagnosis
 
@@ -89,6 +102,7 @@ class _Composer:
     tractor: Tractor
     ground: str
     problem: Problem
+    converter: ValueConverter
     result: SearchResult
     saved: Saved
     verdicts: Sequence[Verdict]
@@ -96,9 +110,12 @@ class _Composer:
 
     def compose(self) -> Diagnosis:
         """The diagnosis: causes from the windows, errors from all driving."""
-        dataset = self.dataset
-        extended = build_extended_tractor(self.problem, self.tractor, self.ground, self.saved.verdicts, self.findings)
+        dataset, problem, result = self.dataset, self.problem, self.result
+        extended = build_extended_tractor(self.converter, self.tractor, self.ground, self.saved.verdicts, self.findings)
         before, after = (self._sum_errors(one) for one in (self.tractor, extended))
+        floor = compute_noise_floor(problem, result.fit, dataset)
+        limit = build_noise_limit(floor, dataset, problem.data.row_step_s)
+        unexplained = measure_unexplained(limit, before, [after])
         named = order_names(self.findings)
         certain = {*named, *(one.id for one in self.findings if one.status == EQUIVALENT)}
         diagnosis = Diagnosis(
@@ -109,30 +126,60 @@ class _Composer:
             ground=self.ground,
             before=compute_horizon_errors(before),
             after=compute_horizon_errors(after),
-            noise_floor=compute_horizon_errors(after),
+            noise_floor=compute_horizon_errors(floor),
             guilty_block=self._find_block(named),
             block_error=self._compute_block_errors(),
             findings=tuple(self.findings),
             named=named,
-            unexplained_share=0.0,
-            depends_on=(),
-            next_drive=None,
+            unexplained_share=unexplained.share,
+            depends_on=self._list_dependences() if unexplained.share > 0.0 else (),
+            next_drive=choose_next_drive(problem, result.fit, self._list_pairs()),
             tractor=extended,
             calibration={
-                name: dict(setting.value) for name, setting in extended.effects.items()
+                name: dict(setting.value)
+                for name, setting in extended.effects.items()
                 if name not in certain and name not in self.tractor.effects
             },
-            curve=None,
+            curve=self._build_curve(named),
             pace_mps=find_usual_heading_and_speed(dataset.segments)[1],
             along_judged=all(segment.speed_measured for segment in dataset.segments),
-            runs=mark_different_runs(check_runs(dataset, before, after), self.verdicts),
+            above_noise_s=unexplained.above_s,
+            correlations=compute_value_correlations(problem, result.fit),
+            runs=mark_different_runs(check_runs(dataset, before, after), self._list_odd_runs()),
             holdout=self.saved.holdout,
+            hints=find_hints(problem, result.fit, result.judgements, unexplained) if unexplained.above_s else (),
             interval_note=INTERVAL_NOTE if any(one.interval for one in self.findings) else "",
             rows_gated_by_reason=count_rows_left_out(self.logs, dataset.rows),
             faults=list_onset_faults(self.logs),
             columns=describe_columns(self.logs, self.findings),
-        )  # fmt: skip
+        )
         return replace(diagnosis, notes=list_diagnosis_notes(self.logs, dataset, self.tractor, diagnosis))
+
+    def _list_dependences(self) -> tuple[str, ...]:
+        """What the laws that are saved without a name depend on, in words."""
+        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in list_terms(one.hypothesis)]
+        return tuple(dict.fromkeys(f"{term.effect} that depends on {term.regressor}" for term in terms))
+
+    def _list_pairs(self) -> list[CompetingPair]:
+        """What the next drive is to separate: alternatives of an equivalent set, or something likely from nothing."""
+        pairs: list[CompetingPair] = []
+        for verdict in self.verdicts:
+            own = verdict.hypothesis, verdict.amounts
+            others = [(one.alternative, one.amounts) for one in verdict.others]
+            pairs += [(own, (other, amounts)) for other, amounts in others if other is not None and amounts is not None]
+            if verdict.status == LIKELY and not others:
+                pairs.append((own, None))
+        return pairs
+
+    def _build_curve(self, named: Sequence[str]) -> ResidualPlot | None:
+        """The curve of the first name, or else of the clearest verdict."""
+        names = [*named, *(str(one.hypothesis) for one in self.verdicts)]
+        return build_residual_plot(self.problem, self.result.base, self.result.fit, names[0]) if names else None
+
+    def _list_odd_runs(self) -> dict[int, str]:
+        """Runs that are unlike the others, and the effect in which they are."""
+        patterns = [(one.hypothesis.id, self.converter.find_pattern(one)) for one in self.verdicts]
+        return {one.run: name for name, one in patterns if one is not None and one.kind == BY_RUN}
 
     def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
         dataset = self.dataset

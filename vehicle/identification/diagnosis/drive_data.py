@@ -8,7 +8,7 @@ left out of the likelihood, so columns may be slow or missing.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -81,7 +81,6 @@ class DriveData:
     heading: Samples
     wheel: Samples
     speed: Samples
-    earlier: tuple[Array, ...] = field(default=())
 
     @property
     def windows(self) -> int:
@@ -152,7 +151,6 @@ def build_drive_data(dataset: DriveDataset) -> DriveData:
         window_starts,
         window_segments,
         *_build_samples(kept, windows, step_starts, path_starts),
-        tuple(segment.earlier_commands for segment in kept),
     )
 
 
@@ -199,7 +197,7 @@ def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int]) -> dict[
             "wheel": wheel,
             "steady": steady,
             "across": segment.grids.get("across", np.zeros(len(wheel))),
-            "seconds": segment.start_s + np.arange(len(wheel)) * STEP_S,
+            "seconds": np.asarray(segment.start_s + np.arange(len(wheel)) * STEP_S, dtype=np.float64),
         }
         for name, values in inputs.items():
             columns.setdefault(name, []).append(_pad(values, count)[::STRIDE])
@@ -209,7 +207,7 @@ def _build_path(segments: Sequence[DriveSegment], steps: Sequence[int]) -> dict[
 
 def _build_samples(
     segments: Sequence[DriveSegment], windows: list[tuple[int, float]], step_starts: Places, path_starts: Places
-) -> list[Samples]:
+) -> tuple[Samples, Samples, Samples, Samples, Samples]:
     """East, north, heading, wheel angle and speed as measured, in cells of the windows."""
     samples = []
     for name, cells in (("east", POSE_CELLS), ("north", POSE_CELLS), ("heading", POSE_CELLS),
@@ -227,11 +225,12 @@ def _build_samples(
             parts.append((values[0][rows], places, window * cells + np.minimum(cell, cells - 1),
                           np.full(len(rows), number)))  # fmt: skip
         samples.append(_collect_samples(parts, (len(windows), cells)))
-    return samples
+    east, north, heading, wheel, speed = samples
+    return east, north, heading, wheel, speed
 
 
 def _get_sampled_column(segment: DriveSegment, name: str) -> tuple[Array, Mask] | None:
-    """The values of a column (k,) and in which rows they were measured; None where nothing can be compared with them."""
+    """The values of a column (k,) and in which rows they were measured; None where they cannot be compared."""
     every = np.ones(segment.rows, dtype=np.bool_)
     if name == "heading" and not segment.heading_measured:
         return None
@@ -248,10 +247,11 @@ def _get_sampled_column(segment: DriveSegment, name: str) -> tuple[Array, Mask] 
 
 
 def _collect_samples(parts: Sequence[tuple[Array, Array, Rows, Rows]], shape: tuple[int, int]) -> Samples:
-    values, places, cells, segments = (
-        np.concatenate([part[number] for part in parts]) if parts else np.empty(0) for number in range(4)
+    values, places = (np.concatenate([np.empty(0), *(part[number] for part in parts)]) for number in (0, 1))
+    cells, segments = (
+        np.concatenate([np.empty(0, dtype=np.int64), *(part[number] for part in parts)]) for number in (2, 3)
     )
-    cells, size = cells.astype(np.int64), shape[0] * shape[1]
+    size = shape[0] * shape[1]
     counts = np.bincount(cells, minlength=size)
     means = np.bincount(cells, values, minlength=size) / np.maximum(counts, 1)
-    return Samples(means.reshape(shape), (counts > 0).reshape(shape), places, cells, segments.astype(np.int64))
+    return Samples(means.reshape(shape), (counts > 0).reshape(shape), places, cells, segments)

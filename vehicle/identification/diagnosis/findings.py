@@ -22,7 +22,7 @@ from vehicle.identification.diagnosis.saving import Saved
 from vehicle.identification.diagnosis.search import SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, find_smallest_visible, is_refutable
-from vehicle.model.effect_kinds import Interval
+from vehicle.model.effect_kinds import CIRCLE, Interval
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
 
 STANDINGS = (NAMED, EQUIVALENT, LIKELY)
@@ -35,6 +35,7 @@ class FindingBuilder:
     problem: Problem
     result: SearchResult
     saved: Saved
+    converter: ValueConverter
 
     def build(self, verdicts: Sequence[Verdict]) -> list[Finding]:
         """A finding for every effect of the catalogue, in its order."""
@@ -54,11 +55,13 @@ class FindingBuilder:
 
     def _build_found(self, verdicts: Sequence[Verdict], visible: float | None) -> Finding:
         """The finding of an effect: its constant with a law, if it has one."""
-        converter = ValueConverter(self.problem)
+        converter = self.converter
         constants = [one for one in verdicts if one.hypothesis.is_catalogued]
         main = (constants or list(verdicts))[0]
         effect = get_effect(main.hypothesis.id)
-        laws = [one for one in verdicts if not one.hypothesis.is_catalogued and one.hypothesis.law != "with_speed"]
+        is_circle = effect.kind is CIRCLE  # its place is its law
+        laws = [one for one in verdicts if not (one.hypothesis.is_catalogued or is_circle) and
+                one.hypothesis.law != "with_speed"]  # fmt: skip
         value: Mapping[str, float] = {}
         interval: dict[str, Interval] | None = None
         if constants or main.hypothesis.law == "with_speed":
@@ -82,7 +85,7 @@ class FindingBuilder:
         constant = Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
         shares = [float(np.mean(self.problem.bases.get(hypothesis.get_basis_key(place)))) for place in
                   range(hypothesis.size)]  # fmt: skip
-        return ValueConverter(self.problem).compute_values(constant, np.array([float(verdict.amounts @ shares)]))
+        return self.converter.compute_values(constant, np.array([float(verdict.amounts @ shares)]))
 
     def _extend_to_neutral(self, effect: Effect, interval: Interval) -> Interval:
         """The interval of an effect that another could replace reaches to neutral."""
@@ -98,19 +101,22 @@ class FindingBuilder:
 
     def _build_alternatives(self, verdict: Verdict, visible: Mapping[str, float]) -> list[Finding]:
         """Findings of the effects that could take the place of one."""
-        if verdict.status != EQUIVALENT:
+        if verdict.status != EQUIVALENT or verdict.hypothesis.id not in EFFECTS_BY_ID:
             return []
         found = []
         for other in verdict.others:
-            if other.id in EFFECTS_BY_ID:
-                effect = get_effect(other.id)
-                sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != other.id))
-                found.append(
-                    Finding(effect.id, EQUIVALENT, None, None, None, None, visible.get(effect.id), effect.size.unit,
-                            effect.block, f"{effect.label[0].upper()}{effect.label[1:]} would explain these logs too.",
-                            self._list_ids(sets), f"looks like {get_effect(verdict.hypothesis.id).label}"
-                            if verdict.hypothesis.id in EFFECTS_BY_ID else "")
-                )  # fmt: skip
+            alternative, amounts = other.alternative, other.amounts
+            if alternative is None or amounts is None or not alternative.is_catalogued:
+                continue
+            effect, value = get_effect(alternative.id), self.converter.compute_values(alternative, amounts)
+            sets = (verdict.hypothesis.id, *(one for one in verdict.equivalent_to if one != effect.id))
+            found.append(
+                Finding(
+                    effect.id, EQUIVALENT, value, None, None, None, visible.get(effect.id), effect.size.unit,
+                    effect.block, effect.describe(value), self._list_ids(sets),
+                    f"looks like {get_effect(verdict.hypothesis.id).label}",
+                )
+            )  # fmt: skip
         return found
 
     def _build_absent(self, effect: Effect, visible: float | None) -> Finding:
@@ -130,14 +136,17 @@ def order_names(findings: Sequence[Finding]) -> tuple[str, ...]:
     return tuple(finding.id for finding in sorted(named, key=lambda one: -(one.gain_pct or 0.0)))
 
 
-def withdraw_harmful(verdicts: Sequence[Verdict], harmful: Sequence[Verdict]) -> list[Verdict]:
-    """The verdicts without a name for what harms left-out runs, but for columns: those show in no path."""
+def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) -> list[Verdict]:
+    """The verdicts without those that left-out runs refuse: a name becomes likely, anything else is dropped.
+
+    Columns that no path shows stay as they are.
+    """
     kept = []
     for verdict in verdicts:
         effect = EFFECTS_BY_ID.get(verdict.hypothesis.id)
-        is_doubtful = any(one is verdict for one in harmful) and not (effect is not None and effect.is_of_log_alone)
-        if is_doubtful and verdict.status == NAMED:
-            verdict = replace(verdict, status=LIKELY)
-        if not (is_doubtful and verdict.status != LIKELY):
+        is_refused = any(one is verdict for one in refused) and not (effect is not None and effect.is_of_log_alone)
+        if not is_refused:
             kept.append(verdict)
+        elif verdict.status == NAMED:
+            kept.append(replace(verdict, status=LIKELY))
     return kept

@@ -1,8 +1,8 @@
 """The hypotheses of a diagnosis: effect x scope x law x instrument, enumerated from the catalogue.
 
-A hypothesis adds to fields of the model: an amount per coordinate times a basis over the steps of the logs. Which fields
-and how much a unit adds is taken from the catalogue itself; a scope (one run, the implement, one side, a circle) or a
-law (by speed, angle, time, direction) is only another basis.
+A hypothesis adds to fields of the model: an amount per coordinate times a basis over the steps of the logs. Which
+fields and how much a unit adds is taken from the catalogue itself; a scope (one run, the implement, one side, a circle)
+or a law (by speed, angle, time, direction) is only another basis.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from vehicle.identification.logs.schema import Array, Mask
 from vehicle.model.effect_kinds import CIRCLE, LIMIT, SLOPE, EffectKind, EffectParameter
 from vehicle.model.effects import (
     CATALOGUE,
+    EFFECTS_BY_ID,
     SLOPE_DRIFT,
     Effect,
     compute_effect_fields,
@@ -102,7 +103,7 @@ class Hypothesis:
     @property
     def is_catalogued(self) -> bool:
         """Whether it is an effect of the catalogue as a tractor file holds it."""
-        return not self.is_nuisance and self.basis in (CONSTANT, "by_place")
+        return self.id in EFFECTS_BY_ID and self.law in (CONSTANT, "by_place")
 
     def __str__(self) -> str:
         return self.id if self.basis == CONSTANT else f"{self.id}@{self.basis}"
@@ -260,6 +261,7 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
                    if law.law in ("by_speed", BY_RUN, "over_minutes")]  # fmt: skip
     for name in ("steering_rate", "steering_deadband"):
         hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
+    hypotheses += [law for law in list_laws(constants[SLOPE_DRIFT], bases) if law.law == "by_implement"]
     wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
     hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), ODDS["law"], 0.02))
     late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)
@@ -271,8 +273,8 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     return hypotheses
 
 
-# What the base model is known not to know, in every model with a small prior: tyres relax and creep, a wheel sensor is a
-# little off, speeds follow a little later, a ramp is steeper. Standard deviations from six truths made by other hands.
+# What the base model is known not to know, in every model with a small prior: tyres relax and creep, a wheel sensor is
+# a little off, speeds follow a little later, a ramp is steeper. Standard deviations from truths made by other hands.
 NUISANCES: Mapping[str, tuple[str, float]] = {
     "speed_lag": ("speed_lag", 0.25),
     "ramp": ("ramp", 3.0),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple
 
 import numpy as np
 
@@ -30,7 +29,7 @@ HARM_FACTOR = 1.05  # an error that changes by less than a twentieth is the same
 LEAST_HARM_CM, LEAST_HARM_DEG = 0.05, 0.03  # smaller errors differ by the last digits of the instruments
 CLEAR_RISE_SIGMAS = 2.0  # of the scatter between pieces
 UNITS = np.array([100.0, 100.0, math.degrees(1.0)])  # from m, m and rad to cm, cm and deg
-LEAST = np.array([LEAST_HARM_CM, LEAST_HARM_CM, LEAST_HARM_DEG])
+LEAST = np.array([LEAST_HARM_CM, LEAST_HARM_DEG])
 PiecesByHorizon = Mapping[float, Array]
 """By horizon (s) a row per piece (p, 5): its run, squared errors (cm2, cm2, deg2) summed over its rows, and rows."""
 
@@ -86,41 +85,49 @@ def compute_errors(pieces: PiecesByHorizon, run: int | None = None) -> ErrorsByH
 def is_extension_helpful(old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool) -> bool:
     """Whether errors fall together, at least one noticeably, and none rises by more than the scatter of its pieces.
 
-    All horizons and kinds of error weigh the same; those along the path only count `with_along`.
+    All horizons weigh the same, and distance and heading too; without `with_along` only the distance across counts.
     """
     if is_extension_harmful(old, new, with_along):
         return False
-    changes = [np.where(noticeable, change, 0.0) for _, change, noticeable, _ in _list_changes(old, new, with_along)]
+    changes = [np.where(noticeable, change, 0.0) for _, change, noticeable in _list_changes(old, new, with_along)]
     together = np.concatenate(changes) if changes else np.zeros(1)
     return bool(together.mean() < 0.0 and together.min() < -math.log(HARM_FACTOR))
 
 
 def is_extension_harmful(old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool) -> bool:
-    """Whether some error rises noticeably, and by more than the scatter of its pieces."""
-    for horizon, change, is_noticeable, is_judged in _list_changes(old, new, with_along):
-        is_risen = (change > math.log(HARM_FACTOR)) & is_noticeable
-        if np.any(is_risen & (compute_rise_sigmas(old[horizon], new[horizon])[is_judged] > CLEAR_RISE_SIGMAS)):
-            return True
-    return False
+    """Whether the distance rises over some horizon, noticeably and by more than the scatter of its pieces; or the
+    heading does while the distances do not fall together."""
+    risen, fallen = np.zeros(2, dtype=np.bool_), 0.0
+    for horizon, change, is_noticeable in _list_changes(old, new, with_along):
+        rise = compute_rise_sigmas(_join_kinds(old[horizon], with_along), _join_kinds(new[horizon], with_along))
+        risen |= (change > math.log(HARM_FACTOR)) & is_noticeable & (rise > CLEAR_RISE_SIGMAS)
+        fallen += float(change[0]) * float(is_noticeable[0])
+    return bool(risen[0] or (risen[1] and fallen >= 0.0))
 
 
-def _list_changes(
-    old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool
-) -> Iterator[tuple[float, Array, Mask, Mask]]:
-    """By horizon the logarithm of the change of every judged error, whether it is noticeable, and which are judged."""
-    before, after = compute_errors(old), compute_errors(new)
-    for horizon in before:
-        first, last = (np.maximum(astuple(errors[horizon]), 1e-9) for errors in (before, after))
-        is_judged = np.isfinite(first) & np.array([True, with_along, True])
-        is_noticeable = np.abs(last - first) > LEAST
-        yield horizon, np.log(last / first)[is_judged], is_noticeable[is_judged], is_judged
+def _join_kinds(pieces: Array, with_along: bool) -> Array:
+    """Squared errors per piece (p, 2) as they are judged: the distance, across alone without `with_along`, and the
+    heading, 0 where none was measured."""
+    distance = pieces[:, 1] + (pieces[:, 2] if with_along else 0.0)
+    return np.stack([distance, np.nan_to_num(pieces[:, 3])], axis=1)
+
+
+def _list_changes(old: PiecesByHorizon, new: PiecesByHorizon, with_along: bool) -> Iterator[tuple[float, Array, Mask]]:
+    """By horizon the logarithm of the change of the two errors (2,), and whether each is noticeable."""
+    for horizon in old:
+        rows = max(float(old[horizon][:, 4].sum()), 1.0)
+        first, last = (
+            np.maximum(np.sqrt(_join_kinds(pieces[horizon], with_along).sum(axis=0) / rows), 1e-9)
+            for pieces in (old, new)
+        )
+        yield horizon, np.log(last / first), np.abs(last - first) > LEAST
 
 
 def compute_rise_sigmas(old: Array, new: Array) -> Array:
-    """Return the rise of the squared errors (3,) from paired pieces (p, 5), in its standard errors; inf for one."""
-    rises = new[:, 1:4] - old[:, 1:4]
+    """Return the rise of squared errors (k,) from paired pieces (p, k), in its standard errors; inf for one."""
+    rises = new - old
     if len(rises) < 2:
-        return np.full(3, np.inf)
+        return np.full(rises.shape[1], np.inf)
     spread = rises.std(axis=0, ddof=1) * math.sqrt(len(rises))
     sigmas: Array = rises.sum(axis=0) / np.maximum(spread, 1e-12)
     return sigmas

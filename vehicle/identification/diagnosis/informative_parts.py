@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -47,10 +48,10 @@ def _get_steps(segment: DriveSegment, start_s: float) -> slice:
 def _score(segment: DriveSegment, start_s: float) -> float:
     """How much changes in a piece, in usual changes; nothing where the tractor stands."""
     steps = _get_steps(segment, start_s)
-    grids = {**segment.grids, "wheel": segment.grids.get("wheel", segment.grids.get("command"))}
+    grids = segment.grids if "wheel" in segment.grids else {**segment.grids, "wheel": segment.grids["command"]}
     if float(np.abs(grids["speed"][steps]).mean()) < 0.1:
         return 0.0
-    return sum(math.tanh(float(np.std(grids[name][steps])) / scale) for name, scale in SCALES.items())
+    return sum((math.tanh(float(np.std(grids[name][steps])) / scale) for name, scale in SCALES.items()), 0.0)
 
 
 def _choose_in_turn(scores: Array, runs: Array) -> list[int]:
@@ -81,10 +82,11 @@ def cut_segment(segment: DriveSegment, start_s: float) -> DriveSegment:
         inside = (wheel[0] >= begin_s) & (wheel[0] <= end_s)
         wheel = (wheel[0][inside] - begin_s, wheel[1][inside])
     columns: Sequence[str] = ("east", "north", "heading", "speed", "wheel", "command", "target", "working")
-    values = {name: getattr(segment, name) for name in columns}
+    values: dict[str, Any] = {name: getattr(segment, name) for name in columns}
+    values = {name: None if one is None else one[rows] for name, one in values.items()}
     return replace(
         segment,
-        **{name: None if one is None else one[rows] for name, one in values.items()},
+        **values,
         start_s=segment.start_s + begin_s,
         time=segment.time[rows] - begin_s,
         grids={name: one[steps] for name, one in segment.grids.items()},

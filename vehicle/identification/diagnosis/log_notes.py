@@ -21,8 +21,6 @@ from vehicle.identification.diagnosis.results import (
     OnsetFault,
     RunCheck,
 )
-from vehicle.identification.diagnosis.values import find_odd_run
-from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
 from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
@@ -229,15 +227,11 @@ def build_fault_diagnosis(logs: Sequence[Log], tractor: Tractor, ground: str, re
     )
 
 
-def mark_different_runs(runs: Sequence[RunCheck], verdicts: Sequence[Verdict]) -> tuple[RunCheck, ...]:
-    """The checks of all runs with what is different in some of them."""
-    words = {
-        find_odd_run(one.amounts)[2]: f"its {get_effect(one.hypothesis.id).label} differs from the others"
-        for one in verdicts
-        if one.hypothesis.law == "by_run"
-    }
+def mark_different_runs(runs: Sequence[RunCheck], odd_runs: Mapping[int, str]) -> tuple[RunCheck, ...]:
+    """The checks of all runs, with the effect in which a run is unlike the others."""
+    words = {run: f"its {get_effect(name).label} is unlike that of the other runs" for run, name in odd_runs.items()}
     return tuple(
-        replace(run, unlike=True, words=words[number]) if number in words else run for number, run in enumerate(runs)
+        replace(check, unlike=True, words=words[run]) if run in words else check for run, check in enumerate(runs)
     )
 
 

@@ -1,4 +1,4 @@
-"""Fitting a model, that is a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
+"""Fitting a model, a list of hypotheses, to the logs: residuals, evidence, the most likely amounts, the scan."""
 
 from __future__ import annotations
 
@@ -303,7 +303,7 @@ class Problem:
         rest = np.concatenate([(white[c] * roots[c][:, None]).ravel() for c in CHANNELS])
         known = self.stack(self.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)),
                                                  FIT_STEP), roots)  # fmt: skip
-        inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
+        inverse: Array = np.asarray(np.linalg.inv(known.T @ known + np.eye(known.shape[1])), dtype=np.float64)
         gains = []
         for hypothesis in hypotheses:
             steps = hypothesis.starts or [SCAN_STEP * sign for sign in _list_signs(hypothesis)]

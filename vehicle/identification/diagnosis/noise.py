@@ -64,7 +64,7 @@ class ChannelNoise:
         """Factor the covariance for other amounts (p,)."""
         self.amounts = amounts.copy()
         covariance = np.tensordot(np.exp(amounts), self.parts, axes=1) + self.fixed
-        lower = np.linalg.cholesky(covariance)
+        lower: Array = np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
         self.inverse = invert_lower(lower)
         self.log_sizes = np.log(np.diagonal(lower, axis1=1, axis2=2))
 
@@ -139,7 +139,7 @@ def compute_memory(times: Array, time_constant: float) -> Array:
 def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     """Noise of east, north and heading together (w, 3 n); the antenna is `ahead` (m) of the rear axle."""
     n, windows = POSE_CELLS, data.windows
-    times = POSE_CELL_S * np.arange(n)
+    times = np.asarray(POSE_CELL_S * np.arange(n), dtype=np.float64)
     one = np.broadcast_to(np.eye(n), (windows, n, n))
     speed, heading, yaw = cut_motion(data)
     total = integrate_cells()
@@ -169,7 +169,7 @@ def build_pose_noise(data: DriveData, ahead: float) -> ChannelNoise:
     ]  # fmt: skip
     observed = np.concatenate([data.east.observed, data.north.observed, data.heading.observed], axis=1)
     amounts = np.log(np.square(POSE_AMOUNTS))
-    return ChannelNoise(np.array(parts), amounts, _free_start(by_yaw), 3, observed)
+    return ChannelNoise(np.array(parts), amounts, _free_start(data, ahead), 3, observed)
 
 
 def cut_motion(data: DriveData) -> tuple[Array, Array, Array]:
@@ -194,13 +194,15 @@ def build_yaw_response(data: DriveData, ahead: float) -> Array:
          total @ (along * cosine * total) + ahead * cosine * total, turned], axis=1)  # fmt: skip
 
 
-def _free_start(by_yaw: Array) -> Array:
-    """Covariance (w, 3 n, 3 n) of an unknown place and direction at the start of each window."""
-    windows, n = len(by_yaw), by_yaw.shape[1] // 3
-    turn = FREE_START_RAD * by_yaw[:, :, :1] / POSE_CELL_S
-    shift = np.zeros((windows, 3 * n, 2))
-    shift[:, :n, 0] = shift[:, n : 2 * n, 1] = 1.0
-    free = np.concatenate([shift, turn], axis=2)
+def _free_start(data: DriveData, ahead: float) -> Array:
+    """Covariance (w, 3 n, 3 n) of an unknown place and direction at the start of each window: a rigid motion."""
+    speed, heading, _ = cut_motion(data)
+    total, n = integrate_cells(), POSE_CELLS
+    east = (speed * np.cos(heading)) @ total.T + ahead * np.cos(heading)
+    north = (speed * np.sin(heading)) @ total.T + ahead * np.sin(heading)
+    free = np.zeros((data.windows, 3 * n, 3))
+    free[:, :n, 0] = free[:, n : 2 * n, 1] = 1.0
+    free[:, :, 2] = FREE_START_RAD * np.concatenate([-north, east, np.ones_like(east)], axis=1)
     return np.asarray(free @ free.transpose(0, 2, 1))
 
 
@@ -223,9 +225,9 @@ def _build_sensor_noise(
 ) -> ChannelNoise:
     """White and slow noise, and errors of timing in proportion to the rate of change, white and slow."""
     n, windows = SENSOR_CELLS, data.windows
-    times = SENSOR_CELL_S * np.arange(n)
+    times = np.asarray(SENSOR_CELL_S * np.arange(n), dtype=np.float64)
     one = np.broadcast_to(np.eye(n), (windows, n, n))
-    rate = np.gradient(data.cut(values, n), SENSOR_CELL_S, axis=1)
+    rate: Array = np.asarray(np.gradient(data.cut(values, n), SENSOR_CELL_S, axis=1))
     slow = [np.broadcast_to(compute_memory(times, tau), one.shape) for tau in taus]
     timing = rate[:, :, None] * compute_memory(times, jitter_s) * rate[:, None, :]
     parts = np.array([one, *slow, rate[:, :, None] ** 2 * one, timing])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.holdout import (
     PiecesByHorizon,
@@ -34,48 +35,54 @@ LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other ru
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """Verdicts to save, those that harm left-out runs, the gain (%) of each with its 90 % interval, and the errors of
-    left-out runs."""
+    """Verdicts to save and those that left-out runs refuse, as they harm them or, only likely, do not help them; the
+    gain (%) of each with its 90 % interval, and the errors of left-out runs."""
 
     verdicts: tuple[Verdict, ...]
-    harmful: tuple[Verdict, ...]
+    refused: tuple[Verdict, ...]
     gains: dict[str, tuple[float, tuple[float, float]]] = field(default_factory=dict)
     holdout: HoldoutResult | None = None
 
 
-def choose_saved(problem: Problem, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
+def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict], step: Callable[[], None]) -> Saved:
     """Try the verdicts that a tractor file can hold, the clearest first."""
-    trial = _LeftOutTrial(problem, fit)
+    problem = converter.problem
+    trial = _LeftOutTrial(converter, fit)
     kept: list[Verdict] = []
-    harmful: list[Verdict] = []
+    refused: list[Verdict] = []
     base = now = trial.replay([])
     for verdict in verdicts:
         if not is_storable(verdict.hypothesis):
             continue
         pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
         step()
-        if is_extension_harmful(now, pieces, trial.has_speed):
-            harmful.append(verdict)
-        elif verdict.status != LIKELY or is_extension_helpful(now, pieces, trial.has_speed):
+        is_refused = (
+            not is_extension_helpful(now, pieces, trial.has_speed)
+            if verdict.status == LIKELY
+            else is_extension_harmful(now, pieces, trial.has_speed)
+        )
+        if is_refused:
+            refused.append(verdict)
+        else:
             kept.append(verdict)
             now = pieces
     gains = {}
     for verdict in kept:
         others = [one.hypothesis for one in kept if one is not verdict]
         gains[verdict.hypothesis.id] = _compute_gain(trial.replay(others), now)
-    return Saved(tuple(kept), tuple(harmful), gains, _build_holdout(problem, base, now) if kept else None)
+    return Saved(tuple(kept), tuple(refused), gains, _build_holdout(problem, base, now) if kept else None)
 
 
 @dataclass(eq=False)
 class _LeftOutTrial:
     """Replays of every run with amounts that the run had no part in."""
 
-    problem: Problem
+    converter: ValueConverter
     fit: Fit
 
     def __post_init__(self) -> None:
+        self.problem = self.converter.problem
         dataset = self.problem.data.dataset
-        self.converter = ValueConverter(self.problem)
         self.has_speed = all(segment.speed_measured for segment in dataset.segments)
         self.amounts = compute_left_out_amounts(self.problem, self.fit)
 
@@ -130,7 +137,7 @@ def _compute_gain(without: PiecesByHorizon, with_it: PiecesByHorizon) -> tuple[f
         return 0.0, (0.0, 0.0)
     draws = np.random.default_rng(SEED).integers(0, len(before), (DRAWS, len(before)))
 
-    def measure(chosen: Array) -> float:
+    def measure(chosen: Places) -> float:
         first, last = before[chosen].sum(axis=0)[0], after[chosen].sum(axis=0)[0]
         return 100.0 * (1.0 - math.sqrt(last / max(first, 1e-12)))
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from vehicle.identification.diagnosis.circles import CircleSearch
+from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
     ODDS,
     Hypothesis,
@@ -28,20 +29,21 @@ from vehicle.identification.logs.schema import Array
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
 MOST_TRIED = 4  # hypotheses of a scan that are fitted
 NEAR_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
-MOST_ROUNDS, MOST_TURNS = 8, 6
+MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
 CLEAR_Z = 4.0  # standard errors of the predictive difference from which something is certain
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """How much better left-out windows are predicted with a hypothesis than by an alternative: nats, and in standard
-    errors. `alternative` None stands for the model without it."""
+    errors. `amounts` are those of the alternative; None stands for the model without it."""
 
     alternative: Hypothesis | None
     nats: float
     z: float
+    amounts: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -72,7 +74,8 @@ class Searcher:
 
     problem: Problem
     step: Step = lambda: None
-    visited: set[frozenset[str]] = field(default_factory=set)
+    visited: dict[frozenset[str], int] = field(default_factory=dict)
+    may_change: bool = True
 
     def __post_init__(self) -> None:
         problem = self.problem
@@ -145,26 +148,30 @@ class Searcher:
 
     def settle(self, fit: Fit) -> tuple[Fit, list[Judgement]]:
         """Judge every hypothesis; drop what predicts nothing and exchange what a competitor predicts better."""
-        judgements: list[Judgement] = []
-        for _ in range(MOST_TURNS):
-            self.visited.add(_name_model(fit))
+        for turn in range(MOST_TURNS + 1):
+            self.visited[_name_model(fit)] = self.visited.get(_name_model(fit), 0) + 1
+            self.may_change = turn < MOST_TURNS
             changed, judgements = self._judge_all(fit)
             if changed is None:
                 break
             fit = self.problem.fit(changed.model, changed.amounts)
         return fit, judgements
 
+    def _may_become(self, other: Fit) -> bool:
+        """Whether the search may go on from another model: two that each predict better than the other come twice."""
+        return self.may_change and self.visited.get(_name_model(other), 0) < MOST_VISITS
+
     def _judge_all(self, fit: Fit) -> tuple[Fit | None, list[Judgement]]:
         """Judgements of a fit, or the better fit that one of them led to."""
-        noise, judgements = self.problem.get_noise(), []
+        noise, judgements = self.problem.get_noise(), list[Judgement]()
         predicted = self.predict(fit)
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
             without = self._fit_without(fit, hypothesis)
             against_none = self._compare(fit, predicted, without, None, noise)
-            if against_none.nats < 0.5 * ADD_NATS and _name_model(without) not in self.visited:
+            if against_none.nats < 0.5 * ADD_NATS and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
-            others = []
+            others: list[Comparison] = []
             if against_none.z > 1.0:
                 better, others = self._compare_competitors(fit, predicted, without, hypothesis, noise)
                 if better is not None:
@@ -196,7 +203,7 @@ class Searcher:
             self.step()
             comparisons.append(comparison)
             change = comparison.nats + gain.hypothesis.odds - hypothesis.odds
-            if change < -BETTER_NATS and _name_model(start) not in self.visited:
+            if change < -BETTER_NATS and self._may_become(start):
                 return start, comparisons
         return None, comparisons
 
@@ -222,7 +229,8 @@ class Searcher:
         total = float(difference.sum())
         error = float(np.sqrt(((difference - difference.mean()) ** 2).sum()))
         self.problem.set_noise(noise)
-        return Comparison(alternative, total, total / max(error, 1e-9))
+        amounts = None if alternative is None else other.get_amounts(alternative)
+        return Comparison(alternative, total, total / max(error, 1e-9), amounts)
 
     def predict(self, fit: Fit) -> dict[str, Array]:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
@@ -254,7 +262,7 @@ class Searcher:
         return out
 
 
-def number_folds(window_runs: Array) -> Array:
+def number_folds(window_runs: Places) -> Places:
     """The fold (w,) of every window: those of a run in turn, each run beginning with another, so that what happens at
     the start of all runs is in every fold."""
     fold = np.zeros(len(window_runs), dtype=np.int64)

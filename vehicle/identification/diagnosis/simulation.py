@@ -267,8 +267,8 @@ class Simulator:
     def _simulate_wheel(self, fields: Fields) -> Array:
         data = self.data
         states = np.concatenate([
-            make_settled_state(data.command[begin:], earlier)
-            for begin, earlier in zip(data.step_starts[:-1], data.earlier, strict=True)
+            make_settled_state(data.command[begin:], segment.earlier_commands)
+            for begin, segment in zip(data.step_starts[:-1], data.segments, strict=True)
         ])  # fmt: skip
         out = np.empty(len(data.command))
         simulate_steering(
@@ -293,9 +293,9 @@ class Simulator:
             steady = np.where(is_simulated, simulated[::STRIDE], steady)
         out = np.empty((3, len(wheel)))
         simulate_path(
-            data.path_starts, wheel, steady,
-            *(inputs[name] for name in ("speed", "working", "east", "north", "heading", "cosine", "sine", "across")),
-            data.has_wheel, self._fill("path", fields), self.model, self.ground, self.rig.table, out,
+            data.path_starts, wheel, steady, inputs["speed"], inputs["working"], inputs["east"], inputs["north"],
+            inputs["heading"], inputs["cosine"], inputs["sine"], inputs["across"], data.has_wheel,
+            self._fill("path", fields), self.model, self.ground, self.rig.table, out,
         )  # fmt: skip
         return out
 

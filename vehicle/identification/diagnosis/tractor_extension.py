@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Finding
 from vehicle.identification.diagnosis.values import TERMS_OF_LAWS, ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict
@@ -22,13 +21,13 @@ TRUSTED_SHARE = 0.005  # of the driving at either end of speeds and angles in wh
 
 
 def build_extended_tractor(
-    problem: Problem, tractor: Tractor, ground: str, saved: Sequence[Verdict], findings: Sequence[Finding]
+    converter: ValueConverter, tractor: Tractor, ground: str, saved: Sequence[Verdict], findings: Sequence[Finding]
 ) -> Tractor:
     """The tractor with what is saved. Effects of the file that these logs cannot show stay as they are."""
     by_id = {finding.id: finding for finding in findings}
     unseen = {finding.id for finding in findings if finding.value is None and finding.smallest_visible is None}
     effects = {name: setting for name, setting in tractor.effects.items() if name in unseen}
-    converter, dataset = ValueConverter(problem), problem.data.dataset
+    dataset = converter.problem.data.dataset
     settings = converter.build_settings([(one.hypothesis, one.amounts) for one in saved])
     for name, values in settings.items():
         if name == DISCREPANCY_KEY or name not in by_id:
@@ -56,7 +55,7 @@ def round_value(value: float) -> float:
 
 def _list_spreads(converter: ValueConverter, saved: Sequence[Verdict]) -> dict[str, Interval]:
     """95 % intervals of the amounts of a discrepancy model."""
-    spreads = {}
+    spreads: dict[str, Interval] = {}
     for verdict in saved:
         sigmas = np.sqrt(np.maximum(np.diag(verdict.covariance), 0.0))
         ends = [

@@ -8,15 +8,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, get_kind, parse_circle, scale_parameter
+from vehicle.identification.diagnosis.drive_data import DriveData
+from vehicle.identification.diagnosis.grammar import (
+    BY_RUN,
+    CONSTANT,
+    Hypothesis,
+    get_kind,
+    scale_parameter,
+)
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.results import ParameterLaw
+from vehicle.identification.diagnosis.run_laws import RunPattern, find_run_pattern
 from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.logs.schema import Array
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
-from vehicle.model.effects import DISCREPANCY_KEY, get_effect, get_neutral_values
-from vehicle.model.tractor import Settings
+from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect, get_neutral_values
+from vehicle.model.tractor import Settings, Tractor
 
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 # Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
@@ -40,20 +48,11 @@ class ValueConverter:
     """Converts amounts of hypotheses for the tractor and the logs of a problem."""
 
     problem: Problem
+    run_starts_s: Array
 
     def compute_values(self, hypothesis: Hypothesis, amounts: Array) -> Values:
-        """The values of an effect as a tractor file holds them; of a law those of its effect at an amount of 1."""
-        effect = get_effect(hypothesis.id)
-        tractor = self.problem.rig.tractor
-        zero = float(get_neutral_values(effect.id, tractor.steering)[effect.size.name])
-        if effect.kind is CIRCLE:
-            east, north, radius = parse_circle(hypothesis.basis)
-            origin = self.problem.data.dataset.origin
-            numbers = (zero + float(amounts[0]), east + origin[0], north + origin[1], radius)
-            return {one.name: round(value, 6) for one, value in zip(effect.params, numbers, strict=True)}
-        kind = get_kind(effect, self.problem.data)
-        box = kind.build_box(scale_parameter(effect.size, tractor), zero, ())
-        return kind.compute_values(effect.params, np.array(box.neutral) + amounts)
+        """The values of compute_values for this tractor and these logs."""
+        return compute_values(hypothesis, amounts, self.problem.data, self.problem.rig.tractor)
 
     def compute_interval(self, hypothesis: Hypothesis, amounts: Array, covariance: Array) -> dict[str, Interval]:
         """95 % intervals of the values; none for the place of a circle."""
@@ -86,17 +85,27 @@ class ValueConverter:
     def describe_law(self, verdict: Verdict, constant: Array | None) -> ParameterLaw:
         """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
         hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
-        neutral = self.compute_values(_make_constant(hypothesis), np.zeros(hypothesis.size))[effect.size.name]
+        neutral = self.compute_values(_make_constant(hypothesis), np.zeros(1))[effect.size.name]
         at = neutral + (0.0 if constant is None else float(constant[0]))
-        amount, other, run = (
-            find_odd_run(verdict.amounts) if hypothesis.law == "by_run" else (float(verdict.amounts[0]), 0.0, 0)
+        pattern = self.find_pattern(verdict)
+        kind = pattern.kind if pattern is not None else hypothesis.law
+        values = (
+            self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
+            if pattern is None
+            else _compute_pattern_values(pattern, at)
         )
-        values = self._compute_law_values(hypothesis, at, amount, other)
         unit = f" {effect.size.unit}" if effect.size.unit else ""
-        words = _describe_values(hypothesis.law, values, unit, self.problem.data.dataset.names[run])
-        return ParameterLaw(hypothesis.law, values, f"The {effect.label} is {words}.")
+        run = "" if pattern is None else self.problem.data.dataset.names[pattern.run]
+        return ParameterLaw(kind, values, f"The {effect.label} is {_describe_values(kind, values, unit, run)}.")
 
-    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float, other: float) -> Values:
+    def find_pattern(self, verdict: Verdict) -> RunPattern | None:
+        """What the values of single runs have in common; None for other laws."""
+        if verdict.hypothesis.law != BY_RUN:
+            return None
+        sigmas = np.sqrt(np.diag(verdict.covariance))
+        return find_run_pattern(verdict.amounts, sigmas, self.run_starts_s)
+
+    def _compute_law_values(self, hypothesis: Hypothesis, at: float, amount: float) -> Values:
         match hypothesis.law:
             case "by_speed":
                 return {"at_0": at, "per_mps": amount}
@@ -106,8 +115,6 @@ class ValueConverter:
                 return {"lifted": at, "working": at + amount}
             case "over_minutes":
                 return {"start": at, "per_minute": amount}
-            case "by_run":
-                return {"value": at + amount, "other": at + other}
             case "by_side":
                 is_left = hypothesis.basis.endswith("left")
                 return {"right": at + amount * (not is_left), "left": at + amount * is_left}
@@ -115,21 +122,50 @@ class ValueConverter:
                 return {"amount": amount}
 
 
-def find_odd_run(amounts: Array) -> tuple[float, float, int]:
-    """The amount of the run that is most unlike the others, the mean of the others, and which run it is."""
-    run = int(np.argmax(np.abs(amounts - np.median(amounts))))
-    return float(amounts[run]), float(np.delete(amounts, run).mean()), run
+def _compute_pattern_values(pattern: RunPattern, at: float) -> Values:
+    """The numbers of a pattern of runs, as in LOGS.md; `lowest_s` is a time of the lowest value."""
+    if pattern.kind == BY_RUN:
+        return {"value": at + pattern.amount, "other": at + pattern.other}
+    lowest = (-0.25 - pattern.phase / (2.0 * math.pi)) % 1.0 * pattern.period_s
+    return {
+        "mean": at + pattern.other,
+        "amplitude": pattern.amount,
+        "period_s": pattern.period_s,
+        "phase_deg": math.degrees(pattern.phase) % 360.0,
+        "lowest_s": lowest,
+    }
+
+
+def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, tractor: Tractor) -> Values:
+    """The values by name that amounts of a hypothesis stand for: of the tractor file, where it is in the catalogue.
+
+    Those of a law, or of what no tractor file holds, are the amounts themselves.
+    """
+    effect = EFFECTS_BY_ID.get(hypothesis.id)
+    if effect is None or hypothesis.law not in (CONSTANT, "by_place", "with_speed"):
+        names = [one.slopes[0][0] for one in hypothesis.coordinates]
+        if effect is not None and hypothesis.size == 1:
+            names = [effect.size.name]
+        return dict(zip(names, map(float, amounts), strict=True))
+    kind, zero = get_kind(effect, data), get_neutral_values(effect.id, tractor.steering)[effect.size.name]
+    neutral = kind.build_box(scale_parameter(effect.size, tractor), float(zero), ()).neutral
+    origin, place = data.dataset.origin, hypothesis.place
+    circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
+    return kind.compute_values(effect.params, np.array(neutral) + amounts, circle)
+
+
+def list_terms(hypothesis: Hypothesis) -> tuple[str, ...]:
+    """The terms of a discrepancy model that hold a hypothesis; none for an effect."""
+    return TERMS_OF_LAWS.get(str(hypothesis), ())
 
 
 def is_storable(hypothesis: Hypothesis) -> bool:
     """Whether a tractor file can hold a hypothesis as an effect or as terms of its discrepancy model."""
-    return str(hypothesis) in TERMS_OF_LAWS or (
-        hypothesis.is_catalogued and hypothesis.id not in ("wheel_sensor_scale", "push")
-    )
+    return str(hypothesis) in TERMS_OF_LAWS or hypothesis.is_catalogued
 
 
 def _make_constant(hypothesis: Hypothesis) -> Hypothesis:
-    return Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates)
+    return Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
 
 
 def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
@@ -147,6 +183,8 @@ def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
             return f"{show('start')} at the start of a run and changes by {values['per_minute']:+.3f}{unit} per minute"
         case "by_run":
             return f"{show('value')} in {run} and {show('other')} in the other runs"
+        case "over_day":
+            return f"{show('mean')} on average and swings by {values['amplitude']:.2f}{unit} over the day"
         case "by_side":
             return f"{show('right')} to the right and {show('left')} to the left"
         case _:

@@ -20,17 +20,17 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
-from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, SearchResult
+from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Comparison, Judgement, SearchResult
 from vehicle.identification.logs.schema import Array
-from vehicle.model.effect_kinds import CIRCLE
+from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
+CLEAR_OF_LAWS_Z = 2.5  # the same against laws and circles, of which many are tried and few are true
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
-FIRM_SIZES = 2.0  # times the finest size that may be claimed: smaller ones are likely at most, and no law
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
-MODEL_SHARE = 0.35
+MODEL_SHARE = 0.5
 CLOCK_SHARE = 0.1  # of the step between rows: what inputs known so seldom leave open of a time (dt / sqrt 12, 8 events)
 TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smallest that would be seen
 
@@ -38,7 +38,7 @@ TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smalles
 @dataclass(frozen=True, eq=False)
 class Verdict:
     """What is said of a hypothesis: status, amounts (k,) with their covariance (k, k), nats and z against nothing, and
-    the ids of effects that explain the logs as well. `others` are the hypotheses behind these."""
+    the ids of effects that explain the logs as well. `others` are the comparisons behind these."""
 
     hypothesis: Hypothesis
     status: str
@@ -47,7 +47,7 @@ class Verdict:
     nats: float
     z: float
     equivalent_to: tuple[str, ...] = ()
-    others: tuple[Hypothesis, ...] = ()
+    others: tuple[Comparison, ...] = ()
 
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
@@ -68,10 +68,11 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
         if status == NAMED and is_far:
             status = LIKELY
         others = _list_equivalents(judgement)
+        ids = tuple(dict.fromkeys(one.alternative.id for one in others if one.alternative is not None))
         if status:
             verdicts.append(
                 Verdict(judgement.hypothesis, status, amounts, own, judgement.against_none.nats,
-                        judgement.against_none.z, tuple(dict.fromkeys(one.id for one in others)), others)
+                        judgement.against_none.z, ids, others)
             )  # fmt: skip
     return sorted(verdicts, key=lambda one: -one.nats)
 
@@ -80,11 +81,12 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
     """The status of a hypothesis, or an empty text where nothing can be said."""
     against = judgement.against_none
     sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    scatter = np.sqrt(np.maximum(sigmas**2 - (MODEL_SHARE * judgement.hypothesis.finest) ** 2, 1e-30))
     is_clear = float(np.max(np.abs(amounts) / sigmas)) >= CLEAR_OF_NEUTRAL
     is_large = float(np.linalg.norm(amounts)) >= judgement.hypothesis.finest
     if against.z < LIKELY_Z or not is_clear or not is_large:
         return ""
-    is_firm = float(np.linalg.norm(amounts)) >= FIRM_SIZES * judgement.hypothesis.finest
+    is_firm = _is_firm(judgement.hypothesis, amounts, scatter)
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
         return NAMED if is_firm and against.z >= CLEAR_Z and not _list_equivalents(judgement) else ""
     if against.z < CLEAR_Z or not is_firm:
@@ -92,13 +94,25 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
     return EQUIVALENT if _list_equivalents(judgement) else NAMED
 
 
-def _list_equivalents(judgement: Judgement) -> tuple[Hypothesis, ...]:
-    """Competitors with another id that predict the logs hardly worse."""
+def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
+    """Whether the size, less its scatter, is what may be claimed at the least; of a value of its own in every run,
+    whether that of one excludes twice as much, as each of them is a chance to be unlike the others."""
+    if hypothesis.law == BY_RUN:
+        away = np.abs(amounts - np.median(amounts)) - INTERVAL_SIGMAS * sigmas
+        return bool(away.max() >= 2.0 * hypothesis.finest)
+    place = int(np.argmax(np.abs(amounts) / sigmas))
+    return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= hypothesis.finest
+
+
+def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
+    """Comparisons with competitors with another id that predict the logs hardly worse."""
     own = judgement.hypothesis
     return tuple(
-        one.alternative
+        one
         for one in judgement.against_others
-        if one.alternative is not None and one.alternative.id != own.id and one.z < CLEAR_Z
+        if one.alternative is not None
+        and one.alternative.id != own.id
+        and one.z < (CLEAR_OF_LAWS_Z if one.alternative.odds else CLEAR_Z)
     )
 
 
@@ -146,7 +160,7 @@ def find_smallest_visible(problem: Problem, fit: Fit, effects: Sequence[Effect] 
     known = problem.stack(
         problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP), roots
     )
-    inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
+    inverse: Array = np.asarray(np.linalg.inv(known.T @ known + np.eye(known.shape[1])), dtype=np.float64)
     visible = {}
     for effect in effects:
         hypothesis = (

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from vehicle.identification.faults.steering_evidence import STEP_S, SteeringEvidence
-from vehicle.identification.logs.schema import Array
 from vehicle.identification.faults.thresholds import FAULT_JOIN_S, FAULT_TOLERANCE_DEG
+from vehicle.identification.logs.schema import Array
 
 _BIN_DEG = 3.0  # chosen: within it an Ackermann angle of 30 degrees deviates by a degree more
 _LEAST_ELSEWHERE_S = 3.0  # chosen: the shortest time elsewhere at an angle that shows what is usual there

@@ -24,12 +24,6 @@ from vehicle.identification.faults.steering_evidence import (
     find_largest_angles,
     fit_path_scale,
 )
-from vehicle.identification.faults.vanishing_gain import PathSpan, find_spans_by_law, measure_path_shares
-from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills, measure_unrest
-from vehicle.identification.logs.column_faults import POSITION_LOST, WHEEL_SENSOR_FROZEN
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
-from vehicle.identification.logs.sparse_steering import SPARSE_S, STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
 from vehicle.identification.faults.thresholds import (
     FAULT_JOIN_S,
     FAULT_LEAST_S,
@@ -39,6 +33,12 @@ from vehicle.identification.faults.thresholds import (
     FAULT_SLIDING_MPS2,
     FAULT_TOLERANCE_DEG,
 )
+from vehicle.identification.faults.vanishing_gain import PathSpan, find_spans_by_law, measure_path_shares
+from vehicle.identification.faults.wheel_standstill import Standstill, find_faulty_standstills, measure_unrest
+from vehicle.identification.logs.column_faults import POSITION_LOST, WHEEL_SENSOR_FROZEN
+from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
+from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
+from vehicle.identification.logs.sparse_steering import SPARSE_S, STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
 
 _FOLLOWING_DEG = 1.2  # chosen: an angle this close to that of a usual steering follows
 _FEWEST_ROWS = 20  # of a run beside its faults, to have a use

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.faults.steering_evidence import STEP_S, SteeringEvidence
-from vehicle.identification.logs.schema import Array, Mask, Rows
 from vehicle.identification.faults.thresholds import FAULT_LEAST_S, FAULT_TOLERANCE_DEG
+from vehicle.identification.logs.schema import Array, Mask, Rows
 
 _WINDOW_S, _STRIDE_S = 3.0, 0.5  # of commands that are compared with a standstill
 _STILL_S, _LEAST_STILL_DEG, _STILL_SIGMAS = 1.0, 0.2, 8.0  # chosen: a wheel moves that moves this far within this time

@@ -101,15 +101,20 @@ DRIVE_PROGRAMMES: tuple[DriveProgramme, ...] = (
 
 
 def simulate_programme(
-    rig: ReplayRig, programme: DriveProgramme, heading: float, pace: float, settings: Settings
+    rig: ReplayRig,
+    programme: DriveProgramme,
+    heading: float,
+    pace: float,
+    settings: Settings,
+    step: float = PROGRAMME_STEP_S,
 ) -> DriveDataset:
     """Return the log of the tractor with these effects on each pass of a programme, without noise.
 
-    `heading` (rad) and `pace` (m/s) are the usual ones.
+    `heading` (rad) and `pace` (m/s) are the usual ones; the log has a row every `step` seconds.
     """
     segments = [
         _simulate_instrument_readings(
-            rig, build_command_segment(run, heading - math.radians(turn), pieces, pace), settings
+            rig, build_command_segment(run, heading - math.radians(turn), pieces, pace, step), settings
         )
         for run, (turn, pieces) in enumerate(programme.passes)
     ]

@@ -1,0 +1,150 @@
+"""The next drive: what separates by formula, and drives that alone tell two causes apart."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.identification.diagnosis.programme_problems import build_hypothesis, build_problem, fit_with
+from vehicle.identification.diagnosis.grammar import build_scope
+from vehicle.identification.diagnosis.model_fit import CHANNELS, Fit, Problem
+from vehicle.identification.diagnosis.next_drive import (
+    NO_EFFECT,
+    SIGMAS_PER_Z,
+    Explanation,
+    build_trial,
+    choose_next_drive,
+    compute_separation,
+)
+from vehicle.identification.diagnosis.search import CLEAR_Z
+from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, DriveProgramme
+
+UNDERSTEER = {"understeer": {"deg_per_mps2": 3.0}}
+BY_ID = {programme.id: programme for programme in DRIVE_PROGRAMMES}
+
+
+def build_linear_trial(columns: np.ndarray) -> Any:
+    """A drive in unit noise on which each amount (k) adds its column (n, k) to the turned channel, whoever explains."""
+
+    def compute_residuals(model: Any, amounts: np.ndarray) -> dict[str, np.ndarray]:
+        return {channel: -(columns @ amounts)[None] * (channel == "pose") for channel in CHANNELS}
+
+    def compute_secants(*_: Any) -> dict[str, np.ndarray]:
+        return {channel: columns[None] * (channel == "pose") for channel in CHANNELS}
+
+    noise = {channel: SimpleNamespace(whiten=lambda values: values) for channel in CHANNELS}
+    return SimpleNamespace(compute_residuals=compute_residuals, compute_secants=compute_secants, noise=noise)
+
+
+def explain(amounts: list[float], precision: list[float]) -> Explanation:
+    return Explanation((), np.array(amounts), np.diag(precision))
+
+
+def test_what_separates_is_what_the_wrong_explanation_cannot_take() -> None:
+    """Two amounts that act at right angles, 3 and 4: what the logs leave open gives way, and all else counts."""
+    trial = build_linear_trial(np.eye(2))
+    fixed, free = [1e12, 1e12], [1e-12, 1e12]
+    assert compute_separation(trial, explain([3.0, 4.0], fixed), explain([0.0, 0.0], fixed)) == pytest.approx(5.0)
+    assert compute_separation(trial, explain([3.0, 4.0], fixed), explain([0.0, 0.0], free)) == pytest.approx(4.0)
+    # One known as well from the logs as from the drive takes half of its square.
+    half = explain([0.0, 0.0], [1.0, 1e12])
+    assert compute_separation(trial, explain([3.0, 4.0], fixed), half) == pytest.approx(np.sqrt(0.5 * 9.0 + 16.0))
+
+
+def test_an_effect_that_adapts_to_nothing_is_not_there() -> None:
+    trial, one, none = build_linear_trial(np.eye(2)), explain([3.0, 4.0], [1e-12] * 2), explain([0.0, 0.0], [1e12] * 2)
+    assert compute_separation(trial, one, none) == pytest.approx(0.0, abs=1e-4)
+    assert compute_separation(trial, one, none, can_both_adapt=False) == pytest.approx(5.0)
+
+
+@pytest.fixture(scope="module")
+def circles() -> Problem:
+    """Circles at one speed and one angle, on which a loss by lateral acceleration is a gain."""
+    return build_problem("circles", UNDERSTEER)
+
+
+def build_pair(problem: Problem, first: str, second: str) -> tuple[Fit, Any]:
+    """The fit of the first, and both with the amounts by which they explain the logs."""
+    hypotheses = [build_hypothesis(problem, name) for name in (first, second)]
+    fits = [fit_with(problem, one) for one in hypotheses]
+    return fits[0], tuple((one, fit.get_amounts(one)) for one, fit in zip(hypotheses, fits, strict=True))
+
+
+def shorten(monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
+    """Leave only some programmes to choose from."""
+    chosen: tuple[DriveProgramme, ...] = tuple(BY_ID[name] for name in names)
+    monkeypatch.setattr("vehicle.identification.diagnosis.next_drive.DRIVE_PROGRAMMES", chosen)
+
+
+def test_a_circle_at_two_speeds_tells_understeer_from_a_gain(circles: Problem, monkeypatch: pytest.MonkeyPatch) -> None:
+    fit, pair = build_pair(circles, "understeer", "steering_gain")
+    drive = choose_next_drive(circles, fit, [pair])
+    assert drive is not None and drive.id == "two-speeds" and drive.decides
+    assert drive.separates == ("understeer", "steering_gain") and drive.score > SIGMAS_PER_Z * CLEAR_Z
+    assert (drive.description, drive.seconds) == (BY_ID[drive.id].description, BY_ID[drive.id].seconds)
+    shorten(monkeypatch, "there-and-back", "circles", "steps")
+    other = choose_next_drive(circles, fit, [pair])
+    assert other is not None and not other.decides and other.score < 1.0
+
+
+def test_lifting_the_implement_tells_an_offset_from_a_draft(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem = build_problem("there-and-back", {"steering_offset": {"angle_deg": 0.5}})
+    fit, pair = build_pair(problem, "steering_offset", "implement_side_draft")
+    shorten(monkeypatch, "implement-lifted", "there-and-back")
+    drive = choose_next_drive(problem, fit, [pair])
+    assert drive is not None and drive.id == "implement-lifted"
+    shorten(monkeypatch, "there-and-back")
+    same = choose_next_drive(problem, fit, [pair])
+    assert same is not None and same.score < 0.5 * drive.score and not same.decides
+
+
+def test_most_pairs_are_decided_and_the_hardest_of_them_is_named(circles: Problem) -> None:
+    fit, pair = build_pair(circles, "understeer", "steering_gain")
+    drive = choose_next_drive(circles, fit, [(pair[0], None), pair])
+    assert drive is not None and drive.id == "two-speeds" and drive.separates == ("understeer", "steering_gain")
+    alone = choose_next_drive(circles, fit, [(pair[0], None)])
+    assert alone is not None and alone.separates == ("understeer", NO_EFFECT) and alone.score > drive.score
+    assert choose_next_drive(circles, fit, []) is None
+
+
+def test_equal_explanations_are_never_separated_and_laws_of_one_effect_are_named(circles: Problem) -> None:
+    gain = build_hypothesis(circles, "steering_gain")
+    law, amounts = build_scope(gain, "by_implement"), np.zeros(1)
+    drive = choose_next_drive(circles, fit_with(circles), [((gain, amounts), (law, amounts))])
+    assert drive is not None and drive.score == 0.0 and not drive.decides
+    assert drive.separates == ("steering_gain:constant", "steering_gain:by_implement")
+
+
+def test_the_fault_of_one_run_is_not_on_the_next_drive(circles: Problem) -> None:
+    gain = build_hypothesis(circles, "steering_gain")
+    trial = build_trial(circles, BY_ID["circles"])
+    law = build_scope(gain, "by_run:1")
+    assert circles.bases.get(law.basis).any() and not trial.bases.get(law.basis).any()
+    moved, still = (trial.compute_residuals([one], np.array([0.2]))["pose"] for one in (gain, law))
+    nothing = trial.compute_residuals([], np.empty(0))["pose"]
+    assert np.abs(moved - nothing).max() > 0.1 and np.array_equal(still, nothing)
+
+
+def test_a_drive_has_the_columns_and_the_noise_of_the_logs() -> None:
+    bare = build_problem("circles", {}, has_heading=False, has_wheel=False)
+    bare.noise["pose"].set_amounts(bare.noise["pose"].amounts + 1.0)
+    trial = build_trial(bare, BY_ID["four-ways"])
+    assert trial.data.east.observed.any() and trial.data.speed.observed.any()
+    assert not trial.data.heading.observed.any() and not trial.data.wheel.observed.any()
+    np.testing.assert_array_equal(trial.noise["pose"].amounts, bare.noise["pose"].amounts)
+    starts_s = [segment.start_s for segment in trial.data.segments]
+    assert starts_s == [0.0, 15.0, 30.0, 45.0]
+    first = bare.data.dataset.segments[0]
+    moved = replace(first, east=first.east + 50.0)
+    far = replace(bare.data, dataset=replace(bare.data.dataset, segments=(moved,)))
+    begun = build_trial(replace_data(bare, far), BY_ID["circles"])
+    assert begun.data.path["east"][0] == pytest.approx(trial.data.path["east"][0] + 50.0, abs=0.5)
+
+
+def replace_data(problem: Problem, data: Any) -> Any:
+    """The problem with other logs, of which a drive is made."""
+    return SimpleNamespace(data=data, rig=problem.rig, get_noise=problem.get_noise)

@@ -1,0 +1,149 @@
+"""The noise floor is the error of draws from the noise model itself; what is above it is unexplained."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.identification.diagnosis.problems import build_empty_fit, build_problem, leave_parts
+from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS
+from vehicle.identification.diagnosis.model_fit import Problem
+from vehicle.identification.diagnosis.noise import FREEDOM, POSE_AMOUNTS
+from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, limit_noise, replay_commands
+from vehicle.identification.diagnosis.unexplained import NoiseLimit, Unexplained, compute_chance, measure_unexplained
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.horizon_errors import (
+    HORIZONS_S,
+    HorizonSquares,
+    compute_horizon_errors,
+    simulate_poses,
+    sum_squared_errors_by_horizon,
+    sum_squared_errors_by_run,
+)
+
+problem = lru_cache(maxsize=1)(build_problem)
+SPREAD = FREEDOM / (FREEDOM - 2.0)
+DRAWS = 8
+
+
+def mean_squares(squares: list[HorizonSquares], horizon: float) -> Array:
+    """Mean squares (3,) across, along and of the heading."""
+    total = np.sum([of_run[horizon] for of_run in squares], axis=0)
+    return np.asarray(total[:3] / total[3])
+
+
+def draw_errors(made: Problem, horizon: float) -> Array:
+    """Mean squares (3,) over a horizon of draws from the covariances of the windows."""
+    data, noise, rng = made.data, made.noise["pose"], np.random.default_rng(3)
+    covariance = np.tensordot(np.exp(noise.amounts), noise.parts, axes=1)
+    roots = np.linalg.cholesky(covariance + 1e-14 * np.eye(covariance.shape[1]))
+    east, north, heading = (data.cut(data.path[name], POSE_CELLS) for name in ("east", "north", "heading"))
+    squares = []
+    for window, segment in enumerate(data.window_segments):
+        for _ in range(DRAWS):
+            moved = (roots[window] @ rng.standard_normal(3 * POSE_CELLS)).reshape(3, -1)
+            drawn = replace(data.segments[segment], time=POSE_CELL_S * np.arange(POSE_CELLS), speed=np.ones(POSE_CELLS),
+                            east=east[window] + moved[0], north=north[window] + moved[1],
+                            heading=heading[window] + moved[2])  # fmt: skip
+            antenna = np.stack([east[window], north[window]], axis=1)
+            squares.append(sum_squared_errors_by_horizon(drawn, antenna, heading[window]))
+    return mean_squares(squares, horizon)
+
+
+@pytest.mark.parametrize("part", [2, 3, 4, 5, 6, 7, 8, 9, 10])
+def test_the_floor_is_the_error_of_draws_from_the_noise_model(part: int) -> None:
+    """Each part alone: random walk, slow heading, yaw rates, turning, speeds and crab, where its error shows."""
+    made = problem()
+    leave_parts(made, (part,))
+    floor = mean_squares(compute_noise_floor(made, build_empty_fit(made), made.data.dataset), 5.0) / SPREAD
+    drawn = draw_errors(made, 5.0)
+    told = drawn > 0.1 * drawn.max() * np.array([1.0, 1.0, 0.1])
+    assert np.sqrt(floor[told]) == pytest.approx(np.sqrt(drawn[told]), rel=0.3)
+
+
+def test_white_noise_of_the_receiver_is_that_of_its_rows() -> None:
+    """A cell holds the mean of several rows; across and along 5 s nothing but that noise is left."""
+    made = problem()
+    leave_parts(made, (0,))
+    floor = mean_squares(compute_noise_floor(made, build_empty_fit(made), made.data.dataset), 5.0)
+    rows = POSE_CELL_S / made.data.row_step_s
+    assert np.sqrt(floor[:2]) == pytest.approx(POSE_AMOUNTS[0] * math.sqrt(rows * SPREAD), rel=0.1)
+
+
+def test_noise_of_a_wheel_that_follows_its_command_turns_the_path() -> None:
+    """A wheel angle off by white noise per cell of 0.2 s turns the heading by a random walk."""
+    made = problem()
+    leave_parts(made, ())
+    quiet = mean_squares(compute_noise_floor(made, build_empty_fit(made), made.data.dataset), 5.0)
+    sizes = made.get_noise()
+    made.set_noise({**sizes, "wheel": np.append(2.0 * math.log(1e-3), np.full(4, -40.0))})
+    loud = mean_squares(compute_noise_floor(made, build_empty_fit(made), made.data.dataset), 5.0)
+    # Over T seconds a random walk is off its mean by T / 6 of its variance per second, and turns with the path.
+    rate = 1e-3 * 1.4 / made.rig.tractor.wheelbase_m
+    assert quiet.max() < 1e-6
+    assert 0.3 < math.sqrt(loud[2]) / (rate * math.sqrt(0.2 * 5.0 / 6.0 * SPREAD)) < 3.0
+
+
+def test_the_floor_is_the_same_each_time_and_has_the_rows_of_the_error() -> None:
+    made = problem()
+    leave_parts(made, (0, 5))
+    fit = build_empty_fit(made)
+    first, second = (compute_noise_floor(made, fit, made.data.dataset) for _ in range(2))
+    runs = range(made.data.runs)
+    error = sum_squared_errors_by_run(made.data.dataset, made.rig, {run: {} for run in runs})
+    for horizon in HORIZONS_S:
+        assert all(np.array_equal(first[run][horizon], second[run][horizon]) for run in runs)
+        assert [of_run[horizon][3] for of_run in first] == pytest.approx([of_run[horizon][3] for of_run in error])
+    assert set(compute_horizon_errors(first)) == set(HORIZONS_S)
+
+
+def test_commands_replayed_by_the_core_lead_where_the_replay_of_the_vehicle_leads() -> None:
+    made = problem()
+    replayed, begin = replay_commands(made.data, made.rig, []), 0
+    poses = simulate_poses(made.rig, [(segment, {}) for segment in made.data.segments])
+    for segment, (antenna, heading) in zip(made.data.segments, poses, strict=True):
+        rows = slice(begin, begin + segment.rows)
+        driven = replace(segment, east=antenna[:, 0], north=antenna[:, 1], heading=heading)
+        errors = sum_squared_errors_by_horizon(driven, replayed.antenna[rows], replayed.heading[rows])
+        assert math.sqrt(errors[5.0][:2].sum() / errors[5.0][3]) < 0.02
+        begin += segment.rows
+
+
+def test_what_the_fit_calls_noise_is_no_more_than_ground_and_instruments_make() -> None:
+    made = problem()
+    leave_parts(made, ())
+    loud = {channel: np.full(len(amounts), 4.0) for channel, amounts in made.get_noise().items()}
+    made.set_noise(loud)
+    limits = limit_noise(made)
+    assert limits["pose"][0] == pytest.approx(math.exp(2.0)) and limits["pose"][9] == 0.003
+    assert limits["wheel"][4] == pytest.approx(0.07) and np.all(limits["speed"][1:] < 0.2)
+
+
+def make_squares(of_5: float, of_20: float = 1.0) -> list[HorizonSquares]:
+    """Two runs with these mean squares, in units of the floor."""
+    sizes = {1.0: 1.0, 5.0: of_5, 10.0: 1.0, 20.0: of_20}
+    return [{horizon: np.array([size, size, size, 1.0]) for horizon, size in sizes.items()} for _ in range(2)]
+
+
+@pytest.mark.parametrize("after, before, share", [(1.2, 9.0, 0.0), (5.0, 9.0, 0.5), (9.0, 9.0, 1.0), (9.0, 2.0, 1.0)])
+def test_the_unexplained_share_is_what_no_cause_takes_away_above_the_floor(
+    after: float, before: float, share: float
+) -> None:
+    limit = NoiseLimit(make_squares(1.0), 600.0, 0.1, True)
+    found = measure_unexplained(limit, make_squares(before), [make_squares(after)])
+    assert found.share == pytest.approx(share) and found.above_s == ((5.0,) if share > 0.0 else ())
+    assert measure_unexplained(limit, make_squares(9.0), [make_squares(after), make_squares(1.0)]).share == 0.0
+
+
+def test_every_horizon_is_held_against_its_own_floor() -> None:
+    """One at the floor makes no other good that stands at twice of it; longer pieces are fewer, and chance more."""
+    limit = NoiseLimit(make_squares(1.0), 600.0, 0.1, True)
+    assert measure_unexplained(limit, make_squares(9.0), [make_squares(1.0, 2.0)]) == Unexplained(0.0, (20.0,))
+    few = NoiseLimit(make_squares(1.0), 100.0, 0.0, True)
+    chance = 1.0 + compute_chance(100.0, 20.0)
+    assert measure_unexplained(few, make_squares(9.0), [make_squares(1.0, chance - 0.01)]).above_s == ()
+    assert measure_unexplained(few, make_squares(9.0), [make_squares(1.0, chance + 0.01)]).above_s == (20.0,)

@@ -1,0 +1,224 @@
+"""The noise floor: the open-loop error over horizons that a true model would still have in these logs.
+
+Runs are replayed from their commands twice: with the causes of a fit alone, as a tractor file holds them, and with its
+nuisances and noise as the fit found it, which is what instruments would have shown. The difference is the floor.
+
+A fit calls noise whatever it has no cause for, so the floor takes of each slow part no more than ground, tyres and
+instruments were ever seen to make; what is beyond that is unexplained.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from vehicle.identification.diagnosis.drive_data import (
+    PATH_STEP_S,
+    POSE_CELL_S,
+    SENSOR_CELL_S,
+    STRIDE,
+    DriveData,
+    Samples,
+    build_drive_data,
+)
+from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, split_amounts, sum_fields
+from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.noise import (
+    COMMAND_JITTER,
+    FREEDOM,
+    HEADING_TIME_S,
+    SHORT_S,
+    SPEED_TIME_S,
+    SPEED_TIMES_S,
+    WHEEL_TIMES_S,
+    YAW_TIMES_S,
+)
+from vehicle.identification.diagnosis.simulation import CHAINS, Simulator
+from vehicle.identification.logs.schema import Array
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.replay.horizon_errors import (
+    HorizonSquares,
+    make_zero_squared_errors,
+    sum_squared_errors_by_horizon,
+)
+from vehicle.identification.replay.rig import ReplayRig
+
+DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
+# Most of each part that is still noise, in the order of noise.ChannelNoise: the largest of 60 sets of three truths by
+# other hands with nothing outside the catalogue, and a fifth more. White noise of receivers and sensors has no limit.
+MOST_POSE = (np.inf, np.inf, 0.02, 0.01, 0.005, 0.0012, 0.0005, 0.02, 0.02, 0.003, 0.005, 0.006)
+MOST_WHEEL, MOST_SPEED = (np.inf, 3e-4, 8e-4, 0.05, 0.07), (np.inf, 0.008, 0.004, 0.015, 0.13)
+MOST_JITTERS = 2.0  # times COMMAND_JITTER that wheel angles may be off in time where rows are far apart
+Rng = np.random.Generator
+Model = Sequence[tuple[Hypothesis, Array]]
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What commands lead to: the antenna (k, 2, m) and heading (k,) at all rows, one segment after the other, and the
+    wheel angle (rad) and speed (m/s) at the steps of the path (m,)."""
+
+    antenna: Array
+    heading: Array
+    wheel: Array
+    speed: Array
+
+
+def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> list[HorizonSquares]:
+    """Sums of squares per run and horizon that noise and nuisances leave where the causes of a fit are true.
+
+    `dataset` may hold more runs than those of the problem. The noise is that which the problem has now.
+    """
+    data = problem.data if dataset is problem.data.dataset else build_drive_data(dataset)
+    model = list(split_amounts(fit.model, fit.amounts))
+    expected = replay_commands(data, problem.rig, [part for part in model if not part[0].is_nuisance])
+    shown = replay_commands(data, problem.rig, model)
+    spread = math.sqrt(FREEDOM / (FREEDOM - 2.0))  # a Student t distribution has a larger variance than its scale
+    sizes = {channel: spread * own for channel, own in limit_noise(problem).items()}
+    ends, rng = np.cumsum([segment.rows for segment in data.segments]), np.random.default_rng(SEED)
+    totals = make_zero_squared_errors(len(dataset.names))
+    for number, segment in enumerate(data.segments):
+        rows = slice(ends[number] - segment.rows, ends[number])
+        motion = _Motion(problem, segment, sizes, *(
+            one[data.path_starts[number] : data.path_starts[number + 1]]
+            for one in (shown.wheel, shown.speed, data.path["heading"])))  # fmt: skip
+        for _ in range(DRAWS):
+            noisy = motion.draw(shown.antenna[rows], shown.heading[rows], rng)
+            squares = sum_squared_errors_by_horizon(noisy, expected.antenna[rows], expected.heading[rows])
+            for horizon, part in squares.items():
+                totals[segment.run][horizon] += part / DRAWS
+    return totals
+
+
+def limit_noise(problem: Problem) -> dict[str, Array]:
+    """Standard deviations of the parts of the noise per channel, none above what is still noise."""
+    jitter_s = MOST_JITTERS * COMMAND_JITTER * problem.data.row_step_s
+    wheel = np.maximum(MOST_WHEEL, [0.0, 0.0, 0.0, jitter_s, jitter_s])
+    most = {"pose": np.array(MOST_POSE), "wheel": wheel, "speed": np.array(MOST_SPEED)}
+    return {name: np.minimum(np.exp(0.5 * one.amounts), most[name]) for name, one in problem.noise.items()}
+
+
+def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> Replay:
+    """Drive the commands of all segments open loop; where none were logged, as wheel and speed were measured."""
+    causes = [one for one, _ in model]
+    amounts = np.concatenate([np.zeros(0), *(own for _, own in model)])
+    simulator, keys = Simulator(data, rig), dict.fromkeys(CHAINS, 0)
+    fields = sum_fields(causes, amounts, Bases(data), simulator.base)
+    steps = np.arange(data.path_starts[-1], dtype=np.float64)
+    every = _sample_all(STRIDE * steps, data.spread(range(len(data.segments))))
+    sensors = Simulator(replace(data, wheel=every, speed=every), rig).simulate(fields, keys)
+    path = {**data.path, "wheel": sensors["wheel"], "steady": sensors["wheel"], "speed": sensors["speed"]}
+    begins = zip(data.path_starts[:-1], data.segments, strict=True)
+    rows = _sample_all(
+        np.concatenate([begin + segment.time / PATH_STEP_S for begin, segment in begins]),
+        np.repeat(np.arange(len(data.segments)), [segment.rows for segment in data.segments]),
+    )
+    shown = Simulator(replace(data, path=path, east=rows, north=rows, heading=rows), rig).simulate(fields, keys)
+    antenna = np.stack([shown["east"], shown["north"]], axis=1)
+    return Replay(antenna, shown["heading"], sensors["wheel"], sensors["speed"])
+
+
+def _sample_all(places: Array, segments: Array) -> Samples:
+    """Samples at single steps (k,) instead of means over cells."""
+    count = len(places)
+    return Samples(np.zeros(count), np.ones(count, dtype=np.bool_), places, np.arange(count), segments)
+
+
+class _Motion:
+    """The motion of a segment at the steps of its path, and the noise that goes with it."""
+
+    def __init__(
+        self, problem: Problem, segment: DriveSegment, sizes: dict[str, Array], wheel: Array, speed: Array,
+        heading: Array,
+    ) -> None:  # fmt: skip
+        tractor = problem.rig.tractor
+        self.segment, self.sizes, self.wheel, self.speed, self.heading = segment, sizes, wheel, speed, heading
+        self.places = segment.time / PATH_STEP_S
+        self.turning = np.gradient(heading, PATH_STEP_S)
+        self.row_step_s = problem.data.row_step_s
+        self.curvature = np.tan(wheel) / tractor.wheelbase_m
+        self.bend = 1.0 / (np.cos(wheel) ** 2 * tractor.wheelbase_m)
+        self.ahead = tractor.antenna_forward_m
+
+    def draw(self, antenna: Array, heading: Array, rng: Rng) -> DriveSegment:
+        """The segment with positions and headings as they might have been measured."""
+        east, north, jitter, turned = (self._sample(one) for one in self._draw_ground(rng))
+        cosine, sine = np.cos(heading), np.sin(heading)
+        places = _turn_path(antenna, turned)
+        places += jitter[:, None] * np.stack([cosine, sine], axis=1)
+        places += self.ahead * turned[:, None] * np.stack([-sine, cosine], axis=1)
+        position, direction = self._draw_receiver(rng)
+        places += np.stack([east, north], axis=1) + position
+        if self.segment.heading_measured:
+            heading = heading + turned + direction
+        return replace(self.segment, east=places[:, 0], north=places[:, 1], heading=heading)
+
+    def _sample(self, steps: Array) -> Array:
+        return np.interp(self.places, np.arange(len(steps)), steps)
+
+    def _draw_ground(self, rng: Rng) -> tuple[Array, Array, Array, Array]:
+        """How far the path goes to the east, to the north, and for a moment ahead (m), and how far it turns (rad)."""
+        pose, count, forward = self.sizes["pose"], len(self.speed), self.speed
+        slow = [size * draw_memory(rng, count, tau) for size, tau in zip(pose[4:7], YAW_TIMES_S, strict=True)]
+        yaw = np.sum(slow, axis=0) + pose[7] * np.abs(self.turning) * draw_memory(rng, count, SHORT_S)
+        follow = self._draw_sensor(rng, "wheel", self.wheel, WHEEL_TIMES_S)
+        lag = self._draw_sensor(rng, "speed", forward, SPEED_TIMES_S)
+        yaw += forward * self.bend * follow + self.curvature * lag
+        push = lag + pose[8] * draw_cells(rng, count, POSE_CELL_S) + pose[9] * draw_memory(rng, count, SPEED_TIME_S)
+        crab = forward * pose[10] * draw_memory(rng, count, SHORT_S)
+        cosine, sine = np.cos(self.heading), np.sin(self.heading)
+        east, north, turned = (
+            np.cumsum(rate) * PATH_STEP_S for rate in (push * cosine - crab * sine, push * sine + crab * cosine, yaw)
+        )
+        return east, north, forward * pose[11] * draw_cells(rng, count, POSE_CELL_S), turned
+
+    def _draw_sensor(self, rng: Rng, channel: str, values: Array, taus: Sequence[float]) -> Array:
+        """How a wheel angle (rad) or speed (m/s) follows its command otherwise than simulated."""
+        segment, sizes, count = self.segment, self.sizes[channel], len(values)
+        command, measured = (segment.command, segment.wheel is not None) if channel == "wheel" else (
+            segment.target, segment.speed_measured)  # fmt: skip
+        if command is None or not measured:
+            return np.zeros(count)
+        memory_s = max(taus[0], self.row_step_s) if channel == "wheel" else taus[0]
+        rate = np.gradient(values, PATH_STEP_S)
+        slow = sum(size * draw_memory(rng, count, tau) for size, tau in zip(sizes[1:3], taus, strict=True))
+        late = sizes[3] * draw_cells(rng, count, SENSOR_CELL_S) + sizes[4] * draw_memory(rng, count, memory_s)
+        return np.asarray(sizes[0] * draw_cells(rng, count, SENSOR_CELL_S) + slow + rate * late)
+
+    def _draw_receiver(self, rng: Rng) -> tuple[Array, Array]:
+        """Noise of positions (k, 2) and of headings (k,) at the rows; a cell holds the mean of several."""
+        pose, rows, time = self.sizes["pose"], self.segment.rows, self.segment.time
+        by_row = np.sqrt(max(POSE_CELL_S / self.row_step_s, 1.0))
+        steps = np.sqrt(np.diff(time, prepend=time[0]))[:, None]
+        walk = np.cumsum(steps * rng.standard_normal((rows, 2)), axis=0)
+        position = by_row * pose[0] * rng.standard_normal((rows, 2)) + pose[2] * walk
+        drift = self._sample(draw_memory(rng, len(self.speed), HEADING_TIME_S))
+        return position, by_row * pose[1] * rng.standard_normal(rows) + pose[3] * drift
+
+
+def draw_memory(rng: Rng, count: int, time_constant: float) -> Array:
+    """Unit noise (count,) at steps of the path that forgets with a time constant (s)."""
+    memory = np.exp(-PATH_STEP_S / time_constant)
+    white = np.sqrt(1.0 - memory * memory) * rng.standard_normal(count)
+    values, _ = lfilter([1.0], [1.0, -memory], white, zi=[memory * rng.standard_normal()])
+    return np.asarray(values)
+
+
+def draw_cells(rng: Rng, count: int, cell_s: float) -> Array:
+    """Unit noise (count,) at steps of the path, the same within a cell."""
+    steps = round(cell_s / PATH_STEP_S)
+    return np.repeat(rng.standard_normal(-(-count // steps)), steps)[:count]
+
+
+def _turn_path(antenna: Array, turned: Array) -> Array:
+    """A path (k, 2) whose steps are turned by angles (k,)."""
+    steps = np.diff(antenna, axis=0)
+    cosine, sine = np.cos(turned[:-1]), np.sin(turned[:-1])
+    out = np.repeat(antenna[:1], len(antenna), axis=0)
+    out[1:, 0] += np.cumsum(steps[:, 0] * cosine - steps[:, 1] * sine)
+    out[1:, 1] += np.cumsum(steps[:, 0] * sine + steps[:, 1] * cosine)
+    return out
