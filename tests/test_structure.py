@@ -19,22 +19,9 @@ from strategies.names import STRATEGY_NAMES
 
 ROOT = Path(__file__).parents[1]
 TOP_PACKAGES = ("fields", "vehicle", "strategies", "reports", "planner")
-IDENTIFICATION_LAYERS = (
-    "logs",
-    "faults",
-    "replay",
-    "residuals",
-    "fit",
-    "cause_selection",
-    "columns",
-    "laws",
-    "model_extension",
-    "verdict",
-)
-MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 572, 500, 80, 8, 6.3
-# Modules: five more than there are. Laws of parameters, faults that begin and runs held out took some thirty rooms of
-# usual size; fewer would be longer than a reader can oversee, or mix subjects. Imports: theirs stand on all stages of a
-# diagnosis, from logs to residuals and fits.
+IDENTIFICATION_LAYERS = ("logs", "faults", "replay", "columns", "diagnosis")
+MAX_MODULES, MAX_LINES, MAX_FUNCTION_LINES, MAX_ROOT_MODULES, MAX_OWN_IMPORTS = 555, 500, 80, 8, 6.1
+# Modules: five more than there are.
 
 MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "fields": ("fields",),
@@ -42,7 +29,8 @@ MAY_IMPORT: dict[str, tuple[str, ...]] = {
     "strategies": ("strategies", "fields", "vehicle"),
     "reports": (
         "reports", "fields.errors", "fields.formats", "fields.documents.reader",
-        "vehicle.model", "vehicle.identification.verdict", "vehicle.trials.sheets",
+        "vehicle.model", "vehicle.identification.diagnosis.results", "vehicle.identification.diagnosis.demo_logs",
+        "vehicle.trials.sheets",
     ),
     "planner": ("planner", "fields", "vehicle", "strategies", "reports"),
 }  # fmt: skip

@@ -18,15 +18,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from vehicle.identification.verdict.guard import is_harmful
-
 from planner.pipeline.held_out_runs import AUTO, split_held_out_runs
 from tests.diagnosis.foreign_sets import draw_cases, make_logs
 from tests.truth.cases import KINDS, TruthCase
 from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simulate_demo_logs
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
-from vehicle.identification.diagnosis.holdout import measure_holdout
-from vehicle.identification.diagnosis.results import HoldoutResult
+from vehicle.identification.diagnosis.holdout import HARM_FACTOR, LEAST_HARM_CM, LEAST_HARM_DEG, measure_holdout
+from vehicle.identification.diagnosis.results import ErrorsByHorizon, HoldoutResult
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log, read_logs
 from vehicle.identification.logs.schema import Log
@@ -66,8 +64,22 @@ class UnseenRow:
         """Whether the model is offered although it raises an error on unseen runs, by more than that scatters."""
         is_helpful = self.holdout.helps or self.holdout.is_unchanged
         return (
-            self.is_offered and not is_helpful and is_harmful(self.holdout.before, self.holdout.after, self.has_speed)
+            self.is_offered
+            and not is_helpful
+            and is_error_risen(self.holdout.before, self.holdout.after, self.has_speed)
         )
+
+
+def is_error_risen(before: ErrorsByHorizon, after: ErrorsByHorizon, with_along: bool) -> bool:
+    """Whether an error of any horizon and kind is noticeably larger; those along the path count `with_along`."""
+    least = {"cross_cm": LEAST_HARM_CM, "heading_deg": LEAST_HARM_DEG}
+    least |= {"along_cm": LEAST_HARM_CM} if with_along else {}
+    return any(
+        getattr(after[horizon], kind) - getattr(errors, kind) > size
+        and getattr(after[horizon], kind) > HARM_FACTOR * max(getattr(errors, kind), size)
+        for horizon, errors in before.items()
+        for kind, size in least.items()
+    )
 
 
 def list_demo_sets(seed: int) -> Iterator[LogSet]:

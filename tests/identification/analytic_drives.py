@@ -10,10 +10,15 @@ import pandas as pd
 from vehicle.identification.diagnosis.noise_draws import NoiseLevels, add_instrument_noise, add_soil_noise
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.replay.drive_programmes import ProgrammePieces, build_command_segment
+from vehicle.identification.replay.drive_programmes import (
+    DRIVE_PROGRAMMES,
+    ProgrammePieces,
+    build_command_segment,
+    simulate_programme,
+)
 from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, build_dataset
 from vehicle.identification.replay.rig import ReplayRig, build_rig, replay_segment
-from vehicle.model.tractor import load_tractor
+from vehicle.model.tractor import Settings, load_tractor
 
 Array = npt.NDArray[np.float64]
 SPEED_MPS = 1.5
@@ -101,3 +106,9 @@ def course_of(*segments: DriveSegment) -> DriveDataset:
     """Segments as a course, one run each."""
     names = tuple(f"run {one.run}" for one in segments)
     return DriveDataset(names, segments, (0.0, 0.0), sum(one.rows for one in segments))
+
+
+def simulated(programme: str, settings: Settings) -> DriveDataset:
+    """What the tractor of `rig` would log with these effects on a programme, without noise."""
+    made = next(one for one in DRIVE_PROGRAMMES if one.id == programme)
+    return simulate_programme(rig(), made, 0.0, 1.4, settings)

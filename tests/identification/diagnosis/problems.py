@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from tests.identification.residual_models import rig
 
+from tests.identification.analytic_drives import rig
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import list_nuisances
 from vehicle.identification.diagnosis.model_fit import Fit, Problem

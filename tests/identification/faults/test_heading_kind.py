@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pandas as pd
 import pytest
-from vehicle.identification.verdict.hints import find_wrong_heading
 
 from tests.truth.drives import drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, ROW_S, Jointed, drive_jointed
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.faults.heading_kind import drop_course_headings, find_double_swing, find_heading_scale
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
@@ -81,9 +84,6 @@ def test_a_gyroscope_is_known_by_what_its_headings_turn_more_than_the_path(share
     found = find_heading_scale(build_logs([scale_turns(run, share) for run in runs]))
     # In loops at one rate what the receiver forgets is as much as what is added.
     assert found is not None and 0.3 < found / share < 1.1
-    wrong = find_wrong_heading(build_logs([scale_turns(run, share) for run in runs]), {})
-    assert wrong is not None and "heading_bias" in wrong.faked_ids
-    assert f"{100.0 * abs(found):.1f} % {'more' if share > 0.0 else 'less'} than the path" in wrong.hint.words
 
 
 def test_a_true_heading_and_a_compass_are_no_gyroscope() -> None:
@@ -104,8 +104,27 @@ def test_a_compass_that_swings_twice_per_turn_is_told_as_one() -> None:
     logs = build_logs([deviate(run, 3.0, 2) for run in runs])
     found = find_double_swing(logs)
     assert found is not None and np.degrees(found) == pytest.approx(3.0, abs=0.4)
-    wrong = find_wrong_heading(logs, {})
-    assert wrong is not None and "twice in each full turn" in wrong.hint.words and "gyroscope" not in wrong.hint.words
+
+
+def diagnose_loops(change: Callable[[pd.DataFrame], pd.DataFrame]) -> Diagnosis:
+    """What is found in loops with changed headings."""
+    runs = [drive_jointed(Jointed(FRONT, BASE_M, ANTENNA_M), run, number, True) for number, run in enumerate(LOOPS)]
+    return diagnose_logs(build_logs([change(run) for run in runs]), make_file(ANTENNA_M), "soil")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "word"), [(-0.03, "less"), (0.03, "more")])
+def test_a_gyroscope_has_a_hint_and_no_name(share: float, word: str) -> None:
+    found = diagnose_loops(lambda run: scale_turns(run, share))
+    assert f"% {word} than the path" in found.known_outside and "heading_bias" not in found.named
+    assert found.hints[0].instrument == "heading"
+
+
+@pytest.mark.slow
+def test_a_compass_of_two_swings_has_a_hint_that_is_no_gyroscope() -> None:
+    found = diagnose_loops(lambda run: deviate(run, 3.0, 2))
+    assert "twice in each full turn" in found.known_outside and "gyroscope" not in found.known_outside
+    assert "cross_slope_drift" not in found.named and found.hints[0].instrument == "heading"
 
 
 @pytest.mark.parametrize("late_s", [0.3, 0.6])

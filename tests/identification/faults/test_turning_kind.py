@@ -8,12 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from vehicle.identification.verdict.unclear_findings import withdraw_faked
 
 from tests.truth.drives import Drive, drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
-from vehicle.identification.diagnosis.results import LIKELY, NAMED, NOT_VISIBLE, REFUTED, Diagnosis, Finding
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.faults.turning_kind import (
     ARTICULATED,
     REAR_STEERED,
@@ -153,21 +152,6 @@ def test_effects_of_the_wheel_sensor_keep_their_names() -> None:
     assert {"antenna_forward", "steering_gain", "gnss_latency", "clock_offset_steering"} <= with_sensor.faked_ids
     assert "steering_dead_time" not in with_sensor.faked_ids and "wheel_slip" not in without.faked_ids
     assert "steering_dead_time" in without.faked_ids
-
-
-def make_finding(name: str, status: str, equivalent_to: tuple[str, ...] = ()) -> Finding:
-    value, interval = {"distance_m": -1.7}, {"distance_m": (-1.8, -1.6)}
-    return Finding(name, status, value, interval, 40.0, (30.0, 50.0), 0.1, "m", "b", "It does.", equivalent_to)
-
-
-def test_what_stands_in_for_the_other_vehicle_gets_no_name() -> None:
-    findings = [
-        make_finding("antenna_forward", NAMED), make_finding("gnss_latency", LIKELY), make_finding("wheel_slip", NAMED),
-        make_finding("steering_lag", "equivalent", ("antenna_forward",)), make_finding("understeer", REFUTED),
-    ]  # fmt: skip
-    left = withdraw_faked(findings, {"antenna_forward", "gnss_latency", "understeer"})
-    assert [finding.status for finding in left] == [NOT_VISIBLE, NOT_VISIBLE, NAMED, NOT_VISIBLE, REFUTED]
-    assert [finding.value is None for finding in left] == [True, True, False, True, False]
 
 
 def diagnose(vehicle: Jointed, file_antenna_m: float) -> tuple[Diagnosis, OtherTurning | None]:

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.identification.residual_models import build_programme_model, rig
-from vehicle.identification.residuals.innovations import compute_reference_headings
 
+from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
 from vehicle.identification.replay.horizon_errors import simulate_instruments
 from vehicle.identification.replay.instrument_timing import (
@@ -20,7 +19,7 @@ from vehicle.identification.replay.instrument_timing import (
 
 @pytest.fixture(scope="module")
 def segment() -> DriveSegment:
-    return build_programme_model("steps", {}).dataset.segments[0]
+    return simulated("steps", {}).segments[0]
 
 
 def test_ages_add_up() -> None:
@@ -72,22 +71,6 @@ def test_each_effect_shows_in_its_own_column(
     plain, seen = (simulate_instruments(rig(), segment, settings) for settings in ({}, {name: values}))
     for column, one, other in zip(("position", "heading", "wheel", "speed"), plain, seen, strict=True):
         assert np.allclose(one, other, atol=0.02) is (column != shown)
-
-
-def test_the_true_effects_leave_no_residual() -> None:
-    for name, values in (("position_delay", {"time_s": 0.3}), ("heading_filter", {"time_s": 0.4})):
-        model = build_programme_model("steps", {name: values})
-        path = slice(0, 3 * model.dataset.rows)
-        plain, fitted = (float(np.sum(model.compute_residuals(one)[path] ** 2)) for one in ({}, {name: values}))
-        assert fitted < 0.02 * plain
-
-
-def test_headings_of_a_log_without_one_are_not_moved(segment: DriveSegment) -> None:
-    late = {"heading_delay": {"time_s": 0.3}}
-    (moved,), (plain,) = (compute_reference_headings(rig(), [segment], one) for one in (late, {}))
-    assert plain is segment.heading and not np.array_equal(moved, plain)
-    bare = replace(segment, heading_measured=False)
-    assert compute_reference_headings(rig(), [bare], late)[0] is bare.heading
 
 
 def test_wheels_follow_their_commands(segment: DriveSegment) -> None:

@@ -11,8 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from tests.identification.residual_models import rig
 
+from tests.identification.analytic_drives import rig
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_programmes import DRIVE_PROGRAMMES, simulate_programme
 from vehicle.identification.replay.drive_segments import DriveSegment

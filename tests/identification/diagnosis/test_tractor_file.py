@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.identification.residual_models import eg105
 
 from vehicle.model.tractor import DiscrepancyModel, EffectSetting, Tractor, load_tractor
 from vehicle.model.tractor_writer import _format_key, _format_value, format_tractor_toml
@@ -25,7 +24,7 @@ def test_a_tractor_with_effects_and_a_rest_survives_its_file(angle: float, log: 
         "side_slip": EffectSetting(value={"limit_g": limit}),
     }  # fmt: skip
     rest = DiscrepancyModel(amounts={"push_to_east": 0.01}, speed_mps=(0.5, 2.0), angle_deg=(-10.0, 10.0), logs=(log,))
-    before = eg105().model_copy(update={"effects": effects, "discrepancy_model": rest})
+    before = load_tractor("eg105").model_copy(update={"effects": effects, "discrepancy_model": rest})
     assert Tractor(**tomllib.loads(format_tractor_toml(before))) == before
 
 

@@ -1,14 +1,13 @@
 """Sentences beside a diagnosis."""
 
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, log
-from vehicle.identification.diagnosis.log_notes import _describe_clocks, _describe_logs, _describe_subset
-from vehicle.identification.diagnosis.results import Diagnosis
+from vehicle.identification.diagnosis.log_notes import _describe_clocks, _describe_logs
 from vehicle.identification.replay.drive_segments import build_dataset
 
 
@@ -32,25 +31,8 @@ def test_without_a_time_nothing_is_said_of_clocks(found: dict[str, dict[str, flo
     assert said(found, 60.0) == [] and said({"gnss_latency": {"time_s": 0.2}}, 180.0) == []
 
 
-def test_a_part_of_long_logs_is_said() -> None:
-    residual_model: Any = SimpleNamespace(dataset=SimpleNamespace(seconds=3600.0))
-    runs = [SimpleNamespace(name="pass 1", unlike=False), SimpleNamespace(name="pass 2", unlike=True)]
-    long, whole, unlike = (
-        cast(Diagnosis, SimpleNamespace(minutes=minutes, runs=some))
-        for minutes, some in ((480.0, runs[:1]), (60.0, runs[:1]), (80.0, runs))
-    )
-    (told,) = _describe_subset(residual_model, long)
-    assert "come from 60 of 480 minutes, sampled" in told
-    assert _describe_subset(residual_model, whole) == ()
-    (told,) = _describe_subset(residual_model, unlike)
-    assert "come from 60 of 80 minutes, without pass 2, unlike" in told
-
-
 def test_a_log_without_heading_is_said_also_where_the_part_has_none_of_it() -> None:
     logs: Any = [log(circle(0.0)), log(circle(0.0).drop(columns="heading_deg"))]
-    course = SimpleNamespace(remarks=(), segments=build_dataset(logs[:1]).segments)
-    residual_model: Any = SimpleNamespace(has_measured_wheel_angle=True, dataset=course)
-    said_of = [
-        [line for line in _describe_logs(some, residual_model) if "heading" in line] for some in (logs[:1], logs)
-    ]
+    course = build_dataset(logs[:1])
+    said_of = [[line for line in _describe_logs(some, course) if "heading" in line] for some in (logs[:1], logs)]
     assert said_of == [[], ["Some logs have no heading; the course of the positions is used instead."]]
