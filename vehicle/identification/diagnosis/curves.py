@@ -53,7 +53,7 @@ RATES = frozenset({effects.STEERING_SPEED, effects.COMMAND_RATE, effects.TARGET_
 REGRESSOR_BY_LAW = {
     "by_speed": effects.SPEED, "by_angle": effects.ANGLE, "by_side:left": effects.ANGLE,
     "by_side:right": effects.ANGLE, "by_implement": effects.TOOL, "over_minutes": effects.TIME,
-    "to_east": effects.DIRECTION, "to_north": effects.DIRECTION,
+    "by_direction": effects.DIRECTION,
 }  # fmt: skip
 LIMIT_UNITS = {"side_slip": ("limit_g", GRAVITY_MPS2), "steering_rate": ("rate_deg_per_s", 1.0)}
 """Effects that are limits of their regressor: the parameter, and its unit in that of the regressor."""

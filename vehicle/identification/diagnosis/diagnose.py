@@ -11,11 +11,12 @@ from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.correlations import compute_value_correlations
 from vehicle.identification.diagnosis.curves import build_residual_plot
 from vehicle.identification.diagnosis.drive_data import build_drive_data
-from vehicle.identification.diagnosis.findings import FindingBuilder, order_names, withdraw_refused
+from vehicle.identification.diagnosis.findings import FindingBuilder, doubt_by_turning, order_names, withdraw_refused
 from vehicle.identification.diagnosis.grammar import BY_RUN
 from vehicle.identification.diagnosis.hints import find_hints
 from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
+    add_turning,
     build_fault_diagnosis,
     check_runs,
     describe_columns,
@@ -35,6 +36,7 @@ from vehicle.identification.diagnosis.unexplained import build_noise_limit, meas
 from vehicle.identification.diagnosis.values import ValueConverter, list_terms
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
+from vehicle.identification.faults.turning_kind import find_other_turning
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed
@@ -85,10 +87,11 @@ def diagnose_logs(
     converter = ValueConverter(problem, list_run_starts(logs))
     saved = choose_saved(converter, result.fit, verdicts, count.count_step)
     verdicts = withdraw_refused(verdicts, saved.refused)
+    turning = find_other_turning(logs, tractor)
+    verdicts = doubt_by_turning(verdicts, turning)
     findings = FindingBuilder(problem, result, saved, converter).build(verdicts)
-    diagnosis = _Composer(
-        logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings
-    ).compose()
+    composer = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings)
+    diagnosis = composer.compose() if turning is None else add_turning(composer.compose(), turning)
     count.report_completion()
     return diagnosis
 

@@ -22,6 +22,7 @@ from vehicle.identification.diagnosis.saving import Saved
 from vehicle.identification.diagnosis.search import SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, find_smallest_visible, is_refutable
+from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.model.effect_kinds import CIRCLE, Interval
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
 
@@ -150,3 +151,12 @@ def withdraw_refused(verdicts: Sequence[Verdict], refused: Sequence[Verdict]) ->
         elif verdict.status == NAMED:
             kept.append(replace(verdict, status=LIKELY))
     return kept
+
+
+def doubt_by_turning(verdicts: Sequence[Verdict], turning: OtherTurning | None) -> list[Verdict]:
+    """The verdicts without what only stands in for a vehicle that turns otherwise; with a joint nothing has a name, as
+    rams that move half of the vehicle are not those of the file."""
+    if turning is None:
+        return list(verdicts)
+    kept = [one for one in verdicts if one.hypothesis.id not in turning.faked_ids]
+    return [replace(one, status=LIKELY) if turning.kind == ARTICULATED else one for one in kept]

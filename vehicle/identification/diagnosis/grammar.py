@@ -29,7 +29,8 @@ from vehicle.model.effects import (
 )
 from vehicle.model.tractor import Tractor
 
-CONSTANT, BY_RUN = "constant", "by_run"
+CONSTANT, BY_RUN, BY_DIRECTION = "constant", "by_run", "by_direction"
+DIRECTIONS = ("to_east", "to_north")
 WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation of the prior
 # Nats of prior odds against: an effect of the catalogue, a law of one, and one of many places.
 ODDS = {"catalogue": 0.0, "law": 2.0, "place": 5.0}
@@ -45,8 +46,7 @@ LAW_WORDS = {
     "by_implement": "the implement",
     "by_side": "the side",
     "over_minutes": "the driving time",
-    "to_east": "the direction of travel",
-    "to_north": "the direction of travel",
+    BY_DIRECTION: "the direction of travel",
     "by_run": "the run",
     "by_place": "the place",
 }
@@ -94,6 +94,8 @@ class Hypothesis:
         """The key in Bases of what a coordinate is multiplied with."""
         if self.basis == BY_RUN:
             return f"{BY_RUN}:{place}"
+        if self.basis == BY_DIRECTION:
+            return DIRECTIONS[place]
         if self.id == "grip_drift":
             return "over_minutes"
         return CONSTANT if self.basis == "with_speed" else self.basis
@@ -230,11 +232,20 @@ def build_run_law(parent: Hypothesis, runs: int) -> Hypothesis:
     return Hypothesis(parent.id, BY_RUN, coordinates, ODDS["law"], parent.finest)
 
 
+def build_direction_law(parent: Hypothesis) -> Hypothesis:
+    """An effect that changes with the direction of travel, as the compass near iron does: to the east and the north."""
+    own = parent.coordinates[0]
+    coordinates = (Coordinate(own.slopes, own.width, -math.inf, math.inf),) * len(DIRECTIONS)
+    return Hypothesis(parent.id, BY_DIRECTION, coordinates, ODDS["law"], parent.finest)
+
+
 def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
     """All laws of an effect that these logs can show."""
     laws = [build_run_law(parent, bases.data.runs)] if bases.data.runs > 1 and parent.size == 1 else []
+    if parent.size == 1 and ("path" in parent.chains or parent.id == "heading_bias"):
+        laws.append(build_direction_law(parent))
     for key, values in bases.arrays.items():
-        if key == CONSTANT or key.startswith(("by_place", "by_square", BY_RUN)):
+        if key == CONSTANT or key.startswith(("by_place", "by_square", BY_RUN, *DIRECTIONS)):
             continue
         spread = float(np.std(values))
         is_varied = spread > 1e-3 * max(float(np.abs(values).max()), 1e-9)
@@ -265,6 +276,7 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     for name in ("steering_rate", "steering_deadband"):
         hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
     hypotheses += [law for law in list_laws(constants[SLOPE_DRIFT], bases) if law.law == "by_implement"]
+    hypotheses.append(build_direction_law(constants["heading_bias"]))
     if float(np.ptp(bases.get("by_implement"))) > 0.0:
         hypotheses.append(build_scope(constants["speed_scale"], "by_implement"))
     clocks = (constants[f"clock_offset_{column}"] for column in ("position", "heading"))

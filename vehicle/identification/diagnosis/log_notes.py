@@ -18,11 +18,13 @@ from vehicle.identification.diagnosis.results import (
     ColumnTiming,
     Diagnosis,
     Finding,
+    Hint,
     OnsetFault,
     RunCheck,
 )
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
+from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.position_jumps import POSITION_JUMP
@@ -30,7 +32,7 @@ from vehicle.identification.logs.reader import count_rows_left_out, list_shared_
 from vehicle.identification.logs.schema import Log, LogFault, Mask
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import HorizonSquares
-from vehicle.model.effects import get_effect
+from vehicle.model.effects import PATH, POSITION, get_effect
 from vehicle.model.tractor import Tractor
 
 TIME_EFFECTS = ("steering_dead_time", "gnss_latency")  # what drifting clocks would look like
@@ -233,6 +235,16 @@ def mark_different_runs(runs: Sequence[RunCheck], odd_runs: Mapping[int, str]) -
     return tuple(
         replace(check, unlike=True, words=words[run]) if run in words else check for run, check in enumerate(runs)
     )
+
+
+def add_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
+    """The diagnosis with how the vehicle turns, and without a drive that would separate what stands in for that."""
+    drive, block = diagnosis.next_drive, PATH if turning.kind == ARTICULATED else POSITION
+    if drive is not None and any(one.split(":")[0] in turning.faked_ids for one in drive.separates):
+        drive = None
+    depends_on = "the rate of steering" if turning.kind == ARTICULATED else "the way the vehicle steers"
+    hint = Hint(depends_on, None, block, turning.words)
+    return replace(diagnosis, known_outside=turning.words, next_drive=drive, hints=(hint, *diagnosis.hints))
 
 
 def check_runs(

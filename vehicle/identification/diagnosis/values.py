@@ -31,13 +31,11 @@ WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
     "steering_offset@by_speed": ("angle_by_speed",),
     "steering_offset@by_square": ("angle_by_square",),
-    "steering_offset@to_east": ("angle_to_east",),
-    "steering_offset@to_north": ("angle_to_north",),
+    "steering_offset@by_direction": ("angle_to_east", "angle_to_north"),
     "steering_gain@by_speed": ("grip_by_speed",),
     "steering_gain@by_angle": ("grip_by_angle",),
     "steering_gain@by_implement": ("grip_by_implement",),
-    "steering_gain@to_east": ("grip_to_east",),
-    "steering_gain@to_north": ("grip_to_north",),
+    "steering_gain@by_direction": ("grip_to_east", "grip_to_north"),
     "push": ("push_to_east", "push_to_north"),
 }
 Values = dict[str, float]
