@@ -43,7 +43,10 @@ from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING
 LEAST_NATS = 8.0
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
-UNCLEAR_NATS = 2.0  # other onsets that are so near to the best are as good
+UNCLEAR_NATS, UNCLEAR_S = (
+    2.0,
+    10.0,
+)  # other onsets that are so near to the best, and at most so much before, are as good
 LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
 MOVED_DEG = 1.5  # wheels that move so far in a second as commanded follow
 FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
@@ -201,7 +204,7 @@ def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
         first = int(np.flatnonzero(total[:last] == total[:last].min())[-1])
         before = np.flatnonzero(total[: first + 1] - total[first] > UNCLEAR_NATS)
         after = np.flatnonzero(total[last] - total[last:] > UNCLEAR_NATS)
-        earliest = int(before[-1]) if len(before) else 0
+        earliest = max(int(before[-1]) if len(before) else 0, first - round(UNCLEAR_S / STEP_S))
         latest = last + int(after[0]) if len(after) else stop - start
         rows = slice(start + first, start + last)
         found.append((rows, float(gain[last]), slice(start + earliest, start + latest)))

@@ -43,7 +43,7 @@ JOINT_SHARES, CLEAR_SIGMAS, LEAST_NATS = (0.2, 0.85), 6.0, 20.0
 COURSE_SHARES, COURSE_SIGMAS = (0.4, 1.5), 4.0  # of a / base, as the course over a second or two shows it
 STILL_SHARE, STILL_SIGMAS, NEAR_STILL_SHARE = 0.03, 2.0, 0.2  # of the antenna's distance: it does not move sideways
 NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1  # of the wheelbase: how near to the front axle, and how well that is known
-LEAST_LEVER_SHARE = 0.1  # of the wheelbase: an antenna nearer to the axle goes where the tractor points
+LEAST_LEVER_SHARE = 0.1  # of the wheelbase: a nearer antenna goes where the tractor points
 TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
 # Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
 SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))
@@ -239,9 +239,7 @@ def _fit_antenna(windows: Sequence[_Windows]) -> tuple[float | None, float]:
 
     Beside it: a bias of the heading, a position later than the heading, tyres that creep, all by their own columns.
     """
-    turn, aside, ahead = (
-        np.concatenate([getattr(one, name) for one in windows]) for name in ("turn", "aside", "ahead")
-    )
+    turn, aside, ahead = np.concatenate([np.stack([one.turn, one.aside, one.ahead]) for one in windows], axis=1)
     if float(np.sqrt(np.sum(turn**2))) < LEAST_MOVED_RAD:
         return None, math.inf
     speed = ahead / (WINDOW_STEPS * STEP_S)
