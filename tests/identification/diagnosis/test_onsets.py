@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -141,7 +142,7 @@ def test_a_span_is_where_the_sum_of_nats_is_largest() -> None:
 def test_spans_of_a_run_do_not_overlap() -> None:
     logs = build_logs({"steps": ignore_commands(clean_frames()["steps"], 15.0, 40.0, True)})
     spans = sorted(find_onset_spans(logs), key=lambda span: (span.run, span.first_s))
-    assert all(a.run < b.run or a.last_s < b.first_s for a, b in zip(spans, spans[1:], strict=False))
+    assert all(a.run < b.run or a.last_s < b.first_s for a, b in pairwise(spans))
 
 
 def make_jointed_logs(vehicle: Jointed) -> list[Log]:

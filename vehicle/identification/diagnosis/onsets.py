@@ -43,10 +43,8 @@ from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING
 LEAST_NATS = 8.0
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
 IDLE_NATS = 0.05  # per second that says nothing
-UNCLEAR_NATS, UNCLEAR_S = (
-    2.0,
-    10.0,
-)  # other onsets that are so near to the best, and at most so much before, are as good
+UNCLEAR_NATS = 2.0  # other onsets that are so near to the best are as good
+UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
 LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
 MOVED_DEG = 1.5  # wheels that move so far in a second as commanded follow
 FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
