@@ -1,0 +1,376 @@
+"""Faults that begin during a run: a table of what may change, and how likely each row is with the change and without.
+
+Every entry gives nats per step of the grid: the log likelihood of what was measured if it is broken, less that if it is
+as before. A fault is a span whose sum is beyond LEAST_NATS and as large as it can be; what else is nearly as likely is
+the time between which it began. Of spans of one run that overlap, the one that explains more stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.diagnosis.onset_evidence import (
+    FEWEST_ROWS,
+    LEAST_GAIN,
+    MOST_GAIN,
+    OFFSET_DEG,
+    SLIDING_MPS2,
+    STEP_S,
+    PathScale,
+    RunEvidence,
+    build_run_evidence,
+    fit_path_scales,
+    list_holds,
+    measure_swing,
+    shift,
+    slide_minimum,
+)
+from vehicle.identification.logs.column_faults import (
+    HEADING_FROZEN,
+    POSITION_FROZEN,
+    POSITION_LOST,
+    SPEED_FROZEN,
+    WHEEL_SENSOR_FROZEN,
+)
+from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
+from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
+from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
+
+LEAST_NATS = 8.0
+MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample
+IDLE_NATS = 0.05  # per second that says nothing
+UNCLEAR_NATS = 2.0  # other onsets that are so near to the best are as good
+UNCLEAR_S = 8.0  # and no more than this before it: the middle of that is told
+LEAST_SIGMA_DEG, LEAST_SIGMA_M = 1.0, 0.03
+MOVED_DEG = 1.5  # wheels that move so far in a second as commanded follow
+FOLLOWING_DEG = 1.0  # angles that are nearer to each other are the same
+USUAL_QUANTILE = 0.98  # of how far runs are beyond what is allowed
+HOLD_TAIL = 1.5  # holds have a wider tail than the longest of the others shows
+STAND_S = 0.3  # per nat: a column that stands still for a second or two only stutters
+END_S = 2.0  # a fault that may last so near to the end of the log lasts until then
+LEAST_BETWEEN_S = 2.0  # onsets that are known better are told as one time
+LOCK_QUANTILE, AT_LOCK_SHARE, RUN_AWAY_DEG = 0.998, 0.85, 5.0
+MOST_FAULTY_SHARE = 0.6  # of all driving: more is no fault of some runs
+
+WORDS = {
+    **STEERING_WORDS,
+    WHEEL_SENSOR_FROZEN: "steering_deg does not follow the commands while the path does",
+    POSITION_LOST: "the positions scatter or jump as no tractor moves: the receiver lost its fix",
+    POSITION_FROZEN: "the positions repeat one value while the tractor drives",
+    HEADING_FROZEN: "heading_deg repeats one value while the tractor turns",
+    SPEED_FROZEN: "speed_mps repeats one value while the tractor drives on",
+}
+
+
+@dataclass(frozen=True)
+class OnsetSpan:
+    """A change in run `run` (index) from `first_s` to `last_s` (`time_s`), and how likely it is.
+
+    It may have begun from `earliest_s` on, and may last until `latest_s`.
+    """
+
+    id: str
+    run: int
+    earliest_s: float
+    first_s: float
+    last_s: float
+    latest_s: float
+    nats: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Channel:
+    """What one entry of the table reads in one run (k,), NaN where nothing is known.
+
+    `excess` is how far the channel is beyond what is allowed, `against` the nats per second that speak for "as before"
+    where it is not.
+    """
+
+    excess: Array
+    against: Array
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """What may change: how it is measured, and its least standard deviation. The name may depend on the span."""
+
+    measure: Callable[[RunEvidence, Sequence[PathScale | None]], _Channel]
+    least_sigma: float
+    find_id: Callable[[RunEvidence, Sequence[PathScale | None], slice, float], str]
+
+
+def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs with the faults that begin in them in `faults`, and without the rows of these faults.
+
+    Logs of which nothing is left are dropped; the first log carries their faults.
+    """
+    spans = find_onset_spans(logs)
+    seconds = sum(float(np.ptp(log.time_s[log.used])) for log in logs if log.used.any())
+    if sum(span.last_s - span.first_s for span in spans) > MOST_FAULTY_SHARE * seconds:
+        return list(logs)
+    marked = [_mark_log(log, [span for span in spans if span.run == run]) for run, log in enumerate(logs)]
+    left = [log for log in marked if log.rows_used >= FEWEST_ROWS]
+    if not left or len(left) == len(marked):
+        return marked
+    faults = [fault for log in marked if log.rows_used < FEWEST_ROWS for fault in log.faults]
+    return [replace(left[0], faults=(*left[0].faults, *faults)), *left[1:]]
+
+
+def find_onset_spans(logs: Sequence[Log]) -> list[OnsetSpan]:
+    """Find what begins in runs of a set; no two spans of a run overlap."""
+    lock_deg = _find_lock(logs)
+    built = [(run, build_run_evidence(log, lock_deg)) for run, log in enumerate(logs)]
+    numbers, runs = [run for run, one in built if one is not None], [one for _, one in built if one is not None]
+    spans = [span for name in FROZEN_IDS for span in _find_frozen_spans(logs, name)]
+    if runs:
+        scales = fit_path_scales(runs)
+        for entry in ENTRIES:
+            channels = [entry.measure(run, scales) for run in runs]
+            for number, one, channel, sigma in zip(numbers, runs, channels, _find_sigmas(channels, entry), strict=True):
+                for rows, nats, reach in _find_likely_rows(_compute_nats(channel, sigma)):
+                    name = entry.find_id(one, scales, rows, lock_deg)
+                    earliest = rows.start if name == STEERING_STUCK else reach.start  # wheels that run show when
+                    times = one.time_s[[earliest, rows.start, rows.stop - 1, reach.stop - 1]]
+                    spans += [_build_span(name, number, times, nats)] if name else []
+    return _choose_spans(spans)
+
+
+def _build_span(name: str, run: int, times: Array, nats: float) -> OnsetSpan:
+    earliest_s, first_s, last_s, latest_s = (float(time_s) for time_s in times)
+    return OnsetSpan(name, run, earliest_s, first_s, last_s, latest_s, nats)
+
+
+def _choose_spans(spans: Sequence[OnsetSpan]) -> list[OnsetSpan]:
+    chosen: list[OnsetSpan] = []
+    for span in sorted(spans, key=lambda one: -one.nats):
+        if not any(
+            span.run == other.run and span.first_s <= other.last_s and other.first_s <= span.last_s for other in chosen
+        ):
+            chosen.append(span)
+    return chosen
+
+
+def _find_lock(logs: Sequence[Log]) -> float:
+    """How far the wheels of a set turn (deg), without a sensor how far they are asked to."""
+    has_sensor = any(log.steering_deg is not None for log in logs)
+    angles = [
+        np.abs(values[log.used])
+        for log in logs
+        if (values := log.steering_deg if has_sensor else log.steering_command_deg) is not None
+    ]
+    values = np.concatenate([np.empty(0), *angles])
+    return float(np.quantile(values, LOCK_QUANTILE)) if len(values) else math.inf
+
+
+# --- likelihood --------------------------------------------------------------------------------------------------
+
+
+def _find_sigmas(channels: Sequence[_Channel], entry: _Entry) -> list[float]:
+    """Per run, how far the other runs are beyond what is allowed, without the one that is so most."""
+    usual = [
+        float(np.quantile(channel.excess[np.isfinite(channel.excess)], USUAL_QUANTILE))
+        if np.isfinite(channel.excess).any()
+        else 0.0
+        for channel in channels
+    ]
+    others = [sorted(usual[:number] + usual[number + 1 :]) for number in range(len(usual))]
+    return [max(entry.least_sigma, other[-2] if len(other) > 1 else 0.0) for other in others]
+
+
+def _compute_nats(channel: _Channel, sigma: float) -> Array:
+    """Log likelihood ratio of broken against as before, per step of the grid; 0 where nothing is known."""
+    shown = np.minimum(0.5 * (channel.excess / sigma) ** 2, MOST_NATS)
+    nats = np.where(channel.excess > 0.0, shown, -np.minimum(channel.against, MOST_NATS)) - IDLE_NATS
+    return np.asarray(np.nan_to_num(nats) * STEP_S)
+
+
+def _find_likely_rows(nats: Array) -> list[tuple[slice, float, slice]]:
+    """Find spans with the largest sums of nats (k,): their rows, sums, and rows that are about as likely to be their
+    first and last."""
+    found, open_parts = [], [(0, len(nats))]
+    while open_parts:
+        start, stop = open_parts.pop()
+        total = np.concatenate([[0.0], np.cumsum(nats[start:stop])])
+        gain = total - np.minimum.accumulate(total)
+        last = int(np.argmax(gain))
+        if gain[last] < LEAST_NATS:
+            continue
+        first = int(np.flatnonzero(total[:last] == total[:last].min())[-1])
+        before = np.flatnonzero(total[: first + 1] - total[first] > UNCLEAR_NATS)
+        after = np.flatnonzero(total[last] - total[last:] > UNCLEAR_NATS)
+        earliest = max(int(before[-1]) if len(before) else 0, first - round(UNCLEAR_S / STEP_S))
+        latest = last + int(after[0]) if len(after) else stop - start
+        rows = slice(start + first, start + last)
+        found.append((rows, float(gain[last]), slice(start + earliest, start + latest)))
+        open_parts += [(start, rows.start), (rows.stop, stop)]
+    return found
+
+
+# --- the table ---------------------------------------------------------------------------------------------------
+
+
+def _find_excess(angle: Array, low: Array, high: Array) -> Array:
+    return np.asarray(np.maximum(np.maximum(low - angle, angle - high), 0.0))
+
+
+def _find_following(angle: Array, expected: Array) -> Array:
+    """Nats per second for an angle (k, deg) that moved in the last second as expected."""
+    steps = round(1.0 / STEP_S)
+    moved, asked = (values - shift(values, -steps) for values in (angle, expected))
+    return np.asarray(
+        np.where(moved * asked > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(asked)) / MOVED_DEG) ** 2, 0.0)
+    )
+
+
+def _build_unknown(run: RunEvidence) -> _Channel:
+    return _Channel(np.full(len(run.time_s), np.nan), np.full(len(run.time_s), np.nan))
+
+
+def _list_needed(run: RunEvidence, scales: Sequence[PathScale | None]) -> list[tuple[Array, Array]]:
+    """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its curvatures."""
+    return [
+        (scale.find_angle(bends), bends)
+        for scale, bends in zip(scales, run.bends, strict=True)
+        if scale is not None and np.isfinite(bends).any()
+    ]
+
+
+def _measure_wheel(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+    """The wheel angle against what commands allow."""
+    if run.wheel is None or run.command is None:
+        return _build_unknown(run)
+    excess = np.where(run.known, _find_excess(run.wheel, run.low, run.high), np.nan)
+    return _Channel(excess, _find_following(run.wheel, run.usual))
+
+
+def _measure_swing(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+    """How much less the wheels move to and fro than any steering with a dead band to both sides would."""
+    needed = _list_needed(run, scales)
+    angle, gain = (run.wheel, 1.0) if run.wheel is not None else (needed[0][0] if needed else None, LEAST_GAIN)
+    if angle is None or run.command is None:
+        return _build_unknown(run)
+    short = gain * (run.asked - 2.0 * OFFSET_DEG) - measure_swing(np.nan_to_num(angle))
+    excess = np.where(run.known & np.isfinite(angle), np.maximum(short, 0.0), np.nan)
+    return _Channel(excess, _find_following(angle, run.usual))
+
+
+def _measure_path(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+    """The angle that the path needs against that of the wheels: the nearer of heading and course."""
+    low, high = run.low, run.high
+    if run.wheel is not None:
+        reach = round(1.0 / STEP_S)
+        low, high = slide_minimum(run.wheel, reach) - OFFSET_DEG, -slide_minimum(-run.wheel, reach) + OFFSET_DEG
+    expected = run.usual if run.wheel is None else run.wheel
+    low = np.where(low > 0.0, LEAST_GAIN, MOST_GAIN) * low
+    high = np.where(high > 0.0, MOST_GAIN, LEAST_GAIN) * high
+    channels = []
+    for needed, bends in _list_needed(run, scales):
+        sliding = (np.abs(needed) < np.abs(expected)) & (run.pace**2 * np.abs(bends) > SLIDING_MPS2)
+        excess = np.where(sliding, 0.0, _find_excess(needed, low, high))
+        channels.append((excess, _find_following(needed, expected)))
+    if not channels:
+        return _build_unknown(run)
+    excesses, followings = (np.array([channel[part] for channel in channels]) for part in range(2))
+    return _Channel(np.where(run.known, excesses.min(axis=0), np.nan), followings.max(axis=0))
+
+
+def _measure_positions(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+    """Positions against their neighbours."""
+    return _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS))
+
+
+def _find_steering_id(run: RunEvidence, scales: Sequence[PathScale | None], rows: slice, lock_deg: float) -> str:
+    """The name of steering that does not follow: what the wheels do if the path is theirs, else that of the sensor."""
+    needed = next((one for one, _ in _list_needed(run, scales)), None)
+    angle = run.wheel if run.wheel is not None else needed
+    if needed is not None and np.isfinite(needed[rows]).any() and run.wheel is not None and run.command is not None:
+        apart = [float(np.nanmedian(np.abs(needed - other)[rows])) for other in (run.wheel, run.usual)]
+        if apart[1] < apart[0] - FOLLOWING_DEG:
+            is_still = float(np.ptp(np.quantile(run.wheel[rows], (0.05, 0.95)))) < MOVED_DEG
+            return WHEEL_SENSOR_FROZEN if is_still else ""
+    if angle is None:
+        return STEERING_LOOSE
+    return STEERING_STUCK if _is_run_away(angle[rows], run.usual[rows], lock_deg) else STEERING_LOOSE
+
+
+def _is_run_away(angle: Array, expected: Array, lock_deg: float) -> bool:
+    """Whether an angle leaves what is expected and ends near the lock."""
+    known = np.isfinite(angle)
+    if np.count_nonzero(known) < 2:
+        return False
+    angle, expected = angle[known], expected[known]
+    end = float(np.median(angle[len(angle) // 2 :]))
+    side = float(np.sign(end))
+    ran, beyond = side * (end - angle[0]), side * (end - np.median(expected[len(angle) // 2 :]))
+    return bool(min(ran, beyond) > RUN_AWAY_DEG and abs(end) > AT_LOCK_SHARE * lock_deg)
+
+
+PLACED_NATS = 0.5  # per second, of positions where their neighbours have them: a receiver without a fix is so rarely
+ENTRIES = (
+    _Entry(_measure_wheel, LEAST_SIGMA_DEG, _find_steering_id),
+    _Entry(_measure_swing, LEAST_SIGMA_DEG, _find_steering_id),
+    _Entry(_measure_path, LEAST_SIGMA_DEG, _find_steering_id),
+    _Entry(_measure_positions, LEAST_SIGMA_M, lambda *_: POSITION_LOST),
+)
+
+FROZEN_IDS = {
+    "position": POSITION_FROZEN, "heading": HEADING_FROZEN, "speed": SPEED_FROZEN, "wheel": WHEEL_SENSOR_FROZEN
+}  # fmt: skip
+
+
+def _find_frozen_spans(logs: Sequence[Log], column: str) -> list[OnsetSpan]:
+    """Find values that are held for far longer than any in other runs.
+
+    Holds of a value have a tail exp(-t / m), m from the longest of the other runs; as many as there are is the price
+    of choosing the longest.
+    """
+    holds = [list_holds(log, column) for log in logs]
+    spans = []
+    for run, (firsts, lasts, seconds) in enumerate(holds):
+        others = np.concatenate([np.empty(0), *(hold[2] for other, hold in enumerate(holds) if other != run)])
+        pool = others if len(others) else np.sort(seconds)[:-1]
+        if not len(pool):
+            continue
+        price = math.log(len(pool) + 1.0)
+        nats = seconds / max(HOLD_TAIL * float(pool.max()) / price, STAND_S) - price
+        spans += [
+            _build_span(FROZEN_IDS[column], run, np.array([first, first, last, last]), float(value))
+            for first, last, value in zip(firsts, lasts, nats, strict=True)
+            if value > LEAST_NATS
+        ]
+    return spans
+
+
+# --- what becomes of the logs ------------------------------------------------------------------------------------
+
+
+def _mark_log(log: Log, spans: Sequence[OnsetSpan]) -> Log:
+    """Return a log with its faults, and without their rows."""
+    end_s = float(np.max(log.time_s[log.used], initial=-math.inf))
+    lost = [span for span in spans if span.id == POSITION_LOST]
+    kept = [one for one in log.faults if not any(span.first_s <= one.from_s <= span.latest_s for span in lost)]
+    log = replace(log, faults=tuple(kept))  # what positions without a fix seemed to show
+    for span in sorted(spans, key=lambda one: one.first_s):
+        to_s = None if span.latest_s >= end_s - END_S else span.last_s
+        is_unclear = span.first_s - span.earliest_s >= LEAST_BETWEEN_S
+        between_s = (span.earliest_s, span.first_s) if is_unclear else None
+        from_s = 0.5 * (span.earliest_s + span.first_s) if is_unclear else span.first_s
+        fault = LogFault(span.id, log.name, from_s, to_s, WORDS[span.id], between_s)
+        log = replace(_leave_out_rows(log, fault), faults=(*log.faults, fault))
+    return log
+
+
+def _leave_out_rows(log: Log, fault: LogFault) -> Log:
+    from_s = fault.from_s if fault.between_s is None else fault.between_s[0]
+    bad: Mask = log.used & (log.time_s >= from_s) & (log.time_s <= (math.inf if fault.to_s is None else fault.to_s))
+    rows = np.flatnonzero(bad)
+    if not len(rows):
+        return log
+    used = log.used & ~bad
+    rule = f"{fault.id.replace('_', ' ')}: {fault.words}"
+    gated = (*log.gated, GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
+    return replace(log, used=used, segment=number_segments(log.time_s, used), gated=gated)

@@ -1,0 +1,249 @@
+"""Vehicles that turn otherwise than the model, and headings that are only the course of the antenna.
+
+A vehicle with one steered axle turns by the angle of its wheels alone, about an axle that does not move sideways. One
+that bends in its middle turns with the change of the angle too, by r / (f + r), r and f from the joint to its axles, at
+any speed and at rest (Corke and Ridley, IEEE Trans. Robotics and Automation 17(2), 2001). So does a heading that is the
+course of an antenna a ahead of the axle, by a / base, and to it that antenna never moves sideways. Where rear wheels
+steer, the axle that does not move sideways is a wheelbase further ahead.
+
+Two numbers tell these apart: how far the heading turns with the change of the angle, and how far the antenna is ahead
+of the axle that does not move sideways.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from vehicle.identification.diagnosis.onset_evidence import (
+    STEP_S,
+    RunEvidence,
+    build_run_evidence,
+    fit_robustly,
+    follow_command,
+    shift,
+)
+from vehicle.identification.logs.directions import COURSE_HEADING
+from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING
+from vehicle.model.tractor import Tractor
+
+ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
+WINDOW_STEPS, THIN_STEPS = 10, 3  # of the grid: over which changes are taken, and between them
+FEWEST_ROWS, MOST_ROWS = 100, 10_000
+MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
+LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
+MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
+# Of 142 sets of two references, those without a joint show at most 0.04 rad per rad, those with one 0.35 to 0.65.
+JOINT_SHARES, CLEAR_SIGMAS, LEAST_NATS = (0.2, 0.85), 6.0, 20.0
+COURSE_SHARES, COURSE_SIGMAS = (0.4, 1.5), 4.0  # of a / base, as the course over a second or two shows it
+STILL_SHARE, STILL_SIGMAS, NEAR_STILL_SHARE = 0.03, 2.0, 0.2  # of the antenna's distance: it does not move sideways
+NEAR_SHARE, KNOWN_SHARE = 0.15, 0.1  # of the wheelbase: how near to the front axle, and how well that is known
+LEAST_LEVER_SHARE = 0.1  # of the wheelbase: a nearer antenna goes where the tractor points
+TRAILS_M = (2.5, 6.0)  # drawbars of drawn implements, which push the tractor until they have swung out
+# Late (s), rate (deg/s) and lag (s) of the angle that the heading follows: by clocks and tyres, and after a command.
+SENSED = tuple((0.1 * step, math.inf, lag_s) for step, lag_s in itertools.product(range(-6, 11), (0.0, 0.2, 0.4)))
+COMMANDED = tuple(itertools.product((0.0, 0.15, 0.3, 0.5), (6.0, 10.0, 16.0, 30.0), (0.1, 0.3, 0.6)))
+
+
+@dataclass(frozen=True)
+class OtherTurning:
+    """A vehicle that turns in another way than the model: ARTICULATED or REAR_STEERED, a sentence, and effects that
+    only stand in for that in these logs."""
+
+    kind: str
+    words: str
+    faked_ids: frozenset[str]
+
+
+@dataclass(frozen=True)
+class TurningMeasure:
+    """What logs show, with standard errors; None where they do not show it.
+
+    `joint_share`: turn of the heading per change of the angle (rad/rad); `nats`: how much likelier it makes the turns;
+    `antenna_m`: how far the antenna is ahead of the axle that does not move sideways.
+    """
+
+    joint_share: float | None
+    joint_error: float
+    nats: float
+    antenna_m: float | None
+    antenna_error_m: float
+    pace_mps: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Windows:
+    """Changes about the `chosen` rows (k,) of a run: heading (rad), path sideways and ahead (m)."""
+
+    run: RunEvidence
+    chosen: Rows
+    turn: Array
+    aside: Array
+    ahead: Array
+
+
+def find_other_turning(logs: Sequence[Log], tractor: Tractor) -> OtherTurning | None:
+    """Return how the vehicle of the logs turns; None where it turns by its front wheels, or the logs do not show it."""
+    measure, base, ahead_m = measure_turning(logs), tractor.wheelbase_m, tractor.antenna_forward_m
+    share, antenna = measure.joint_share, measure.antenna_m
+    if not measure.pace_mps * WINDOW_STEPS * STEP_S < MOST_WHEELBASES * base:
+        return None
+    least = max(JOINT_SHARES[0], CLEAR_SIGMAS * measure.joint_error)
+    if share is not None and least < abs(share) < JOINT_SHARES[1] and measure.nats > LEAST_NATS:
+        is_still = antenna is not None and abs(antenna) < NEAR_STILL_SHARE * ahead_m
+        words = _JOINT_WORDS.format(abs(share)) + (_COURSE_WORDS if is_still else "")
+        return OtherTurning(ARTICULATED, words, _list_faked_by_joint(logs))
+    if antenna is None or measure.antenna_error_m > KNOWN_SHARE * base:
+        return None
+    is_rear = abs(antenna - ahead_m + base) <= NEAR_SHARE * base
+    words = _REAR_WORDS.format(ahead_m - antenna)
+    return OtherTurning(REAR_STEERED, words, _FAKED_BY_REAR_WHEELS) if is_rear else None
+
+
+def drop_course_headings(logs: Sequence[Log], tractor: Tractor) -> list[Log]:
+    """Return the logs without headings that are the course of the antenna, which `corrections` tell.
+
+    What a drive in reverse has shown of one log holds for all of a set.
+    """
+    is_known = any(COURSE_HEADING in log.corrections for log in logs)
+    if not is_known and not _has_course_headings(logs, tractor):
+        return list(logs)
+    without = [replace(log, heading_deg=None, corrections=(*log.corrections, COURSE_HEADING)) for log in logs]
+    return [log if log.heading_deg is None else other for log, other in zip(logs, without, strict=True)]
+
+
+def _has_course_headings(logs: Sequence[Log], tractor: Tractor) -> bool:
+    """Whether headings turn with the angle as the course of the antenna does, and it does not move sideways."""
+    ahead_m = tractor.antenna_forward_m
+    if ahead_m < LEAST_LEVER_SHARE * tractor.wheelbase_m:
+        return False
+    measure = measure_turning(logs)
+    if measure.joint_share is None or measure.antenna_m is None or measure.antenna_error_m > KNOWN_SHARE * ahead_m:
+        return False
+    low, high = (share * ahead_m / tractor.wheelbase_m for share in COURSE_SHARES)
+    turns_alike = max(low, COURSE_SIGMAS * measure.joint_error) < measure.joint_share < high
+    return turns_alike and abs(measure.antenna_m) < STILL_SHARE * ahead_m + STILL_SIGMAS * measure.antenna_error_m
+
+
+_JOINT_WORDS = (
+    "These logs look like a vehicle that bends in its middle (articulated): its heading changes by {:.2f} degrees per "
+    "degree of the steering angle at any speed; the model steers its front wheels, so causes between the wheels and "
+    "the positions are not named."
+)
+_COURSE_WORDS = " If it does not bend, heading_deg is the course of the antenna: leave that column out."
+_REAR_WORDS = (
+    "These logs look like a vehicle that steers its rear wheels: the axle that does not move sideways is {0:.1f} m "
+    "further ahead than the rear axle of the tractor file, where its front axle is; the model steers its front wheels, "
+    "so neither the place of the antenna nor a delay of the positions is named. If the front wheels steer, the antenna "
+    "is {0:.1f} m further back than the file says."
+)
+_FAKED_BY_REAR_WHEELS = frozenset(
+    {"antenna_forward", "gnss_latency", "position_delay", "heading_delay", "heading_filter", "clock_offset_position",
+     "clock_offset_heading"}
+)  # fmt: skip
+
+
+def _list_faked_by_joint(logs: Sequence[Log]) -> frozenset[str]:
+    """Return the effects between wheels and positions; without a wheel angle also those between command and wheels."""
+    blocks = {PATH, POSITION} | ({STEERING} if any(log.steering_deg is None for log in logs) else set())
+    return frozenset(effect.id for effect in CATALOGUE if effect.block in blocks or effect.is_of_log_alone)
+
+
+def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
+    """Measure how heading and antenna follow the wheel angle, in logs with a heading; nothing is known without one."""
+    runs = [run for log in logs if log.heading_deg is not None and (run := build_run_evidence(log, math.inf))]
+    runs = [run for run in runs if run.hold_s <= MOST_HOLD_S]
+    sensed, commanded = ([run for run in runs if getattr(run, name) is not None] for name in ("wheel", "command"))
+    is_sensed = len(sensed) >= len(commanded)
+    runs = sensed if is_sensed else commanded
+    stride = THIN_STEPS * max(math.ceil(sum(len(run.time_s) for run in runs) / THIN_STEPS / MOST_ROWS), 1)
+    windows = [_build_windows(run, stride) for run in runs]
+    if sum(len(one.turn) for one in windows) < FEWEST_ROWS:
+        return TurningMeasure(None, math.inf, 0.0, None, math.inf, 0.0)
+    pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in windows])))) / (WINDOW_STEPS * STEP_S)
+    return TurningMeasure(*_fit_joint(windows, is_sensed, stride), *_fit_antenna(windows), pace_mps)
+
+
+def _build_windows(run: RunEvidence, stride: int) -> _Windows:
+    assert run.heading is not None
+    half = WINDOW_STEPS // 2
+    gaps = np.cumsum(np.append(0, ~run.known))
+    places = np.arange(2 * half, len(run.time_s) - 2 * half, stride)
+    chosen = places[gaps[places + 2 * half] == gaps[places - 2 * half]]
+    turn = (shift(run.heading, half) - shift(run.heading, -half))[chosen]
+    step = (shift(run.place, half) - shift(run.place, -half))[:, chosen]
+    # The mean of the headings in a window, as its middle one has all the noise of one row.
+    mean = np.mean([run.heading[chosen + steps] for steps in range(-half, half + 1)], axis=0)
+    ahead = step[0] * np.sin(mean) + step[1] * np.cos(mean)
+    return _Windows(run, chosen, turn, step[0] * np.cos(mean) - step[1] * np.sin(mean), ahead)
+
+
+def _fit_joint(windows: Sequence[_Windows], is_sensed: bool, stride: int) -> tuple[float | None, float, float]:
+    """Return the turn per change of the angle under the likeliest steering, its standard error, and by how many nats
+    any steering without it is less likely."""
+    turn = np.concatenate([one.turn for one in windows])
+    best, least, least_without = None, math.inf, math.inf
+    for steering in SENSED if is_sensed else COMMANDED:
+        columns = np.concatenate([_list_columns(one, _find_angle(one.run, is_sensed, *steering)) for one in windows])
+        if best is None and float(np.sqrt(np.sum(columns[:, 0] ** 2))) < LEAST_MOVED_RAD:
+            return None, math.inf, 0.0
+        fit = fit_robustly(columns, turn)
+        least_without = min(least_without, fit_robustly(columns[:, 1:], turn)[2])
+        if fit[2] < least:
+            best, least = fit, fit[2]
+    assert best is not None
+    windows_apart = len(turn) * stride / WINDOW_STEPS  # windows overlap: so many say something of their own
+    return float(best[0][0]), float(best[1][0]), 0.5 * windows_apart * math.log(least_without / least)
+
+
+def _find_angle(run: RunEvidence, is_sensed: bool, late_s: float, rate: float, lag_s: float) -> Array:
+    """Return the angle (rad) that turns the vehicle, on the grid of a run."""
+    source = run.wheel if is_sensed else run.command
+    assert source is not None
+    if not is_sensed:
+        return np.radians(follow_command(source, late_s, rate, lag_s, source[0]))
+    shifted = np.interp(run.time_s - late_s, run.time_s, source)
+    return np.radians(follow_command(shifted, 0.0, 1e6, lag_s, float(shifted[0])) if lag_s > 0.0 else shifted)
+
+
+def _list_columns(windows: _Windows, angle: Array) -> Array:
+    """Return what the turn of windows depends on (k, n): first the change of the angle, then the path by the angle."""
+    half, time = WINDOW_STEPS // 2, windows.run.time_s
+    moved = (shift(angle, half) - shift(angle, -half))[windows.chosen]
+    speed = windows.ahead / (WINDOW_STEPS * STEP_S)
+    pace = np.interp(time, time[windows.chosen], speed) if len(speed) else np.zeros(len(time))
+    way_m = np.cumsum(np.abs(pace)) * STEP_S
+    trails = [_follow_way(angle, way_m, length_m) for length_m in TRAILS_M]
+    shapes = (angle, np.abs(angle), angle**3, angle * np.abs(angle), pace**2 * angle, np.ones(len(angle)), *trails)
+    mean = np.full(WINDOW_STEPS + 1, WINDOW_STEPS * STEP_S / (WINDOW_STEPS + 1))
+    bends = [np.convolve(pace * shape, mean, mode="same")[windows.chosen] for shape in shapes]
+    return np.stack([moved, *bends, speed * moved], axis=1)
+
+
+def _follow_way(angle: Array, way_m: Array, length_m: float) -> Array:
+    """Return what follows an angle (k, rad) over a way of `length_m`, as a drawn implement does."""
+    even_m = np.arange(0.0, way_m[-1] + length_m, 0.1 * length_m)
+    along = np.interp(even_m, way_m, angle)
+    weights = np.exp(-0.1 * np.arange(60))
+    padded = np.concatenate([np.full(59, along[0]), along])
+    return np.asarray(np.interp(way_m, even_m, np.convolve(padded, weights / weights.sum(), mode="valid")))
+
+
+def _fit_antenna(windows: Sequence[_Windows]) -> tuple[float | None, float]:
+    """Return how far ahead (m) of the axle without sideways motion the antenna is, and its standard error.
+
+    Beside it: a bias of the heading, a position later than the heading, tyres that creep, all by their own columns.
+    """
+    turn, aside, ahead = np.concatenate([np.stack([one.turn, one.aside, one.ahead]) for one in windows], axis=1)
+    if float(np.sqrt(np.sum(turn**2))) < LEAST_MOVED_RAD:
+        return None, math.inf
+    speed = ahead / (WINDOW_STEPS * STEP_S)
+    columns = np.stack([turn, ahead, speed * turn, speed * np.abs(speed) * turn], axis=1)
+    # One speed does not separate them: no position is later by more than tenths of a second, or tyres so soft.
+    value, error, _ = fit_robustly(columns, aside, np.array([100.0, 1.0, 0.3, 0.05]))
+    return float(value[0]), float(error[0])
