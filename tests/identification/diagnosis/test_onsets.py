@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from vehicle.identification.verdict.log_findings import list_onset_faults
 
 from tests.identification.fault_logs import START_S, clean_frames, degrade, freeze, ignore_commands, rows_of
 from tests.truth.drives import drive, stairs, steps, three_speeds_programme
@@ -24,7 +25,6 @@ from vehicle.identification.diagnosis.other_vehicles import (
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log, LogFault
-from vehicle.identification.verdict.log_findings import list_onset_faults
 from vehicle.model.tractor import Tractor, load_tractor
 
 

@@ -27,6 +27,7 @@ from vehicle.identification.diagnosis.log_notes import (
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
 from vehicle.identification.diagnosis.noise_floor import compute_noise_floor
+from vehicle.identification.diagnosis.other_vehicles import find_other_turning
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, Diagnosis, Finding, ResidualPlot
 from vehicle.identification.diagnosis.run_laws import list_run_starts
 from vehicle.identification.diagnosis.saving import Saved, choose_saved
@@ -36,7 +37,6 @@ from vehicle.identification.diagnosis.unexplained import build_noise_limit, meas
 from vehicle.identification.diagnosis.values import ValueConverter, list_terms
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
-from vehicle.identification.faults.turning_kind import find_other_turning
 from vehicle.identification.logs.reader import count_rows_left_out
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_programmes import find_usual_heading_and_speed

@@ -10,6 +10,7 @@ import numpy as np
 
 from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis
 from vehicle.identification.diagnosis.model_fit import Problem
+from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
     EQUIVALENT,
     LIKELY,
@@ -22,7 +23,6 @@ from vehicle.identification.diagnosis.saving import Saved
 from vehicle.identification.diagnosis.search import SearchResult
 from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, find_smallest_visible, is_refutable
-from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.model.effect_kinds import CIRCLE, Interval
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
 

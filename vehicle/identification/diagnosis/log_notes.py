@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from vehicle.identification.columns.staleness import STANDING_FACTOR
+from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
     COLUMN_WORDS,
     LIKELY,
@@ -24,7 +25,6 @@ from vehicle.identification.diagnosis.results import (
 )
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
-from vehicle.identification.faults.turning_kind import ARTICULATED, OtherTurning
 from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.position_jumps import POSITION_JUMP

@@ -12,8 +12,7 @@ import pytest
 from tests.truth.drives import Drive, drive, stairs, steps
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
-from vehicle.identification.diagnosis.results import Diagnosis
-from vehicle.identification.faults.turning_kind import (
+from vehicle.identification.diagnosis.other_vehicles import (
     ARTICULATED,
     REAR_STEERED,
     OtherTurning,
@@ -21,6 +20,7 @@ from vehicle.identification.faults.turning_kind import (
     measure_compass_share,
     measure_turning,
 )
+from vehicle.identification.diagnosis.results import Diagnosis
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.model.tractor import Tractor, load_tractor
