@@ -32,6 +32,7 @@ NEAR_SHARE = 0.3  # of the best gain of a scan; what gains less is not fitted
 MOST_ROUNDS, MOST_TURNS, MOST_VISITS = 8, 6, 2
 FOLDS = 5
 BETTER_NATS = 2.0  # a competitor that predicts so much better takes the place
+LEAST_LAW_Z = 2.0  # standard errors below which a law or a circle is dropped again: many are tried
 CLEAR_Z = 4.0  # standard errors of the predictive difference from which something is certain
 
 
@@ -174,7 +175,8 @@ class Searcher:
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
             without = self._fit_without(fit, hypothesis)
             against_none = self._compare(fit, predicted, without, None, noise)
-            if against_none.nats < 0.5 * ADD_NATS and self._may_become(without):
+            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.odds > 0.0 and against_none.z < LEAST_LAW_Z)
+            if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
             others: list[Comparison] = []

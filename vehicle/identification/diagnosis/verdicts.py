@@ -52,13 +52,15 @@ class Verdict:
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     """Verdicts on the hypotheses of the final model that anything can be said of, the clearest first."""
-    covariance = compute_covariance(problem, result.fit)
+    centre = _centre_runs(result.fit)
+    covariance = centre @ compute_covariance(problem, result.fit) @ centre.T
+    all_amounts = centre @ result.fit.amounts
     is_far = any(_is_far(one.hypothesis, result.fit.get_amounts(one.hypothesis)) for one in result.judgements)
     verdicts = []
     for judgement in result.judgements:
         place = result.fit.locate(judgement.hypothesis)
         own = covariance[place, place]
-        amounts = result.fit.amounts[place]
+        amounts = all_amounts[place]
         status = _choose_status(judgement, amounts, own)
         if status == NAMED and is_far:
             status = LIKELY
@@ -70,6 +72,18 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
                         judgement.against_none.z, ids, others)
             )  # fmt: skip
     return sorted(verdicts, key=lambda one: -one.nats)
+
+
+def _centre_runs(fit: Fit) -> Array:
+    """The matrix (k, k) that gives the mean of the values of single runs to the constant of the same effect."""
+    centre = np.eye(len(fit.amounts))
+    for law in [one for one in fit.model if one.law == BY_RUN]:
+        constants = [one for one in fit.model if one.id == law.id and one.law == CONSTANT]
+        if constants:
+            own = fit.locate(law)
+            centre[fit.locate(constants[0]), own] += 1.0 / law.size
+            centre[own, own] -= 1.0 / law.size
+    return centre
 
 
 def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
@@ -102,13 +116,14 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
 
 
 def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
-    """Whether the size, less its scatter, is what may be claimed at the least; of a value of its own in every run,
-    whether that of one excludes twice as much, as each of them is a chance to be unlike the others."""
+    """Whether the size, less its scatter, is what may be claimed at the least; of a law, of which many are tried,
+    twice as much, and of values of single runs that of the one most unlike the others."""
     if hypothesis.law == BY_RUN:
         away = np.abs(amounts - np.median(amounts)) - INTERVAL_SIGMAS * sigmas
         return bool(away.max() >= 2.0 * hypothesis.finest)
     place = int(np.argmax(np.abs(amounts) / sigmas))
-    return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= hypothesis.finest
+    least = hypothesis.finest * (2.0 if hypothesis.odds and hypothesis.law != "by_place" else 1.0)
+    return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= least
 
 
 def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
