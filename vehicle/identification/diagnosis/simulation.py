@@ -55,7 +55,7 @@ def _read_at(values, low: int, high: int, place: float) -> float:  # type: ignor
 
 
 @compile_function
-def simulate_steering(starts, command, first, states, fields, model, out) -> None:  # type: ignore[no-untyped-def]
+def simulate_steering(starts, command, first, states, fields, model, dt, out) -> None:  # type: ignore[no-untyped-def]
     """Write the wheel angle before each step to `out` (n,), from commands (n,) and fields (f, n) per step.
 
     `first` (s,) are the angles at the start of the segments, `states` hold the commands before them.
@@ -66,19 +66,19 @@ def simulate_steering(starts, command, first, states, fields, model, out) -> Non
         angle, stage = first[number], 1
         for i in range(begin, end):
             out[i] = angle
-            ahead = fields[4, i] / STEP_S
+            ahead = fields[4, i] / dt
             state.commands[state.clock % len(state.commands)] = _read_at(command, begin, end, i + max(ahead, 0.0))
             late = min(fields[0, i] + max(-ahead, 0.0), float(state.clock))
             delayed = read_delayed(state.commands, state.clock, late)
             angle, stage = step_steering_simulator(
-                angle, delayed, stage, STEP_S, max(fields[3, i], 0.0), model.switch, max(fields[2, i], 0.01),
+                angle, delayed, stage, dt, max(fields[3, i], 0.0), model.switch, max(fields[2, i], 0.01),
                 max(fields[1, i], 0.01), model.gain, model.latch,
             )  # fmt: skip
             state.clock += 1
 
 
 @compile_function
-def simulate_speeds(starts, target, working, first, fields, model, ground, state, out) -> None:  # type: ignore[no-untyped-def]
+def simulate_speeds(starts, target, working, first, fields, model, ground, state, dt, out) -> None:  # type: ignore[no-untyped-def]
     """Write the forward speed before each step to `out` (n,), from commanded speeds (n,), straight ahead."""
     acceleration = model.acceleration
     for number in range(len(starts) - 1):
@@ -90,16 +90,16 @@ def simulate_speeds(starts, target, working, first, fields, model, ground, state
             state.working, state.target_speed = working[i], target[i]
             model.slip, model.tool_slip = fields[0, i], fields[1, i]
             model.speed_lag, model.acceleration = max(fields[2, i], 0.0), acceleration * max(fields[3, i], 0.1)
-            drive = step_speed_control(state, model, ground, forward, STEP_S)
+            drive = step_speed_control(state, model, ground, forward, dt)
             resistance = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
-            forward += STEP_S * (drive - resistance) / model.mass
+            forward += dt * (drive - resistance) / model.mass
     model.acceleration = acceleration
 
 
 @compile_function
 def simulate_path(  # type: ignore[no-untyped-def]
     starts, wheel, steady, speed, working, east, north, heading, cosine, sine, across, noisy, fields, model, ground,
-    table, out,
+    table, dt, out,
 ) -> None:  # fmt: skip
     """Write x, y and angle of the centre of mass before each step to `out` (3, m), at measured speeds.
 
@@ -114,10 +114,10 @@ def simulate_path(  # type: ignore[no-untyped-def]
             forward = (
                 speed[i]
                 if fields[SPEED_CLOCK, i] == 0.0
-                else _read_at(speed, begin, end, i + fields[SPEED_CLOCK, i] / PATH_STEP_S)
+                else _read_at(speed, begin, end, i + fields[SPEED_CLOCK, i] / dt)
             )
             forward /= fields[SPEED_SCALE, i]
-            ahead = fields[STEERING_CLOCK, i] / PATH_STEP_S
+            ahead = fields[STEERING_CLOCK, i] / dt
             turned, calm = wheel[i], steady[i]
             if ahead != 0.0:
                 turned, calm = _read_at(wheel, begin, end, i + ahead), _read_at(steady, begin, end, i + ahead)
@@ -140,7 +140,7 @@ def simulate_path(  # type: ignore[no-untyped-def]
                 share /= (model.front + model.rear) * GRAVITY_MPS2
                 tangent *= (1.0 + share**4) ** -0.25
             if fields[RELAXATION, i] > 1e-3 and i > begin:
-                bend += (tangent - bend) * (1.0 - np.exp(-abs(forward) * PATH_STEP_S / fields[RELAXATION, i]))
+                bend += (tangent - bend) * (1.0 - np.exp(-abs(forward) * dt / fields[RELAXATION, i]))
             else:
                 bend = tangent
             slide = (
@@ -152,33 +152,34 @@ def simulate_path(  # type: ignore[no-untyped-def]
             slide += fields[PUSH_EAST, i] * sine[i] - fields[PUSH_NORTH, i] * cosine[i]
             slide -= fields[CRAB, i] * abs(forward) * forward * spin
             along = fields[PUSH_EAST, i] * cosine[i] + fields[PUSH_NORTH, i] * sine[i]
-            _, new_right, new_spin = step_body(forward, right - slide, spin, bend, 0.0, PATH_STEP_S, model, ground)
+            rolled = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
+            _, new_right, new_spin = step_body(forward, right - slide, spin, bend, rolled, dt, model, ground)
             c, s = compute_cosine_sine(angle)
-            x += ((forward + along) * c + right * s) * PATH_STEP_S
-            y += ((forward + along) * s - right * c) * PATH_STEP_S
-            angle -= spin * PATH_STEP_S
+            x += ((forward + along) * c + right * s) * dt
+            y += ((forward + along) * s - right * c) * dt
+            angle -= spin * dt
             right, spin = new_right + slide, new_spin
 
 
 @compile_function
-def filter_angles(starts, angle, time_constant, out) -> None:  # type: ignore[no-untyped-def]
+def filter_angles(starts, angle, time_constant, stride, out) -> None:  # type: ignore[no-untyped-def]
     """Write the first-order low pass of angles (m,) to `out` (m,), with a time constant (s) per step."""
     for number in range(len(starts) - 1):
         shown = angle[starts[number]]
         for i in range(starts[number], starts[number + 1]):
-            for _ in range(STRIDE):
+            for _ in range(stride):
                 shown += (angle[i] - shown) * compute_filter_share(max(time_constant[i], 0.0))
             out[i] = shown
 
 
 @compile_function
-def sample_positions(places, segments, starts, path, fields, ahead, aside, out) -> None:  # type: ignore[no-untyped-def]
+def sample_positions(places, segments, starts, path, fields, ahead, aside, dt, out) -> None:  # type: ignore[no-untyped-def]
     """Write antenna positions (2, k) at fractional steps `places` (k,), by the lever arm and what makes them late."""
     for row in range(len(places)):
         begin, end = starts[segments[row]], starts[segments[row] + 1]
         i = min(max(int(places[row]), begin), end - 1)
         late_s = (fields[LATENCY, i] + fields[POSITION_LATE, i]) * DT_S + fields[POSITION_CLOCK, i]
-        place = places[row] - late_s / PATH_STEP_S
+        place = places[row] - late_s / dt
         cosine, sine = compute_cosine_sine(_read_at(path[2], begin, end, place))
         out[0, row], out[1, row] = apply_lever_arm(
             _read_at(path[0], begin, end, place), _read_at(path[1], begin, end, place), cosine, sine,
@@ -187,13 +188,13 @@ def sample_positions(places, segments, starts, path, fields, ahead, aside, out) 
 
 
 @compile_function
-def sample_headings(places, segments, starts, angle, fields, out) -> None:  # type: ignore[no-untyped-def]
+def sample_headings(places, segments, starts, angle, fields, dt, out) -> None:  # type: ignore[no-untyped-def]
     """Write shown headings (k,) at fractional steps."""
     for row in range(len(places)):
         begin, end = starts[segments[row]], starts[segments[row] + 1]
         i = min(max(int(places[row]), begin), end - 1)
         late_s = (fields[LATENCY, i] + fields[HEADING_LATE, i]) * DT_S + fields[HEADING_CLOCK, i]
-        out[row] = _read_at(angle, begin, end, places[row] - late_s / PATH_STEP_S) + fields[BIAS, i]
+        out[row] = _read_at(angle, begin, end, places[row] - late_s / dt) + fields[BIAS, i]
 
 
 @compile_function
@@ -273,15 +274,8 @@ class Simulator:
     def _simulate_wheel(self, fields: Fields) -> Array:
         data = self.data
         out = np.empty(len(data.command))
-        simulate_steering(
-            data.step_starts,
-            data.command,
-            data.first_wheel,
-            self.settled.copy(),
-            self._fill("steering", fields),
-            self.model,
-            out,
-        )
+        simulate_steering(data.step_starts, data.command, data.first_wheel, self.settled.copy(),
+                          self._fill("steering", fields), self.model, STEP_S, out)  # fmt: skip
         return out
 
     def _simulate_speed(self, fields: Fields) -> Array:
@@ -289,7 +283,7 @@ class Simulator:
         first = data.path["speed"][data.path_starts[:-1]]
         self.model["affected"] = 1.0
         simulate_speeds(data.step_starts, data.target, data.working, first, self._fill("speed", fields), self.model,
-                        self.ground, np.zeros(1, dtype=STATE)[0], out)  # fmt: skip
+                        self.ground, np.zeros(1, dtype=STATE)[0], STEP_S, out)  # fmt: skip
         return out
 
     def _simulate_path(self, fields: Fields, simulated: Array) -> Array:
@@ -303,7 +297,7 @@ class Simulator:
         simulate_path(
             data.path_starts, wheel, steady, inputs["speed"], inputs["working"], inputs["east"], inputs["north"],
             inputs["heading"], inputs["cosine"], inputs["sine"], inputs["across"], data.has_wheel,
-            self._fill("path", fields), self.model, self.ground, self.rig.table, out,
+            self._fill("path", fields), self.model, self.ground, self.rig.table, PATH_STEP_S, out,
         )  # fmt: skip
         return out
 
@@ -313,13 +307,15 @@ class Simulator:
         positions = np.empty((2, len(places.places)))
         ahead = tractor.antenna_forward_m - tractor.rear_axle_m
         sample_positions(places.places, places.segments, data.path_starts, path, filled, ahead,
-                         tractor.antenna_right_m, positions)  # fmt: skip
+                         tractor.antenna_right_m, PATH_STEP_S, positions)  # fmt: skip
         angle = path[2]
         if filled[HEADING_FILTER].max() > 0.0:
             angle = np.empty(len(path[2]))
-            filter_angles(data.path_starts, path[2], filled[HEADING_FILTER], angle)
+            filter_angles(data.path_starts, path[2], filled[HEADING_FILTER], STRIDE, angle)
         headings = np.empty(len(data.heading.places))
-        sample_headings(data.heading.places, data.heading.segments, data.path_starts, angle, filled, headings)
+        sample_headings(
+            data.heading.places, data.heading.segments, data.path_starts, angle, filled, PATH_STEP_S, headings
+        )
         return {"east": data.east.average(positions[0]), "north": data.north.average(positions[1]),
                 "heading": data.heading.average(headings)}  # fmt: skip
 
