@@ -24,7 +24,7 @@ from vehicle.identification.diagnosis.grammar import (
 )
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
 from vehicle.identification.diagnosis.simulation import CHAINS
-from vehicle.identification.diagnosis.values import ValueConverter
+from vehicle.identification.diagnosis.values import compute_values
 from vehicle.identification.logs.schema import Array
 from vehicle.model.effects import CATALOGUE, compute_effect_fields, get_effect
 
@@ -59,7 +59,7 @@ def test_the_fields_of_an_amount_are_those_of_its_values(name: str, share: float
     amounts = share * np.array(signs) * collect_widths([hypothesis]) / WIDTH_PER_TYPICAL
     low, high = collect_bounds((hypothesis,))
     assert np.all((low <= amounts) & (amounts <= high))
-    values = ValueConverter(problem()).compute_values(hypothesis, amounts)
+    values = compute_values(hypothesis, amounts, problem().data, problem().rig.tractor)
     known, neutral = compute_effect_fields({name: values}), compute_effect_fields({})
     shown = {key: array[0] for key, array in sum_of((hypothesis, list(amounts))).items()}
     assert shown == pytest.approx({key: known[key] for key in shown}, rel=1e-6)
