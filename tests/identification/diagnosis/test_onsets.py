@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
-from vehicle.identification.verdict.log_findings import list_onset_faults
 
 from tests.identification.fault_logs import START_S, clean_frames, degrade, freeze, ignore_commands, rows_of
 from tests.truth.drives import drive, stairs, steps, three_speeds_programme
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
 from tests.truth.second import second_logs
+from vehicle.identification.diagnosis.log_notes import list_onset_faults
 from vehicle.identification.diagnosis.onset_evidence import STEP_S
 from vehicle.identification.diagnosis.onsets import LEAST_NATS, _find_likely_rows, find_onset_spans, mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import (

@@ -17,7 +17,6 @@ from vehicle.identification.diagnosis.other_vehicles import (
     REAR_STEERED,
     OtherTurning,
     find_other_turning,
-    measure_compass_share,
     measure_turning,
 )
 from vehicle.identification.diagnosis.results import Diagnosis
@@ -81,27 +80,6 @@ def push_aside(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
     aside = math.tan(math.radians(COMPASS_DEG)) * ahead * np.sin(math.radians(bearing_deg) - heading)
     moved = {"easting_m": (aside * np.cos(heading)).cumsum(), "northing_m": -(aside * np.sin(heading)).cumsum()}
     return run.assign(**{name: run[name] + shift for name, shift in moved.items()})
-
-
-@pytest.mark.parametrize("sensed", [True, False])
-@pytest.mark.parametrize("bearing_deg", [20.0, 165.0, 290.0])
-def test_a_compass_is_told_from_a_drift_by_what_the_wheels_turn(bearing_deg: float, sensed: bool) -> None:
-    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number, sensed) for number, run in enumerate(list_drives())]
-    ratio = math.radians(COMPASS_DEG)
-    for change, expected in ((turn_compass, 1.0), (push_aside, 0.0)):
-        logs = [build_log(change(run, bearing_deg), run.attrs["name"], wheelbase_m=2.4) for run in runs]
-        share, error = measure_compass_share(logs, ratio, bearing_deg)
-        assert share == pytest.approx(expected, abs=0.2) and error < 0.1
-
-
-@pytest.mark.slow
-def test_what_a_compass_does_has_a_hint_and_no_name() -> None:
-    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number) for number, run in enumerate(list_drives())]
-    logs = [build_log(turn_compass(run, 20.0), run.attrs["name"], wheelbase_m=2.4) for run in runs]
-    found = diagnose_logs(logs, make_file(2.4), "soil")
-    assert "cross_slope_drift" not in found.named and "cross_slope_drift" not in found.tractor.effects
-    assert found.known_outside.startswith("The headings are wrong by up to ")
-    assert found.hints[0].instrument == "heading" and found.headline.startswith(found.known_outside)
 
 
 @pytest.mark.parametrize("base_m", [1.6, 2.4, 3.6])

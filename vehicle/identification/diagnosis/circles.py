@@ -12,8 +12,8 @@ from vehicle.identification.diagnosis.grammar import (
     CONSTANT,
     FEWEST_PATCH_STEPS,
     LARGEST_PATCH_SHARE,
-    ODDS,
     PATCH_RADII_M,
+    PENALTIES,
     WIDTH_PER_TYPICAL,
     Coordinate,
     Hypothesis,
@@ -34,7 +34,9 @@ def build_patch(circle: Circle) -> Hypothesis:
     """A change of grip inside a circle."""
     size = get_effect("grip_patch").size
     coordinate = Coordinate((("bend", 1.0),), WIDTH_PER_TYPICAL * size.typical, size.low - 1.0, size.high - 1.0)
-    return Hypothesis("grip_patch", format_circle(*circle), (coordinate,), ODDS["place"], size.finest, place=circle)
+    return Hypothesis(
+        "grip_patch", format_circle(*circle), (coordinate,), PENALTIES["place"], size.finest, place=circle
+    )
 
 
 def find_middle_circle(data: DriveData) -> Circle:
@@ -94,7 +96,7 @@ class CircleSearch:
         if best is None:
             return None
         patch = build_patch(best[1])
-        return Gain(best[0] - patch.odds, patch, np.array([best[2] * patch.coordinates[0].width]))
+        return Gain(best[0] - patch.penalty, patch, np.array([best[2] * patch.coordinates[0].width]))
 
     def _choose(self, circles: Sequence[Circle]) -> tuple[float, Circle, float] | None:
         """The best of some circles: nats, the circle, and its amount in widths."""

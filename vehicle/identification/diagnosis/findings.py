@@ -123,9 +123,9 @@ class FindingBuilder:
     def _build_absent(self, effect: Effect, visible: float | None) -> Finding:
         """The finding of an effect that the logs do not call for."""
         judged = [one for one in self.result.judgements if one.hypothesis.id == effect.id]
-        rivals = [c.alternative.id for one in self.result.judgements for c in one.against_others
+        competitor_ids = [c.alternative.id for one in self.result.judgements for c in one.against_others
                   if c.alternative is not None and c.z < 1.0]  # fmt: skip
-        is_open = bool(judged) or effect.id in rivals
+        is_open = bool(judged) or effect.id in competitor_ids
         status = REFUTED if is_refutable(effect, visible, self.problem) and not is_open else NOT_VISIBLE
         shown = None if visible is None or not math.isfinite(visible) else visible
         return Finding(effect.id, status, None, None, None, None, shown, effect.size.unit, effect.block, "")

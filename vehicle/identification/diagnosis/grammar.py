@@ -32,8 +32,8 @@ from vehicle.model.tractor import Tractor
 CONSTANT, BY_RUN, BY_DIRECTION = "constant", "by_run", "by_direction"
 DIRECTIONS = ("to_east", "to_north")
 WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation of the prior
-# Nats of prior odds against: an effect of the catalogue, a law of one, and one of many places.
-ODDS = {"catalogue": 0.0, "law": 2.0, "place": 5.0}
+# Nats that speak against it beforehand: an effect of the catalogue, a law of one, and one of many places.
+PENALTIES = {"catalogue": 0.0, "law": 2.0, "place": 5.0}
 STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
 PATCH_RADII_M = (8.0, 14.0)
 FEWEST_PATCH_STEPS, LARGEST_PATCH_SHARE = 60, 0.7
@@ -64,7 +64,7 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An effect with a scope or a law. `basis` is constant or a key of Bases; `odds` are nats against it beforehand.
+    """An effect with a scope or a law. `basis` is constant or a key of Bases; `penalty` are nats against it beforehand.
 
     `finest` is the smallest size that may be claimed, in the unit of the first coordinate; `is_nuisance` marks what
     every model has and no diagnosis reports. `starts` are sizes to try first, in widths.
@@ -73,7 +73,7 @@ class Hypothesis:
     id: str
     basis: str
     coordinates: tuple[Coordinate, ...]
-    odds: float = 0.0
+    penalty: float = 0.0
     finest: float = 0.0
     is_nuisance: bool = False
     starts: tuple[float, ...] = ()
@@ -221,22 +221,22 @@ def build_scope(parent: Hypothesis, basis: str, scale: float = 1.0) -> Hypothesi
     """A hypothesis with another basis, whose usual size there is `scale`: the width is over it."""
     coordinates = tuple(Coordinate(one.slopes, one.width / scale, -math.inf, math.inf) for one in parent.coordinates)
     kind = basis.split(":")[0]
-    odds = ODDS["place" if kind == "by_place" else "law"]
-    return Hypothesis(parent.id, basis, coordinates, odds, parent.finest / scale)
+    penalty = PENALTIES["place" if kind == "by_place" else "law"]
+    return Hypothesis(parent.id, basis, coordinates, penalty, parent.finest / scale)
 
 
 def build_run_law(parent: Hypothesis, runs: int) -> Hypothesis:
     """An effect with a value of its own in every run: an amount each, about what all have in common."""
     own = parent.coordinates[0]
     coordinates = (Coordinate(own.slopes, own.width, -math.inf, math.inf),) * runs
-    return Hypothesis(parent.id, BY_RUN, coordinates, ODDS["law"], parent.finest)
+    return Hypothesis(parent.id, BY_RUN, coordinates, PENALTIES["law"], parent.finest)
 
 
 def build_direction_law(parent: Hypothesis) -> Hypothesis:
     """An effect that changes with the direction of travel, as the compass near iron does: to the east and the north."""
     own = parent.coordinates[0]
     coordinates = (Coordinate(own.slopes, own.width, -math.inf, math.inf),) * len(DIRECTIONS)
-    return Hypothesis(parent.id, BY_DIRECTION, coordinates, ODDS["law"], parent.finest)
+    return Hypothesis(parent.id, BY_DIRECTION, coordinates, PENALTIES["law"], parent.finest)
 
 
 def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
@@ -282,13 +282,13 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     clocks = (constants[f"clock_offset_{column}"] for column in ("position", "heading"))
     hypotheses += [build_scope(clock, "over_minutes") for clock in clocks]
     wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
-    hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), ODDS["law"], 0.02))
+    hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), PENALTIES["law"], 0.02))
     late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)
     hypotheses.append(
-        Hypothesis("gnss_latency", "with_speed", (late,), ODDS["law"], get_effect("gnss_latency").size.finest)
+        Hypothesis("gnss_latency", "with_speed", (late,), PENALTIES["law"], get_effect("gnss_latency").size.finest)
     )
     push = tuple(Coordinate(((name, 1.0),), 0.075, -math.inf, math.inf) for name in ("push_east", "push_north"))
-    hypotheses.append(Hypothesis("push", CONSTANT, push, ODDS["law"], 0.01))
+    hypotheses.append(Hypothesis("push", CONSTANT, push, PENALTIES["law"], 0.01))
     return hypotheses
 
 

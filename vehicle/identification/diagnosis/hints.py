@@ -15,7 +15,7 @@ import numpy as np
 from scipy.stats import rankdata
 
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
-from vehicle.identification.diagnosis.grammar import LAW_WORDS, ODDS, Coordinate, Hypothesis
+from vehicle.identification.diagnosis.grammar import LAW_WORDS, PENALTIES, Coordinate, Hypothesis
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise_floor import limit_noise
 from vehicle.identification.diagnosis.pose_response import PoseResponse
@@ -185,7 +185,7 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
 def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
     coordinate = Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf)
     keys = [f"hint_{key}" for key in change.keys]
-    return [Hypothesis(f"hint_{change.field}", key, (coordinate,), ODDS["place"], change.least)
+    return [Hypothesis(f"hint_{change.field}", key, (coordinate,), PENALTIES["place"], change.least)
             for key in keys if key in arrays]  # fmt: skip
 
 

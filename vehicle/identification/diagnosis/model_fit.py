@@ -55,8 +55,8 @@ class Fit:
     def evidence(self) -> float:
         """Log evidence by Laplace's method, up to a constant: the noise is part of the cost."""
         sign, log_size = np.linalg.slogdet(self.curvature)
-        odds = sum(hypothesis.odds for hypothesis in self.model)
-        return -self.cost - 0.5 * float(log_size if sign > 0 else 0.0) - odds
+        penalty = sum(hypothesis.penalty for hypothesis in self.model)
+        return -self.cost - 0.5 * float(log_size if sign > 0 else 0.0) - penalty
 
     def get_amounts(self, hypothesis: Hypothesis) -> Array:
         """The amounts of one of its hypotheses."""
@@ -74,7 +74,7 @@ class Fit:
 
 @dataclass(frozen=True)
 class Gain:
-    """What a hypothesis would gain on top of a fit (nats, less its odds), by linear prediction, and its amounts."""
+    """What a hypothesis would gain on top of a fit (nats, less its penalty), by linear prediction, and its amounts."""
 
     nats: float
     hypothesis: Hypothesis
@@ -350,7 +350,7 @@ def solve_gain(
             return None
         if len(_list_signs(hypothesis)) > 1 and amounts[0] * sign < 0.0:
             return None
-    nats = 0.5 * float(slope @ amounts) - 0.5 * float(np.linalg.slogdet(curvature)[1]) - hypothesis.odds
+    nats = 0.5 * float(slope @ amounts) - 0.5 * float(np.linalg.slogdet(curvature)[1]) - hypothesis.penalty
     widths = np.array([one.width for one in hypothesis.coordinates])
     return Gain(nats, hypothesis, amounts * widths)
 

@@ -59,7 +59,7 @@ Model = Sequence[tuple[Hypothesis, Array]]
 
 
 @dataclass(frozen=True, eq=False)
-class Replay:
+class CommandedReplay:
     """What commands lead to: the antenna (k, 2, m) and heading (k,) at all rows, one segment after the other, and the
     wheel angle (rad) and speed (m/s) at the steps of the path (m,)."""
 
@@ -84,7 +84,7 @@ def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> li
     totals = make_zero_squared_errors(len(dataset.names))
     for number, segment in enumerate(data.segments):
         rows = slice(ends[number] - segment.rows, ends[number])
-        motion = _Motion(problem, segment, sizes, *(
+        motion = _MotionDraw(problem, segment, sizes, *(
             one[data.path_starts[number] : data.path_starts[number + 1]]
             for one in (shown.wheel, shown.speed, data.path["heading"])))  # fmt: skip
         for _ in range(DRAWS):
@@ -103,7 +103,7 @@ def limit_noise(problem: Problem) -> dict[str, Array]:
     return {name: np.minimum(np.exp(0.5 * one.amounts), most[name]) for name, one in problem.noise.items()}
 
 
-def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> Replay:
+def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> CommandedReplay:
     """Drive the commands of all segments open loop; where none were logged, as wheel and speed were measured."""
     causes = [one for one, _ in model]
     amounts = np.concatenate([np.zeros(0), *(own for _, own in model)])
@@ -120,7 +120,7 @@ def replay_commands(data: DriveData, rig: ReplayRig, model: Model) -> Replay:
     )
     shown = Simulator(replace(data, path=path, east=rows, north=rows, heading=rows), rig).simulate(fields, keys)
     antenna = np.stack([shown["east"], shown["north"]], axis=1)
-    return Replay(antenna, shown["heading"], sensors["wheel"], sensors["speed"])
+    return CommandedReplay(antenna, shown["heading"], sensors["wheel"], sensors["speed"])
 
 
 def _sample_all(places: Array, segments: Places) -> Samples:
@@ -129,7 +129,7 @@ def _sample_all(places: Array, segments: Places) -> Samples:
     return Samples(np.zeros(count), np.ones(count, dtype=np.bool_), places, np.arange(count), segments)
 
 
-class _Motion:
+class _MotionDraw:
     """The motion of a segment at the steps of its path, and the noise that goes with it."""
 
     def __init__(

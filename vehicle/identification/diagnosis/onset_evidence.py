@@ -39,7 +39,7 @@ class RunEvidence:
     """One run on an even grid (k,); angles in degrees to the right, NaN where a value is not known.
 
     `low` and `high` bound the wheel angle that commands (without them: the sensor) allow, `usual` is that of a usual
-    steering and `asked` how far any steering moves within SWING_S. `bends` (2, k, 1/m, in the sense of a forward gear)
+    steering and `steered` how far any steering moves within SWING_S. `bends` (2, k, 1/m, in the sense of going ahead)
     are curvatures by heading and by course, `pace` is in m/s, `aside` (m) how far positions are from where their
     neighbours would have them. `place` (2, k) is in metres to the east and the north, `heading` (k,) in radians; the
     slower of the steering columns changes every `hold_s` only (0: in its rows).
@@ -52,7 +52,7 @@ class RunEvidence:
     usual: Array
     low: Array
     high: Array
-    asked: Array
+    steered: Array
     pace: Array
     bends: Array
     aside: Array
@@ -62,7 +62,7 @@ class RunEvidence:
 
 
 @dataclass(frozen=True)
-class PathScale:
+class BendScale:
     """Curvature (1/m) per degree of the wheels, and the curvature of wheels at 0; of heading and of course."""
 
     per_degree: float
@@ -204,13 +204,13 @@ def _measure_aside(place: Array, heading: Array | None, pace: Array | None, know
     return np.asarray(np.maximum(apart - 0.5 * LARGEST_ACCELERATION_MPS2 * (half * STEP_S) ** 2, 0.0))
 
 
-def fit_path_scales(runs: Sequence[RunEvidence]) -> list[PathScale | None]:
+def fit_path_scales(runs: Sequence[RunEvidence]) -> list[BendScale | None]:
     """How the curvatures by heading and by course follow the wheels of all runs; None where no line is clear."""
     angle = np.concatenate([run.usual if run.wheel is None else run.wheel for run in runs])
     return [_fit_scale(angle, np.concatenate([run.bends[number] for run in runs])) for number in range(2)]
 
 
-def _fit_scale(angle: Array, curvature: Array) -> PathScale | None:
+def _fit_scale(angle: Array, curvature: Array) -> BendScale | None:
     known = np.isfinite(angle) & np.isfinite(curvature)
     angle, curvature = angle[known], curvature[known]
     if len(angle) < FEWEST_BENDS or np.std(angle) < 0.5:
@@ -221,7 +221,7 @@ def _fit_scale(angle: Array, curvature: Array) -> PathScale | None:
     apart = np.abs((curvature - at_zero) / per_degree - angle)
     kept = apart <= max(3.0 * MAD_SCALE * float(np.median(apart)), 1.0)
     is_clear = np.corrcoef(angle[kept], curvature[kept])[0, 1] > LEAST_CORRELATION
-    return PathScale(float(per_degree), float(at_zero)) if is_clear else None
+    return BendScale(float(per_degree), float(at_zero)) if is_clear else None
 
 
 def fit_robustly(columns: Array, values: Array, prior_sd: Array | None = None) -> tuple[Array, Array, float]:

@@ -20,7 +20,7 @@ from vehicle.identification.diagnosis.onset_evidence import (
     OFFSET_DEG,
     SLIDING_MPS2,
     STEP_S,
-    PathScale,
+    BendScale,
     RunEvidence,
     build_run_evidence,
     fit_path_scales,
@@ -98,9 +98,9 @@ class _Channel:
 class _Entry:
     """What may change: how it is measured, and its least standard deviation. The name may depend on the span."""
 
-    measure: Callable[[RunEvidence, Sequence[PathScale | None]], _Channel]
+    measure: Callable[[RunEvidence, Sequence[BendScale | None]], _Channel]
     least_sigma: float
-    find_id: Callable[[RunEvidence, Sequence[PathScale | None], slice, float], str]
+    find_id: Callable[[RunEvidence, Sequence[BendScale | None], slice, float], str]
 
 
 def mark_onset_faults(logs: Sequence[Log]) -> list[Log]:
@@ -155,7 +155,7 @@ def _choose_spans(spans: Sequence[OnsetSpan]) -> list[OnsetSpan]:
 
 
 def _find_lock(logs: Sequence[Log]) -> float:
-    """How far the wheels of a set turn (deg), without a sensor how far they are asked to."""
+    """How far the wheels of a set turn (deg), without a sensor how far they are steered to."""
     has_sensor = any(log.steering_deg is not None for log in logs)
     angles = [
         np.abs(values[log.used])
@@ -220,9 +220,9 @@ def _find_excess(angle: Array, low: Array, high: Array) -> Array:
 def _find_following(angle: Array, expected: Array) -> Array:
     """Nats per second for an angle (k, deg) that moved in the last second as expected."""
     steps = round(1.0 / STEP_S)
-    moved, asked = (values - shift(values, -steps) for values in (angle, expected))
+    moved, steered = (values - shift(values, -steps) for values in (angle, expected))
     return np.asarray(
-        np.where(moved * asked > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(asked)) / MOVED_DEG) ** 2, 0.0)
+        np.where(moved * steered > 0.0, 0.5 * (np.minimum(np.abs(moved), np.abs(steered)) / MOVED_DEG) ** 2, 0.0)
     )
 
 
@@ -230,7 +230,7 @@ def _build_unknown(run: RunEvidence) -> _Channel:
     return _Channel(np.full(len(run.time_s), np.nan), np.full(len(run.time_s), np.nan))
 
 
-def _list_needed(run: RunEvidence, scales: Sequence[PathScale | None]) -> list[tuple[Array, Array]]:
+def _list_needed(run: RunEvidence, scales: Sequence[BendScale | None]) -> list[tuple[Array, Array]]:
     """The wheel angles (k, deg) that the path needs, by heading and by course as far as known, and its curvatures."""
     return [
         (scale.find_angle(bends), bends)
@@ -239,7 +239,7 @@ def _list_needed(run: RunEvidence, scales: Sequence[PathScale | None]) -> list[t
     ]
 
 
-def _measure_wheel(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+def _measure_wheel(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """The wheel angle against what commands allow."""
     if run.wheel is None or run.command is None:
         return _build_unknown(run)
@@ -247,18 +247,18 @@ def _measure_wheel(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Cha
     return _Channel(excess, _find_following(run.wheel, run.usual))
 
 
-def _measure_swing(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+def _measure_swing(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """How much less the wheels move to and fro than any steering with a dead band to both sides would."""
     needed = _list_needed(run, scales)
     angle, gain = (run.wheel, 1.0) if run.wheel is not None else (needed[0][0] if needed else None, LEAST_GAIN)
     if angle is None or run.command is None:
         return _build_unknown(run)
-    short = gain * (run.asked - 2.0 * OFFSET_DEG) - measure_swing(np.nan_to_num(angle))
+    short = gain * (run.steered - 2.0 * OFFSET_DEG) - measure_swing(np.nan_to_num(angle))
     excess = np.where(run.known & np.isfinite(angle), np.maximum(short, 0.0), np.nan)
     return _Channel(excess, _find_following(angle, run.usual))
 
 
-def _measure_path(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+def _measure_path(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """The angle that the path needs against that of the wheels: the nearer of heading and course."""
     low, high = run.low, run.high
     if run.wheel is not None:
@@ -278,12 +278,12 @@ def _measure_path(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Chan
     return _Channel(np.where(run.known, excesses.min(axis=0), np.nan), followings.max(axis=0))
 
 
-def _measure_positions(run: RunEvidence, scales: Sequence[PathScale | None]) -> _Channel:
+def _measure_positions(run: RunEvidence, scales: Sequence[BendScale | None]) -> _Channel:
     """Positions against their neighbours."""
     return _Channel(run.aside, np.full(len(run.time_s), PLACED_NATS))
 
 
-def _find_steering_id(run: RunEvidence, scales: Sequence[PathScale | None], rows: slice, lock_deg: float) -> str:
+def _find_steering_id(run: RunEvidence, scales: Sequence[BendScale | None], rows: slice, lock_deg: float) -> str:
     """The name of steering that does not follow: what the wheels do if the path is theirs, else that of the sensor."""
     needed = next((one for one, _ in _list_needed(run, scales)), None)
     angle = run.wheel if run.wheel is not None else needed

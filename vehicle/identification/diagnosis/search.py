@@ -1,4 +1,4 @@
-"""The search: which hypotheses the logs call for, and how much better each predicts left-out windows than its rivals.
+"""The search: which hypotheses the logs call for, and how well each predicts left-out windows beside its competitors.
 
 A hypothesis enters by evidence. It is judged by prediction: windows are left out in turn, and the density of what was
 measured in them is compared with that of the model without it and of every competitor in its place, each fitted with
@@ -15,7 +15,7 @@ import numpy as np
 from vehicle.identification.diagnosis.circles import CircleSearch
 from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
-    ODDS,
+    PENALTIES,
     Hypothesis,
     collect_widths,
     list_catalogue,
@@ -175,7 +175,7 @@ class Searcher:
         for hypothesis in [one for one in fit.model if not one.is_nuisance]:
             without = self._fit_without(fit, hypothesis)
             against_none = self._compare(fit, predicted, without, None, noise)
-            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.odds > 0.0 and against_none.z < LEAST_LAW_Z)
+            is_idle = against_none.nats < 0.5 * ADD_NATS or (hypothesis.penalty > 0.0 and against_none.z < LEAST_LAW_Z)
             if is_idle and self._may_become(without):
                 self.problem.set_noise(noise)
                 return without, judgements
@@ -210,7 +210,7 @@ class Searcher:
             comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
             self.step()
             comparisons.append(comparison)
-            change = comparison.nats + gain.hypothesis.odds - hypothesis.odds
+            change = comparison.nats + gain.hypothesis.penalty - hypothesis.penalty
             if change < -BETTER_NATS and self._may_become(start):
                 return start, comparisons
         return None, comparisons
@@ -289,7 +289,7 @@ def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:
 
 def _is_worth(gain: Gain) -> bool:
     """Whether a hypothesis would be large enough to matter."""
-    return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -ODDS["place"]
+    return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -PENALTIES["place"]
 
 
 def _name_model(fit: Fit) -> frozenset[str]:

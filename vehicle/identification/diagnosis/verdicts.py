@@ -122,7 +122,7 @@ def _is_firm(hypothesis: Hypothesis, amounts: Array, sigmas: Array) -> bool:
         away = np.abs(amounts - np.median(amounts)) - INTERVAL_SIGMAS * sigmas
         return bool(away.max() >= 2.0 * hypothesis.finest)
     place = int(np.argmax(np.abs(amounts) / sigmas))
-    least = hypothesis.finest * (2.0 if hypothesis.odds and hypothesis.law != "by_place" else 1.0)
+    least = hypothesis.finest * (2.0 if hypothesis.penalty and hypothesis.law != "by_place" else 1.0)
     return float(np.linalg.norm(amounts) - INTERVAL_SIGMAS * sigmas[place]) >= least
 
 
@@ -134,7 +134,7 @@ def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
         for one in judgement.against_others
         if one.alternative is not None
         and one.alternative.id != own.id
-        and (one.z < CLEAR_OF_LAWS_Z or one.nats < ADD_NATS if one.alternative.odds else one.z < CLEAR_Z)
+        and (one.z < CLEAR_OF_LAWS_Z or one.nats < ADD_NATS if one.alternative.penalty else one.z < CLEAR_Z)
     )
 
 
