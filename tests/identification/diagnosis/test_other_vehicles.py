@@ -82,6 +82,16 @@ def push_aside(run: pd.DataFrame, bearing_deg: float) -> pd.DataFrame:
     return run.assign(**{name: run[name] + shift for name, shift in moved.items()})
 
 
+@pytest.mark.slow
+def test_what_a_compass_does_has_a_hint_and_no_name() -> None:
+    runs = [drive_jointed(Jointed(FRONT, 2.4, 1.1), run, number) for number, run in enumerate(list_drives())]
+    logs = [build_log(turn_compass(run, 20.0), run.attrs["name"], wheelbase_m=2.4) for run in runs]
+    found = diagnose_logs(logs, make_file(2.4), "soil")
+    assert "cross_slope_drift" not in found.named and "cross_slope_drift" not in found.tractor.effects
+    assert found.known_outside.startswith("The headings are wrong by up to ")
+    assert found.hints[0].instrument == "heading" and found.headline.startswith(found.known_outside)
+
+
 @pytest.mark.parametrize("base_m", [1.6, 2.4, 3.6])
 @pytest.mark.parametrize("antenna_m", [0.4, 1.1, 2.0])
 def test_rear_wheels_are_told(base_m: float, antenna_m: float) -> None:

@@ -16,6 +16,7 @@ from vehicle.identification.diagnosis.grammar import BY_RUN
 from vehicle.identification.diagnosis.hints import find_hints
 from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.log_notes import (
+    add_compass,
     add_turning,
     build_fault_diagnosis,
     check_runs,
@@ -55,6 +56,7 @@ from vehicle.model.tractor import Tractor
 
 ReportProgress = Callable[[int, int], None]
 ERROR_PIECE_S = 5.0
+COMPASS = "heading_bias@by_direction"
 BLOCKS = {"pose": "wheel to path and antenna", "wheel": "command to wheel", "speed": "speed"}
 INTERVAL_NOTE = (
     "Intervals hold 95 %: the scatter between runs where that is more than the noise tells, and what the base model is "
@@ -88,10 +90,15 @@ def diagnose_logs(
     saved = choose_saved(converter, result.fit, verdicts, count.count_step)
     verdicts = withdraw_refused(verdicts, saved.refused)
     turning = find_other_turning(logs, tractor)
-    verdicts = doubt_by_turning(verdicts, turning)
+    compass = next((one for one in verdicts if str(one.hypothesis) == COMPASS), None)
+    verdicts = [one for one in doubt_by_turning(verdicts, turning) if one is not compass]
     findings = FindingBuilder(problem, result, saved, converter).build(verdicts)
     composer = _Composer(logs, dataset, tractor, ground, problem, converter, result, saved, verdicts, findings)
-    diagnosis = composer.compose() if turning is None else add_turning(composer.compose(), turning)
+    diagnosis = composer.compose()
+    if compass is not None:
+        diagnosis = add_compass(diagnosis, float(np.linalg.norm(compass.amounts)))
+    if turning is not None:
+        diagnosis = add_turning(diagnosis, turning)
     count.report_completion()
     return diagnosis
 

@@ -237,6 +237,17 @@ def mark_different_runs(runs: Sequence[RunCheck], odd_runs: Mapping[int, str]) -
     )
 
 
+def add_compass(diagnosis: Diagnosis, wrong_deg: float) -> Diagnosis:
+    """The diagnosis with headings that are wrong by up to so many degrees, by the direction of travel."""
+    words = (
+        f"The headings are wrong by up to {wrong_deg:.1f} degrees, depending on the direction of travel, as of a "
+        "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks like a "
+        "drift across a slope."
+    )
+    hint = Hint("the direction of travel", "heading", None, words)
+    return replace(diagnosis, known_outside=words, hints=(hint, *diagnosis.hints))
+
+
 def add_turning(diagnosis: Diagnosis, turning: OtherTurning) -> Diagnosis:
     """The diagnosis with how the vehicle turns, and without a drive that would separate what stands in for that."""
     drive, block = diagnosis.next_drive, PATH if turning.kind == ARTICULATED else POSITION
