@@ -43,7 +43,8 @@ def draw_errors(made: Problem, horizon: float) -> Array:
     roots = np.linalg.cholesky(covariance + 1e-14 * np.eye(covariance.shape[1]))
     east, north, heading = (data.cut(data.path[name], POSE_CELLS) for name in ("east", "north", "heading"))
     squares = []
-    for window, segment in enumerate(data.window_segments):
+    for window in np.flatnonzero(data.east.observed.all(axis=1)):
+        segment = data.window_segments[window]
         for _ in range(DRAWS):
             moved = (roots[window] @ rng.standard_normal(3 * POSE_CELLS)).reshape(3, -1)
             drawn = replace(data.segments[segment], time=POSE_CELL_S * np.arange(POSE_CELLS), speed=np.ones(POSE_CELLS),
