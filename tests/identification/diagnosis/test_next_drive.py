@@ -92,7 +92,7 @@ def test_a_circle_at_two_speeds_tells_understeer_from_a_gain(circles: Problem, m
 
 
 def test_lifting_the_implement_tells_an_offset_from_a_draft(monkeypatch: pytest.MonkeyPatch) -> None:
-    problem = build_problem("there-and-back", {"steering_offset": {"angle_deg": 0.5}})
+    problem = build_problem("there-and-back", {"steering_offset": {"angle_deg": 2.0}})
     fit, pair = build_pair(problem, "steering_offset", "implement_side_draft")
     shorten(monkeypatch, "implement-lifted", "there-and-back")
     drive = choose_next_drive(problem, fit, [pair])

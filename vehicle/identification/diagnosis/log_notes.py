@@ -241,8 +241,8 @@ def add_compass(diagnosis: Diagnosis, wrong_deg: float) -> Diagnosis:
     """The diagnosis with headings that are wrong by up to so many degrees, by the direction of travel."""
     words = (
         f"The headings are wrong by up to {wrong_deg:.1f} degrees, depending on the direction of travel, as of a "
-        "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks like a "
-        "drift across a slope."
+        "compass near iron: they turn by as much more or less than the wheels turn the vehicle. Otherwise this looks "
+        "like a drift across a slope."
     )
     hint = Hint("the direction of travel", "heading", None, words)
     return replace(diagnosis, known_outside=words, hints=(hint, *diagnosis.hints))

@@ -27,6 +27,7 @@ from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
 CLEAR_OF_LAWS_Z = 1.5  # the same against laws and circles, of which many are tried and few are true
+CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
@@ -109,7 +110,7 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
         if not is_firm or against.z < LIKELY_Z:
             return ""
-        return NAMED if against.z >= CLEAR_Z and not _list_equivalents(judgement) else LIKELY
+        return NAMED if against.z >= CLEAR_LAW_Z and not _list_equivalents(judgement) else LIKELY
     if against.z < CLEAR_Z or not is_firm:
         return LIKELY
     return EQUIVALENT if _list_equivalents(judgement) else NAMED
