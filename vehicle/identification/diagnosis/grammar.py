@@ -33,7 +33,7 @@ CONSTANT, BY_RUN, BY_DIRECTION = "constant", "by_run", "by_direction"
 DIRECTIONS = ("to_east", "to_north")
 WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation of the prior
 # Nats that speak against it beforehand: an effect of the catalogue, a law of one, and one of many places.
-PENALTIES = {"catalogue": 0.0, "law": 2.0, "place": 5.0}
+PENALTIES = {"catalogue": 0.0, "law": 4.0, "place": 5.0}
 STRAIGHT_RAD = math.radians(0.3)  # wheels straighter than this have no side
 PATCH_RADII_M = (8.0, 14.0)
 FEWEST_PATCH_STEPS, LARGEST_PATCH_SHARE = 60, 0.7

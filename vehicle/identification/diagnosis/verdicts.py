@@ -26,7 +26,8 @@ from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
 LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
-CLEAR_OF_LAWS_Z = 1.5  # the same against laws and circles, of which many are tried and few are true
+EXCLUDED_Z, EXCLUDED_LAW_Z = 3.0, 1.0  # standard errors from which a competitor is excluded, and a law or circle
+EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
@@ -133,10 +134,16 @@ def _list_equivalents(judgement: Judgement) -> tuple[Comparison, ...]:
     return tuple(
         one
         for one in judgement.against_others
-        if one.alternative is not None
-        and one.alternative.id != own.id
-        and (one.z < CLEAR_OF_LAWS_Z or one.nats < ADD_NATS if one.alternative.penalty else one.z < CLEAR_Z)
+        if one.alternative is not None and one.alternative.id != own.id and not _is_excluded(one, one.alternative)
     )
+
+
+def _is_excluded(comparison: Comparison, alternative: Hypothesis) -> bool:
+    """Whether a competitor predicts the logs clearly worse: a law or a circle, of which many are tried, by posterior
+    probability alone, an effect of the catalogue also in standard errors."""
+    if alternative.penalty:
+        return comparison.nats + alternative.penalty >= EXCLUDED_NATS and comparison.z >= EXCLUDED_LAW_Z
+    return comparison.nats >= EXCLUDED_NATS and comparison.z >= EXCLUDED_Z
 
 
 def compute_covariance(problem: Problem, fit: Fit) -> Array:
