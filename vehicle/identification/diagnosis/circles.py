@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import POSE_CELLS, STRIDE, DriveData
+from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, STRIDE, DriveData
 from vehicle.identification.diagnosis.grammar import (
     CONSTANT,
     FEWEST_PATCH_STEPS,
@@ -57,7 +57,9 @@ class CircleSearch:
         problem, fit = self.problem, self.fit
         self.noise = problem.noise["pose"]
         response = build_yaw_response(problem.data, problem.rig.tractor.antenna_forward_m)
-        yaw = cut_motion(problem.data)[2]
+        # The turning of the fit, not that which was measured: a circle changes only what the wheels turn.
+        heading = cut_motion(problem.data)[1] - fit.residuals["pose"][:, 2 * POSE_CELLS :]
+        yaw = np.gradient(heading, POSE_CELL_S, axis=1)
         white = self.noise.whiten(fit.residuals["pose"])
         root = np.sqrt(self.noise.compute_weights(white))[:, None, None]
         self.response = root * self.noise.whiten(response * yaw[:, None, :])

@@ -141,9 +141,7 @@ class Searcher:
 
     def _try_best(self, fit: Fit, gains: Sequence[Gain]) -> Fit | None:
         """The fit with the most evidence among the best of a scan, at the noise of the fit before."""
-        if not gains or gains[0].nats < 0.0:
-            return None
-        tried = [one for one in gains[:MOST_TRIED] if one.nats >= NEAR_SHARE * gains[0].nats]
+        tried = [one for one in gains[:MOST_TRIED] if one.nats > 0.0]
         fits = []
         for gain in tried:
             model = (*fit.model, gain.hypothesis)

@@ -25,7 +25,7 @@ from vehicle.identification.logs.schema import Array
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS
 from vehicle.model.effects import CATALOGUE, Effect, get_effect
 
-LIKELY_Z = 2.0  # standard errors of the predictive difference from which something is likely
+LIKELY_Z = 1.5  # standard errors of the predictive difference from which something is likely
 EXCLUDED_Z, EXCLUDED_LAW_Z = 3.0, 1.0  # standard errors from which a competitor is excluded, and a law or circle
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
