@@ -1,6 +1,7 @@
 """What a diagnosis saves: effect by effect, whatever lowers the error of runs that had no part in its value.
 
-Every run is replayed from its commands with amounts fitted to the other runs, a single run with its own. An effect that raises an error by more than the scatter of its pieces is not saved, and has no name.
+Every run is replayed from its commands with amounts fitted to the other runs, a single run with its own. An effect that
+raises an error by more than the scatter of its pieces is not saved, and only likely.
 """
 
 from __future__ import annotations
