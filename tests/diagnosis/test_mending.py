@@ -46,9 +46,9 @@ def test_effects_of_the_file_count_before_and_are_fitted_anew() -> None:
     assert any("already" in note for note in found.notes)
 
 
-def test_of_one_run_the_gain_is_its_own() -> None:
+def test_one_run_is_held_out_by_its_own_windows() -> None:
     frames = make_logs(hidden(["steering_offset"]), 3, [d for d in default_programme() if d.name == "figure_eight"])
     found = diagnose_logs([build_log(frames[0], "only")], eg105(), "soil")
     offset = next(one for one in found.findings if one.id == "steering_offset")
     assert offset.gain_pct is not None and offset.gain_pct > 0.0
-    assert any("only one run" in note for note in found.notes)
+    assert any("20 s windows" in note for note in found.notes)

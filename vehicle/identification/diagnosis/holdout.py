@@ -14,9 +14,10 @@ import numpy as np
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.results import ErrorsByHorizon, HoldoutResult, HoldoutRun
 from vehicle.identification.logs.schema import Array, Log, Mask
-from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset
+from vehicle.identification.replay.drive_segments import DriveDataset, build_dataset, compute_half_numbers
 from vehicle.identification.replay.horizon_errors import (
     HORIZONS_S,
+    HalfSettings,
     HorizonError,
     compute_piece_errors,
     list_covering_bounds,
@@ -57,19 +58,30 @@ def _measure_pieces(dataset: DriveDataset, machine: Tractor, ground: str) -> Pie
     return measure_pieces(dataset, rig, dict.fromkeys(range(len(dataset.names)), settings))
 
 
-def measure_pieces(dataset: DriveDataset, rig: ReplayRig, settings: Mapping[int, Settings]) -> PiecesByHorizon:
-    """Replay all segments, each with the settings of its run."""
+def measure_pieces(
+    dataset: DriveDataset, rig: ReplayRig, settings: Mapping[int, Settings | HalfSettings]
+) -> PiecesByHorizon:
+    """Replay all segments, each with the settings of its run, or with one for each half of its windows of 20 s."""
     rows: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS_S}
-    poses = simulate_poses(rig, [(segment, settings[segment.run]) for segment in dataset.segments])
-    for segment, (antenna, heading) in zip(dataset.segments, poses, strict=True):
+    parts = [(segment, half, own) for segment in dataset.segments for half, own in _list_halves(settings[segment.run])]
+    poses = simulate_poses(rig, [(segment, own) for segment, _, own in parts])
+    for (segment, half, _), (antenna, heading) in zip(parts, poses, strict=True):
         for horizon in HORIZONS_S:
-            for bounds in list_covering_bounds(segment.time, horizon):
-                squares = (compute_piece_errors(segment, antenna, heading, bounds) * UNITS) ** 2
+            for starts, ends in list_covering_bounds(segment.time, horizon):
+                if half is not None:
+                    middle = 0.5 * (segment.time[starts] + segment.time[ends - 1])
+                    is_half = compute_half_numbers(middle) == half
+                    starts, ends = starts[is_half], ends[is_half]
+                squares = (compute_piece_errors(segment, antenna, heading, (starts, ends)) * UNITS) ** 2
                 rows[horizon] += [
                     np.array([segment.run, *squares[first:end].sum(axis=0), end - first])
-                    for first, end in zip(*bounds, strict=True)
+                    for first, end in zip(starts, ends, strict=True)
                 ]
     return {horizon: np.array(pieces) for horizon, pieces in rows.items() if pieces}
+
+
+def _list_halves(settings: Settings | HalfSettings) -> list[tuple[int | None, Settings]]:
+    return list(enumerate(settings)) if isinstance(settings, tuple) else [(None, settings)]
 
 
 def compute_errors(pieces: PiecesByHorizon, run: int | None = None) -> ErrorsByHorizon:

@@ -301,7 +301,7 @@ def _describe_logs(logs: Sequence[Log], dataset: DriveDataset) -> tuple[str, ...
     if any(log.heading_deg is None for log in logs):  # of all logs, as the errors are; a subset may lack some of them
         sentences.append("Some logs have no heading; the course of the positions is used instead.")
     if len(logs) == 1:
-        sentences.append("There is only one run, so the gain of what is found is that on the driving it was found in.")
+        sentences.append("There is only one run, so its own 20 s windows replace runs not used for fitting.")
     return tuple(sentences)
 
 

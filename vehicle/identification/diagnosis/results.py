@@ -114,7 +114,7 @@ class HoldoutResult:
     """Errors on runs that had no part in anything, by horizon (s): `helps` says that the extension lowers them.
 
     `words` is one sentence: which runs were chosen, and how. `is_requested` marks runs that were held out on request;
-    else each half of the logs was driven with what was found on the other half.
+    else every run was left out once, and driven with what was found on the others.
     """
 
     runs: tuple[str, ...]

@@ -1,7 +1,7 @@
 """What a diagnosis saves: effect by effect, whatever lowers the error of runs that had no part in its value.
 
-Every run is replayed from its commands with amounts fitted to the other runs, a single run with its own. An effect that
-raises an error by more than the scatter of its pieces is not saved, and only likely.
+Every run is replayed from its commands with amounts fitted to the other runs, each half of a single run with those of
+the other. An effect that raises an error by more than the scatter of its pieces is not saved, and only likely.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.identification.diagnosis.drive_data import Places
+from vehicle.identification.diagnosis.drive_data import PATH_STEP_S, Places
 from vehicle.identification.diagnosis.grammar import Hypothesis, collect_widths, split_amounts
 from vehicle.identification.diagnosis.holdout import (
     PiecesByHorizon,
@@ -25,13 +25,16 @@ from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, 
 from vehicle.identification.diagnosis.results import LIKELY, HoldoutResult, HoldoutRun
 from vehicle.identification.diagnosis.values import ValueConverter, is_storable
 from vehicle.identification.diagnosis.verdicts import Verdict
-from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.schema import Array, Mask
+from vehicle.identification.replay.drive_segments import compute_half_numbers
+from vehicle.identification.replay.horizon_errors import HalfSettings
 from vehicle.model.tractor import Settings
 
 ERROR_HORIZON_S = 5.0  # over which the gain of an effect is told
 LEAST_INFORMATION_SHARE = 0.02  # of what all runs know of an amount: with less the other runs say nothing of it
 DRAWS, GAIN_QUANTILES, SEED = 200, (0.05, 0.95), 7
 LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other runs show."
+HALVES_WORDS = "Each half of the run was driven with what its other half shows."
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,39 +92,49 @@ class _LeftOutTrial:
 
     def replay(self, hypotheses: Sequence[Hypothesis]) -> PiecesByHorizon:
         """Errors of all pieces with these hypotheses alone."""
-        settings: dict[int, Settings] = {}
-        for run, amounts in self.amounts.items():
+
+        def build(amounts: Array) -> Settings:
             parts = [(one, own) for one, own in split_amounts(self.fit.model, amounts) if one in hypotheses]
-            settings[run] = self.converter.build_settings(parts)
+            return self.converter.build_settings(parts)
+
+        settings: dict[int, Settings | HalfSettings] = {
+            run: build(own[0]) if len(own) == 1 else (build(own[0]), build(own[1])) for run, own in self.amounts.items()
+        }
         return measure_pieces(self.problem.data.dataset, self.problem.rig, settings)
 
 
-def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, Array]:
-    """By run the amounts (k,) that the other runs give, by one Gauss-Newton step; what only it shows stays its own."""
+def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array]]:
+    """By run the amounts (k,) that the other runs give, by one Gauss-Newton step; of a single run those of each half of
+    its windows of 20 s, by the other. What only one run shows stays its own."""
+    data, runs = problem.data, problem.data.window_runs
+    if len(np.unique(runs)) > 1:
+        groups = {run: [runs == run] for run in range(data.runs)}
+    else:
+        begins = data.path_starts[:-1][data.window_segments]
+        halves = compute_half_numbers((data.window_starts - begins) * PATH_STEP_S)
+        groups = {run: [halves == half for half in (0, 1)] for run in range(data.runs)}
     white, roots = problem.weigh(fit.residuals)
-    widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
+    widths = collect_widths(fit.model)
     secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
-    runs = problem.data.window_runs
     weighted = {c: secants[c] * roots[c][:, None, None] for c in CHANNELS}
     total = np.eye(len(widths))
     for columns in weighted.values():
         flat = columns.reshape(-1, len(widths))
         total += flat.T @ flat
-    amounts = {}
-    for run in range(problem.data.runs):
-        inside = runs == run
+
+    def leave_out(inside: Mask) -> Array:
         if inside.all() or not inside.any():
-            amounts[run] = fit.amounts
-            continue
+            return fit.amounts
         curvature, slope = total.copy(), np.zeros(len(widths))
         for c in CHANNELS:
             flat = weighted[c][inside].reshape(-1, len(widths))
             curvature -= flat.T @ flat
             slope += flat.T @ (white[c][inside] * roots[c][inside][:, None]).ravel()
-        moved = np.clip(fit.amounts - widths * np.linalg.solve(curvature, slope), *bounds)
+        moved = np.clip(fit.amounts - widths * np.linalg.solve(curvature, slope), *collect_bounds(fit.model))
         is_known = np.diag(curvature) >= LEAST_INFORMATION_SHARE * np.diag(total)
-        amounts[run] = np.where(is_known, moved, fit.amounts)
-    return amounts
+        return np.asarray(np.where(is_known, moved, fit.amounts))
+
+    return {run: [leave_out(inside) for inside in own] for run, own in groups.items()}
 
 
 def _sum_by_run(pieces: PiecesByHorizon) -> Array:
@@ -155,4 +168,5 @@ def _build_holdout(problem: Problem, before: PiecesByHorizon, after: PiecesByHor
         HoldoutRun(name, compute_errors(before, run), compute_errors(after, run)) for run, name in enumerate(names)
     )
     return HoldoutResult(names, compute_errors(before), compute_errors(after),
-                         is_extension_helpful(before, after, has_speed), by_run, LEFT_OUT_WORDS)  # fmt: skip
+                         is_extension_helpful(before, after, has_speed), by_run,
+                         LEFT_OUT_WORDS if len(names) > 1 else HALVES_WORDS)  # fmt: skip
