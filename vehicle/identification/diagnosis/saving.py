@@ -111,7 +111,8 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array
         groups = {run: [runs == run] for run in range(data.runs)}
     else:
         begins = data.path_starts[:-1][data.window_segments]
-        halves = compute_half_numbers((data.window_starts - begins) * PATH_STEP_S)
+        seconds: Array = np.asarray((data.window_starts - begins) * PATH_STEP_S, dtype=np.float64)
+        halves = compute_half_numbers(seconds)
         groups = {run: [halves == half for half in (0, 1)] for run in range(data.runs)}
     white, roots = problem.weigh(fit.residuals)
     widths = collect_widths(fit.model)
