@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.corrections import correct_logs
 from vehicle.identification.diagnosis.correlations import compute_value_correlations
 from vehicle.identification.diagnosis.curves import build_residual_plot
@@ -71,7 +73,8 @@ def diagnose_logs(
 
     Effects that the tractor file already has are removed and fitted again; the error before is that of the file.
     `progress` is called with steps done and an estimate of all steps. Raises LogError when no segment can be replayed
-    or none has enough positions for an error, unless faults are to be reported, and VehicleError for an unknown ground.
+    or none has enough positions for an error, unless faults are to be reported, and VehicleError for an unknown ground
+    or a tractor that spins.
     """
     count = _ProgressCounter(progress)
     logs = correct_logs(logs, tractor)
@@ -84,6 +87,7 @@ def diagnose_logs(
             raise
         return build_fault_diagnosis(logs, tractor, ground, str(error))
     problem = Problem(data, build_rig(tractor, ground, dataset.origin))
+    _refuse_spinning(problem, tractor)
     result = Searcher(problem, count.count_step).run()
     verdicts = decide(problem, result)
     converter = ValueConverter(problem, list_run_starts(logs))
@@ -213,6 +217,15 @@ class _Composer:
                 ]
                 errors[BLOCKS[channel]] = (sizes[0], sizes[1])
         return errors
+
+
+def _refuse_spinning(problem: Problem, tractor: Tractor) -> None:
+    """Raise VehicleError where the simulation turns by more than half a turn between two rows, as no vehicle does."""
+    if not problem.simulator.measure_fastest_turn() * problem.data.row_step_s <= math.pi:  # no number is more, too
+        raise VehicleError(
+            f"The simulation of {tractor.name} spins where these logs drive; the axles, the mass, the length and the "
+            "width in its tractor file cannot be those of one vehicle."
+        )
 
 
 def _refuse_sparse(dataset: DriveDataset) -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis
+from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, build_constant
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
@@ -50,7 +50,9 @@ class FindingBuilder:
             for finding in self._build_alternatives(verdict, visible):
                 findings.setdefault(finding.id, finding)
         return [
-            findings[effect.id] if effect.id in findings else self._build_absent(effect, visible.get(effect.id))
+            findings[effect.id]
+            if effect.id in findings
+            else self._build_absent(effect, visible.get(effect.id), verdicts)
             for effect in CATALOGUE
         ]
 
@@ -120,12 +122,16 @@ class FindingBuilder:
             )  # fmt: skip
         return found
 
-    def _build_absent(self, effect: Effect, visible: float | None) -> Finding:
+    def _build_absent(self, effect: Effect, visible: float | None, verdicts: Sequence[Verdict]) -> Finding:
         """The finding of an effect that the logs do not call for."""
-        judged = [one for one in self.result.judgements if one.hypothesis.id == effect.id]
-        competitor_ids = [c.alternative.id for one in self.result.judgements for c in one.against_others
-                  if c.alternative is not None and c.z < 1.0]  # fmt: skip
-        is_open = bool(judged) or effect.id in competitor_ids
+        own = build_constant(effect, self.problem.data, self.problem.rig.tractor) if effect.kind is not CIRCLE else None
+        channels = frozenset({"pose"}) if own is None else self.problem.list_channels(own)
+        said = {str(one.hypothesis) for one in verdicts}
+        # What the model holds and nothing can be said of may be this effect.
+        is_open = any(
+            str(one.hypothesis) not in said and self.problem.list_channels(one.hypothesis) & channels
+            for one in self.result.judgements
+        )
         status = REFUTED if is_refutable(effect, visible, self.problem) and not is_open else NOT_VISIBLE
         shown = None if visible is None or not math.isfinite(visible) else visible
         return Finding(effect.id, status, None, None, None, None, shown, effect.size.unit, effect.block, "")

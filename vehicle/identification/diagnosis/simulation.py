@@ -250,6 +250,13 @@ class Simulator:
         path = self._get("path", (keys["path"], steered), lambda: self._simulate_path(fields, wheel))
         return {**self._show_pose(path, fields), **self._show_sensors(wheel, speed, fields)}
 
+    def measure_fastest_turn(self) -> float:
+        """The largest yaw rate (rad/s) of the drive without effects; nan where it is none."""
+        angle = self._simulate_path({}, self._simulate_wheel({}))[2]
+        is_inside = np.ones(len(angle) - 1, dtype=np.bool_)
+        is_inside[self.data.path_starts[1:-1] - 1] = False
+        return float(np.max(np.abs(np.diff(angle)[is_inside]))) / PATH_STEP_S
+
     def _get(self, chain: str, key: Hashable, make: Any) -> Array:
         if (chain, key) not in self.cache:
             old = [entry for entry in self.cache if entry[0] == chain]

@@ -17,6 +17,7 @@ from vehicle.identification.diagnosis.grammar import (
     collect_widths,
     get_kind,
     scale_parameter,
+    split_amounts,
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
@@ -30,6 +31,9 @@ EXCLUDED_Z, EXCLUDED_LAW_Z = 3.0, 1.0  # standard errors from which a competitor
 EXCLUDED_NATS = 6.0  # the same in nats: 400 to 1
 CLEAR_LAW_Z = 6.0  # from which a law has a name: what lies outside the catalogue is often like some law
 CLEAR_OF_NEUTRAL = 2.5  # standard deviations of the value
+ALIKE_CORRELATION = 0.3  # from which an effect may stand in for a nuisance that is as large as it may be
+SPENT_SHARE = 0.9  # of the most that a nuisance may be
+LARGE_END_WIDTHS = 2.0  # a limit so far from neutral is not reached by a fault; no dead band at all is near
 FAR_WIDTHS = 5.0  # an amount beyond says that the grammar does not hold these logs: nothing is certain then
 # Of the finest size that may be claimed: standard deviation of a value by what the base model is off, for any data.
 MODEL_SHARE = 0.5
@@ -58,13 +62,15 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     covariance = centre @ compute_covariance(problem, result.fit) @ centre.T
     all_amounts = centre @ result.fit.amounts
     is_far = any(_is_far(one.hypothesis, result.fit.get_amounts(one.hypothesis)) for one in result.judgements)
+    spent = [one for one, own in split_amounts(result.fit.model, result.fit.amounts) if _is_spent(one, own)]
     verdicts = []
     for judgement in result.judgements:
         place = result.fit.locate(judgement.hypothesis)
         own = covariance[place, place]
         amounts = all_amounts[place]
         status = _choose_status(judgement, amounts, own)
-        if status == NAMED and is_far:
+        is_doubtful = is_far or any(_are_alike(covariance, place, result.fit.locate(one)) for one in spent)
+        if status == NAMED and is_doubtful:
             status = LIKELY
         others = _list_equivalents(judgement)
         ids = tuple(dict.fromkeys(one.alternative.id for one in others if one.alternative is not None))
@@ -92,10 +98,26 @@ def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
     """Whether amounts are beyond what any tractor has, or at a limit: then the grammar does not hold these logs."""
     widths = np.array([one.width for one in hypothesis.coordinates])
     ends = np.array([[one.low, one.high] for one in hypothesis.coordinates])
-    is_at_end = (
-        np.isclose(amounts[:, None], ends).any() and hypothesis.law == CONSTANT and bool(np.abs(amounts).max() > 0)
+    sizes = np.abs(amounts) / widths
+    is_at_end = hypothesis.law == CONSTANT and bool(
+        np.any(np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > 2.0))
     )
-    return bool(is_at_end or (hypothesis.law != BY_RUN and np.abs(amounts / widths).max() > FAR_WIDTHS))
+    return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > FAR_WIDTHS)
+
+
+def _are_alike(covariance: Array, one: slice, other: slice) -> bool:
+    """Whether the logs could exchange two hypotheses: their amounts are correlated."""
+    sigmas = np.sqrt(np.maximum(np.diag(covariance), 1e-30))
+    correlations = covariance[one, other] / np.outer(sigmas[one], sigmas[other])
+    return bool(np.abs(correlations).max() > ALIKE_CORRELATION)
+
+
+def _is_spent(hypothesis: Hypothesis, amounts: Array) -> bool:
+    """Whether a nuisance of the path to either side is as large as it may be: the base model then lacks more than it is
+    known to. Tyres that relax for long are no such thing."""
+    coordinate = hypothesis.coordinates[0]
+    is_path = hypothesis.is_nuisance and "path" in hypothesis.chains and coordinate.low < 0.0
+    return is_path and bool(np.abs(amounts).max() >= SPENT_SHARE * coordinate.high)
 
 
 def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> str:
