@@ -26,8 +26,6 @@ from vehicle.identification.diagnosis.verdicts import Verdict, find_smallest_vis
 from vehicle.model.effect_kinds import CIRCLE, Interval
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, Effect, get_effect, get_neutral_values
 
-STANDINGS = (NAMED, EQUIVALENT, LIKELY)
-
 
 @dataclass(frozen=True, eq=False)
 class FindingBuilder:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -177,10 +177,6 @@ class Finding:
         if law is None or law.kind == CONSTANT_LAW or not law.words or law.words.rstrip(".") in self.description:
             return self.description
         return f"{self.description} {law.words[:1].upper()}{law.words[1:].rstrip('.')}."
-
-    def add_exchange(self, words: str) -> Finding:
-        """Return the finding with one more clause on what looks alike."""
-        return replace(self, exchange="; ".join(part for part in (self.exchange, words) if part))
 
 
 @dataclass(frozen=True)

@@ -99,9 +99,8 @@ def _is_far(hypothesis: Hypothesis, amounts: Array) -> bool:
     widths = np.array([one.width for one in hypothesis.coordinates])
     ends = np.array([[one.low, one.high] for one in hypothesis.coordinates])
     sizes = np.abs(amounts) / widths
-    is_at_end = hypothesis.law == CONSTANT and bool(
-        np.any(np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > 2.0))
-    )
+    is_large_end = np.isclose(amounts[:, None], ends).any(axis=1) & (sizes > LARGE_END_WIDTHS)
+    is_at_end = hypothesis.law == CONSTANT and bool(is_large_end.any())
     return is_at_end or (hypothesis.law != BY_RUN and float(sizes.max()) > FAR_WIDTHS)
 
 

@@ -13,12 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.faults.run_delays import average_over_turn
 from vehicle.identification.faults.steering_evidence import (
     STEP_S,
     TURN_S,
     PathScale,
     SteeringEvidence,
+    average_over_turn,
     build_evidence_segments,
     find_largest_angles,
     fit_path_scale,

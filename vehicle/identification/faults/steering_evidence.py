@@ -262,3 +262,11 @@ def fit_path_scale(segments: Sequence[SteeringEvidence]) -> PathScale | None:
     if float(np.corrcoef(angle[inliers], curvature[inliers])[0, 1]) < _LEAST_CORRELATION:
         return None
     return PathScale(slope, at_zero, sigma)
+
+
+def average_over_turn(values: Array) -> Array:
+    """Return the mean (k,) over the time over which curvature is taken."""
+    width = 2 * round(0.5 * TURN_S / STEP_S) + 1
+    padded = np.pad(values, width // 2, mode="edge")
+    mean: Array = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
+    return mean
