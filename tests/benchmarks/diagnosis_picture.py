@@ -33,7 +33,7 @@ BAND_SIGMAS, GREY, BLUE, BAND = 2.0, "#6b7280", "#1d4ed8", "#dbe3f1"
 HEADING = slice(2 * POSE_CELLS, None)  # of a window of poses
 
 
-def search_causes(hide: str | None, seed: int) -> tuple[Problem, SearchResult]:
+def search_causes(hide: str | None, seed: int) -> tuple[Problem, SearchResult, dict[str, Array]]:
     """Search the causes in the logs of a demonstration as a diagnosis does, and print the trail."""
     tractor = load_tractor("eg105")
     hidden = draw_hidden_effect(seed, tractor, hide)
@@ -46,9 +46,9 @@ def search_causes(hide: str | None, seed: int) -> tuple[Problem, SearchResult]:
     for gain in searcher.scan(base)[:5]:
         print(f"  {gain.hypothesis!s:40} {gain.nats:8.1f} {gain.amounts[0]:9.4f}")
     fit, judgements = searcher.settle(searcher.add_greedily(base))
-    result = SearchResult(fit, base, tuple(judgements), base_noise)
+    result = SearchResult(fit, base, tuple(judgements))
     print_verdicts(result, ValueConverter(problem, list_run_starts(logs)))
-    return problem, result
+    return problem, result, base_noise
 
 
 def print_verdicts(result: SearchResult, converter: ValueConverter) -> None:
@@ -69,11 +69,11 @@ def compute_heading_band(problem: Problem, window: int, amounts: Array) -> Array
     return np.asarray(np.degrees(np.sqrt(np.diag(centre @ covariance[HEADING, HEADING] @ centre))))
 
 
-def draw_headings(axes: Sequence[Any], problem: Problem, result: SearchResult) -> None:
+def draw_headings(axes: Sequence[Any], problem: Problem, result: SearchResult, base_noise: dict[str, Array]) -> None:
     """Draw the headings of the window with the largest ones, in the noise of each fit."""
     squares = (result.base.residuals["pose"][:, HEADING] ** 2).sum(axis=1)
     window, time = int(np.argmax(squares)), POSE_CELL_S * (np.arange(POSE_CELLS) + 0.5)
-    fits = ("no cause", result.base, result.noise), ("the final model", result.fit, problem.get_noise())
+    fits = ("no cause", result.base, base_noise), ("the final model", result.fit, problem.get_noise())
     for axis, (words, fit, amounts) in zip(axes, fits, strict=True):
         band = BAND_SIGMAS * compute_heading_band(problem, window, amounts["pose"])
         axis.fill_between(time, -band, band, color=BAND, label=f"noise fitted beside it, {BAND_SIGMAS:g} sigma")
@@ -104,10 +104,10 @@ def main() -> None:
     parser.add_argument("--hide")
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args()
-    problem, result = search_causes(options.hide, options.seed)
+    problem, result, base_noise = search_causes(options.hide, options.seed)
     figure = Figure(figsize=(8.4, 3.7), layout="constrained")
     axes = figure.subplot_mosaic([["before", "bars"], ["after", "bars"]], width_ratios=(1.0, 1.1))
-    draw_headings((axes["before"], axes["after"]), problem, result)
+    draw_headings((axes["before"], axes["after"]), problem, result, base_noise)
     for judgement in result.judgements[:1]:
         draw_differences(axes["bars"], judgement)
     for axis in axes.values():

@@ -90,6 +90,13 @@ def compute_soil_limits(thrust: float, model: object, ground: object) -> tuple[f
     )
 
 
+@inline_function
+def compute_rolling_resistance(forward: float, model: object, ground: object) -> float:
+    """Rolling resistance (N) against a forward speed (m/s); it fades at standstill."""
+    weight = model.mass * GRAVITY_MPS2  # type: ignore[attr-defined]
+    return ground.rolling * weight * forward / (abs(forward) + CREEP_MPS)  # type: ignore[attr-defined, no-any-return]
+
+
 StepFunction = Callable[..., tuple[float, float, float]]
 
 
@@ -210,8 +217,7 @@ def _make_step(shaped: bool, slips: bool = False) -> StepFunction:
             d_2 *= compute_friction_curve_share(rolling_2, sliding_2, ground)
             d_3 *= share * compute_friction_curve_share(left, sliding, ground)
             d_4 *= share * compute_friction_curve_share(right_side, sliding, ground)
-        weight = model.mass * GRAVITY_MPS2  # type: ignore[attr-defined]
-        resistance = ground.rolling * weight * forward / (abs(forward) + 0.05)  # type: ignore[attr-defined]
+        resistance = compute_rolling_resistance(forward, model, ground)
         forward_change, right_change, spin_change = compute_velocity_changes(
             forward, right, spin, drive - resistance, dt, cos_1, sin_1, cos_2, sin_2, sliding_1, sliding_2, sliding,
             d_1, d_2, d_3, d_4,

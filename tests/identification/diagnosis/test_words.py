@@ -17,7 +17,6 @@ from vehicle.identification.diagnosis.results import (
     Diagnosis,
     Finding,
     Hint,
-    convert_nonfinite_to_none,
     join_clauses,
 )
 from vehicle.model.effects import CATALOGUE, EFFECTS_BY_ID, check_effect, get_neutral_values
@@ -65,11 +64,6 @@ def test_clauses_and_numbers() -> None:
         "a and b",
         "a; b; and c",
     ]
-    assert (
-        convert_nonfinite_to_none(1.5) == 1.5
-        and convert_nonfinite_to_none(float("inf")) is None
-        and convert_nonfinite_to_none(float("nan")) is None
-    )
 
 
 def test_progress_never_runs_past_its_estimate() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, STRIDE, DriveData
 from vehicle.identification.diagnosis.grammar import (
-    CONSTANT,
     FEWEST_PATCH_STEPS,
     LARGEST_PATCH_SHARE,
     PATCH_RADII_M,
@@ -19,7 +18,8 @@ from vehicle.identification.diagnosis.grammar import (
     Hypothesis,
     format_circle,
 )
-from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Gain, Problem
+from vehicle.identification.diagnosis.linearisation import Gain
+from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion
 from vehicle.model.effects import get_effect
 
@@ -33,10 +33,9 @@ Circle = tuple[float, float, float]
 def build_patch(circle: Circle) -> Hypothesis:
     """A change of grip inside a circle."""
     size = get_effect("grip_patch").size
-    coordinate = Coordinate((("bend", 1.0),), WIDTH_PER_TYPICAL * size.typical, size.low - 1.0, size.high - 1.0)
-    return Hypothesis(
-        "grip_patch", format_circle(*circle), (coordinate,), PENALTIES["place"], size.finest, place=circle
-    )
+    width, key = WIDTH_PER_TYPICAL * size.typical, format_circle(*circle)
+    coordinate = Coordinate((("bend", 1.0),), width, size.low - 1.0, size.high - 1.0, key)
+    return Hypothesis("grip_patch", key, (coordinate,), PENALTIES["place"], size.finest, place=circle)
 
 
 def find_middle_circle(data: DriveData) -> Circle:
@@ -60,19 +59,14 @@ class CircleSearch:
         # The turning of the fit, not that which was measured: a circle changes only what the wheels turn.
         heading = cut_motion(problem.data)[1] - fit.residuals["pose"][:, 2 * POSE_CELLS :]
         yaw = np.gradient(heading, POSE_CELL_S, axis=1)
-        white = self.noise.whiten(fit.residuals["pose"])
-        root = np.sqrt(self.noise.compute_weights(white))[:, None, None]
+        linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
+        root = linear.roots["pose"][:, None, None]
         self.response = root * self.noise.whiten(response * yaw[:, None, :])
-        self.rest = (root[:, :, 0] * white).ravel()
-        secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP)
-        _, roots = problem.weigh(fit.residuals)
-        known = [secants[c] * roots[c][:, None, None] for c in secants]
-        stacked = np.concatenate([part.reshape(-1, part.shape[2]) for part in known])
-        self.inverse = np.linalg.inv(stacked.T @ stacked + np.eye(stacked.shape[1]))
-        self.known = known[0].reshape(-1, stacked.shape[1])
+        self.rest = (root[:, :, 0] * linear.residuals["pose"]).ravel()
+        self.inverse = linear.inverse
+        self.known = (root * linear.changes["pose"]).reshape(len(self.rest), -1)
         # Directions that the model explains already, also by other channels, take their part of the rest.
-        self.slope = stacked.T @ np.concatenate(
-            [(problem.noise[c].whiten(fit.residuals[c]) * roots[c][:, None]).ravel() for c in secants])  # fmt: skip
+        self.slope = linear.matrix.T @ linear.target
 
     def find_best(self) -> Gain | None:
         """The best circle, moved and resized until nothing is gained."""
@@ -119,8 +113,3 @@ class CircleSearch:
         nats = 0.5 * slope * slope / curvature - 0.5 * np.log(curvature)
         place = int(np.argmax(nats))
         return float(nats[place]), kept[place], float(slope[place] / curvature[place])
-
-
-def is_circle(hypothesis: Hypothesis) -> bool:
-    """Whether a hypothesis is about a place."""
-    return hypothesis.law != CONSTANT and hypothesis.id == "grip_patch"

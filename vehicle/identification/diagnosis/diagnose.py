@@ -36,7 +36,7 @@ from vehicle.identification.diagnosis.run_laws import list_run_starts
 from vehicle.identification.diagnosis.saving import Saved, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.tractor_extension import build_extended_tractor
-from vehicle.identification.diagnosis.unexplained import build_noise_limit, measure_unexplained
+from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S, build_noise_limit, measure_unexplained
 from vehicle.identification.diagnosis.values import ValueConverter, list_terms
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
@@ -57,7 +57,6 @@ from vehicle.model.effects import get_effect
 from vehicle.model.tractor import Tractor
 
 ReportProgress = Callable[[int, int], None]
-ERROR_PIECE_S = 5.0
 COMPASS = "heading_bias@by_direction"
 BLOCKS = {"pose": "wheel to path and antenna", "wheel": "command to wheel", "speed": "speed"}
 INTERVAL_NOTE = (

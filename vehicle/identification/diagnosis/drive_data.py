@@ -124,8 +124,9 @@ def build_drive_data(dataset: DriveDataset) -> DriveData:
 
     Raises LogError where fewer than FEWEST_WINDOWS hold enough driving.
     """
-    kept = [segment for segment in dataset.segments if _list_windows(segment)]
-    windows = [(number, start) for number, segment in enumerate(kept) for start in _list_windows(segment)]
+    starts_of = [(segment, starts) for segment in dataset.segments if (starts := _list_windows(segment))]
+    kept = [segment for segment, _ in starts_of]
+    windows = [(number, start) for number, (_, starts) in enumerate(starts_of) for start in starts]
     if len(windows) < FEWEST_WINDOWS:
         raise LogError(
             f"These logs hold {len(windows)} pieces of {WINDOW_S:g} s in which the tractor drives and its position is "

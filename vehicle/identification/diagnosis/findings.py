@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.grammar import CONSTANT, Hypothesis, build_constant
+from vehicle.identification.diagnosis.grammar import build_constant
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
@@ -83,10 +83,8 @@ class FindingBuilder:
     def _average_law(self, verdict: Verdict, effect: Effect) -> dict[str, float]:
         """The mean value over the logs of an effect that follows a law."""
         hypothesis = verdict.hypothesis
-        constant = Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
-        shares = [float(np.mean(self.problem.bases.get(hypothesis.get_basis_key(place)))) for place in
-                  range(hypothesis.size)]  # fmt: skip
-        return self.converter.compute_values(constant, np.array([float(verdict.amounts @ shares)]))
+        shares = [float(np.mean(self.problem.bases.get(one.basis))) for one in hypothesis.coordinates]
+        return self.converter.compute_values(hypothesis.make_constant(), np.array([float(verdict.amounts @ shares)]))
 
     def _extend_to_neutral(self, effect: Effect, interval: Interval) -> Interval:
         """The interval of an effect that another could replace reaches to neutral."""

@@ -9,28 +9,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import DriveData
+from vehicle.identification.diagnosis.noise import COMMAND_JITTER
 from vehicle.identification.diagnosis.simulation import CHAINS, FACTORS
 from vehicle.identification.logs.schema import Array, Mask
-from vehicle.model.effect_kinds import CIRCLE, LIMIT, SLOPE, EffectKind, EffectParameter
+from vehicle.model.effect_kinds import CIRCLE, LIMIT, EffectKind, EffectParameter
 from vehicle.model.effects import (
     CATALOGUE,
     EFFECTS_BY_ID,
     SLOPE_DRIFT,
     Effect,
     compute_effect_fields,
-    get_effect,
     get_neutral_values,
 )
 from vehicle.model.tractor import Tractor
 
 CONSTANT, BY_RUN, BY_DIRECTION = "constant", "by_run", "by_direction"
 DIRECTIONS = ("to_east", "to_north")
+GRIP_DRIFT, DRIFT_BASIS = "grip_drift", "over_minutes"  # an effect of the catalogue that is a law of grip
 WIDTH_PER_TYPICAL = 1.5  # a usual fault is two thirds of a standard deviation of the prior
 # Nats that speak against it beforehand: an effect of the catalogue, a law of one, and one of many places.
 PENALTIES = {"catalogue": 0.0, "law": 4.0, "place": 5.0}
@@ -54,17 +55,19 @@ LAW_WORDS = {
 
 @dataclass(frozen=True)
 class Coordinate:
-    """One number of a hypothesis: what a unit of it adds to fields, and the width of its prior with its limits."""
+    """One number of a hypothesis: what a unit of it adds to fields, the width of its prior with its limits, and the key
+    in Bases of what it is multiplied with."""
 
     slopes: tuple[tuple[str, float], ...]
     width: float
     low: float
     high: float
+    basis: str = CONSTANT
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """An effect with a scope or a law. `basis` is constant or a key of Bases; `penalty` are nats against it beforehand.
+    """An effect with a scope or a law, which `basis` names; `penalty` are nats against it beforehand.
 
     `finest` is the smallest size that may be claimed, in the unit of the first coordinate; `is_nuisance` marks what
     every model has and no diagnosis reports. `starts` are sizes to try first, in widths.
@@ -90,15 +93,10 @@ class Hypothesis:
         names = {name for coordinate in self.coordinates for name, _ in coordinate.slopes}
         return frozenset(chain for chain, fields in CHAINS.items() if names & set(fields))
 
-    def get_basis_key(self, place: int) -> str:
-        """The key in Bases of what a coordinate is multiplied with."""
-        if self.basis == BY_RUN:
-            return f"{BY_RUN}:{place}"
-        if self.basis == BY_DIRECTION:
-            return DIRECTIONS[place]
-        if self.id == "grip_drift":
-            return "over_minutes"
-        return CONSTANT if self.basis == "with_speed" else self.basis
+    def make_constant(self) -> Hypothesis:
+        """The same effect without a law, with its first coordinate alone."""
+        own = replace(self.coordinates[0], basis=CONSTANT)
+        return Hypothesis(self.id, CONSTANT, (own,), is_nuisance=self.is_nuisance)
 
     @property
     def law(self) -> str:
@@ -129,7 +127,6 @@ class Bases:
         self.arrays |= {
             CONSTANT: np.ones(len(wheel)),
             "by_speed": speed,
-            "by_square": speed * speed,
             "by_angle": np.abs(wheel),
             "by_implement": path["working"],
             "by_side:left": (side < 0.0).astype(np.float64),
@@ -189,10 +186,10 @@ def build_constant(effect: Effect, data: DriveData, tractor: Tractor) -> Hypothe
     for place, typical in enumerate(box.typical):
         slopes = _measure_slopes(effect, kind, np.array(box.neutral), place, typical)
         low, high = box.low[place] - box.neutral[place], box.high[place] - box.neutral[place]
-        coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high))
-    finest = size.finest if kind is not SLOPE else scale_parameter(effect.size, tractor).finest
+        basis = DRIFT_BASIS if effect.id == GRIP_DRIFT else CONSTANT
+        coordinates.append(Coordinate(slopes, WIDTH_PER_TYPICAL * typical, low, high, basis))
     starts = tuple(start / coordinates[0].width for start in effect.starts) if kind is LIMIT else ()
-    return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, finest, starts=starts)
+    return Hypothesis(effect.id, CONSTANT, tuple(coordinates), 0.0, size.finest, starts=starts)
 
 
 def _measure_slopes(
@@ -204,7 +201,7 @@ def _measure_slopes(
         return (("per_slope", share / typical),)
     moved = neutral.copy()
     moved[place] += 1e-3 * typical
-    if effect.id == "grip_drift":
+    if effect.id == GRIP_DRIFT:
         return (("bend", 1.0),)
     before, after = (
         compute_effect_fields({effect.id: kind.compute_values(effect.params, coordinates, ())})
@@ -217,41 +214,34 @@ def _measure_slopes(
     )
 
 
-def build_scope(parent: Hypothesis, basis: str, scale: float = 1.0) -> Hypothesis:
-    """A hypothesis with another basis, whose usual size there is `scale`: the width is over it."""
-    coordinates = tuple(Coordinate(one.slopes, one.width / scale, -math.inf, math.inf) for one in parent.coordinates)
-    kind = basis.split(":")[0]
-    penalty = PENALTIES["place" if kind == "by_place" else "law"]
-    return Hypothesis(parent.id, basis, coordinates, penalty, parent.finest / scale)
+def build_scope(parent: Hypothesis, law: str, keys: Sequence[str] = (), scale: float = 1.0) -> Hypothesis:
+    """An effect that follows a law, the key of a basis whose usual size is `scale`; the amounts have no limits.
 
-
-def build_run_law(parent: Hypothesis, runs: int) -> Hypothesis:
-    """An effect with a value of its own in every run: an amount each, about what all have in common."""
-    own = parent.coordinates[0]
-    coordinates = (Coordinate(own.slopes, own.width, -math.inf, math.inf),) * runs
-    return Hypothesis(parent.id, BY_RUN, coordinates, PENALTIES["law"], parent.finest)
-
-
-def build_direction_law(parent: Hypothesis) -> Hypothesis:
-    """An effect that changes with the direction of travel, as the compass near iron does: to the east and the north."""
-    own = parent.coordinates[0]
-    coordinates = (Coordinate(own.slopes, own.width, -math.inf, math.inf),) * len(DIRECTIONS)
-    return Hypothesis(parent.id, BY_DIRECTION, coordinates, PENALTIES["law"], parent.finest)
+    With several keys its first coordinate has an amount for each.
+    """
+    own = parent.coordinates[:1] * len(keys) or parent.coordinates
+    coordinates = tuple(
+        Coordinate(one.slopes, one.width / scale, -math.inf, math.inf, key)
+        for one, key in zip(own, keys or [law] * len(own), strict=True)
+    )
+    return Hypothesis(parent.id, law, coordinates, PENALTIES["law"], parent.finest / scale)
 
 
 def list_laws(parent: Hypothesis, bases: Bases) -> list[Hypothesis]:
     """All laws of an effect that these logs can show."""
-    laws = [build_run_law(parent, bases.data.runs)] if bases.data.runs > 1 and parent.size == 1 else []
+    runs, laws = bases.data.runs, list[Hypothesis]()
+    if runs > 1 and parent.size == 1:
+        laws.append(build_scope(parent, BY_RUN, [f"{BY_RUN}:{run}" for run in range(runs)]))
     if parent.size == 1 and ("path" in parent.chains or parent.id == "heading_bias"):
-        laws.append(build_direction_law(parent))
+        laws.append(build_scope(parent, BY_DIRECTION, DIRECTIONS))
     for key, values in bases.arrays.items():
-        if key == CONSTANT or key.startswith(("by_place", "by_square", BY_RUN, *DIRECTIONS)):
+        if key == CONSTANT or key.startswith(("by_place", BY_RUN, *DIRECTIONS)):
             continue
         spread = float(np.std(values))
         is_varied = spread > 1e-3 * max(float(np.abs(values).max()), 1e-9)
         if is_varied and _can_vary(parent, key) and f"{parent.id}@{key}" not in SYNONYMS:
             scale = float(np.sqrt(np.mean(values * values))) if ":" not in key else 1.0
-            laws.append(build_scope(parent, key, max(scale, 1e-6)))
+            laws.append(build_scope(parent, key, scale=max(scale, 1e-6)))
     return laws
 
 
@@ -276,17 +266,17 @@ def list_competitors(data: DriveData, tractor: Tractor, bases: Bases) -> list[Hy
     for name in ("steering_rate", "steering_deadband"):
         hypotheses += [law for law in list_laws(constants[name], bases) if law.law == "by_side"]
     hypotheses += [law for law in list_laws(constants[SLOPE_DRIFT], bases) if law.law == "by_implement"]
-    hypotheses.append(build_direction_law(constants["heading_bias"]))
+    hypotheses.append(build_scope(constants["heading_bias"], BY_DIRECTION, DIRECTIONS))
     if float(np.ptp(bases.get("by_implement"))) > 0.0:
         hypotheses.append(build_scope(constants["speed_scale"], "by_implement"))
     clocks = (constants[f"clock_offset_{column}"] for column in ("position", "heading"))
     hypotheses += [build_scope(clock, "over_minutes") for clock in clocks]
     wheel_scale = Coordinate((("wheel_scale", 1.0),), 0.1, -0.8, 2.0)
     hypotheses.append(Hypothesis("wheel_sensor_scale", CONSTANT, (wheel_scale,), PENALTIES["law"], 0.02))
-    late = Coordinate((("latency", 60.0), ("speed_clock", 1.0)), 0.225, 0.0, 1.2)
-    hypotheses.append(
-        Hypothesis("gnss_latency", "with_speed", (late,), PENALTIES["law"], get_effect("gnss_latency").size.finest)
-    )
+    latency = constants["gnss_latency"]
+    own = latency.coordinates[0]
+    late = replace(own, slopes=(*own.slopes, ("speed_clock", 1.0)))
+    hypotheses.append(replace(latency, basis="with_speed", coordinates=(late,), penalty=PENALTIES["law"]))
     push = tuple(Coordinate(((name, 1.0),), 0.075, -math.inf, math.inf) for name in ("push_east", "push_north"))
     hypotheses.append(Hypothesis("push", CONSTANT, push, PENALTIES["law"], 0.01))
     return hypotheses
@@ -312,7 +302,7 @@ def list_nuisances(data: DriveData) -> list[Hypothesis]:
         low = 0.0 if name in ("speed_lag", "ramp", "relaxation") else -MOST_NUISANCE_WIDTHS * width
         coordinate = Coordinate(((field_name, 1.0),), width, low, MOST_NUISANCE_WIDTHS * width)
         nuisances.append(Hypothesis(f"_{name}", CONSTANT, (coordinate,), is_nuisance=True))
-    width = 0.29 * data.row_step_s
+    width = COMMAND_JITTER * data.row_step_s
     command = Coordinate((("command_clock", -1.0),), width, -MOST_NUISANCE_WIDTHS * width, MOST_NUISANCE_WIDTHS * width)
     return [*nuisances, Hypothesis("_command", CONSTANT, (command,), is_nuisance=True)]
 
@@ -323,10 +313,10 @@ def sum_fields(
     """The fields (m,) of all hypotheses together, for those that differ from the base."""
     fields: dict[str, Array] = {}
     for hypothesis, own in split_amounts(model, amounts):
-        for place, (amount, coordinate) in enumerate(zip(own, hypothesis.coordinates, strict=True)):
+        for amount, coordinate in zip(own, hypothesis.coordinates, strict=True):
             if amount == 0.0:
                 continue
-            values = bases.get(hypothesis.get_basis_key(place))
+            values = bases.get(coordinate.basis)
             for name, slope in coordinate.slopes:
                 part = slope * amount * values
                 if name in FACTORS:

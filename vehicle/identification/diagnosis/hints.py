@@ -183,10 +183,12 @@ def find_laws(problem: Problem, rest: Fit, quantities: dict[str, Array]) -> list
 
 
 def _list_laws(change: Change, arrays: dict[str, Array]) -> list[Hypothesis]:
-    coordinate = Coordinate(((change.field, 1.0),), change.width, -math.inf, math.inf)
-    keys = [f"hint_{key}" for key in change.keys]
-    return [Hypothesis(f"hint_{change.field}", key, (coordinate,), PENALTIES["place"], change.least)
-            for key in keys if key in arrays]  # fmt: skip
+    slopes, penalty = ((change.field, 1.0),), PENALTIES["place"]
+    return [
+        Hypothesis(f"hint_{change.field}", key, (Coordinate(slopes, change.width, -math.inf, math.inf, key),), penalty,
+                   change.least)
+        for key in (f"hint_{key}" for key in change.keys) if key in arrays
+    ]  # fmt: skip
 
 
 def _describe_law(change: Change, key: str) -> Hint:

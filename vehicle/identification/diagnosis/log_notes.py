@@ -23,6 +23,7 @@ from vehicle.identification.diagnosis.results import (
     OnsetFault,
     RunCheck,
 )
+from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S
 from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
 from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
@@ -62,7 +63,6 @@ _CORRECTED_COLUMNS = {
 }
 _SCALE_FACTORS = {"speed": "speed_factor", "steering": "steering_factor"}
 EPOCH_FROM_S = 3.0e8  # 1979: no log that counts from its own start lasts for nine years
-ERROR_PIECE_S = 5.0
 _OFTEN = 0.5  # of the logs that have a column: fewer are told as one log
 
 

@@ -11,13 +11,13 @@ import numpy as np
 from vehicle.identification.diagnosis.drive_data import DriveData
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
-    CONSTANT,
     Bases,
     Hypothesis,
     collect_widths,
     split_amounts,
     sum_fields,
 )
+from vehicle.identification.diagnosis.linearisation import RUGGED_CHAINS, Gain, Linearisation, list_signs
 from vehicle.identification.diagnosis.noise import (
     ChannelNoise,
     build_pose_noise,
@@ -35,8 +35,6 @@ NEAR_WIDTHS, MOST_STORED = 0.15, 3  # amounts up to which a change of the predic
 MOST_DAMPINGS = 6
 SEARCH_WIDTHS = (-1.0, -0.5, -0.25, -0.1, 0.1, 0.25, 0.5, 1.0)
 NOISE_ITERATIONS = 40
-# Effects of the steering system act by thresholds: their cost has many minima, so a line of sizes is tried first.
-RUGGED_CHAINS = frozenset({"steering"})
 Residuals = dict[str, Array]
 Model = tuple[Hypothesis, ...]
 
@@ -70,15 +68,6 @@ class Fit:
                 return slice(start, start + one.size)
             start += one.size
         raise KeyError(str(hypothesis))
-
-
-@dataclass(frozen=True)
-class Gain:
-    """What a hypothesis would gain on top of a fit (nats, less its penalty), by linear prediction, and its amounts."""
-
-    nats: float
-    hypothesis: Hypothesis
-    amounts: Array
 
 
 @dataclass(eq=False)
@@ -171,7 +160,7 @@ class Problem:
         """
         own = next(one for one in model if str(one) == name[0])
         if own.basis == BY_RUN:
-            constant = Hypothesis(own.id, CONSTANT, own.coordinates[:1], is_nuisance=own.is_nuisance)
+            constant = own.make_constant()
             change = self._get_change((*model, constant), np.append(amounts, 0.0), residuals, len(amounts),
                                       (str(constant), 0), step, near)  # fmt: skip
             inside = (self.data.window_runs == name[1])[:, None]
@@ -209,7 +198,8 @@ class Problem:
         cost, damping = self.compute_cost(model, amounts, residuals), 1e-3
         curvature, is_fresh = np.eye(len(amounts)), False
         for _ in range(iterations):
-            curvature, slope = self._linearise(model, amounts, residuals, is_fresh)
+            linear = self.linearise(model, amounts, residuals, is_fresh=is_fresh)
+            curvature, slope = linear.curvature, linear.matrix.T @ linear.target - amounts / widths
             found = None
             for _ in range(MOST_DAMPINGS):
                 step = _solve_inside(curvature, slope, damping, amounts, widths, bounds)
@@ -231,16 +221,13 @@ class Problem:
                 is_fresh = True
         return Fit(model, amounts, cost, residuals, curvature)
 
-    def _linearise(self, model: Model, amounts: Array, residuals: Residuals, is_fresh: bool) -> tuple[Array, Array]:
-        """Curvature and slope of the cost per width at these amounts; `is_fresh` computes all changes here."""
+    def linearise(
+        self, model: Model, amounts: Array, residuals: Residuals, step: float = FIT_STEP, is_fresh: bool = False
+    ) -> Linearisation:
+        """The linear problem at these amounts; `is_fresh` computes all changes here."""
         white, roots = self.weigh(residuals)
-        secants = self.compute_secants(model, amounts, residuals, range(len(amounts)), FIT_STEP, is_fresh)
-        curvature, slope = np.eye(len(amounts)), -amounts / collect_widths(model)
-        for channel, columns in secants.items():
-            weighted = (columns * roots[channel][:, None, None]).reshape(-1, len(amounts))
-            curvature = curvature + weighted.T @ weighted
-            slope = slope + weighted.T @ (white[channel] * roots[channel][:, None]).ravel()
-        return curvature, slope
+        places = range(len(amounts))
+        return Linearisation(self.compute_secants(model, amounts, residuals, places, step, is_fresh), white, roots)
 
     def fit(self, model: Model, amounts: Array, rounds: int = 3, iterations: int = 12) -> Fit:
         """Amounts and noise in turn, and the amounts once more; rugged effects by a line of sizes first."""
@@ -299,70 +286,25 @@ class Problem:
 
     def scan(self, fit: Fit, hypotheses: Iterable[Hypothesis]) -> list[Gain]:
         """What every hypothesis would gain on top of a fit, the best first, by secants at half a width."""
-        white, roots = self.weigh(fit.residuals)
-        rest = np.concatenate([(white[c] * roots[c][:, None]).ravel() for c in CHANNELS])
-        known = self.stack(self.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)),
-                                                 FIT_STEP), roots)  # fmt: skip
-        inverse: Array = np.asarray(np.linalg.inv(known.T @ known + np.eye(known.shape[1])), dtype=np.float64)
+        linear = self.linearise(fit.model, fit.amounts, fit.residuals)
         gains = []
         for hypothesis in hypotheses:
-            steps = hypothesis.starts or [SCAN_STEP * sign for sign in _list_signs(hypothesis)]
-            found = [self._score(fit, hypothesis, step, roots, rest, known, inverse) for step in steps]
+            steps = hypothesis.starts or [SCAN_STEP * sign for sign in list_signs(hypothesis)]
+            found = [self._predict_gain(fit, linear, hypothesis, step) for step in steps]
             best = max((one for one in found if one is not None), key=lambda one: one.nats, default=None)
             if best is not None:
                 gains.append(best)
         return sorted(gains, key=lambda one: -one.nats)
 
-    def stack(self, secants: dict[str, Array], roots: dict[str, Array]) -> Array:
-        """Weighted columns of all channels as one matrix (rows, k)."""
-        parts = [(secants[c] * roots[c][:, None, None]).reshape(-1, secants[c].shape[2]) for c in CHANNELS]
-        return np.concatenate(parts)
-
-    def _score(
-        self, fit: Fit, hypothesis: Hypothesis, step: float, roots: dict[str, Array], rest: Array, known: Array,
-        inverse: Array,
-    ) -> Gain | None:  # fmt: skip
+    def _predict_gain(self, fit: Fit, linear: Linearisation, hypothesis: Hypothesis, step: float) -> Gain | None:
         model = (*fit.model, hypothesis)
         size = len(fit.amounts)
         amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
-        columns = self.stack(
-            self.compute_secants(model, amounts, fit.residuals, range(size, len(amounts)), step), roots
-        )
-        gain = solve_gain(hypothesis, columns, rest, known, inverse, math.copysign(1.0, step))
-        return (
-            gain
-            if gain is None or not hypothesis.starts
-            else replace(gain, amounts=step * collect_widths((hypothesis,)))
-        )
-
-
-def solve_gain(
-    hypothesis: Hypothesis, columns: Array, rest: Array, known: Array, inverse: Array, sign: float
-) -> Gain | None:
-    """The gain of columns (rows, k) beside known ones, by linear prediction; None on the wrong side."""
-    own = columns - known @ (inverse @ (known.T @ columns))
-    curvature = columns.T @ own + np.eye(hypothesis.size)
-    slope = own.T @ rest
-    amounts = np.linalg.solve(curvature, slope)
-    if hypothesis.size == 1:
-        coordinate = hypothesis.coordinates[0]
-        if (amounts[0] < 0.0 and coordinate.low >= 0.0) or (amounts[0] > 0.0 and coordinate.high <= 0.0):
-            return None
-        if len(_list_signs(hypothesis)) > 1 and amounts[0] * sign < 0.0:
-            return None
-    nats = 0.5 * float(slope @ amounts) - 0.5 * float(np.linalg.slogdet(curvature)[1]) - hypothesis.penalty
-    widths = np.array([one.width for one in hypothesis.coordinates])
-    return Gain(nats, hypothesis, amounts * widths)
-
-
-def _list_signs(hypothesis: Hypothesis) -> tuple[float, ...]:
-    """Directions to try: of effects of the steering system, and of limits, both sides act differently."""
-    low, high = hypothesis.coordinates[0].low, hypothesis.coordinates[0].high
-    if low >= 0.0:
-        return (1.0,)
-    if high <= 0.0:
-        return (-1.0,)
-    return (1.0, -1.0) if hypothesis.chains & RUGGED_CHAINS else (1.0,)
+        secants = self.compute_secants(model, amounts, fit.residuals, range(size, len(amounts)), step)
+        gain = linear.predict_gain(hypothesis, linear.stack(secants), math.copysign(1.0, step))
+        if gain is None or not hypothesis.starts:
+            return gain
+        return replace(gain, amounts=step * collect_widths((hypothesis,)))
 
 
 def collect_bounds(model: Sequence[Hypothesis]) -> tuple[Array, Array]:

@@ -91,17 +91,14 @@ def _explain(problem: Problem, fit: Fit, pair: CompetingPair) -> tuple[Explanati
 
 def _build_explanation(problem: Problem, parts: Sequence[Alternative]) -> Explanation:
     model, amounts = tuple(one for one, _ in parts), np.concatenate([own for _, own in parts])
-    roots = problem.weigh(problem.compute_residuals(model, amounts))[1]
-    columns = compute_response(problem, model, amounts, roots)
-    return Explanation(model, amounts, columns.T @ columns + np.eye(len(amounts)))
+    linear = problem.linearise(model, amounts, problem.compute_residuals(model, amounts))
+    return Explanation(model, amounts, linear.curvature)
 
 
-def compute_response(problem: Problem, model: Model, amounts: Array, roots: dict[str, Array] | None = None) -> Array:
-    """Whitened change of all predictions (rows, k) per width of each amount; `roots` (w,) weigh the windows."""
+def compute_response(problem: Problem, model: Model, amounts: Array) -> Array:
+    """Whitened change of all predictions (rows, k) per width of each amount."""
     residuals = problem.compute_residuals(model, amounts)
     secants = problem.compute_secants(model, amounts, residuals, range(len(amounts)), FIT_STEP)
-    if roots is not None:
-        secants = {channel: secants[channel] * roots[channel][:, None, None] for channel in CHANNELS}
     return np.concatenate([secants[channel].reshape(-1, len(amounts)) for channel in CHANNELS])
 
 

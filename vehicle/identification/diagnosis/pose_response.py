@@ -8,7 +8,8 @@ import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import POSE_CELLS
 from vehicle.identification.diagnosis.grammar import Hypothesis
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, solve_gain
+from vehicle.identification.diagnosis.linearisation import Gain
+from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import build_yaw_response, cut_motion, integrate_cells
 from vehicle.identification.logs.schema import Array
 
@@ -53,16 +54,14 @@ class PoseResponse:
     def scan(self, hypotheses: Sequence[Hypothesis]) -> list[Gain]:
         """What hypotheses of one coordinate and one field would gain beside the fit, the best first."""
         problem, fit = self.problem, self.fit
-        white, roots = problem.weigh(fit.residuals)
-        secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP)
-        known = np.concatenate([(secants[c] * roots[c][:, None, None]).reshape(-1, len(fit.amounts)) for c in CHANNELS])
-        rest = np.concatenate([(white[c] * roots[c][:, None]).ravel() for c in CHANNELS])
-        inverse = np.linalg.inv(known.T @ known + np.eye(known.shape[1]))
+        linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
         shown = np.stack([self._respond(one) for one in hypotheses], axis=2)
-        columns = (problem.noise["pose"].whiten(shown) * roots["pose"][:, None, None]).reshape(-1, len(hypotheses))
-        padded = np.concatenate([columns, np.zeros((len(rest) - len(columns), len(hypotheses)))])
-        gains = (solve_gain(one, padded[:, [number]], rest, known, inverse, 1.0)
-                 for number, one in enumerate(hypotheses))  # fmt: skip
+        columns = linear.stack({
+            channel: problem.noise[channel].whiten(shown) if channel == "pose"
+            else np.zeros((*residuals.shape, len(hypotheses)))
+            for channel, residuals in fit.residuals.items()
+        })  # fmt: skip
+        gains = (linear.predict_gain(one, columns[:, [number]], 1.0) for number, one in enumerate(hypotheses))
         return sorted((gain for gain in gains if gain is not None), key=lambda gain: -gain.nats)
 
     def align(self, change: Array) -> Array:
@@ -74,7 +73,8 @@ class PoseResponse:
 
     def _respond(self, hypothesis: Hypothesis) -> Array:
         """The change (w, 3 n) per width."""
-        coordinate, basis = hypothesis.coordinates[0], self.problem.bases.get(hypothesis.basis)
+        coordinate = hypothesis.coordinates[0]
         field, slope = coordinate.slopes[0]
-        values = coordinate.width * slope * self.problem.data.cut(basis, POSE_CELLS)
+        basis = self.problem.data.cut(self.problem.bases.get(coordinate.basis), POSE_CELLS)
+        values = coordinate.width * slope * basis
         return self.align(self.compute(field, values))

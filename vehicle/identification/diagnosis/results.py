@@ -6,8 +6,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
@@ -458,11 +456,6 @@ def join_clauses(parts: Sequence[str]) -> str:
     if len(parts) < 3:
         return " and ".join(parts)
     return "; ".join(parts[:-1]) + "; and " + parts[-1]
-
-
-def convert_nonfinite_to_none(value: float) -> float | None:
-    """Return a number for JSON, None for one that JSON cannot hold."""
-    return float(value) if np.isfinite(value) else None
 
 
 @dataclass(frozen=True, eq=False)

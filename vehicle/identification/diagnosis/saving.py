@@ -21,8 +21,9 @@ from vehicle.identification.diagnosis.holdout import (
     is_extension_helpful,
     measure_pieces,
 )
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
+from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.diagnosis.results import LIKELY, HoldoutResult, HoldoutRun
+from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S
 from vehicle.identification.diagnosis.values import ValueConverter, is_storable
 from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.logs.schema import Array, Mask
@@ -30,7 +31,6 @@ from vehicle.identification.replay.drive_segments import compute_half_numbers
 from vehicle.identification.replay.horizon_errors import HalfSettings
 from vehicle.model.tractor import Settings
 
-ERROR_HORIZON_S = 5.0  # over which the gain of an effect is told
 LEAST_INFORMATION_SHARE = 0.02  # of what all runs know of an amount: with less the other runs say nothing of it
 DRAWS, GAIN_QUANTILES, SEED = 200, (0.05, 0.95), 7
 LEFT_OUT_WORDS = "Every run was left out once, and driven with what the other runs show."
@@ -114,33 +114,22 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array
         seconds: Array = np.asarray((data.window_starts - begins) * PATH_STEP_S, dtype=np.float64)
         halves = compute_half_numbers(seconds)
         groups = {run: [halves == half for half in (0, 1)] for run in range(data.runs)}
-    white, roots = problem.weigh(fit.residuals)
-    widths = collect_widths(fit.model)
-    secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
-    weighted = {c: secants[c] * roots[c][:, None, None] for c in CHANNELS}
-    total = np.eye(len(widths))
-    for columns in weighted.values():
-        flat = columns.reshape(-1, len(widths))
-        total += flat.T @ flat
+    widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
+    linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
 
     def leave_out(inside: Mask) -> Array:
         if inside.all() or not inside.any():
             return fit.amounts
-        curvature, slope = total.copy(), np.zeros(len(widths))
-        for c in CHANNELS:
-            flat = weighted[c][inside].reshape(-1, len(widths))
-            curvature -= flat.T @ flat
-            slope += flat.T @ (white[c][inside] * roots[c][inside][:, None]).ravel()
-        moved = np.clip(fit.amounts - widths * np.linalg.solve(curvature, slope), *collect_bounds(fit.model))
-        is_known = np.diag(curvature) >= LEAST_INFORMATION_SHARE * np.diag(total)
-        return np.asarray(np.where(is_known, moved, fit.amounts))
+        step, curvature = linear.step_without(inside)
+        is_known = np.diag(curvature) >= LEAST_INFORMATION_SHARE * np.diag(linear.curvature)
+        return np.asarray(np.where(is_known, np.clip(fit.amounts + widths * step, *bounds), fit.amounts))
 
     return {run: [leave_out(inside) for inside in own] for run, own in groups.items()}
 
 
 def _sum_by_run(pieces: PiecesByHorizon) -> Array:
     """Squared errors over 5 s, cross and along together, and rows: (runs, 2)."""
-    rows = pieces.get(ERROR_HORIZON_S)
+    rows = pieces.get(ERROR_PIECE_S)
     if rows is None:
         return np.zeros((0, 2))
     runs = rows[:, 0].astype(np.int64)

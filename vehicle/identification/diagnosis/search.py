@@ -15,6 +15,7 @@ import numpy as np
 from vehicle.identification.diagnosis.circles import CircleSearch
 from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
+    CONSTANT,
     PENALTIES,
     Hypothesis,
     collect_widths,
@@ -23,7 +24,8 @@ from vehicle.identification.diagnosis.grammar import (
     list_laws,
     list_nuisances,
 )
-from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Gain, Problem, collect_bounds
+from vehicle.identification.diagnosis.linearisation import Gain
+from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array
 
 ADD_NATS = 8.0  # of evidence for another hypothesis: among a hundred tried, chance gives 8 nats once in thirty logs
@@ -63,7 +65,6 @@ class SearchResult:
     fit: Fit
     base: Fit
     judgements: tuple[Judgement, ...]
-    noise: dict[str, Array] = field(default_factory=dict)
 
 
 Step = Callable[[], None]
@@ -88,13 +89,9 @@ class Searcher:
     def run(self) -> SearchResult:
         """The model the logs call for, judged."""
         base = self.fit_base()
-        base_noise = self.problem.get_noise()
         fit = self.add_greedily(base)
         fit, judgements = self.settle(fit)
-        noise = self.problem.get_noise()
-        self.problem.set_noise(base_noise)
-        self.problem.set_noise(noise)
-        return SearchResult(fit, base, tuple(judgements), base_noise)
+        return SearchResult(fit, base, tuple(judgements))
 
     def fit_base(self) -> Fit:
         """The fit of the nuisances alone."""
@@ -119,7 +116,7 @@ class Searcher:
         """Laws of the effects in the model that are not among the hypotheses anyway."""
         laws = []
         for one in fit.model:
-            if one.is_catalogued and one.id != "grip_patch":
+            if one.is_catalogued and one.coordinates[0].basis == CONSTANT:
                 laws += [law for law in list_laws(one, self.problem.bases)
                          if law not in self.hypotheses and law not in fit.model]  # fmt: skip
         return laws
@@ -243,26 +240,15 @@ class Searcher:
     def predict(self, fit: Fit) -> dict[str, Array]:
         """Log density (w, n) of every cell, given by the other windows: one Gauss-Newton step without each fold."""
         problem, data = self.problem, self.problem.data
-        white, roots = problem.weigh(fit.residuals)
         widths, bounds = collect_widths(fit.model), collect_bounds(fit.model)
-        secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
+        linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
         fold = number_folds(data.window_runs)
-        curvature = np.eye(len(widths))
-        weighted = {c: secants[c] * roots[c][:, None, None] for c in CHANNELS}
-        for columns in weighted.values():
-            flat = columns.reshape(-1, len(widths))
-            curvature += flat.T @ flat
-        out = {c: np.zeros_like(white[c]) for c in CHANNELS}
+        out = {c: np.zeros_like(fit.residuals[c]) for c in CHANNELS}
         for number in range(FOLDS):
             inside = fold == number
             if not inside.any():
                 continue
-            without, slope = curvature.copy(), np.zeros(len(widths))
-            for c in CHANNELS:
-                flat = weighted[c][inside].reshape(-1, len(widths))
-                without -= flat.T @ flat
-                slope += flat.T @ (white[c][inside] * roots[c][inside][:, None]).ravel()
-            moved = np.clip(fit.amounts - widths * np.linalg.solve(without, slope), *bounds)
+            moved = np.clip(fit.amounts + widths * linear.step_without(inside)[0], *bounds)
             residuals = problem.compute_residuals(fit.model, moved)
             for c in CHANNELS:
                 cells = problem.noise[c].compute_cell_densities(problem.noise[c].whiten(residuals[c]))

@@ -21,22 +21,28 @@ from vehicle.identification.replay.rig import ReplayRig
 from vehicle.identification.replay.steering_steps import make_settled_state
 from vehicle.jit import compile_function
 from vehicle.model.instruments import apply_lever_arm, compute_filter_share
-from vehicle.records import DT_S, GRAVITY_MPS2, STATE
-from vehicle.sim.dynamics import step_body, step_speed_control
-from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_slope_drift, read_delayed
+from vehicle.records import DT_S, STATE
+from vehicle.sim.dynamics import compute_rolling_resistance, step_body, step_speed_control
+from vehicle.sim.effect_terms import (
+    apply_play,
+    compute_affected_tangent,
+    compute_draft_crab,
+    compute_slope_drift,
+    read_delayed,
+)
 
 STEERING_FIELDS = ("dead_steps", "lag", "rate", "dead_band", "command_clock")
 SPEED_FIELDS = ("slip", "tool_slip", "speed_lag", "ramp")
 PATH_FIELDS = ("offset", "half_play", "bend", "bend_left", "understeer", "draft", "slide", "slope_east", "slope_north",
                "steering_clock", "speed_clock", "speed_scale", "wheel_scale", "relaxation", "crab", "push_east",
-               "push_north", "per_slope", "grip_limit")  # fmt: skip
+               "push_north", "per_slope")  # fmt: skip
 INSTRUMENT_FIELDS = ("shift_forward", "shift_right", "latency", "heading_bias", "position_late", "heading_late",
                      "heading_filter", "position_clock", "heading_clock")  # fmt: skip
 CHAINS = {"steering": STEERING_FIELDS, "speed": SPEED_FIELDS, "path": PATH_FIELDS, "instruments": INSTRUMENT_FIELDS}
 FACTORS = ("bend", "bend_left", "speed_scale", "wheel_scale", "ramp")
 """Fields whose neutral value is 1: contributions to them multiply."""
 (OFFSET, HALF_PLAY, BEND, BEND_LEFT, UNDERSTEER, DRAFT, SLIDE, SLOPE_EAST, SLOPE_NORTH, STEERING_CLOCK, SPEED_CLOCK,
- SPEED_SCALE, WHEEL_SCALE, RELAXATION, CRAB, PUSH_EAST, PUSH_NORTH, PER_SLOPE, GRIP_LIMIT) = range(19)  # fmt: skip
+ SPEED_SCALE, WHEEL_SCALE, RELAXATION, CRAB, PUSH_EAST, PUSH_NORTH, PER_SLOPE) = range(18)  # fmt: skip
 (FORWARD, RIGHT, LATENCY, BIAS, POSITION_LATE, HEADING_LATE, HEADING_FILTER, POSITION_CLOCK,
  HEADING_CLOCK) = range(9)  # fmt: skip
 MOST_CACHED = 6  # chains kept: a fit changes one effect at a time
@@ -91,8 +97,7 @@ def simulate_speeds(starts, target, working, first, fields, model, ground, state
             model.slip, model.tool_slip = fields[0, i], fields[1, i]
             model.speed_lag, model.acceleration = max(fields[2, i], 0.0), acceleration * max(fields[3, i], 0.1)
             drive = step_speed_control(state, model, ground, forward, dt)
-            resistance = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
-            forward += dt * (drive - resistance) / model.mass
+            forward += dt * (drive - compute_rolling_resistance(forward, model, ground)) / model.mass
     model.acceleration = acceleration
 
 
@@ -122,12 +127,9 @@ def simulate_path(  # type: ignore[no-untyped-def]
             if ahead != 0.0:
                 turned, calm = _read_at(wheel, begin, end, i + ahead), _read_at(steady, begin, end, i + ahead)
             turned, calm = turned / fields[WHEEL_SCALE, i], calm / fields[WHEEL_SCALE, i]
-            half = max(fields[HALF_PLAY, i], 0.0)
-            if half > 0.0:
-                play = min(max(play, calm - half), calm + half)
-                turned = turned + (play - calm) if noisy[number] else play
-            else:
-                play = calm
+            model.half_play = max(fields[HALF_PLAY, i], 0.0)
+            play = apply_play(play, calm, model)
+            turned = turned + (play - calm) if noisy[number] else play
             model.offset, model.understeer, model.draft = fields[OFFSET, i], fields[UNDERSTEER, i], fields[DRAFT, i]
             model.bend, model.bend_left = fields[BEND, i], fields[BEND_LEFT, i]
             model.slide = max(fields[SLIDE, i], 0.0)
@@ -135,10 +137,6 @@ def simulate_path(  # type: ignore[no-untyped-def]
             tangent = compute_affected_tangent(
                 turned, forward, 0.0, 0.0, cosine[i], sine[i], 0.0, working[i], table, model
             )
-            if fields[GRIP_LIMIT, i] > 0.0:
-                share = abs(tangent) * forward * forward * fields[GRIP_LIMIT, i]
-                share /= (model.front + model.rear) * GRAVITY_MPS2
-                tangent *= (1.0 + share**4) ** -0.25
             if fields[RELAXATION, i] > 1e-3 and i > begin:
                 bend += (tangent - bend) * (1.0 - np.exp(-abs(forward) * dt / fields[RELAXATION, i]))
             else:
@@ -152,7 +150,7 @@ def simulate_path(  # type: ignore[no-untyped-def]
             slide += fields[PUSH_EAST, i] * sine[i] - fields[PUSH_NORTH, i] * cosine[i]
             slide -= fields[CRAB, i] * abs(forward) * forward * spin
             along = fields[PUSH_EAST, i] * cosine[i] + fields[PUSH_NORTH, i] * sine[i]
-            rolled = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
+            rolled = compute_rolling_resistance(forward, model, ground)
             _, new_right, new_spin = step_body(forward, right - slide, spin, bend, rolled, dt, model, ground)
             c, s = compute_cosine_sine(angle)
             x += ((forward + along) * c + right * s) * dt

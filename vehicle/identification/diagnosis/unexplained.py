@@ -11,7 +11,7 @@ from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.identification.replay.horizon_errors import HorizonSquares, compute_relative_run_errors
 
-ERROR_PIECE_S = 5.0  # horizon of the share
+ERROR_PIECE_S = 5.0  # horizon of the errors that are told in words and shares
 # Chosen: times the noise floor that counts as noise, and the addition per second between rows, where motion is not
 # observed.
 ABOVE_FLOOR_FACTOR, ABOVE_FLOOR_PER_ROW_S = 1.3, 1.0

@@ -30,7 +30,6 @@ WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 # Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
 TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
     "steering_offset@by_speed": ("angle_by_speed",),
-    "steering_offset@by_square": ("angle_by_square",),
     "steering_offset@by_direction": ("angle_to_east", "angle_to_north"),
     "steering_gain@by_speed": ("grip_by_speed",),
     "steering_gain@by_angle": ("grip_by_angle",),
@@ -83,7 +82,7 @@ class ValueConverter:
     def describe_law(self, verdict: Verdict, constant: Array | None) -> ParameterLaw:
         """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
         hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
-        neutral = self.compute_values(_make_constant(hypothesis), np.zeros(1))[effect.size.name]
+        neutral = self.compute_values(hypothesis.make_constant(), np.zeros(1))[effect.size.name]
         at = neutral + (0.0 if constant is None else float(constant[0]))
         pattern = self.find_pattern(verdict)
         kind = pattern.kind if pattern is not None else hypothesis.law
@@ -160,10 +159,6 @@ def list_terms(hypothesis: Hypothesis) -> tuple[str, ...]:
 def is_storable(hypothesis: Hypothesis) -> bool:
     """Whether a tractor file can hold a hypothesis as an effect or as terms of its discrepancy model."""
     return str(hypothesis) in TERMS_OF_LAWS or hypothesis.is_catalogued
-
-
-def _make_constant(hypothesis: Hypothesis) -> Hypothesis:
-    return Hypothesis(hypothesis.id, CONSTANT, hypothesis.coordinates[:1])
 
 
 def _describe_values(law: str, values: Values, unit: str, run: str) -> str:

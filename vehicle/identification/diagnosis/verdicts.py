@@ -19,6 +19,7 @@ from vehicle.identification.diagnosis.grammar import (
     scale_parameter,
     split_amounts,
 )
+from vehicle.identification.diagnosis.linearisation import Linearisation
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
 from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Comparison, Judgement, SearchResult
@@ -43,7 +44,7 @@ TRIED_SHARES = (0.25, 0.5, 1.0, 2.0)  # of the typical size, to find the smalles
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """What is said of a hypothesis: status, amounts (k,) with their covariance (k, k), nats and z against nothing, and
+    """What is said of a hypothesis: status, amounts (k,) with their covariance (k, k), nats against nothing, and
     the ids of effects that explain the logs as well. `others` are the comparisons behind these."""
 
     hypothesis: Hypothesis
@@ -51,7 +52,6 @@ class Verdict:
     amounts: Array
     covariance: Array
     nats: float
-    z: float
     equivalent_to: tuple[str, ...] = ()
     others: tuple[Comparison, ...] = ()
 
@@ -76,8 +76,7 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
         ids = tuple(dict.fromkeys(one.alternative.id for one in others if one.alternative is not None))
         if status:
             verdicts.append(
-                Verdict(judgement.hypothesis, status, amounts, own, judgement.against_none.nats,
-                        judgement.against_none.z, ids, others)
+                Verdict(judgement.hypothesis, status, amounts, own, judgement.against_none.nats, ids, others)
             )  # fmt: skip
     return sorted(verdicts, key=lambda one: -one.nats)
 
@@ -130,7 +129,7 @@ def _choose_status(judgement: Judgement, amounts: Array, covariance: Array) -> s
         return ""
     is_firm = _is_firm(judgement.hypothesis, amounts, scatter)
     if judgement.hypothesis.law not in (CONSTANT, "by_place"):
-        if not is_firm or against.z < LIKELY_Z:
+        if not is_firm:
             return ""
         return NAMED if against.z >= CLEAR_LAW_Z and not _list_equivalents(judgement) else LIKELY
     if against.z < CLEAR_Z or not is_firm:
@@ -171,23 +170,14 @@ def compute_covariance(problem: Problem, fit: Fit) -> Array:
     """Covariance (k, k) of all amounts: by the curvature, or by the scatter between runs where that is larger, and at
     least what the base model leaves open."""
     widths = collect_widths(fit.model)
-    white, roots = problem.weigh(fit.residuals)
-    secants = problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(widths)), 2.0 * FIT_STEP)
+    linear = problem.linearise(fit.model, fit.amounts, fit.residuals, 2.0 * FIT_STEP)
     groups = problem.data.window_runs
     if len(np.unique(groups)) < 3:
         groups = np.arange(len(groups)) % max(len(groups) // 2, 1)
-    curvature, scatter = np.eye(len(widths)), np.zeros((len(widths),) * 2)
     names = np.unique(groups)
-    for group in names:
-        slope = np.zeros(len(widths))
-        for channel in CHANNELS:
-            columns = (secants[channel] * roots[channel][:, None, None])[groups == group].reshape(-1, len(widths))
-            rest = (white[channel] * roots[channel][:, None])[groups == group].ravel()
-            curvature += columns.T @ columns
-            slope += columns.T @ rest
-        scatter += np.outer(slope, slope)
-    inverse = np.linalg.inv(curvature)
-    robust = inverse @ scatter @ inverse * len(names) / max(len(names) - 1, 1)
+    slopes = np.stack([linear.sum_windows(groups == group)[1] for group in names])
+    inverse = linear.inverse
+    robust = inverse @ slopes.T @ slopes @ inverse * len(names) / max(len(names) - 1, 1)
     growth = np.sqrt(np.maximum(np.diag(robust) / np.diag(inverse), 1.0))
     covariance = inverse * np.outer(growth, growth) * np.outer(widths, widths)
     return np.asarray(covariance + np.diag(_list_model_variances(problem, fit)))
@@ -207,11 +197,7 @@ def _list_model_variances(problem: Problem, fit: Fit) -> Array:
 def find_smallest_visible(problem: Problem, fit: Fit, effects: Sequence[Effect] = CATALOGUE) -> dict[str, float]:
     """The smallest size of every effect (unit of its first parameter) that these logs would have shown; effects that no
     size of up to twice the typical one would show are left out."""
-    _, roots = problem.weigh(fit.residuals)
-    known = problem.stack(
-        problem.compute_secants(fit.model, fit.amounts, fit.residuals, range(len(fit.amounts)), FIT_STEP), roots
-    )
-    inverse: Array = np.asarray(np.linalg.inv(known.T @ known + np.eye(known.shape[1])), dtype=np.float64)
+    linear = problem.linearise(fit.model, fit.amounts, fit.residuals)
     visible = {}
     for effect in effects:
         hypothesis = (
@@ -221,16 +207,15 @@ def find_smallest_visible(problem: Problem, fit: Fit, effects: Sequence[Effect] 
         )
         if any(one.id == effect.id and one.is_catalogued for one in fit.model):
             continue
-        smallest = _find_smallest(problem, fit, effect, hypothesis, roots, known, inverse)
+        smallest = _find_smallest(problem, fit, effect, hypothesis, linear)
         if smallest is not None:
             visible[effect.id] = smallest
     return visible
 
 
 def _find_smallest(
-    problem: Problem, fit: Fit, effect: Effect, hypothesis: Hypothesis, roots: dict[str, Array], known: Array,
-    inverse: Array,
-) -> float | None:  # fmt: skip
+    problem: Problem, fit: Fit, effect: Effect, hypothesis: Hypothesis, linear: Linearisation
+) -> float | None:
     model, size = (*fit.model, hypothesis), len(fit.amounts)
     amounts = np.concatenate([fit.amounts, np.zeros(hypothesis.size)])
     kind, parameter = get_kind(effect, problem.data), scale_parameter(effect.size, problem.rig.tractor)
@@ -241,10 +226,8 @@ def _find_smallest(
         moved = amounts.copy()
         moved[size] += step * coordinate.width
         shown = problem.compute_residuals(model, moved)
-        columns = np.concatenate([
-            (problem.noise[c].whiten(fit.residuals[c] - shown[c]) * roots[c][:, None]).ravel() for c in CHANNELS
-        ])  # fmt: skip
-        own = float(columns @ columns) - float((known.T @ columns) @ (inverse @ (known.T @ columns)))
+        columns = linear.stack({c: problem.noise[c].whiten(fit.residuals[c] - shown[c])[:, :, None] for c in CHANNELS})
+        own = float(np.vdot(columns, linear.reduce(columns)))
         # An effect of this size would enter by evidence and be clear: half its squares are the nats it brings.
         needed = 2.0 * (ADD_NATS + 0.5 * np.log1p(own)) + CLEAR_Z**2
         if own >= needed:
