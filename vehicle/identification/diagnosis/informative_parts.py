@@ -35,6 +35,17 @@ def choose_informative_parts(dataset: DriveDataset) -> DriveDataset:
     return replace(dataset, segments=tuple(segments))
 
 
+def thin_evenly(dataset: DriveDataset, most_pieces: int) -> DriveDataset:
+    """A long dataset with about `most_pieces` pieces of PIECE_S, evenly chosen, at least one of every run."""
+    pieces = [(number, start) for number, one in enumerate(dataset.segments) for start in _list_starts(one)]
+    if len(pieces) <= most_pieces:
+        return dataset
+    runs = [dataset.segments[number].run for number, _ in pieces]
+    chosen = {*range(0, len(pieces), math.ceil(len(pieces) / most_pieces)), *(runs.index(run) for run in set(runs))}
+    segments = [cut_segment(dataset.segments[pieces[one][0]], pieces[one][1]) for one in sorted(chosen)]
+    return replace(dataset, segments=tuple(segments))
+
+
 def _list_starts(segment: DriveSegment) -> list[float]:
     count = max(int(segment.time[-1] / PIECE_S), 1)
     return [PIECE_S * number for number in range(count)]

@@ -26,6 +26,7 @@ from vehicle.identification.diagnosis.drive_data import (
     build_drive_data,
 )
 from vehicle.identification.diagnosis.grammar import Bases, Hypothesis, split_amounts, sum_fields
+from vehicle.identification.diagnosis.informative_parts import thin_evenly
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
 from vehicle.identification.diagnosis.noise import (
     COMMAND_JITTER,
@@ -47,6 +48,7 @@ from vehicle.identification.replay.horizon_errors import (
 )
 from vehicle.identification.replay.rig import ReplayRig
 
+MOST_PIECES = 400  # of 40 s: more of a long drive make no other floor
 DRAWS, SEED = 4, 7  # samples of the noise; with four the floor scatters half as much as the error of the logs
 # Most of each part that is still noise, in the order of noise.ChannelNoise: one to two times what nine in ten of 53
 # sets of three truths by other hands stay under; of crab, which fits overstate, eight in ten. White noise of receivers
@@ -72,9 +74,10 @@ class CommandedReplay:
 def compute_noise_floor(problem: Problem, fit: Fit, dataset: DriveDataset) -> list[HorizonSquares]:
     """Sums of squares per run and horizon that noise and nuisances leave where the causes of a fit are true.
 
-    `dataset` may hold more runs than those of the problem. The noise is that which the problem has now.
+    `dataset` may hold more runs than those of the problem; of a long one pieces are looked at. The noise is that which
+    the problem has now.
     """
-    data = problem.data if dataset is problem.data.dataset else build_drive_data(dataset)
+    data = problem.data if dataset is problem.data.dataset else build_drive_data(thin_evenly(dataset, MOST_PIECES))
     model = list(split_amounts(fit.model, fit.amounts))
     expected = replay_commands(data, problem.rig, [part for part in model if not part[0].is_nuisance])
     shown = replay_commands(data, problem.rig, model)

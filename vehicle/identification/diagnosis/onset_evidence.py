@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,12 @@ class RunEvidence:
     place: Array
     heading: Array | None
     hold_s: float
+
+    def cut(self, steps: slice) -> RunEvidence:
+        """Some steps of the run."""
+        values: dict[str, Any] = {one.name: getattr(self, one.name) for one in fields(self)}
+        arrays = {name: one[..., steps] for name, one in values.items() if isinstance(one, np.ndarray)}
+        return replace(self, **{**values, **arrays})
 
 
 @dataclass(frozen=True)

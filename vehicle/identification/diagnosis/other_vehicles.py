@@ -35,6 +35,7 @@ from vehicle.model.tractor import Tractor
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
 WINDOW_STEPS, THIN_STEPS = 10, 3  # of the grid: over which changes are taken, and between them
 FEWEST_ROWS, MOST_ROWS = 100, 10_000
+MOST_STEPS, STRETCH_STEPS = 60_000, 1_200  # of the grid: of longer logs stretches of two minutes are looked at
 MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
@@ -160,13 +161,23 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
     runs = [run for run in runs if run.hold_s <= MOST_HOLD_S]
     sensed, commanded = ([run for run in runs if getattr(run, name) is not None] for name in ("wheel", "command"))
     is_sensed = len(sensed) >= len(commanded)
-    runs = sensed if is_sensed else commanded
+    runs = _thin_runs(sensed if is_sensed else commanded)
     stride = THIN_STEPS * max(math.ceil(sum(len(run.time_s) for run in runs) / THIN_STEPS / MOST_ROWS), 1)
     windows = [_build_windows(run, stride) for run in runs]
     if sum(len(one.turn) for one in windows) < FEWEST_ROWS:
         return TurningMeasure(None, math.inf, 0.0, None, math.inf, 0.0)
     pace_mps = float(np.median(np.abs(np.concatenate([one.ahead for one in windows])))) / (WINDOW_STEPS * STEP_S)
     return TurningMeasure(*_fit_joint(windows, is_sensed, stride), *_fit_antenna(windows), pace_mps)
+
+
+def _thin_runs(runs: Sequence[RunEvidence]) -> list[RunEvidence]:
+    """Evenly chosen stretches of long runs: more of them tell nothing new."""
+    thin = math.ceil(sum(len(run.time_s) for run in runs) / MOST_STEPS)
+    if thin <= 1:
+        return list(runs)
+    stretches = [run.cut(slice(begin, begin + STRETCH_STEPS)) for run in runs
+                 for begin in range(0, len(run.time_s), STRETCH_STEPS)]  # fmt: skip
+    return stretches[::thin]
 
 
 def _build_windows(run: RunEvidence, stride: int) -> _Windows:

@@ -97,11 +97,10 @@ def measure_speed_lags(log: Log) -> LagTable | None:
         return None
     pace = np.hypot(grid.east_mps, grid.north_mps)
 
-    def compute_loss(window: Rows, lag: int) -> float:
-        shown, true = pace[window + lag], grid.speed[window]
-        return _sum_unexplained_squares(shown, np.stack([true], axis=1))
+    def compute_losses(window: Rows, moved: Rows) -> Array:
+        return _sum_unexplained_squares(pace[moved], grid.speed[window])
 
-    return _tabulate_losses(grid, compute_loss)
+    return _tabulate_losses(grid, compute_losses)
 
 
 def measure_heading_lags(log: Log) -> LagTable | None:
@@ -116,13 +115,13 @@ def measure_heading_lags(log: Log) -> LagTable | None:
     cosine, sine = np.cos(grid.heading), np.sin(grid.heading)
     lever = _estimate_lever(grid)
 
-    def compute_loss(window: Rows, lag: int) -> float:
-        east, north = grid.east_mps[window + lag], grid.north_mps[window + lag]
+    def compute_losses(window: Rows, moved: Rows) -> Array:
+        east, north = grid.east_mps[moved], grid.north_mps[moved]
         aside = east * cosine[window] - north * sine[window] - lever * grid.turning[window]
         along = east * sine[window] + north * cosine[window]
-        return _sum_unexplained_squares(aside, np.stack([along], axis=1))
+        return _sum_unexplained_squares(aside, along)
 
-    return _tabulate_losses(grid, compute_loss)
+    return _tabulate_losses(grid, compute_losses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,16 +171,17 @@ def _estimate_lever(grid: _Motion) -> float:
     return float(aside @ grid.turning) / square if square > 0.0 else 0.0
 
 
-def _sum_unexplained_squares(values: Array, regressors: Array) -> float:
-    """Return the sum of squares that a combination of the regressors (k, m) leaves of values (k,)."""
-    square = regressors.T @ regressors + 1e-12 * np.eye(regressors.shape[1])
-    share = np.linalg.solve(square, regressors.T @ values)
-    residuals = values - regressors @ share
-    return float(residuals @ residuals)
+def _sum_unexplained_squares(values: Array, regressor: Array) -> Array:
+    """Return the sums of squares (l,) that multiples of a regressor, (l, k) or (k,), leave of values (l, k)."""
+    share = (regressor * values).sum(axis=1) / ((regressor * regressor).sum(axis=-1) + 1e-12)
+    return np.asarray(((values - regressor * share[:, None]) ** 2).sum(axis=1))
 
 
-def _tabulate_losses(grid: _Motion, compute_loss: Callable[[Rows, int], float]) -> LagTable | None:
-    """Tabulate a loss over windows in motion and lags; None with too few windows."""
+def _tabulate_losses(grid: _Motion, compute_losses: Callable[[Rows, Rows], Array]) -> LagTable | None:
+    """Tabulate losses over windows in motion and lags; None with too few windows.
+
+    `compute_losses` gets the steps of a window (k,) and those of the window moved by every lag (l, k).
+    """
     from scipy.interpolate import CubicSpline
 
     width, reach = round(_WINDOW_S / _GRID_S), round(_SEARCH_S / _GRID_S)
@@ -194,7 +194,7 @@ def _tabulate_losses(grid: _Motion, compute_loss: Callable[[Rows, int], float]) 
         if grid.moving[around].min() == 0.0 or float(np.median(pace[around])) < _MOVING_MPS:
             continue
         middles_s.append(float(grid.time_s[window].mean() - grid.time_s[0]))
-        losses.append([compute_loss(window, int(lag)) / width for lag in lags])
+        losses.append(compute_losses(window, window + lags[:, None]) / width)
     if len(middles_s) < _LEAST_WINDOWS:
         return None
     fine = np.arange(-_SEARCH_S, _SEARCH_S + 0.5 * _FINE_S, _FINE_S)
