@@ -37,7 +37,7 @@ from vehicle.identification.diagnosis.saving import Saved, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
 from vehicle.identification.diagnosis.tractor_extension import build_extended_tractor
 from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S, build_noise_limit, measure_unexplained
-from vehicle.identification.diagnosis.values import ValueConverter, list_terms
+from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out
@@ -170,7 +170,7 @@ class _Composer:
 
     def _list_dependences(self) -> tuple[str, ...]:
         """What the laws that are saved without a name depend on, in words."""
-        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in list_terms(one.hypothesis)]
+        terms = [TERMS_BY_NAME[name] for one in self.saved.verdicts for name in one.hypothesis.terms]
         return tuple(dict.fromkeys(f"{term.effect} that depends on {term.regressor}" for term in terms))
 
     def _list_pairs(self) -> list[CompetingPair]:

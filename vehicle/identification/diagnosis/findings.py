@@ -83,8 +83,8 @@ class FindingBuilder:
     def _average_law(self, verdict: Verdict, effect: Effect) -> dict[str, float]:
         """The mean value over the logs of an effect that follows a law."""
         hypothesis = verdict.hypothesis
-        shares = [float(np.mean(self.problem.bases.get(one.basis))) for one in hypothesis.coordinates]
-        return self.converter.compute_values(hypothesis.make_constant(), np.array([float(verdict.amounts @ shares)]))
+        mean = float(verdict.amounts @ self.problem.bases.compute_means(hypothesis))
+        return self.converter.compute_values(hypothesis.make_constant(), np.array([mean]))
 
     def _extend_to_neutral(self, effect: Effect, interval: Interval) -> Interval:
         """The interval of an effect that another could replace reaches to neutral."""

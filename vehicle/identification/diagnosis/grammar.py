@@ -53,6 +53,18 @@ LAW_WORDS = {
 }
 
 
+# Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
+TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
+    "steering_offset@by_speed": ("angle_by_speed",),
+    "steering_offset@by_direction": ("angle_to_east", "angle_to_north"),
+    "steering_gain@by_speed": ("grip_by_speed",),
+    "steering_gain@by_angle": ("grip_by_angle",),
+    "steering_gain@by_implement": ("grip_by_implement",),
+    "steering_gain@by_direction": ("grip_to_east", "grip_to_north"),
+    "push": ("push_to_east", "push_to_north"),
+}
+
+
 @dataclass(frozen=True)
 class Coordinate:
     """One number of a hypothesis: what a unit of it adds to fields, the width of its prior with its limits, and the key
@@ -108,6 +120,16 @@ class Hypothesis:
         """Whether it is an effect of the catalogue as a tractor file holds it."""
         return self.id in EFFECTS_BY_ID and self.law in (CONSTANT, "by_place")
 
+    @property
+    def terms(self) -> tuple[str, ...]:
+        """The terms of a discrepancy model that hold it; none for an effect."""
+        return TERMS_OF_LAWS.get(str(self), ())
+
+    @property
+    def is_storable(self) -> bool:
+        """Whether a tractor file can hold it as an effect or as terms of its discrepancy model."""
+        return self.is_catalogued or bool(self.terms)
+
     def __str__(self) -> str:
         return self.id if self.basis == CONSTANT else f"{self.id}@{self.basis}"
 
@@ -144,6 +166,10 @@ class Bases:
             own = self.data.path_runs == int(key.split(":")[1]) if key.startswith(BY_RUN) else None
             self.arrays[key] = (self.find_circle(*parse_circle(key)) if own is None else own).astype(np.float64)
         return self.arrays[key]
+
+    def compute_means(self, hypothesis: Hypothesis) -> Array:
+        """Means (k,) over the logs of what the amounts of a hypothesis are multiplied with."""
+        return np.array([float(np.mean(self.get(one.basis))) for one in hypothesis.coordinates])
 
     def find_circle(self, east: float, north: float, radius: float) -> Mask:
         """Steps (m,) inside a circle."""

@@ -24,8 +24,8 @@ from vehicle.identification.diagnosis.holdout import (
 from vehicle.identification.diagnosis.model_fit import FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.diagnosis.results import LIKELY, HoldoutResult, HoldoutRun
 from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S
-from vehicle.identification.diagnosis.values import ValueConverter, is_storable
-from vehicle.identification.diagnosis.verdicts import Verdict
+from vehicle.identification.diagnosis.values import ValueConverter
+from vehicle.identification.diagnosis.verdicts import Verdict, centre_laws
 from vehicle.identification.logs.schema import Array, Mask
 from vehicle.identification.replay.drive_segments import compute_half_numbers
 from vehicle.identification.replay.horizon_errors import HalfSettings
@@ -56,7 +56,7 @@ def choose_saved(converter: ValueConverter, fit: Fit, verdicts: Sequence[Verdict
     refused: list[Verdict] = []
     base = now = trial.replay([])
     for verdict in verdicts:
-        if not is_storable(verdict.hypothesis):
+        if not verdict.hypothesis.is_storable:
             continue
         pieces = trial.replay([*(one.hypothesis for one in kept), verdict.hypothesis])
         step()
@@ -124,7 +124,8 @@ def compute_left_out_amounts(problem: Problem, fit: Fit) -> dict[int, list[Array
         is_known = np.diag(curvature) >= LEAST_INFORMATION_SHARE * np.diag(linear.curvature)
         return np.asarray(np.where(is_known, np.clip(fit.amounts + widths * step, *bounds), fit.amounts))
 
-    return {run: [leave_out(inside) for inside in own] for run, own in groups.items()}
+    centre = centre_laws(problem, fit)
+    return {run: [centre @ leave_out(inside) for inside in own] for run, own in groups.items()}
 
 
 def _sum_by_run(pieces: PiecesByHorizon) -> Array:

@@ -205,8 +205,7 @@ class Searcher:
             comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
             self.step()
             comparisons.append(comparison)
-            change = comparison.nats + gain.hypothesis.penalty - hypothesis.penalty
-            if change < -BETTER_NATS and self._may_become(start):
+            if _takes_over(comparison, gain.hypothesis, hypothesis) and self._may_become(start):
                 return start, comparisons
         return None, comparisons
 
@@ -274,6 +273,17 @@ def is_large(fit: Fit, hypothesis: Hypothesis) -> bool:
 def _is_worth(gain: Gain) -> bool:
     """Whether a hypothesis would be large enough to matter."""
     return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -PENALTIES["place"]
+
+
+def _takes_over(comparison: Comparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
+    """Whether a competitor takes the place of a hypothesis: a law of the same effect only where it predicts clearly
+    more than the constant that it varies, as it must more than nothing."""
+    is_better = comparison.nats + competitor.penalty - hypothesis.penalty < -BETTER_NATS
+    if competitor.id != hypothesis.id or competitor.is_catalogued == hypothesis.is_catalogued:
+        return is_better
+    if competitor.is_catalogued:
+        return is_better or comparison.z < LEAST_LAW_Z
+    return is_better and comparison.z <= -LEAST_LAW_Z
 
 
 def _name_model(fit: Fit) -> frozenset[str]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from vehicle.identification.diagnosis.results import EQUIVALENT, NAMED, Finding
-from vehicle.identification.diagnosis.values import TERMS_OF_LAWS, ValueConverter
+from vehicle.identification.diagnosis.values import ValueConverter
 from vehicle.identification.diagnosis.verdicts import Verdict
 from vehicle.identification.replay.drive_segments import DriveDataset
 from vehicle.model.effect_kinds import INTERVAL_SIGMAS, Interval
@@ -62,7 +62,7 @@ def _list_spreads(converter: ValueConverter, saved: Sequence[Verdict]) -> dict[s
             converter.build_settings([(verdict.hypothesis, verdict.amounts + sign * INTERVAL_SIGMAS * sigmas)])
             for sign in (-1.0, 1.0)
         ]
-        if str(verdict.hypothesis) in TERMS_OF_LAWS:
+        if verdict.hypothesis.terms:
             low, high = (one[DISCREPANCY_KEY] for one in ends)
             spreads |= {name: (min(low[name], high[name]), max(low[name], high[name])) for name in low}
     return spreads

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,16 +27,6 @@ from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect, ge
 from vehicle.model.tractor import Settings, Tractor
 
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
-# Laws that a tractor file can hold, as terms of its discrepancy model: the hypothesis, and its terms per coordinate.
-TERMS_OF_LAWS: Mapping[str, tuple[str, ...]] = {
-    "steering_offset@by_speed": ("angle_by_speed",),
-    "steering_offset@by_direction": ("angle_to_east", "angle_to_north"),
-    "steering_gain@by_speed": ("grip_by_speed",),
-    "steering_gain@by_angle": ("grip_by_angle",),
-    "steering_gain@by_implement": ("grip_by_implement",),
-    "steering_gain@by_direction": ("grip_to_east", "grip_to_north"),
-    "push": ("push_to_east", "push_to_north"),
-}
 Values = dict[str, float]
 
 
@@ -70,11 +60,10 @@ class ValueConverter:
         settings: dict[str, Values] = {}
         amounts_by_term: Values = {}
         for hypothesis, amounts in parts:
-            terms = TERMS_OF_LAWS.get(str(hypothesis), ())
-            if terms:
-                for term, amount, one in zip(terms, amounts, hypothesis.coordinates, strict=True):
+            if hypothesis.terms:
+                for term, amount, one in zip(hypothesis.terms, amounts, hypothesis.coordinates, strict=True):
                     amounts_by_term[term] = float(amount) * one.slopes[0][1] / TERMS_BY_NAME[term].scale
-            elif is_storable(hypothesis):
+            elif hypothesis.is_storable:
                 settings[hypothesis.id] = self.compute_values(hypothesis, amounts)
         finite = {name: values for name, values in settings.items() if all(map(math.isfinite, values.values()))}
         return {**finite, **({DISCREPANCY_KEY: amounts_by_term} if amounts_by_term else {})}
@@ -83,8 +72,11 @@ class ValueConverter:
         """How the parameter of an effect varies; `constant` are the amounts of the same effect without a law."""
         hypothesis, effect = verdict.hypothesis, get_effect(verdict.hypothesis.id)
         neutral = self.compute_values(hypothesis.make_constant(), np.zeros(1))[effect.size.name]
-        at = neutral + (0.0 if constant is None else float(constant[0]))
-        pattern = self.find_pattern(verdict)
+        pattern, at = self.find_pattern(verdict), neutral
+        if constant is not None:
+            at += float(constant[0])
+            at -= 0.0 if pattern or hypothesis.is_storable else float(
+                self.problem.bases.compute_means(hypothesis) @ verdict.amounts)  # fmt: skip
         kind = pattern.kind if pattern is not None else hypothesis.law
         values = (
             self._compute_law_values(hypothesis, at, float(verdict.amounts[0]))
@@ -149,16 +141,6 @@ def compute_values(hypothesis: Hypothesis, amounts: Array, data: DriveData, trac
     origin, place = data.dataset.origin, hypothesis.place
     circle = (place[0] + origin[0], place[1] + origin[1], *place[2:]) if place else ()
     return kind.compute_values(effect.params, np.array(neutral) + amounts, circle)
-
-
-def list_terms(hypothesis: Hypothesis) -> tuple[str, ...]:
-    """The terms of a discrepancy model that hold a hypothesis; none for an effect."""
-    return TERMS_OF_LAWS.get(str(hypothesis), ())
-
-
-def is_storable(hypothesis: Hypothesis) -> bool:
-    """Whether a tractor file can hold a hypothesis as an effect or as terms of its discrepancy model."""
-    return str(hypothesis) in TERMS_OF_LAWS or hypothesis.is_catalogued
 
 
 def _describe_values(law: str, values: Values, unit: str, run: str) -> str:

@@ -58,7 +58,7 @@ class Verdict:
 
 def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     """Verdicts on the hypotheses of the final model that anything can be said of, the clearest first."""
-    centre = _centre_runs(result.fit)
+    centre = centre_laws(problem, result.fit)
     covariance = centre @ compute_covariance(problem, result.fit) @ centre.T
     all_amounts = centre @ result.fit.amounts
     is_far = any(_is_far(one.hypothesis, result.fit.get_amounts(one.hypothesis)) for one in result.judgements)
@@ -81,15 +81,18 @@ def decide(problem: Problem, result: SearchResult) -> list[Verdict]:
     return sorted(verdicts, key=lambda one: -one.nats)
 
 
-def _centre_runs(fit: Fit) -> Array:
-    """The matrix (k, k) that gives the mean of the values of single runs to the constant of the same effect."""
+def centre_laws(problem: Problem, fit: Fit) -> Array:
+    """The matrix (k, k) that gives a constant what laws of the same effect add on average, where no file holds these;
+    values of single runs are then about their mean."""
     centre = np.eye(len(fit.amounts))
-    for law in [one for one in fit.model if one.law == BY_RUN]:
+    for law in [one for one in fit.model if not one.is_storable and one.coordinates[0].basis != CONSTANT]:
         constants = [one for one in fit.model if one.id == law.id and one.law == CONSTANT]
         if constants:
-            own = fit.locate(law)
-            centre[fit.locate(constants[0]), own] += 1.0 / law.size
-            centre[own, own] -= 1.0 / law.size
+            own, is_by_run = fit.locate(law), law.law == BY_RUN
+            means = np.full(law.size, 1.0 / law.size) if is_by_run else problem.bases.compute_means(law)
+            centre[fit.locate(constants[0]), own] += means if constants[0].size == 1 else np.diag(means)
+            if is_by_run:
+                centre[own, own] -= 1.0 / law.size
     return centre
 
 

@@ -168,6 +168,7 @@ def _get_first_file_line(rows: Rows) -> int:
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
 _REFUSED_SHARE = 0.5  # of the rows: if one rule excludes more, the column is wrong and not a row
 _MOST_EMPTY_SHARE = 0.1  # chosen: fewer empty commands cost less as rows than as a column
+_MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
 _SHOWN_RULES = 4
 _POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
 _SPEED_FIXES = (LogConvention.SPEED_KMH, LogConvention.SPEED_MEASURED_KMH, LogConvention.SPEED_COMMAND_KMH)
@@ -239,7 +240,7 @@ def build_log(
     converted, jumps = correct_position_jumps(converted, name)
     column_faults = join_thaws(jumps, find_column_faults(converted, name))
     column_faults += find_sparse_steering_faults(converted, name)
-    converted, gaps = _drop_command_with_gaps(converted)
+    converted, gaps = _drop_command_with_gaps(_hold_commands(converted))
     columns, fresh, doubts, place_rows = interpolate_held_values(converted, name, raw_columns)
     rules = gate_rows(columns, {HEADING_FLIPPED: find_flipped_headings(converted), **collect_fault_rows(column_faults)})
     columns = _clip_negative_speeds(columns)
@@ -260,6 +261,21 @@ def build_log(
         return log
     _check_log(log, fix_set, wheelbase_m)
     return correct_sensors(log)
+
+
+def _hold_commands(columns: Columns) -> Columns:
+    """Commands hold from one message to the next where these come more rarely than rows; longer gaps stay empty."""
+    held = dict(columns)
+    for name in ("speed_command_mps", "steering_command_deg"):
+        values = columns.get(name)
+        if values is None or np.isfinite(values).all() or not np.isfinite(values).any():
+            continue
+        known = np.flatnonzero(np.isfinite(values))
+        last = known[np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)]
+        following = known[np.minimum(np.searchsorted(known, np.arange(len(values))), len(known) - 1)]
+        is_short = columns["time_s"][following] - columns["time_s"][last] <= _MOST_HELD_S
+        held[name] = np.where(is_short & (last <= np.arange(len(values))), values[last], values)
+    return held
 
 
 def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
