@@ -14,7 +14,8 @@ from vehicle.identification.logs.directions import (
     find_direction_errors,
     find_wrong_gear,
 )
-from vehicle.identification.logs.schema import LogConvention, Mask
+from vehicle.identification.logs.readings import LogConvention
+from vehicle.identification.logs.schema import Mask
 
 ROUND = joined(circle(0.1), circle(-0.1), circle(0.05))
 

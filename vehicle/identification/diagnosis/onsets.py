@@ -36,8 +36,7 @@ from vehicle.identification.logs.column_faults import (
     SPEED_FROZEN,
     WHEEL_SENSOR_FROZEN,
 )
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
+from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
 from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
 
 LEAST_NATS = 8.0

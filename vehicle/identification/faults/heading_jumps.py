@@ -8,13 +8,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from vehicle.identification.faults.steering_evidence import STEP_S, SteeringEvidence, build_evidence_segments
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, GAP_SAMPLES, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
+from vehicle.identification.logs.schema import (
+    GAP_SAMPLES,
+    Array,
+    Log,
+    LogFault,
+    Mask,
+)
 
 HEADING_JUMP = "heading_jump"
 _LEAST_DEG, _MOST_DEG = 5.0, 150.0  # chosen: less is noise of a compass, more is a heading that points backwards
@@ -161,17 +166,9 @@ def _turn_back(log: Log, jump: _HeadingStep, before_deg: float, after_deg: float
         heading[jump.first_after :] -= size_deg
     words = describe_heading_jump(size_deg)
     fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[jump.first_after]), None, words)
-    bad = _choose_rows(log, jump)
-    rows = np.flatnonzero(bad)
-    used = log.used & ~bad
-    gated = (*log.gated, GatedRows(f"heading jump: {words}", len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    return replace(
-        log,
-        heading_deg=heading % 360.0,
-        used=used,
-        segment=number_segments(log.time_s, used),
-        gated=gated,
-        faults=(*log.faults, fault),
+    faults = (*log.faults, fault)
+    return log.exclude_rows(
+        f"heading jump: {words}", _choose_rows(log, jump), heading_deg=heading % 360.0, faults=faults
     )
 
 
@@ -180,7 +177,7 @@ def _choose_rows(log: Log, jump: _HeadingStep) -> Mask:
     side = math.ceil(0.5 * GAP_SAMPLES) + 1
     near = np.zeros(len(log.time_s), dtype=np.bool_)
     near[max(jump.last_before - side + 1, 0) : jump.first_after + side] = True
-    return near & log.used
+    return near
 
 
 def describe_heading_jump(size_deg: float) -> str:

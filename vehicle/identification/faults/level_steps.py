@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,8 +23,13 @@ from vehicle.identification.faults.steering_evidence import (
     find_largest_angles,
     fit_path_scale,
 )
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask, Rows
+from vehicle.identification.logs.schema import (
+    Array,
+    Log,
+    LogFault,
+    Mask,
+    Rows,
+)
 from vehicle.identification.logs.sparse_steering import SPARSE_S
 
 STEERING_JUMP = "steering_jump"
@@ -102,13 +107,9 @@ def mark_level_step(logs: Sequence[Log]) -> list[Log]:
 def _mark_log(log: Log, step: LevelStep, is_of_sensor: bool) -> Log:
     words = _describe_step(log, step, is_of_sensor)
     odd = log.time_s >= step.earliest_s if step.is_after_odd else log.time_s < step.time_s
-    bad = log.used & odd
-    rows, used = np.flatnonzero(bad), log.used & ~bad
     between_s = (step.earliest_s, step.time_s) if step.earliest_s < step.time_s else None
     fault = LogFault(STEERING_JUMP, log.name, 0.5 * (step.earliest_s + step.time_s), None, words, between_s)
-    gated = (*log.gated, GatedRows(f"steering jump: {words}", len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    segment = number_segments(log.time_s, used)
-    return replace(log, used=used, segment=segment, gated=gated, faults=(*log.faults, fault))
+    return log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
 
 
 def _describe_step(log: Log, step: LevelStep, is_of_sensor: bool) -> str:

@@ -71,7 +71,7 @@ def correct_position_clock(log: Log) -> Log:
         "back"
     )
     shifted_log = _shift_positions(log, drift.rate * since_start_s, is_heading_along)
-    return replace(shifted_log, corrections=(*log.corrections, message))
+    return shifted_log.correct_columns(message)
 
 
 def _shift_positions(log: Log, shift_s: Array, with_heading: bool) -> Log:

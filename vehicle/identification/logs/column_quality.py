@@ -11,9 +11,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,8 +51,7 @@ def _drop_constant_column(log: Log, name: str, contradicted: bool, why: str) -> 
     if values is None or not contradicted or not _is_constant(values, log):
         return log
     message = f"{name} is {values[log.used][0]:g} in every row while {why}; the column is ignored"
-    changed: dict[str, Any] = {name: None}
-    return replace(log, corrections=(*log.corrections, message), **changed)
+    return log.correct_columns(message, **{name: None})
 
 
 def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
@@ -352,9 +350,8 @@ def _select_measured_values(log: Log, name: str) -> Array:
 
 def _drop_coarse_column(log: Log, name: str, step: float, source: str = "") -> Log:
     message = f"{name} comes in steps of {step:.2g} {_UNITS[name]}{source}, too coarse to be of use"
-    changed: dict[str, Any] = {name: None}
-    doubts = (*log.corrections, f"{message}; the column is ignored")
-    return replace(log, corrections=doubts, coarse_columns={**log.coarse_columns, name: step}, **changed)
+    coarse_columns = {**log.coarse_columns, name: step}
+    return log.correct_columns(f"{message}; the column is ignored", coarse_columns=coarse_columns, **{name: None})
 
 
 def find_rounding_step(values: Array) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -71,8 +71,9 @@ def _drop_command_constant_elsewhere(log: Log, other_logs: Sequence[Log]) -> Log
 
 
 def _drop_command(log: Log, why: str) -> Log:
-    message = f"{why}: the tractor was not driven by it; the column is ignored"
-    return replace(log, speed_command_mps=None, corrections=(*log.corrections, message))
+    return log.correct_columns(
+        f"{why}: the tractor was not driven by it; the column is ignored", speed_command_mps=None
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +112,7 @@ def _scale_commanded_speeds(logs: list[Log]) -> list[Log]:
     return [
         log
         if log.speed_command_mps is None
-        else replace(log, speed_command_mps=factor * log.speed_command_mps, corrections=(*log.corrections, message))
+        else log.correct_columns(message, speed_command_mps=factor * log.speed_command_mps)
         for log in logs
     ]
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.logs.chords import PathChords, compute_path_chords, is_steering_mirrored, select_clear_bends
-from vehicle.identification.logs.gating import FIRST_ROW_LINE
 from vehicle.identification.logs.heading_flips import describe_flips
-from vehicle.identification.logs.schema import Array, Log, LogConvention, Mask, Rows, Suspicion, format_fix_option
+from vehicle.identification.logs.readings import LogConvention, Suspicion, format_fix_option
+from vehicle.identification.logs.schema import Array, Log, Mask, Rows, find_file_line
 from vehicle.model.effects import get_effect
 
 _FEWEST_GEAR_CHORDS = 5  # chords: fewer may be one change of gear
@@ -76,7 +76,7 @@ def drop_course_heading(log: Log) -> Log:
         return log
     if not all(_follows_steering(*select_clear_bends([log], gear)) for gear in (-1.0, 1.0)):
         return log
-    return replace(log, heading_deg=None, corrections=(*log.corrections, COURSE_HEADING))
+    return log.correct_columns(COURSE_HEADING, heading_deg=None)
 
 
 def _follows_steering(angle: Array, curvature: Array) -> bool:
@@ -131,7 +131,7 @@ def _set_forward(log: Log) -> Log:
 def _build_reverse_rows_suspicion(rows: Rows, why: str, other_reading: str = "") -> Suspicion:
     suspected = "shuttle is -1 where the tractor drives forward"
     advice = f"write 1 in those rows{other_reading}"
-    return Suspicion(None, f"{why}, first in line {_get_first_file_line(rows)}", suspected, advice)
+    return Suspicion(None, f"{why}, first in line {find_file_line(rows)}", suspected, advice)
 
 
 def _describe_flipped_heading(log: Log) -> str:
@@ -146,14 +146,10 @@ def _build_forward_rows_suspicion(rows: Rows, other_reading: str = "") -> Suspic
     suspected = "shuttle is 1 (the default without that column) where the tractor drives in reverse"
     return Suspicion(
         None,
-        f"heading and course are opposite, first near line {_get_first_file_line(rows)}",
+        f"heading and course are opposite, first near line {find_file_line(rows)}",
         suspected,
         f"write -1 in those rows{other_reading}",
     )
-
-
-def _get_first_file_line(rows: Rows) -> int:
-    return int(rows[0]) + FIRST_ROW_LINE
 
 
 # Mean cosines between heading and course. An effect may turn the heading by 20 degrees and slip turns the course; a

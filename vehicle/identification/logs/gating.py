@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows
+from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows, find_file_line
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
@@ -17,8 +16,6 @@ STANDSTILL_MPS = 0.1  # noise of a speed sensor at rest; larger negative speeds 
 MOST_STEERING_DEG = 90.0  # no wheel turns further
 MOST_HEADING_DEG = 720.0  # two turns, for sensors that count on beyond 360
 SPIKE_DEG = 60.0  # no tractor yaws this far and back between two rows
-GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
-FIRST_ROW_LINE = 2  # after the header
 _MOST_OPEN_CHAINS = 8  # positions a receiver may jump between before the shortest chain is dropped
 
 
@@ -34,7 +31,7 @@ class RowRules:
         """Exclude the `bad` rows and count those that were still in use."""
         rows = np.flatnonzero(bad & self.used)
         if len(rows):
-            self.gated.append(GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
+            self.gated.append(GatedRows(rule, len(rows), find_file_line(rows)))
             self.used[rows] = False
 
 
@@ -77,7 +74,7 @@ def _gate_times(rules: RowRules, time: Array) -> None:
     if bad.any():
         back = int(np.flatnonzero(np.diff(time[rows]) <= 0.0)[0]) + 1
         if back > int(np.argmax(bad)) + 1:
-            rules.gated[-1] = replace(rules.gated[-1], first_line=int(rows[back]) + FIRST_ROW_LINE)
+            rules.gated[-1] = replace(rules.gated[-1], first_line=find_file_line(rows[back:]))
 
 
 def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
@@ -165,15 +162,3 @@ def find_jumps(time: Array, east: Array, north: Array) -> Mask:
 def _is_reachable(seconds: Array, east: Array, north: Array) -> Mask:
     reach: Mask = np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_SLACK_M
     return reach
-
-
-def number_segments(time: Array, used: Mask) -> npt.NDArray[np.int64]:
-    """Return the segment number of each used row, -1 for the others. A gap of more than GAP_SAMPLES steps starts a
-    segment."""
-    out = np.full(len(time), -1, dtype=np.int64)
-    steps = np.diff(time[used])
-    if len(steps):
-        out[used] = np.concatenate([[0], np.cumsum(steps > (GAP_SAMPLES + 0.5) * np.median(steps))])
-    elif used.any():
-        out[used] = 0
-    return out

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, find_decreasing_entries
+from vehicle.identification.logs.gating import find_decreasing_entries
 from vehicle.identification.logs.raw_motion import RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import Array, Mask, Rows
+from vehicle.identification.logs.schema import Array, Mask, Rows, find_file_line
 from vehicle.identification.logs.table import Columns
 
 HEADING_FLIPPED = "heading flipped: heading_deg points backwards until it turns by 180 degrees between two rows"
@@ -48,8 +48,7 @@ def describe_flips(time: Array, heading: Array, rows: Rows) -> str:
     if not len(changes):
         return ""
     times = "once" if len(changes) == 1 else f"{len(changes)} times"
-    line = int(rows[changes[0]]) + FIRST_ROW_LINE
-    return f"it turns by 180 degrees between two rows {times}, first in line {line}"
+    return f"it turns by 180 degrees between two rows {times}, first in line {find_file_line(rows[changes])}"
 
 
 def find_flips(time: Array, heading: Array) -> tuple[Rows, Rows]:

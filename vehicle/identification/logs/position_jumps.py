@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.logs.column_faults import POSITION_FROZEN, ColumnFault, find_scattered_groups
-from vehicle.identification.logs.gating import GAP_SAMPLES, find_decreasing_entries
+from vehicle.identification.logs.gating import find_decreasing_entries
 from vehicle.identification.logs.raw_motion import build_raw_motion
-from vehicle.identification.logs.schema import Array, LogFault, Rows
+from vehicle.identification.logs.schema import GAP_SAMPLES, Array, LogFault, Rows
 from vehicle.identification.logs.table import Columns
 
 POSITION_JUMP = "position_jump"

@@ -14,8 +14,7 @@ import numpy as np
 
 from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords
 from vehicle.identification.logs.clock_drift import correct_position_clock
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, Mask, Rows
+from vehicle.identification.logs.schema import Array, Log, Mask, Rows
 
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
@@ -62,7 +61,7 @@ def _correct_speed_factor(log: Log) -> Log:
         f"speed_mps reads {100.0 * abs(factor - 1.0):.0f} % {direction} than the positions move, in every direction: "
         f"a scale error of the sensor, not slip; the column is divided by {factor:.3f}"
     )
-    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, corrections=(*log.corrections, message))
+    return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
 
 
 def correct_sensors_like_others(logs: Sequence[Log]) -> list[Log]:
@@ -89,9 +88,7 @@ def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
     if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * _STRAY_CORRELATION:
         return log
     message = f"{_STRAY_MESSAGE}, as in {stray_log.name}; the column is ignored"
-    return replace(
-        log, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg, corrections=(*log.corrections, message)
-    )
+    return log.correct_columns(message, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg)
 
 
 def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
@@ -111,7 +108,7 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
         f"speed_mps reads about {100.0 * abs(ratio - 1.0):.0f} % {'more' if ratio > 1.0 else 'less'} than the "
         f"positions move, as in {nearest_log.name}: the same sensor; the column is divided by {factor:.3f}"
     )
-    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, corrections=(*log.corrections, message))
+    return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
 
 
 def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
@@ -141,12 +138,8 @@ def _gate_dead_sensor(log: Log) -> Log:
     dead_runs = [run for run in runs if _is_dead(angle, curvature, np.isin(chords.row, run), line)]
     if not dead_runs:
         return log
-    rows = np.concatenate(dead_runs)
-    used = log.used.copy()
-    used[rows] = False
     rule = f"steering_deg is constant for {_STILL_S:g} s or more while the path bends: dead sensor"
-    gated = (*log.gated, GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    return replace(log, used=used, segment=number_segments(log.time_s, used), gated=gated)
+    return log.exclude_rows(rule, np.isin(np.arange(len(log.used)), np.concatenate(dead_runs)))
 
 
 def _drop_unrelated_wheel_angle(log: Log) -> Log:
@@ -161,12 +154,8 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
     if abs(by_sensor) > _STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"
-    return replace(
-        log,
-        steering_deg=None,
-        stray_steering_deg=float(np.std(log.steering_deg[log.used])),
-        corrections=(*log.corrections, message),
-    )
+    spread_deg = float(np.std(log.steering_deg[log.used]))
+    return log.correct_columns(message, steering_deg=None, stray_steering_deg=spread_deg)
 
 
 def _is_wheel_angle_bypassed(log: Log) -> bool:

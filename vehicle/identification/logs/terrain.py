@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.logs.chords import compute_path_chords
-from vehicle.identification.logs.schema import Array, Log, LogConvention, Mask, format_fix_option
+from vehicle.identification.logs.readings import LogConvention, format_fix_option
+from vehicle.identification.logs.schema import Array, Log, Mask
 
 STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
