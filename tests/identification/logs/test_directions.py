@@ -7,13 +7,13 @@ import pandas as pd
 import pytest
 
 from tests.identification.analytic_drives import circle, joined, log
-from vehicle.identification.logs.chords import compute_path_chords
 from vehicle.identification.logs.directions import (
     compute_heading_agreements,
     drop_course_heading,
     find_direction_errors,
     find_wrong_gear,
 )
+from vehicle.identification.logs.motion import compute_path_chords
 from vehicle.identification.logs.readings import LogConvention
 from vehicle.identification.logs.schema import Mask
 

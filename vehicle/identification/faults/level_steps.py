@@ -30,6 +30,7 @@ from vehicle.identification.logs.schema import (
     Mask,
     Rows,
 )
+from vehicle.identification.logs.series import measure_spread
 from vehicle.identification.logs.sparse_steering import SPARSE_S
 
 STEERING_JUMP = "steering_jump"
@@ -258,7 +259,7 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
         weighted = columns * weights[:, None]
         theta = np.asarray(np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values), dtype=np.float64)
         apart = np.abs(values - columns @ theta)
-        sigma = max(1.4826 * float(np.median(apart)), 1e-3)
+        sigma = max(measure_spread(apart), 1e-3)
         weights = np.square(np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
     residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
     side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
@@ -339,7 +340,7 @@ def _is_flat(side: Array, size: float) -> bool:
     """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
     levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), _PART_S)])
     apart = np.abs(levels - np.median(side))
-    scatter = 1.4826 * float(np.median(apart))
+    scatter = measure_spread(apart)
     slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
     return (
         abs(size) > _LEAST_FLATNESSES * scatter

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows, find_file_line
+from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
@@ -85,7 +85,7 @@ def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
     rules.exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
     rows = np.flatnonzero(rules.used)
     if len(rows) >= 3:
-        step = (np.diff(heading[rows]) + 180.0) % 360.0 - 180.0
+        step = wrap_degrees(np.diff(heading[rows]))
         alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
         _gate_used_rows(
             rules,
@@ -110,29 +110,6 @@ def _gate_used_rows(rules: RowRules, rule: str, bad_of_used: Mask) -> None:
     bad = np.zeros(len(rules.used), dtype=np.bool_)
     bad[np.flatnonzero(rules.used)[bad_of_used]] = True
     rules.exclude_rows(rule, bad)
-
-
-def find_decreasing_entries(values: Array) -> Mask:
-    """Mark the entries outside one longest strictly increasing subsequence (patience sorting)."""
-    bad = np.ones(len(values), dtype=np.bool_)
-    if len(values) == 0 or bool((np.diff(values) > 0.0).all()):
-        return ~bad
-    tails: list[float] = []
-    tail_rows: list[int] = []
-    before = np.full(len(values), -1)
-    for row, value in enumerate(values.tolist()):
-        place = bisect_left(tails, value)
-        before[row] = tail_rows[place - 1] if place else -1
-        if place == len(tails):
-            tails.append(value)
-            tail_rows.append(row)
-        else:
-            tails[place], tail_rows[place] = value, row
-    row = tail_rows[-1]
-    while row >= 0:
-        bad[row] = False
-        row = int(before[row])
-    return bad
 
 
 def find_jumps(time: Array, east: Array, north: Array) -> Mask:

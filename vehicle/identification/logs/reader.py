@@ -13,20 +13,26 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
+from vehicle.identification.logs.clocks import even_time_stamps, is_bundled
+from vehicle.identification.logs.column_faults import (
+    collect_fault_rows,
+    correct_position_jumps,
+    find_column_faults,
+    join_thaws,
+)
 from vehicle.identification.logs.column_quality import (
     LONGEST_STEP_S,
     describe_silent_steering,
     drop_coarse_columns,
     drop_constant_columns,
     interpolate_held_values,
+    is_parked,
+    leave_out_useless_logs,
+    merge_copies,
 )
 from vehicle.identification.logs.conventions import find_convention_errors
-from vehicle.identification.logs.directions import drop_course_heading
+from vehicle.identification.logs.directions import HEADING_FLIPPED, drop_course_heading, find_flipped_headings
 from vehicle.identification.logs.gating import RowRules, gate_rows
-from vehicle.identification.logs.heading_flips import HEADING_FLIPPED, find_flipped_headings
-from vehicle.identification.logs.log_sets import is_parked, leave_out_useless_logs, merge_copies
-from vehicle.identification.logs.position_jumps import correct_position_jumps, join_thaws
 from vehicle.identification.logs.readings import LogConvention, Suspicion, convert_columns, find_first_place
 from vehicle.identification.logs.schema import (
     COLUMNS,
@@ -49,7 +55,6 @@ from vehicle.identification.logs.table import (
     read_table,
 )
 from vehicle.identification.logs.terrain import STEEPEST_DEG
-from vehicle.identification.logs.time_stamps import even_time_stamps, is_bundled
 
 if TYPE_CHECKING:
     import pandas as pd

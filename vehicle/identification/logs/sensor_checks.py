@@ -1,7 +1,11 @@
-"""Faulty sensors, detected by what no tractor does, corrected and reported.
+"""Faulty sensors and commands that were not driven, detected by what no tractor does, corrected and reported.
 
 Each check compares two instruments of one log. Uncorrected, these errors would look like faults of the tractor: a speed
 that reads high like wheel slip, drifting clocks like a growing dead time, a stuck angle like missing grip.
+
+A speed, measured or commanded, that is one multiple of the pace in every direction, at every speed, working or not, has
+a wrong scale; a command above the pace looks like slip in every column and is left alone. A command that is constant
+while the pace changes was not driven.
 """
 
 from __future__ import annotations
@@ -12,14 +16,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords
-from vehicle.identification.logs.clock_drift import correct_position_clock
+from vehicle.identification.logs.clocks import correct_position_clock
+from vehicle.identification.logs.motion import PathChords, compute_bends, compute_path_chords, has_pace_change
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.series import compute_change, measure_spread
+from vehicle.model.effects import DRIVE_LINE_SLIP
 
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
-_LEAST_FACTOR, _SURE_SIGMAS = 1.25, 5.0
-_STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.02
+_LEAST_SENSOR_FACTOR, _SURE_SIGMAS = 1.25, 5.0
+_STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.03  # in bends the antenna is faster than the tractor
 # Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
 _NEARER_SHARE = 0.4
 _FEWEST_CHORDS = 12
@@ -43,18 +49,9 @@ def _correct_speed_factor(log: Log) -> Log:
     chords = compute_path_chords(log)
     if log.speed_mps is None or chords is None:
         return log
-    stated_mps = log.speed_mps[chords.row]
-    is_straight = _select_straight_chords(chords, stated_mps)
-    if np.count_nonzero(is_straight) < _FEWEST_CHORDS:
-        return log
-    ratio, course = stated_mps[is_straight] / chords.speed[is_straight], chords.course[is_straight]
-    factor = float(np.median(ratio))
-    spread = 1.4826 * float(np.median(np.abs(ratio - factor)))
-    # Chords overlap by half, so two count as one observation.
-    error = 1.25 * spread * math.sqrt(2.0 / len(ratio))
-    parts = [ratio[part] for part in _split_chords(course, log.implement[chords.row][is_straight])]
-    is_same_everywhere = all(abs(float(np.median(part)) - factor) < max(_ALIKE_SHARE, 3.0 * error) for part in parts)
-    if max(factor, 1.0 / factor) < _LEAST_FACTOR or abs(factor - 1.0) < _SURE_SIGMAS * error or not is_same_everywhere:
+    straight = _select_straight_chords(chords, log.speed_mps[chords.row])
+    factor = _find_common_factor(_collect_ratios(log, chords, log.speed_mps, straight))
+    if factor is None or max(factor, 1.0 / factor) < _LEAST_SENSOR_FACTOR:
         return log
     direction = "more" if factor > 1.0 else "less"
     message = (
@@ -62,6 +59,32 @@ def _correct_speed_factor(log: Log) -> Log:
         f"a scale error of the sensor, not slip; the column is divided by {factor:.3f}"
     )
     return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
+
+
+def _collect_ratios(log: Log, chords: PathChords, stated: Array, chosen: Mask) -> Array:
+    """Return of chosen chords stated speed over pace, stated speed (m/s), course (rad) and implement (4, k)."""
+    rows = chords.row[chosen]
+    ratio = stated[rows] / chords.speed[chosen]
+    collected: Array = np.stack([ratio, stated[rows], chords.course[chosen], log.implement[rows]])
+    return collected
+
+
+def _find_common_factor(ratios: Array) -> float | None:
+    """Return stated speed over pace; None where it is not clearly other than 1, or not the same by direction of travel,
+    implement and speed."""
+    ratio, stated, course, working = ratios
+    if len(ratio) < _FEWEST_CHORDS:
+        return None
+    factor = float(np.median(ratio))
+    # Chords overlap by half, so two count as one observation.
+    error = 1.25 * measure_spread(ratio - factor) * math.sqrt(2.0 / len(ratio))
+    conditions = (np.sin(course) > 0.5, np.sin(course) < -0.5, np.cos(course) > 0.5, np.cos(course) < -0.5)
+    slow = stated <= np.median(stated)
+    parts = [*conditions, slow, ~slow, working > 0.5, working <= 0.5]
+    levels = [float(np.median(ratio[part])) for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
+    alike = max(_ALIKE_SHARE * factor, 3.0 * error)
+    is_clear = abs(factor - 1.0) >= _SURE_SIGMAS * error
+    return factor if is_clear and all(abs(level - factor) < alike for level in levels) else None
 
 
 def correct_sensors_like_others(logs: Sequence[Log]) -> list[Log]:
@@ -115,13 +138,6 @@ def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
     """Select the chords that can show a factor of the stated speed."""
     straight: Mask = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1)
     return straight
-
-
-def _split_chords(course: Array, working: Array) -> list[Mask]:
-    """Split chords by direction of travel and by implement; parts that are too small are dropped."""
-    east, north = np.sin(course), np.cos(course)
-    parts = [east > 0.5, east < -0.5, north > 0.5, north < -0.5, working > 0.5, working <= 0.5]
-    return [part for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
 
 
 def _gate_dead_sensor(log: Log) -> Log:
@@ -188,9 +204,8 @@ def _compute_heading_curvature(log: Log, gear: Array) -> Array | None:
         return None
     rows = np.flatnonzero(log.used)
     time, heading = log.time_s[rows], np.unwrap(np.radians(log.heading_deg[rows]))
-    middle = log.time_s[chords.row]
-    start, end = (np.interp(middle + shift * chords.span_s, time, heading) for shift in (-0.5, 0.5))
-    curvature: Array = gear * (end - start) / (chords.speed * chords.span_s)
+    start, end = (log.time_s[chords.row] + shift * chords.span_s for shift in (-0.5, 0.5))
+    curvature: Array = gear * compute_change(time, heading, start, end) / (chords.speed * chords.span_s)
     return curvature
 
 
@@ -242,3 +257,94 @@ def _is_dead(angle: Array, curvature: Array, run: Mask, line: tuple[float, float
     shown = angle[run]
     excess_deg = np.abs((curvature[run] - at_zero) / slope - shown) - 0.5 * np.abs(shown)
     return float(np.mean(excess_deg > _DEAD_SENSOR_DEG + 2.0 * scatter / slope)) > _DEAD_SENSOR_SHARE
+
+
+_STEADY_S, _SAME_MPS = 6.0, 0.02  # of constant command: longer than any drive line takes to follow
+
+
+def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
+    """Drop or scale commanded speeds that were not driven, over a set of logs; `corrections` say which and why."""
+    alone = [_drop_constant_command(log) for log in logs]
+    return _scale_commanded_speeds([_drop_command_constant_elsewhere(log, alone) for log in alone])
+
+
+def _describe_constant_command(log: Log) -> str | None:
+    """Describe a command that is constant over the log; None if it is not."""
+    values = log.speed_command_mps
+    if values is None or not log.used.any() or float(np.ptp(values[log.used])) > 0.0:
+        return None
+    return f"speed_command_mps is {values[log.used][0]:g} in every row"
+
+
+def _drop_constant_command(log: Log) -> Log:
+    description, chords = _describe_constant_command(log), compute_path_chords(log)
+    if description is None or chords is None:
+        return log
+    segment_start_s = np.array([log.time_s[log.segment == number][0] for number in range(log.segment_count)])
+    under_way = log.time_s[chords.row] - segment_start_s[log.segment[chords.row]] > _STEADY_S
+    for working in (0.0, 1.0):
+        pace = chords.speed[under_way & (log.implement[chords.row] == working)]
+        if len(pace) >= _FEWEST_CHORDS and has_pace_change(pace):
+            return _drop_command(log, f"{description} although the tractor's pace changes")
+    return log
+
+
+def _drop_command_constant_elsewhere(log: Log, other_logs: Sequence[Log]) -> Log:
+    """Drop the command where it has the constant value that was dropped in another log."""
+    description = _describe_constant_command(log)
+    same_log = next(
+        (
+            candidate_log
+            for candidate_log in other_logs
+            if description and any(doubt.startswith(description) for doubt in candidate_log.corrections)
+        ),
+        None,
+    )
+    return log if same_log is None else _drop_command(log, f"{description}, as in {same_log.name}")
+
+
+def _drop_command(log: Log, why: str) -> Log:
+    return log.correct_columns(
+        f"{why}: the tractor was not driven by it; the column is ignored", speed_command_mps=None
+    )
+
+
+def _scale_commanded_speeds(logs: list[Log]) -> list[Log]:
+    """Multiply the commands by the factor by which all logs are driven faster, if there is one."""
+    parts = [ratios for log in logs if (ratios := _collect_command_ratios(log)) is not None]
+    stated_share = _find_common_factor(np.concatenate(parts, axis=1)) if parts else None
+    if stated_share is None or stated_share * (1.0 + DRIVE_LINE_SLIP) >= 1.0:
+        return logs
+    factor = 1.0 / stated_share
+    message = (
+        f"the tractor drives {100.0 * (factor - 1.0):.0f} % faster than speed_command_mps in every direction, "
+        f"at every speed, working or not: a wrong scale, not slip; the column is multiplied by {factor:.3f}"
+    )
+    return [
+        log
+        if log.speed_command_mps is None
+        else log.correct_columns(message, speed_command_mps=factor * log.speed_command_mps)
+        for log in logs
+    ]
+
+
+def _collect_command_ratios(log: Log) -> Array | None:
+    """Return the ratios of chords driven straight under a constant command."""
+    chords = compute_path_chords(log)
+    if log.speed_command_mps is None or chords is None:
+        return None
+    steady = _measure_steady_time_s(log)[chords.row] >= _STEADY_S
+    straight = _select_straight_chords(chords, log.speed_command_mps[chords.row])
+    return _collect_ratios(log, chords, log.speed_command_mps, steady & straight)
+
+
+def _measure_steady_time_s(log: Log) -> Array:
+    """Return how long (s) the command of each row has been constant, from the start of its segment."""
+    assert log.speed_command_mps is not None
+    since, out = 0, np.zeros(len(log.time_s))
+    for row in range(1, len(out)):
+        moved = abs(log.speed_command_mps[row] - log.speed_command_mps[row - 1]) > _SAME_MPS
+        if moved or log.segment[row] != log.segment[row - 1] or log.shuttle[row] != log.shuttle[row - 1]:
+            since = row
+        out[row] = log.time_s[row] - log.time_s[since]
+    return out

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.logs.raw_motion import MOVING_MPS, RawMotion
+from vehicle.identification.logs.motion import MOVING_MPS, RawMotion
 from vehicle.identification.logs.schema import Array, Mask, Rows
+from vehicle.identification.logs.series import measure_noise
 
 _BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
 _FEWEST_BLOCKS, _LEAST_STANDING_S = 20, 6.0  # chosen, of a log, and of a standstill
@@ -111,9 +112,7 @@ def _average(values: Array, starts: Rows) -> Array:
 
 def _measure_limit(motion: RawMotion, values: Array, column: str) -> float:
     """Return how far means of a value that stands may be from each other."""
-    steps = np.abs(np.diff(values, 2, axis=1))
-    noise = 1.4826 * float(np.median(steps)) / math.sqrt(6.0)
-    return _WANDER[column] + _NOISE_ERRORS * noise / math.sqrt(motion.count_rows(_BLOCK_S))
+    return _WANDER[column] + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(_BLOCK_S))
 
 
 def _measure_hold_s(motion: RawMotion, values: Array) -> float:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.logs.chords import compute_path_chords
+from vehicle.identification.logs.motion import compute_path_chords
 from vehicle.identification.logs.readings import LogConvention, format_fix_option
 from vehicle.identification.logs.schema import Array, Log, Mask
 
