@@ -51,8 +51,8 @@ class SteeringEvidence:
     `low` and `high` bound the angle that commands (or, without them, the sensor) allow, `usual` is that of a usual
     steering; `pace` in m/s, `curvature` in 1/m to the right; `hold_s` is how rarely a steering column changes, 0 where
     it does so in its rows. Curvature is `by_heading`, or by the course of the antenna, which swings ahead of the axle;
-    `course_curvature` is that of the course in both cases, and `heading_error` (deg) is heading minus course, about its
-    median; NaN without a heading.
+    `course_curvature` is that of the course in both cases, and `heading_error` (deg) is heading minus course within
+    half a circle; NaN without a heading.
     """
 
     time_s: Array
@@ -185,7 +185,7 @@ def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
 
 
 def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
-    """Return the curvature (1/m) of the course, and heading minus course (deg) about its median; NaN at low pace."""
+    """Return the curvature (1/m) of the course, and heading minus course (deg); NaN at low pace."""
     row_time, half = log.time_s[rows], 0.5 * COURSE_TURN_S
     middle = np.array([np.interp(time, row_time, axis[rows]) for axis in (log.easting_m, log.northing_m)])
     ahead, behind = (
@@ -196,15 +196,13 @@ def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Arra
     length = 0.5 * (np.hypot(*first) + np.hypot(*second))
     clear = (length > LEAST_PACE_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
     turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
-    curvature, error = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    curvature, error = np.full((2, len(time)), np.nan)
     gear = float(np.sign(log.shuttle[rows[0]]))
     curvature[clear] = gear * turn[clear] / length[clear]
     if log.heading_deg is not None and clear.any():
         heading = np.interp(time, row_time, np.unwrap(np.radians(log.heading_deg[rows])))
         course = np.arctan2(gear * (ahead - behind)[0], gear * (ahead - behind)[1])
-        apart = np.exp(1j * (heading - course)[clear])
-        middle_apart = np.median(apart.real) + 1j * np.median(apart.imag)
-        error[clear] = np.degrees(np.angle(apart / middle_apart)) if middle_apart != 0.0 else np.nan
+        error[clear] = wrap_degrees(np.degrees(heading - course)[clear])
     return curvature, error
 
 
@@ -375,10 +373,14 @@ def _collect_errors(log: Log) -> tuple[Array, Array]:
     """Return heading minus course (k, deg) of a log and its times, without what the antenna swings in bends."""
     assert log.heading_deg is not None
     segments = build_evidence_segments(log, (math.inf, math.inf))
-    parts = [_measure_errors(log, segment) for segment in segments]
-    if not parts:
+    if not segments:
         return np.empty(0), np.empty(0)
-    error, time, curvature = np.concatenate(parts, axis=1)
+    error, time, curvature = (
+        np.concatenate([getattr(segment, name) for segment in segments])
+        for name in ("heading_error", "time_s", "course_curvature")
+    )
+    known = np.isfinite(error) & np.isfinite(curvature)
+    error, time, curvature = error[known], time[known], curvature[known]
     columns = np.stack([curvature, np.abs(curvature)], axis=1)
     # The changes from bend to bend, not the level that jumps, say how far an antenna swings.
     lag = round(3.0 / STEP_S)
@@ -388,25 +390,6 @@ def _collect_errors(log: Log) -> tuple[Array, Array]:
         if np.count_nonzero(small) > lag:
             error = error - columns @ np.linalg.lstsq(turned[small], apart[small], rcond=None)[0]
     return error, time
-
-
-def _measure_errors(log: Log, segment: SteeringEvidence) -> Array:
-    """Return heading minus course (deg, within half a circle), time and curvature of the course (3, k) of a segment."""
-    assert log.heading_deg is not None
-    time = segment.time_s
-    rows = log.used
-    half = 1.0
-    ahead, behind = (
-        np.array([np.interp(time + shift, log.time_s[rows], axis[rows]) for axis in (log.easting_m, log.northing_m)])
-        for shift in (half, -half)
-    )
-    gear = float(np.sign(np.interp(time[len(time) // 2], log.time_s[rows], log.shuttle[rows]))) or 1.0
-    course = np.degrees(np.arctan2(*(gear * (ahead - behind))))
-    heading = np.degrees(np.interp(time, log.time_s[rows], np.unwrap(np.radians(log.heading_deg[rows]))))
-    known = np.isfinite(segment.course_curvature) & (time - half >= time[0]) & (time + half <= time[-1])
-    error = wrap_degrees(heading - course)
-    stacked: Array = np.stack([error, time, segment.course_curvature])[:, known]
-    return stacked
 
 
 def _turn_back(log: Log, jump: _HeadingStep, before_deg: float, after_deg: float) -> Log:

@@ -20,7 +20,7 @@ import numpy as np
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows
-from vehicle.identification.logs.series import select_timed_rows, wrap_degrees
+from vehicle.identification.logs.series import DIGITS, find_changes, select_timed_rows, wrap_degrees
 from vehicle.identification.logs.table import Columns
 
 _LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
@@ -156,10 +156,6 @@ _HELD_SHARE = 0.1  # chosen, of the changes: an occasional late row is no slower
 # Chosen: where few changes are clear, noise in coarse steps repeats the value before 0.2 of them.
 _HELD_SHARE_OF_FEW = 0.5
 _FEWEST_CHANGES = 10  # clear changes needed
-# Chosen, times the least change: smaller changes may be those of the last digit.
-_CLEAR_CHANGE_FACTOR = 3.0
-_LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
-DIGITS = 9  # decimals used: below them is rounding of the computation
 # Chosen, times the usual row count and the usual change: a value that stays longer is that of a standing tractor.
 _STANDING_FACTOR = 2.0
 
@@ -233,14 +229,7 @@ def _find_fresh_rows(values: Array) -> Rows | None:
     """Return the indices at which values (c, k) were measured; None where they are not held between measurements."""
     if values.shape[1] < _FEWEST_CHANGES:
         return None
-    steps = np.diff(values, axis=1)
-    new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
-    changes, count = steps[:, new_rows[1:] - 1], np.diff(new_rows)
-    jumps = np.sqrt((changes**2).sum(axis=0))
-    # Each column has its own last digit: that of longitude is shorter in metres than that of latitude.
-    is_clear = (
-        np.abs(changes) > _CLEAR_CHANGE_FACTOR * np.array([[_find_least_step(column_steps)] for column_steps in steps])
-    ).any(axis=0)
+    new_rows, count, jumps, is_clear = find_changes(values)
     # A value that stays much longer than usual is a straight drive's heading or a standing tractor's position.
     usual = float(np.median(count[is_clear])) if is_clear.any() else 0.0
     is_held = is_clear & (count >= 2) & (count <= _STANDING_FACTOR * usual)
@@ -250,13 +239,6 @@ def _find_fresh_rows(values: Array) -> Rows | None:
     is_standing = jumps <= _STANDING_FACTOR * float(np.median(jumps[is_clear]))
     standing_rows = max(math.ceil(_STANDING_FACTOR * float(np.median(count[is_held]))), 1)
     return _add_standing_rows(new_rows, values.shape[1], np.append(is_standing, False), standing_rows)
-
-
-def _find_least_step(steps: Array) -> float:
-    """Return nearly the least change of values (k - 1,), or difference of two changes: their last digit."""
-    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
-    candidates = np.concatenate([sizes, np.diff(sizes)])
-    return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
 
 
 def _add_standing_rows(new_rows: Rows, rows: int, is_standing: Mask, row_step: int) -> Rows:

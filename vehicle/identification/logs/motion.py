@@ -89,6 +89,7 @@ _FEWEST_ROWS = 20  # needed to find that two columns contradict each other
 _MIRRORED_SHARE = 0.8  # of the clear bends: some are misjudged where the steering is changing
 
 
+_SAME_MPS = 0.02  # chosen: commands that differ by less are one
 _ALIKE_SHARE, _ALIKE_S = 0.3, 3.0  # chosen: of an angle, and for how long, two columns show the same one
 _CLEAR_CORRELATION, _PARTS = 0.7, 5  # chosen: of two columns that hold one angle, and parts of a run to look at
 
@@ -145,6 +146,16 @@ def has_pace_change(pace: Array) -> bool:
     """Whether paces (k,) differ by more than slip from the slower to the faster tenth."""
     slow, middle, fast = np.quantile(pace, (0.1, 0.5, 0.9))
     return bool(fast - slow > _PACE_CHANGE_SHARE * middle)
+
+
+def measure_steady_time_s(log: Log) -> Array:
+    """Return how long (s) the commanded speed of each row has been constant, from the start of its segment."""
+    assert log.speed_command_mps is not None
+    changed = np.abs(np.diff(log.speed_command_mps)) > _SAME_MPS
+    changed |= (np.diff(log.segment) != 0) | (np.diff(log.shuttle) != 0.0)
+    since = np.maximum.accumulate(np.where(np.append(True, changed), np.arange(len(log.time_s)), 0))
+    steady_s: Array = log.time_s - log.time_s[since]
+    return steady_s
 
 
 def find_largest_steering(log: Log) -> float:

@@ -17,8 +17,14 @@ from dataclasses import replace
 import numpy as np
 
 from vehicle.identification.logs.clocks import correct_position_clock
-from vehicle.identification.logs.motion import PathChords, compute_bends, compute_path_chords, has_pace_change
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.motion import (
+    PathChords,
+    compute_bends,
+    compute_path_chords,
+    has_pace_change,
+    measure_steady_time_s,
+)
+from vehicle.identification.logs.schema import Array, Log, Mask
 from vehicle.identification.logs.series import compute_change, measure_spread
 from vehicle.model.effects import DRIVE_LINE_SLIP
 
@@ -29,17 +35,16 @@ _STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.03  # in bends the antenna is faster tha
 # Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
 _NEARER_SHARE = 0.4
 _FEWEST_CHORDS = 12
-# A dead wheel sensor repeats one value for long; the angle that the path needs is averaged over that time.
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 # Correlations with the bends of the path: a working sensor reaches the second.
 _STRAY_CORRELATION, _FOLLOWING_CORRELATION = 0.3, 0.9
 _ALL_NOISE_SHARE = 0.9  # of the spread: between two rows, over the square root of 2, it is 1 for white noise
-_STILL_S, _DEAD_SENSOR_DEG, _LEAST_STEERING_SPREAD_DEG, _RUN_CHORDS, _DEAD_SENSOR_SHARE = 4.0, 3.0, 2.0, 5, 0.4
+_LEAST_STEERING_SPREAD_DEG = 2.0
 
 
 def correct_sensors(log: Log) -> Log:
     """Return the log with sensor errors corrected, and a sentence for each in `corrections`."""
-    for check in (_drop_unrelated_wheel_angle, _gate_dead_sensor, _correct_speed_factor, correct_position_clock):
+    for check in (_drop_unrelated_wheel_angle, _correct_speed_factor, correct_position_clock):
         log = check(log)
     return log
 
@@ -140,24 +145,6 @@ def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
     return straight
 
 
-def _gate_dead_sensor(log: Log) -> Log:
-    """Exclude rows in which the wheel angle repeats one value while the path needs another."""
-    bends, chords = (None, None) if log.steering_deg is None else (compute_bends(log), compute_path_chords(log))
-    if log.steering_deg is None or bends is None or chords is None:
-        return log
-    runs = _find_constant_value_rows(log.time_s, log.steering_deg, log.used)
-    angle, curvature, _ = bends
-    moving = ~np.isin(chords.row, np.concatenate([np.empty(0, dtype=np.int64), *runs]))
-    line = _fit_steering_line(angle[moving], curvature[moving])
-    if line is None:
-        return log
-    dead_runs = [run for run in runs if _is_dead(angle, curvature, np.isin(chords.row, run), line)]
-    if not dead_runs:
-        return log
-    rule = f"steering_deg is constant for {_STILL_S:g} s or more while the path bends: dead sensor"
-    return log.exclude_rows(rule, np.isin(np.arange(len(log.used)), np.concatenate(dead_runs)))
-
-
 def _drop_unrelated_wheel_angle(log: Log) -> Log:
     """Drop a wheel angle that is unrelated to the path while the command explains it."""
     if log.steering_deg is None or log.steering_command_deg is None:
@@ -228,38 +215,7 @@ def _correlate_with_bends(log: Log) -> float:
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
 
 
-def _find_constant_value_rows(time: Array, values: Array, used: Mask) -> list[Rows]:
-    """Find long runs of rows with the same value."""
-    rows = np.flatnonzero(used)
-    runs = np.split(rows, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1)
-    return [run for run in runs if len(run) and time[run[-1]] - time[run[0]] >= _STILL_S]
-
-
-def _fit_steering_line(angle: Array, curvature: Array) -> tuple[float, float, float] | None:
-    """Fit curvature per degree and at 0, and the scatter of a chord, where the angle moves.
-
-    None where the chords do not show it well.
-    """
-    if len(angle) < 2 * _FEWEST_CHORDS or float(np.std(angle)) < _LEAST_STEERING_SPREAD_DEG:
-        return None
-    slope, at_zero = np.polyfit(angle, curvature, 1)
-    residuals = curvature - slope * angle - at_zero
-    scatter = float(np.std(residuals))
-    error = scatter / (float(np.std(angle)) * math.sqrt(0.5 * len(angle)))
-    return (float(slope), float(at_zero), scatter) if slope > 2.0 * _SURE_SIGMAS * error else None
-
-
-def _is_dead(angle: Array, curvature: Array, run: Mask, line: tuple[float, float, float]) -> bool:
-    """Whether the path of a run needs another angle. Sliding tyres lose a share of the curvature and do not count."""
-    if np.count_nonzero(run) < _RUN_CHORDS:
-        return False
-    slope, at_zero, scatter = line
-    shown = angle[run]
-    excess_deg = np.abs((curvature[run] - at_zero) / slope - shown) - 0.5 * np.abs(shown)
-    return float(np.mean(excess_deg > _DEAD_SENSOR_DEG + 2.0 * scatter / slope)) > _DEAD_SENSOR_SHARE
-
-
-_STEADY_S, _SAME_MPS = 6.0, 0.02  # of constant command: longer than any drive line takes to follow
+_STEADY_S = 6.0  # of constant command: longer than any drive line takes to follow
 
 
 def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
@@ -333,18 +289,6 @@ def _collect_command_ratios(log: Log) -> Array | None:
     chords = compute_path_chords(log)
     if log.speed_command_mps is None or chords is None:
         return None
-    steady = _measure_steady_time_s(log)[chords.row] >= _STEADY_S
+    steady = measure_steady_time_s(log)[chords.row] >= _STEADY_S
     straight = _select_straight_chords(chords, log.speed_command_mps[chords.row])
     return _collect_ratios(log, chords, log.speed_command_mps, steady & straight)
-
-
-def _measure_steady_time_s(log: Log) -> Array:
-    """Return how long (s) the command of each row has been constant, from the start of its segment."""
-    assert log.speed_command_mps is not None
-    since, out = 0, np.zeros(len(log.time_s))
-    for row in range(1, len(out)):
-        moved = abs(log.speed_command_mps[row] - log.speed_command_mps[row - 1]) > _SAME_MPS
-        if moved or log.segment[row] != log.segment[row - 1] or log.shuttle[row] != log.shuttle[row - 1]:
-            since = row
-        out[row] = log.time_s[row] - log.time_s[since]
-    return out

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,3 +67,36 @@ def compute_change(time: Array, values: Array, starts: Array, ends: Array) -> Ar
     """Return by how much values (k,) at times (k,) change from start times to end times (n,)."""
     change: Array = np.interp(ends, time, values) - np.interp(starts, time, values)
     return change
+
+
+DIGITS = 9  # decimals used: below them is rounding of the computation
+# Chosen, times the least change: smaller changes may be those of the last digit.
+_CLEAR_CHANGE_FACTOR = 3.0
+_LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
+
+
+class Changes(NamedTuple):
+    """Rows of new values (n,), the first row among them; and of each change to the next of them (n - 1,): how many rows
+    the value before it stands, how far it goes, and whether that is more than a last digit."""
+
+    new_rows: Rows
+    counts: Rows
+    jumps: Array
+    is_clear: Mask
+
+
+def find_changes(values: Array) -> Changes:
+    """Find the changes of values (c, k); each column has its own last digit."""
+    steps = np.diff(values, axis=1)
+    new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
+    changes = steps[:, new_rows[1:] - 1]
+    least = np.array([[_find_least_step(column_steps)] for column_steps in steps])
+    is_clear = np.asarray((np.abs(changes) > _CLEAR_CHANGE_FACTOR * least).any(axis=0))
+    return Changes(new_rows, np.diff(new_rows), np.sqrt((changes**2).sum(axis=0)), is_clear)
+
+
+def _find_least_step(steps: Array) -> float:
+    """Return nearly the least change of values (k - 1,), or difference of two changes: their last digit."""
+    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
+    candidates = np.concatenate([sizes, np.diff(sizes)])
+    return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
