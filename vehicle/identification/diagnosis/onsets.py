@@ -37,7 +37,7 @@ from vehicle.identification.logs.column_faults import (
     WHEEL_SENSOR_FROZEN,
 )
 from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
-from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
+from vehicle.identification.logs.standing_columns import STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
 
 LEAST_NATS = 8.0
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample

@@ -31,7 +31,7 @@ from vehicle.identification.logs.schema import (
     Rows,
 )
 from vehicle.identification.logs.series import measure_spread
-from vehicle.identification.logs.sparse_steering import SPARSE_S
+from vehicle.identification.logs.standing_columns import SPARSE_S
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same

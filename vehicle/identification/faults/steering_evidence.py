@@ -2,6 +2,9 @@
 
 Commands allow every angle between that of an immediate steering and that of one slower than any fault of the catalogue
 makes it; the path needs an angle by its curvature, on the scale of the angles of the whole set of logs.
+
+Headings that jump once and stay off, of an instrument that was reset or turned on its mount, are turned back: no
+tractor turns so far between two rows, and the course over ground shows that it did not.
 """
 
 from __future__ import annotations
@@ -13,12 +16,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from vehicle.identification.logs.schema import (
-    GAP_SAMPLES,
     Array,
     Log,
     LogFault,
-    Mask,
     Rows,
+    list_gap_rows,
 )
 from vehicle.identification.logs.series import compute_change, measure_spread, wrap_degrees
 from vehicle.jit import compile_function
@@ -404,18 +406,10 @@ def _turn_back(log: Log, jump: _HeadingStep, before_deg: float, after_deg: float
         heading[jump.first_after :] -= size_deg
     words = describe_heading_jump(size_deg)
     fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[jump.first_after]), None, words)
-    faults = (*log.faults, fault)
+    faults, rows = (*log.faults, fault), list_gap_rows(jump.last_before, jump.first_after, len(log.time_s))
     return log.exclude_rows(
-        f"heading jump: {words}", _choose_rows(log, jump), heading_deg=heading % 360.0, faults=faults
+        f"heading jump: {words}", np.isin(np.arange(len(log.time_s)), rows), heading_deg=heading % 360.0, faults=faults
     )
-
-
-def _choose_rows(log: Log, jump: _HeadingStep) -> Mask:
-    """Return the rows about a jump, whose absence is a gap between segments; those between it are interpolated."""
-    side = math.ceil(0.5 * GAP_SAMPLES) + 1
-    near = np.zeros(len(log.time_s), dtype=np.bool_)
-    near[max(jump.last_before - side + 1, 0) : jump.first_after + side] = True
-    return near
 
 
 def describe_heading_jump(size_deg: float) -> str:

@@ -1,10 +1,14 @@
-"""Positions stamped by another clock that runs faster or slower than that of the other instruments.
+"""Clocks: positions stamped by another one that runs faster or slower, and time stamps that jitter or come in bundles.
 
 Only kinematics can tell: positions move as fast as the measured speed says and where the heading points, whatever the
 steering does. A lead or lag against the steering is no evidence, as a controller in the loop makes the steering follow
 the path. So the mismatch of positions with speed, and with heading, is tabulated over lags in windows of time, and a
 lag that grows evenly must explain it better than a constant one: in both halves of the log, in windows that had no part
 in the estimate, and better than with the windows in any other order.
+
+Rows taken evenly may be stamped when they came, as loggers on a busy computer do; where a line holds rows back, several
+come at once, of which the last one has waited least. A tractor moves on by as much as the time between two rows. Where
+positions advance evenly from row to row, whatever the time between them, it is the stamps that are wrong.
 """
 
 from __future__ import annotations
@@ -308,27 +312,33 @@ _EVEN_SHARE, _CLEAR_SIGMAS = 0.3, 3.0  # between 0 (evenly taken) and 1 (taken w
 
 
 def even_time_stamps(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
-    """Return the columns with evened time stamps and a sentence on them, where the stamps jitter; else as they are."""
+    """Return the columns with evened time stamps and a sentence on them, where the stamps jitter or come in bundles
+    while positions advance evenly; else as they are."""
     time, east, north = (columns.get(name) for name in ("time_s", "easting_m", "northing_m"))
     if time is None or east is None or north is None or len(time) < _FEWEST_ROWS:
         return columns, ()
     if not np.all(np.isfinite(time)) or np.any(np.diff(time) < 0.0):
         return columns, ()
-    if is_bundled(time):
-        return _even_bundles(columns)
-    step_s = float(np.median(np.diff(time)))
-    evened = _smooth_stamps(time, step_s)
+    bundled, step_s = is_bundled(time), float(np.median(np.diff(time)))
+    evened = spread_bundles(time) if bundled else _smooth_stamps(time, step_s)
+    if evened is None or np.any(np.diff(evened) <= 0.0):
+        return columns, ()
     jitter_s = float(np.std(time - evened))
-    if not jitter_s > _LEAST_JITTER_SHARE * step_s or np.any(np.diff(evened) <= 0.0):
+    if not bundled and not jitter_s > _LEAST_JITTER_SHARE * step_s:
         return columns, ()
     share, error = measure_followed_share(time, evened, np.hypot(np.diff(east), np.diff(north)))
     if not share + _CLEAR_SIGMAS * error < _EVEN_SHARE:
         return columns, ()
-    taken_s = float(np.median(np.diff(evened)))
+    taken_s, bundles = float(np.median(np.diff(evened))), np.count_nonzero(_find_waits(time)) + 1
     sentence = (
         f"time_s jitters by {1000.0 * jitter_s:.0f} ms: positions advance evenly from row to row whatever the time "
         f"between them, so rows were taken every {taken_s:.2g} s; the times are evened"
     )
+    if bundled:
+        sentence = (
+            f"rows come in bundles of about {len(time) / bundles:.0f}, stamped on arrival, while positions advance "
+            f"evenly from row to row, so rows were taken every {taken_s:.2g} s; the times are evened"
+        )
     return {**columns, "time_s": evened}, (sentence,)
 
 
@@ -336,25 +346,6 @@ def is_bundled(time: Array) -> bool:
     """Whether most rows follow the one before them at once, as they do where several come together."""
     steps = np.diff(time)
     return len(steps) > 0 and float(np.median(steps)) < _AT_ONCE_SHARE * float(np.mean(steps))
-
-
-def _even_bundles(columns: Columns) -> tuple[Columns, tuple[str, ...]]:
-    """Return columns with the rows of bundles spread evenly, and a sentence, where positions advance so."""
-    time = columns["time_s"]
-    evened = spread_bundles(time)
-    if evened is None or np.any(np.diff(evened) <= 0.0):
-        return columns, ()
-    moved_m = np.hypot(np.diff(columns["easting_m"]), np.diff(columns["northing_m"]))
-    share, error = measure_followed_share(time, evened, moved_m)
-    if not share + _CLEAR_SIGMAS * error < _EVEN_SHARE:
-        return columns, ()
-    bundles = np.count_nonzero(_find_waits(time)) + 1
-    sentence = (
-        f"rows come in bundles of about {len(time) / bundles:.0f}, stamped on arrival, while positions advance "
-        f"evenly from row to row, so rows were taken every {float(np.median(np.diff(evened))):.2g} s; the times are "
-        "evened"
-    )
-    return {**columns, "time_s": evened}, (sentence,)
 
 
 def _find_waits(time: Array) -> Mask:

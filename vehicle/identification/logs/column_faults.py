@@ -5,6 +5,9 @@ changed, or while its noise stopped. A receiver that lost its fix scatters or ju
 
 Whether the tractor moves, turns and changes its pace is told by the other raw columns: course and pace over chords of a
 second or more, as long as the noise of the receiver asks for.
+
+Positions that jump once and stay displaced, by another base station or a receiver that converges anew, are moved back:
+replays compare positions with each other inside a segment, and the rows about the jump end it.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vehicle.identification.logs.motion import FEWEST_ROWS, RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import GAP_SAMPLES, Array, LogFault, Mask, Rows
+from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import StandingSpan, find_standing_spans
 from vehicle.identification.logs.table import Columns
@@ -33,18 +36,6 @@ _MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was
 # four do beside a standstill of six.
 _CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS, _FEWEST_WINDOWS = 0.5, 0.15, 0.15, 6, 4
 _FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
-
-
-@dataclass(frozen=True, eq=False)
-class ColumnFault:
-    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it.
-
-    A limit of the instrument is no fault that began (`is_limit`), though its rows show as little.
-    """
-
-    fault: LogFault
-    rows: Rows
-    is_limit: bool = False
 
 
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
@@ -323,7 +314,7 @@ def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[C
             values[jump.first_after :] -= size_m
             moved[axis] = values
         fault = LogFault(POSITION_JUMP, name, float(time[jump.first_after]), None, _describe_jump(jump.size_m))
-        faults.append(ColumnFault(fault, _choose_rows(jump, len(time))))
+        faults.append(ColumnFault(fault, list_gap_rows(jump.last_before, jump.first_after, len(time))))
     return moved, faults
 
 
@@ -338,13 +329,6 @@ def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> l
         left = [jump for jump in left if jump not in thaws]
         joined.append(replace(one, rows=np.unique(np.concatenate([one.rows, *(jump.rows for jump in thaws)]))))
     return [*left, *joined]
-
-
-def _choose_rows(jump: _Jump, count: int) -> Rows:
-    """Return the rows about a jump whose absence is a gap between segments."""
-    missing = math.ceil(GAP_SAMPLES) + 1 - (jump.first_after - jump.last_before - 1)
-    side = max(math.ceil(0.5 * missing), 1)
-    return np.arange(max(jump.last_before - side + 1, 0), min(jump.first_after + side, count))
 
 
 def _find_jumps(columns: Columns, rows: Rows) -> list[_Jump]:

@@ -244,6 +244,10 @@ _STEEPEST_ROWS = 2  # chosen: one may be an outlier
 _STEEPER = 1.5  # chosen: times the steepest movement of the column that follows
 
 
+# --- steering columns under each other's names: wheels move towards their command, at the rate of a valve; commands
+# jump, and do not wait for the wheels. A clock that is wrong shifts one of them and makes neither of them jump.
+
+
 def find_swapped_steering(log: Log) -> str | None:
     """Return how the two steering columns show that each has the name of the other; None where they do not."""
     if log.steering_deg is None or log.steering_command_deg is None or log.rows_used < _FEWEST_ROWS:

@@ -1,6 +1,10 @@
 """Mirrored, turned and reversed columns: heading, steering and shuttle compared with the course of the path.
 
 A mirrored path (easting and northing swapped) is the only thing that mirrors heading and steering at once.
+
+Headings also flip: they turn by half a circle from one row to the next, as of a receiver at a standstill. No tractor
+turns so fast, and a wrong gear leaves the heading as it is. Between two flips the heading points backwards in every row
+or in none, and the course over ground tells which, with the gear. Where it does not, nothing is left out.
 """
 
 from __future__ import annotations

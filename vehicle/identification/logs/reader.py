@@ -43,7 +43,7 @@ from vehicle.identification.logs.schema import (
     split_drive_segments,
 )
 from vehicle.identification.logs.sensor_checks import correct_sensors
-from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
+from vehicle.identification.logs.standing_columns import find_sparse_steering_faults
 from vehicle.identification.logs.table import (
     Columns,
     MappingSource,

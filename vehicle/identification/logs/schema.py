@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -43,6 +44,18 @@ class LogFault:
     to_s: float | None
     words: str
     between_s: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnFault:
+    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it.
+
+    A limit of the instrument is no fault that began (`is_limit`), though its rows show as little.
+    """
+
+    fault: LogFault
+    rows: Rows
+    is_limit: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,6 +146,13 @@ class Log:
 GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
 FIRST_ROW_LINE = 2  # after the header
 SHORTEST_SEGMENT_S = 5.0  # one piece of the 5 s horizon, over which errors are compared
+
+
+def list_gap_rows(last_before: int, first_after: int, count: int) -> Rows:
+    """Return the rows about a jump between two rows, of so many rows, whose absence is a gap between segments."""
+    missing = math.ceil(GAP_SAMPLES) + 1 - (first_after - last_before - 1)
+    side = max(math.ceil(0.5 * missing), 1)
+    return np.arange(max(last_before - side + 1, 0), min(first_after + side, count))
 
 
 def find_file_line(rows: Rows) -> int:
