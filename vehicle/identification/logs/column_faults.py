@@ -21,11 +21,17 @@ import numpy as np
 from vehicle.identification.logs.motion import FEWEST_ROWS, RawMotion, build_raw_motion
 from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
-from vehicle.identification.logs.standing_columns import StandingSpan, find_standing_spans
+from vehicle.identification.logs.standing_columns import (
+    POSITION_FROZEN,
+    SPEED_FROZEN,
+    STILL_READINGS,
+    StandingSpan,
+    find_standing_spans,
+)
 from vehicle.identification.logs.table import Columns
 
-POSITION_LOST, POSITION_FROZEN, HEADING_FROZEN = "position_lost", "position_frozen", "heading_frozen"
-SPEED_FROZEN, WHEEL_SENSOR_FROZEN, SPEED_THRESHOLD = "speed_frozen", "wheel_sensor_frozen", "speed_threshold"
+POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
+_LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
 # Chosen, s and times the usual hold of a column: nothing that drives repeats a noisy value for so long.
 _FROZEN_S, _FROZEN_HOLDS, _HOLD_QUANTILE = 3.0, 4.0, 0.95
@@ -45,11 +51,11 @@ def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
         return []
     motion = build_raw_motion(columns, rows)
     lost = _find_lost_positions(motion)
-    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, _WORDS[POSITION_LOST]) for span in lost]
+    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, _LOST_WORDS) for span in lost]
     found = [] if lost else _find_still_faults(name, motion, rows, "position")
     motion = motion.without_positions([*lost, *_list_spans(found, rows)])
     faults += found
-    for column in ("heading", "speed", "wheel"):
+    for column in [column for column in STILL_READINGS if column != "position"]:
         faults += _find_still_faults(name, motion, rows, column, lost)
     return [_limit_speed(each, motion, rows) if each.fault.id == SPEED_FROZEN else each for each in faults]
 
@@ -69,28 +75,6 @@ def _limit_speed(column_fault: ColumnFault, motion: RawMotion, rows: Rows) -> Co
     return replace(column_fault, fault=fault, is_limit=True)
 
 
-_WORDS = {
-    POSITION_LOST: "the positions scatter or jump as no tractor moves: the receiver lost its fix",
-    POSITION_FROZEN: "the positions repeat one value while the tractor drives",
-    HEADING_FROZEN: "heading_deg repeats one value while the tractor turns",
-    SPEED_FROZEN: "speed_mps repeats one value while the tractor drives on",
-    WHEEL_SENSOR_FROZEN: "steering_deg repeats one value while the tractor steers on",
-}
-
-
-_STANDING_WORDS = {
-    POSITION_FROZEN: "the positions stay at one place but for their noise while the tractor drives",
-    HEADING_FROZEN: "heading_deg stays at one value but for its noise while the tractor turns",
-    SPEED_FROZEN: "speed_mps stays at one value but for its noise while the tractor drives on at others",
-}
-_FROZEN_IDS = {
-    "position": POSITION_FROZEN,
-    "heading": HEADING_FROZEN,
-    "speed": SPEED_FROZEN,
-    "wheel": WHEEL_SENSOR_FROZEN,
-}
-
-
 def _find_still_faults(
     name: str, motion: RawMotion, rows: Rows, column: str, lost: Sequence[Span] = ()
 ) -> list[ColumnFault]:
@@ -98,13 +82,13 @@ def _find_still_faults(
 
     Where the fix is lost, positions already wander, and what they say of a column that stands is no evidence.
     """
-    fault_id = _FROZEN_IDS[column]
+    reading = STILL_READINGS[column]
     spans = _find_frozen_spans(motion, column)
-    faults = [_build_fault(name, motion, rows, span, fault_id, _WORDS[fault_id]) for span in spans]
+    faults = [_build_fault(name, motion, rows, span, reading.fault_id, reading.words) for span in spans]
     for still in find_standing_spans(motion, column):
         if any(still.first <= last and first <= still.last for first, last in [*spans, *lost]):
             continue
-        fault = _build_fault(name, motion, rows, (still.first, still.last), fault_id, _STANDING_WORDS[fault_id])
+        fault = _build_fault(name, motion, rows, (still.first, still.last), reading.fault_id, reading.standing_words)
         faults.append(replace(fault, fault=_tell_onset(fault.fault, still, motion)))
     return faults
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,15 +22,14 @@ from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mas
 from vehicle.identification.logs.series import measure_noise
 from vehicle.identification.logs.table import Columns
 
+POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
+SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
+
 _BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
 _FEWEST_BLOCKS, _LEAST_STANDING_S = 20, 6.0  # chosen, of a log, and of a standstill
 _MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
 _HOLDS, _HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
-# How far means of a value that stands are from each other: by what wanders slowly in the column (chosen: m, deg, m/s),
-# and standard errors of its noise. More than the last is no standstill that could be told.
-_WANDER = {"position": 0.1, "heading": 0.5, "speed": 0.03}
-_NOISE_ERRORS = 6.0
-_MOST_LIMIT = {"position": 0.3, "heading": 3.0, "speed": 0.2}
+_NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
 # Chosen: a speed sensor drives so far, and the heading turns so far or the target is not 0 for this share of the time,
 # while positions stay; without a target the speed changes so much, at a pace that no sensor shows at rest.
 _LEAST_DRIVEN_M, _LEAST_TURN_DEG, _DRIVEN_SHARE = 5.0, 12.0, 0.8
@@ -68,13 +68,14 @@ class _Blocks:
 def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
     """Return the spans in which position, heading or speed stands within its noise although others change."""
     values = motion.get_column(column)
-    if values is None or column not in _CHECKS:
+    reading = STILL_READINGS[column]
+    if values is None or reading.check is None:
         return []
     if column == "heading":
         values = np.degrees(np.unwrap(np.radians(values)))
     starts = _find_block_starts(motion.time_s)
-    limit, hold_s = _measure_limit(motion, values, column), _measure_hold_s(motion, values)
-    if len(starts) < _FEWEST_BLOCKS or limit > _MOST_LIMIT[column]:
+    limit, hold_s = _measure_limit(motion, values, reading.wanders), _measure_hold_s(motion, values)
+    if len(starts) < _FEWEST_BLOCKS or limit > reading.most:
         return []
     blocks = _build_blocks(motion, starts)
     means = np.stack([_average(axis, starts) for axis in values])
@@ -82,7 +83,7 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
     for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, _HOLDS * hold_s)):
         if blocks.time_s[last] - blocks.time_s[first] > _MOST_OF_LOG_SHARE * motion.total_s:
             continue
-        shown = _CHECKS[column](blocks, first, last)
+        shown = reading.check(blocks, first, last)
         if shown is not None:
             found.append(_find_standing_rows(values, starts, shown, limit))
     return sorted(found, key=lambda one: one.first)
@@ -114,9 +115,9 @@ def _average(values: Array, starts: Rows) -> Array:
     return mean
 
 
-def _measure_limit(motion: RawMotion, values: Array, column: str) -> float:
+def _measure_limit(motion: RawMotion, values: Array, wanders: float) -> float:
     """Return how far means of a value that stands may be from each other."""
-    return _WANDER[column] + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(_BLOCK_S))
+    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(_BLOCK_S))
 
 
 def _measure_hold_s(motion: RawMotion, values: Array) -> float:
@@ -254,11 +255,44 @@ def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
     return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
 
 
-_CHECKS: dict[str, Callable[[_Blocks, int, int], _Shown]] = {
-    "position": _check_position,
-    "heading": _check_heading,
-    "speed": _check_speed,
-}
+class StillReading(NamedTuple):
+    """A column that may stand still: id and words of the fault, for one value and for one but for its noise; what else
+    shows that it should not; and how far means of a value that stands may differ.
+
+    They differ by what `wanders` slowly in the column (chosen: m, deg, m/s) and by its noise; more than `most` is no
+    standstill that could be told. A column without a check stands by repeating a value only.
+    """
+
+    fault_id: str
+    words: str
+    standing_words: str = ""
+    check: Callable[[_Blocks, int, int], _Shown] | None = None
+    wanders: float = 0.0
+    most: float = 0.0
+
+
+STILL_READINGS = {
+    "position": StillReading(
+        POSITION_FROZEN,
+        "the positions repeat one value while the tractor drives",
+        "the positions stay at one place but for their noise while the tractor drives",
+        _check_position, 0.1, 0.3,
+    ),
+    "heading": StillReading(
+        HEADING_FROZEN,
+        "heading_deg repeats one value while the tractor turns",
+        "heading_deg stays at one value but for its noise while the tractor turns",
+        _check_heading, 0.5, 3.0,
+    ),
+    "speed": StillReading(
+        SPEED_FROZEN,
+        "speed_mps repeats one value while the tractor drives on",
+        "speed_mps stays at one value but for its noise while the tractor drives on at others",
+        _check_speed, 0.03, 0.2,
+    ),
+    "wheel": StillReading(WHEEL_SENSOR_FROZEN, "steering_deg repeats one value while the tractor steers on"),
+}  # fmt: skip
+"""A fault of a further column is one more entry."""
 
 
 STEERING_LOOSE, STEERING_STUCK = "steering_loose", "steering_stuck"
