@@ -22,6 +22,9 @@ from vehicle.identification.logs.motion import FEWEST_ROWS, RawMotion, build_raw
 from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
 from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
 from vehicle.identification.logs.standing_columns import (
+    HOLD_QUANTILE,
+    HOLDS,
+    MOST_OF_LOG_SHARE,
     POSITION_FROZEN,
     SPEED_FROZEN,
     STILL_READINGS,
@@ -33,10 +36,9 @@ from vehicle.identification.logs.table import Columns
 POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
 _LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
-# Chosen, s and times the usual hold of a column: nothing that drives repeats a noisy value for so long.
-_FROZEN_S, _FROZEN_HOLDS, _HOLD_QUANTILE = 3.0, 4.0, 0.95
+# Chosen: nothing that drives repeats a noisy value for so long, and so many times its usual hold.
+_FROZEN_S = 3.0
 _LEAST_AMBIGUOUS_S = 2.0  # chosen: onsets that are known better are told as one time
-_MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
@@ -139,9 +141,9 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
     seconds, moving = motion.measure_spans(starts, ends)
     if np.count_nonzero(moving) < _FEWEST_SPANS:
         return []  # a column of few values, such as the directions of rows, shows no standstill
-    usual_s = float(np.quantile(seconds[moving], _HOLD_QUANTILE))  # one long hold does not count
-    is_long = moving & (seconds >= max(_FROZEN_S, _FROZEN_HOLDS * usual_s))
-    is_long &= seconds < _MOST_OF_LOG_SHARE * motion.total_s
+    usual_s = float(np.quantile(seconds[moving], HOLD_QUANTILE))  # one long hold does not count
+    is_long = moving & (seconds >= max(_FROZEN_S, HOLDS * usual_s))
+    is_long &= seconds < MOST_OF_LOG_SHARE * motion.total_s
     long_spans = list(zip(starts[is_long].tolist(), ends[is_long].tolist(), strict=True))
     if not long_spans:
         return []

@@ -145,7 +145,7 @@ def _stand_alike(log: Log) -> bool:
 def has_pace_change(pace: Array) -> bool:
     """Whether paces (k,) differ by more than slip from the slower to the faster tenth."""
     slow, middle, fast = np.quantile(pace, (0.1, 0.5, 0.9))
-    return bool(fast - slow > _PACE_CHANGE_SHARE * middle)
+    return bool(fast - slow > PACE_CHANGE_SHARE * middle)
 
 
 def measure_steady_time_s(log: Log) -> Array:
@@ -207,9 +207,9 @@ MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a cree
 FEWEST_ROWS = 50  # chosen: shorter logs do not show what is usual
 _CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
 _LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
-_LEAST_TURN_RAD = math.radians(12.0)  # chosen, of the course: four times its noise
+LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
 # Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
-_PACE_CHANGE_MPS, _PACE_CHANGE_SHARE = 0.35, 0.3
+PACE_CHANGE_MPS, PACE_CHANGE_SHARE = 0.35, 0.3
 # Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
 _OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
 _GAP_STEPS = 2.5  # chosen: longer steps are gaps
@@ -290,7 +290,7 @@ class RawMotion:
         if column == "heading":
             # A gear change turns the course by half a circle and the heading by nothing.
             course = self.course[rows][np.isfinite(self.course[rows])]
-            return len(course) > 1 and float(np.ptp(0.5 * np.unwrap(2.0 * course))) > _LEAST_TURN_RAD
+            return len(course) > 1 and float(np.ptp(0.5 * np.unwrap(2.0 * course))) > math.radians(LEAST_TURN_DEG)
         if column == "speed":
             return self._has_other_pace(rows)
         return self._needs_other_angle(rows)
@@ -308,8 +308,8 @@ class RawMotion:
         slow, middle, fast = np.quantile(pace, (0.05, 0.5, 0.95))
         if self.speed[rows.start] == 0.0:
             elsewhere = np.delete(self.speed, np.arange(rows.start, rows.stop))
-            return bool(middle > _PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
-        return bool(fast - slow > max(_PACE_CHANGE_MPS, _PACE_CHANGE_SHARE * middle))
+            return bool(middle > PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
+        return bool(fast - slow > max(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * middle))
 
     def _needs_other_angle(self, rows: slice) -> bool:
         """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.motion import MOVING_MPS, RawMotion
+from vehicle.identification.logs.motion import LEAST_TURN_DEG, MOVING_MPS, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
 from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows
 from vehicle.identification.logs.series import measure_noise
 from vehicle.identification.logs.table import Columns
@@ -27,17 +27,17 @@ SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 _BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
 _FEWEST_BLOCKS, _LEAST_STANDING_S = 20, 6.0  # chosen, of a log, and of a standstill
-_MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
-_HOLDS, _HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
+MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
+HOLDS, HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
 _NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
 # Chosen: a speed sensor drives so far, and the heading turns so far or the target is not 0 for this share of the time,
 # while positions stay; without a target the speed changes so much, at a pace that no sensor shows at rest.
-_LEAST_DRIVEN_M, _LEAST_TURN_DEG, _DRIVEN_SHARE = 5.0, 12.0, 0.8
-_LEAST_SPEED_CHANGE_MPS, _LEAST_SPEED_MPS = 0.35, 1.0
-# Chosen, deg: an antenna swings by half of this; and seconds of it. From the smaller one on a heading is doubted.
-_COURSE_APART_DEG, _COURSE_DOUBT_DEG, _APART_S, _MOST_BIAS_DEG = 20.0, 12.0, 3.0, 10.0
+_LEAST_DRIVEN_M, _DRIVEN_SHARE = 5.0, 0.8
+_LEAST_SPEED_MPS = 1.0
+# Chosen, deg: an antenna swings by half of this; and seconds of it. From LEAST_TURN_DEG on a heading is doubted.
+_COURSE_APART_DEG, _APART_S, _MOST_BIAS_DEG = 20.0, 3.0, 10.0
 # Chosen, m/s and share: a pace that differs more than by slip, and how long; wheels slip, but never turn too slowly.
-_PACE_APART_MPS, _PACE_APART_SHARE, _PACE_APART_S = 0.35, 0.3, 3.0
+_PACE_APART_S = 3.0
 _STOPPED_MPS, _STOPPED_S = 0.15, 1.5
 _LEAST_AGREEING_SHARE, _FEWEST_AGREEING = 0.8, 10  # chosen, of the blocks outside, and their number
 
@@ -80,8 +80,8 @@ def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
     blocks = _build_blocks(motion, starts)
     means = np.stack([_average(axis, starts) for axis in values])
     found = list[StandingSpan]()
-    for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, _HOLDS * hold_s)):
-        if blocks.time_s[last] - blocks.time_s[first] > _MOST_OF_LOG_SHARE * motion.total_s:
+    for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, HOLDS * hold_s)):
+        if blocks.time_s[last] - blocks.time_s[first] > MOST_OF_LOG_SHARE * motion.total_s:
             continue
         shown = reading.check(blocks, first, last)
         if shown is not None:
@@ -124,7 +124,7 @@ def _measure_hold_s(motion: RawMotion, values: Array) -> float:
     changes = np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0) & motion.moving[1:])
     if len(changes) < 2:
         return math.inf
-    return float(np.quantile(np.diff(motion.time_s[changes]), _HOLD_QUANTILE))
+    return float(np.quantile(np.diff(motion.time_s[changes]), HOLD_QUANTILE))
 
 
 def _build_blocks(motion: RawMotion, starts: Rows) -> _Blocks:
@@ -186,9 +186,9 @@ def _is_driven(blocks: _Blocks, part: slice) -> bool:
         return float(np.mean(target[driven] > MOVING_MPS)) >= _DRIVEN_SHARE
     if float(np.mean(driven)) < _DRIVEN_SHARE:
         return False
-    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > _LEAST_TURN_DEG:
+    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG:
         return True
-    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > _LEAST_SPEED_CHANGE_MPS
+    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > PACE_CHANGE_MPS
 
 
 def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
@@ -208,7 +208,7 @@ def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
 
 
 def _is_other_pace(pace: Array, speed: Array) -> Mask:
-    apart: Mask = np.abs(pace - speed) > np.maximum(_PACE_APART_MPS, _PACE_APART_SHARE * speed)
+    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * speed)
     return apart
 
 
@@ -227,7 +227,7 @@ def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
         far = np.minimum(apart, left)[first : last + 1] > _COURSE_APART_DEG
         if np.count_nonzero(far) * _BLOCK_S < _APART_S:
             return None
-        doubted = np.flatnonzero(apart[first : last + 1] > _COURSE_DOUBT_DEG)
+        doubted = np.flatnonzero(apart[first : last + 1] > LEAST_TURN_DEG)
     return first, last, first + int(doubted[0])
 
 
@@ -237,7 +237,7 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     speed, pace, target = float(np.mean(blocks.speed[part])), blocks.pace[part], blocks.target[part]
     other = _is_other_pace(pace, np.full(len(pace), speed))
     shown = first + int(np.argmax(other))
-    if speed < _PACE_APART_MPS or not other.any() or not _agrees_outside(blocks, shown, last):
+    if speed < PACE_CHANGE_MPS or not other.any() or not _agrees_outside(blocks, shown, last):
         return None
     moving = pace > MOVING_MPS
     other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
