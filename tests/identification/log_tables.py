@@ -11,7 +11,7 @@ import pytest
 from tests.truth.model import make_logs
 from vehicle.errors import VehicleError
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.schema import LogConvention
+from vehicle.identification.logs.readings import LogConvention
 
 HOME = (141.3545, 43.0686)  # longitude and latitude of a field in Sapporo
 

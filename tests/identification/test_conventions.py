@@ -27,7 +27,8 @@ from tests.truth.model import Truth, make_logs
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.conventions import find_convention_errors
 from vehicle.identification.logs.reader import build_log, read_logs
-from vehicle.identification.logs.schema import Log, LogConvention, Suspicion
+from vehicle.identification.logs.readings import LogConvention, Suspicion
+from vehicle.identification.logs.schema import Log
 
 STRAIGHT = ("straight_090", "straight_270", "implement_straight")
 

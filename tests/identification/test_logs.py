@@ -17,11 +17,13 @@ from tests.identification.log_tables import BENT, HOME, SPOIL, refusal, runs, sa
 from tests.truth.drives import default_programme, reversing
 from tests.truth.effects import CLEAR_SIZES, OUTSIDE
 from tests.truth.model import Truth, make_logs
-from vehicle.identification.logs.chords import compute_path_chords
-from vehicle.identification.logs.conventions import convert_columns, find_convention_errors
-from vehicle.identification.logs.gating import find_decreasing_entries, find_jumps, gate_rows, number_segments
+from vehicle.identification.logs.conventions import find_convention_errors
+from vehicle.identification.logs.gating import find_jumps, gate_rows
+from vehicle.identification.logs.motion import compute_path_chords
 from vehicle.identification.logs.reader import build_log, count_rows_left_out, read_log, read_logs
-from vehicle.identification.logs.schema import COLUMNS, GatedRows, Log, LogConvention
+from vehicle.identification.logs.readings import LogConvention, convert_columns
+from vehicle.identification.logs.schema import COLUMNS, GatedRows, Log, number_segments
+from vehicle.identification.logs.series import find_decreasing_entries
 from vehicle.identification.logs.table import read_table
 
 # --- reading -----------------------------------------------------------------------------------------------------

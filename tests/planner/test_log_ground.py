@@ -20,9 +20,9 @@ from tests.reports.test_diagnosis import diagnosis, finding
 from tests.truth.body import Ground, falls
 from tests.truth.model import make_logs
 from vehicle.identification.diagnosis.results import NAMED
-from vehicle.identification.logs.conventions import convert_columns
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.schema import Log, LogConvention
+from vehicle.identification.logs.readings import LogConvention, convert_columns
+from vehicle.identification.logs.schema import Log
 from vehicle.identification.logs.terrain import estimate_cross_slope, estimate_grade_speed
 from vehicle.identification.replay.drive_segments import build_dataset
 from vehicle.model.effect_kinds import PER_SLOPE

@@ -10,7 +10,8 @@ import numpy as np
 from fields.text_files import count_noun
 from planner.task_logs.runs.run_records import LogContents, LoggedRun
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.gating import find_decreasing_entries, find_jumps
+from vehicle.identification.logs.gating import find_jumps
+from vehicle.identification.logs.series import find_decreasing_entries
 
 
 @dataclass(frozen=True)

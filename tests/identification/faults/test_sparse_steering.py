@@ -8,7 +8,7 @@ from planner import diagnose
 from tests.examples import seldom
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING_STUCK
+from vehicle.identification.logs.standing_columns import STEERING_LOOSE, STEERING_STUCK
 
 EVERY_S, BURST_S, STEP_S, LAST_S, WHEELBASE_M = 10.0, 2.0, 0.1, 900.0, 2.14
 

@@ -5,7 +5,7 @@ import pytest
 
 from tests.identification.analytic_drives import circle, joined, log
 from tests.identification.log_tables import refusal
-from vehicle.identification.logs.chords import (
+from vehicle.identification.logs.motion import (
     compute_bends,
     find_largest_steering,
     is_steering_mirrored,

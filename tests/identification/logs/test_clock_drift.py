@@ -6,7 +6,7 @@ import pytest
 
 from tests.truth.drives import drive, stairs, triangle
 from tests.truth.second import Second
-from vehicle.identification.logs.clock_drift import correct_position_clock, measure_heading_lags, measure_speed_lags
+from vehicle.identification.logs.clocks import correct_position_clock, measure_heading_lags, measure_speed_lags
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.identification.fault_logs import RUNS, START_S, clean_frames, degrade, freeze, rows_of
 from tests.identification.log_tables import runs
 from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
-from vehicle.identification.logs.raw_motion import build_raw_motion
+from vehicle.identification.logs.motion import build_raw_motion
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.standing_columns import find_standing_spans
 

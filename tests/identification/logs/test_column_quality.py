@@ -10,7 +10,7 @@ from tests.identification.analytic_drives import circle, log
 from tests.identification.log_tables import refusal
 from vehicle.identification.logs.column_quality import interpolate_held_values
 from vehicle.identification.logs.reader import build_log, list_remarks, list_shared_remarks
-from vehicle.identification.logs.schema import LogConvention
+from vehicle.identification.logs.readings import LogConvention
 from vehicle.identification.replay.drive_segments import build_dataset
 
 PLACE = ["easting_m", "northing_m"]

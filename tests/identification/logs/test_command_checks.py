@@ -8,9 +8,9 @@ from tests.diagnosis.hiding import hidden
 from tests.truth.drives import Drive, drive, stairs, straight, three_speeds_programme
 from tests.truth.model import Truth
 from tests.truth.second import second_logs
-from vehicle.identification.logs.command_checks import correct_commanded_speeds
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
+from vehicle.identification.logs.sensor_checks import correct_commanded_speeds
 from vehicle.model.effects import get_effect
 
 LINES = (straight(90.0, seconds=40.0), straight(270.0, seconds=40.0))

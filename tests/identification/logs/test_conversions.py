@@ -7,8 +7,7 @@ import pytest
 
 from tests.identification.analytic_drives import circle, log
 from tests.identification.log_tables import refusal
-from vehicle.identification.logs.conventions import convert_columns, convert_log, find_first_place
-from vehicle.identification.logs.schema import LogConvention
+from vehicle.identification.logs.readings import LogConvention, convert_columns, convert_log, find_first_place
 
 BY_HAND = {
     LogConvention.TIME_MS: ("time_s", 1500.0, 1.5),

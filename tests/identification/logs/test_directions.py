@@ -7,14 +7,15 @@ import pandas as pd
 import pytest
 
 from tests.identification.analytic_drives import circle, joined, log
-from vehicle.identification.logs.chords import compute_path_chords
 from vehicle.identification.logs.directions import (
     compute_heading_agreements,
     drop_course_heading,
     find_direction_errors,
     find_wrong_gear,
 )
-from vehicle.identification.logs.schema import LogConvention, Mask
+from vehicle.identification.logs.motion import compute_path_chords
+from vehicle.identification.logs.readings import LogConvention
+from vehicle.identification.logs.schema import Mask
 
 ROUND = joined(circle(0.1), circle(-0.1), circle(0.05))
 

@@ -8,8 +8,7 @@ import pytest
 
 from tests.identification.analytic_drives import backwards, circle, joined
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.directions import find_wrong_gear
-from vehicle.identification.logs.heading_flips import HEADING_FLIPPED, find_flipped_headings
+from vehicle.identification.logs.directions import HEADING_FLIPPED, find_flipped_headings, find_wrong_gear
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.table import Columns
 

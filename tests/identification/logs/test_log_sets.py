@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 
 from tests.identification.log_tables import refusal, runs, saved
+from vehicle.identification.logs.column_quality import is_parked, merge_copies
 from vehicle.identification.logs.conventions import find_convention_errors
-from vehicle.identification.logs.log_sets import is_parked, merge_copies
 from vehicle.identification.logs.reader import build_log, list_shared_remarks, read_logs
-from vehicle.identification.logs.schema import LogConvention
+from vehicle.identification.logs.readings import LogConvention
 
 
 def parked(frame: pd.DataFrame, noise_m: float, seed: int = 1) -> pd.DataFrame:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import SPEED_MPS, circle, log
-from vehicle.identification.logs.chords import compute_path_chords
+from vehicle.identification.logs.motion import compute_path_chords
 
 
 @pytest.mark.parametrize("curvature", [0.1, -0.05, 0.0])

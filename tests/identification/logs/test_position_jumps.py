@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tests.identification.fault_logs import RUNS, START_S, clean_frames, rows_of
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
-from vehicle.identification.logs.position_jumps import correct_position_jumps
+from vehicle.identification.logs.column_faults import correct_position_jumps
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.table import extract_columns
 

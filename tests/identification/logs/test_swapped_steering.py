@@ -8,9 +8,9 @@ from tests.identification.fault_logs import clean_frames
 from tests.identification.log_tables import refusal
 from tests.truth.cases import ColumnClock, TruthCase
 from tests.truth.third import make_third_logs
+from vehicle.identification.logs.conventions import find_swapped_steering
 from vehicle.identification.logs.reader import build_log, read_logs
-from vehicle.identification.logs.schema import LogConvention
-from vehicle.identification.logs.swapped_steering import find_swapped_steering
+from vehicle.identification.logs.readings import LogConvention
 
 NAMES = {"steering_deg": "steering_command_deg", "steering_command_deg": "steering_deg"}
 FIX = LogConvention.STEERING_SWAPPED

@@ -8,8 +8,8 @@ import pytest
 
 from tests.identification.log_tables import runs
 from vehicle.identification.errors import LogError
+from vehicle.identification.logs.clocks import even_time_stamps, measure_followed_share
 from vehicle.identification.logs.reader import build_log
-from vehicle.identification.logs.time_stamps import even_time_stamps, measure_followed_share
 
 STEP_S, PACE_MPS = 0.1, 1.4
 

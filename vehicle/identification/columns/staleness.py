@@ -14,11 +14,10 @@ from typing import Any
 import numpy as np
 
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.series import find_changes
 
 _FEWEST_KNOTS = 10
 _HELD_SHARE = 0.5  # chosen, of the clear changes: noise in coarse steps repeats the value before a fifth of them
-_CLEAR_CHANGE_FACTOR = 3.0  # chosen, times the least change: smaller changes may be those of the last digit
-_LEAST_CHANGE_QUANTILE, _DIGITS = 0.05, 9
 STANDING_FACTOR = 2.0  # chosen, times the usual hold: a value that stays longer is that of wheels at rest
 _STRAIGHT_SHARE, _SLOPE_TOLERANCE = 0.6, 1e-6  # chosen, of the rows that move; and of the median slope, by rounding
 _MOST_UNEVEN = 4.0  # chosen, 90 % quantile over median of the rows between knots: in a bend every row would be one
@@ -83,15 +82,8 @@ def _is_held_in_set(logs: Sequence[Log], name: str) -> bool:
 
 def _count_rows_before_clear_changes(values: Array) -> Rows:
     """Return for every clear change of values (k,) in how many rows the value before it stands."""
-    steps = np.diff(values)
-    new_rows = np.append(0, np.flatnonzero(steps != 0.0) + 1)
-    if len(new_rows) < 2:
-        return np.zeros(0, dtype=np.int64)
-    sizes = np.abs(steps[new_rows[1:] - 1])
-    unique = np.unique(np.round(sizes, _DIGITS))
-    least = float(np.quantile(np.concatenate([unique, np.diff(unique)]), _LEAST_CHANGE_QUANTILE))
-    counts: Rows = np.diff(new_rows)[sizes > _CLEAR_CHANGE_FACTOR * least]
-    return counts
+    changes = find_changes(values[None])
+    return changes.counts[changes.is_clear]
 
 
 def _share_readings(log: Log, marked: Log) -> Log:

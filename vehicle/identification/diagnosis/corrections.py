@@ -7,13 +7,15 @@ from collections.abc import Sequence
 from vehicle.identification.columns.staleness import mark_stale_columns_of_set
 from vehicle.identification.diagnosis.onsets import mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import drop_course_headings
-from vehicle.identification.faults.heading_jumps import correct_heading_jumps
 from vehicle.identification.faults.level_steps import mark_level_step
-from vehicle.identification.logs.column_quality import drop_columns_coarse_elsewhere, drop_commands_not_logged
-from vehicle.identification.logs.command_checks import correct_commanded_speeds
-from vehicle.identification.logs.log_sets import merge_copies
+from vehicle.identification.faults.steering_evidence import correct_heading_jumps
+from vehicle.identification.logs.column_quality import (
+    drop_columns_coarse_elsewhere,
+    drop_commands_not_logged,
+    merge_copies,
+)
 from vehicle.identification.logs.schema import Log
-from vehicle.identification.logs.sensor_checks import correct_sensors_like_others
+from vehicle.identification.logs.sensor_checks import correct_commanded_speeds, correct_sensors_like_others
 from vehicle.model.tractor import Tractor
 
 

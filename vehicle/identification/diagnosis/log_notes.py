@@ -24,11 +24,11 @@ from vehicle.identification.diagnosis.results import (
     RunCheck,
 )
 from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S
-from vehicle.identification.faults.heading_jumps import HEADING_JUMP
 from vehicle.identification.faults.level_steps import STEERING_JUMP
-from vehicle.identification.logs.clock_drift import CLOCKS_FROM_S
+from vehicle.identification.faults.steering_evidence import HEADING_JUMP
+from vehicle.identification.logs.clocks import CLOCKS_FROM_S
+from vehicle.identification.logs.column_faults import POSITION_JUMP
 from vehicle.identification.logs.directions import COURSE_HEADING
-from vehicle.identification.logs.position_jumps import POSITION_JUMP
 from vehicle.identification.logs.reader import count_rows_left_out, list_shared_remarks
 from vehicle.identification.logs.schema import Log, LogFault, Mask
 from vehicle.identification.replay.drive_segments import DriveDataset

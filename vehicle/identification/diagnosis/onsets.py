@@ -29,16 +29,17 @@ from vehicle.identification.diagnosis.onset_evidence import (
     shift,
     slide_minimum,
 )
-from vehicle.identification.logs.column_faults import (
+from vehicle.identification.logs.column_faults import POSITION_LOST
+from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
+from vehicle.identification.logs.standing_columns import (
     HEADING_FROZEN,
     POSITION_FROZEN,
-    POSITION_LOST,
     SPEED_FROZEN,
+    STEERING_LOOSE,
+    STEERING_STUCK,
+    STEERING_WORDS,
     WHEEL_SENSOR_FROZEN,
 )
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask
-from vehicle.identification.logs.sparse_steering import STEERING_LOOSE, STEERING_STUCK, STEERING_WORDS
 
 LEAST_NATS = 8.0
 MOST_NATS = 3.0  # per second: tails of noise are heavy, and a second is one sample

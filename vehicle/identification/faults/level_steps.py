@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,9 +23,15 @@ from vehicle.identification.faults.steering_evidence import (
     find_largest_angles,
     fit_path_scale,
 )
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, LogFault, Mask, Rows
-from vehicle.identification.logs.sparse_steering import SPARSE_S
+from vehicle.identification.logs.schema import (
+    Array,
+    Log,
+    LogFault,
+    Mask,
+    Rows,
+)
+from vehicle.identification.logs.series import measure_spread
+from vehicle.identification.logs.standing_columns import SPARSE_S
 
 STEERING_JUMP = "steering_jump"
 _THIN_S = 0.2  # chosen: between rows of the search; nearer ones say about the same
@@ -102,13 +108,9 @@ def mark_level_step(logs: Sequence[Log]) -> list[Log]:
 def _mark_log(log: Log, step: LevelStep, is_of_sensor: bool) -> Log:
     words = _describe_step(log, step, is_of_sensor)
     odd = log.time_s >= step.earliest_s if step.is_after_odd else log.time_s < step.time_s
-    bad = log.used & odd
-    rows, used = np.flatnonzero(bad), log.used & ~bad
     between_s = (step.earliest_s, step.time_s) if step.earliest_s < step.time_s else None
     fault = LogFault(STEERING_JUMP, log.name, 0.5 * (step.earliest_s + step.time_s), None, words, between_s)
-    gated = (*log.gated, GatedRows(f"steering jump: {words}", len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    segment = number_segments(log.time_s, used)
-    return replace(log, used=used, segment=segment, gated=gated, faults=(*log.faults, fault))
+    return log.exclude_rows(f"steering jump: {words}", odd, faults=(*log.faults, fault))
 
 
 def _describe_step(log: Log, step: LevelStep, is_of_sensor: bool) -> str:
@@ -257,7 +259,7 @@ def _compute_residual(rows: _LevelRows, nuisance: Array, step: Array | None) -> 
         weighted = columns * weights[:, None]
         theta = np.asarray(np.linalg.solve(columns.T @ weighted + ridge, weighted.T @ values), dtype=np.float64)
         apart = np.abs(values - columns @ theta)
-        sigma = max(1.4826 * float(np.median(apart)), 1e-3)
+        sigma = max(measure_spread(apart), 1e-3)
         weights = np.square(np.minimum(_HUBER_SIGMAS * sigma / np.maximum(apart, 1e-9), 1.0))
     residual: Array = values - nuisance @ theta[: nuisance.shape[1]]
     side, size, push = np.sign(rows.angle), np.abs(rows.angle), rows.pace**2 / 4.0
@@ -338,7 +340,7 @@ def _is_flat(side: Array, size: float) -> bool:
     """Whether a side (k, deg) stays at its level in nearly all of its parts, and does not drift."""
     levels = np.array([float(np.median(side[part])) for part in _split_parts(len(side), _PART_S)])
     apart = np.abs(levels - np.median(side))
-    scatter = 1.4826 * float(np.median(apart))
+    scatter = measure_spread(apart)
     slope = float(np.polyfit(np.linspace(-0.5, 0.5, len(levels)), np.clip(levels, *_clip(side, size)), 1)[0])
     return (
         abs(size) > _LEAST_FLATNESSES * scatter

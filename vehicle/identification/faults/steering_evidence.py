@@ -2,6 +2,9 @@
 
 Commands allow every angle between that of an immediate steering and that of one slower than any fault of the catalogue
 makes it; the path needs an angle by its curvature, on the scale of the angles of the whole set of logs.
+
+Headings that jump once and stay off, of an instrument that was reset or turned on its mount, are turned back: no
+tractor turns so far between two rows, and the course over ground shows that it did not.
 """
 
 from __future__ import annotations
@@ -12,7 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.logs.schema import Array, Log, Rows
+from vehicle.identification.logs.schema import (
+    Array,
+    Log,
+    LogFault,
+    Rows,
+    list_gap_rows,
+)
+from vehicle.identification.logs.series import compute_change, measure_spread, wrap_degrees
 from vehicle.jit import compile_function
 
 STEP_S = 0.1  # chosen: of the grid on which evidence is compared
@@ -43,8 +53,8 @@ class SteeringEvidence:
     `low` and `high` bound the angle that commands (or, without them, the sensor) allow, `usual` is that of a usual
     steering; `pace` in m/s, `curvature` in 1/m to the right; `hold_s` is how rarely a steering column changes, 0 where
     it does so in its rows. Curvature is `by_heading`, or by the course of the antenna, which swings ahead of the axle;
-    `course_curvature` is that of the course in both cases, and `heading_error` (deg) is heading minus course, about its
-    median; NaN without a heading.
+    `course_curvature` is that of the course in both cases, and `heading_error` (deg) is heading minus course within
+    half a circle; NaN without a heading.
     """
 
     time_s: Array
@@ -161,19 +171,15 @@ def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
     """Return pace (m/s) and curvature (1/m, in the sense of a forward gear) on a grid, over TURN_S."""
     row_time, half = log.time_s[rows], 0.5 * TURN_S
     before, after = np.maximum(time - half, time[0]), np.minimum(time + half, time[-1])
-    step = [
-        np.interp(after, row_time, axis[rows]) - np.interp(before, row_time, axis[rows])
-        for axis in (log.easting_m, log.northing_m)
-    ]
+    step = [compute_change(row_time, axis[rows], before, after) for axis in (log.easting_m, log.northing_m)]
     pace = np.hypot(*step) / (after - before)
     gear = float(np.sign(log.shuttle[rows[0]]))
     if log.heading_deg is not None:
         heading = np.unwrap(np.radians(log.heading_deg[rows]))
-        turn = np.interp(after, row_time, heading) - np.interp(before, row_time, heading)
-        turn *= gear
+        turn = gear * compute_change(row_time, heading, before, after)
     else:
         course = np.unwrap(np.arctan2(*step))
-        turn = np.interp(after, time, course) - np.interp(before, time, course)
+        turn = compute_change(time, course, before, after)
     curvature = np.full(len(time), np.nan)
     clear = (pace > LEAST_PACE_MPS) & (after - before > 0.9 * TURN_S)
     curvature[clear] = turn[clear] / (pace * (after - before))[clear]
@@ -181,7 +187,7 @@ def _measure_path(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
 
 
 def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Array, Array]:
-    """Return the curvature (1/m) of the course, and heading minus course (deg) about its median; NaN at low pace."""
+    """Return the curvature (1/m) of the course, and heading minus course (deg); NaN at low pace."""
     row_time, half = log.time_s[rows], 0.5 * COURSE_TURN_S
     middle = np.array([np.interp(time, row_time, axis[rows]) for axis in (log.easting_m, log.northing_m)])
     ahead, behind = (
@@ -192,15 +198,13 @@ def _compare_heading_and_course(log: Log, rows: Rows, time: Array) -> tuple[Arra
     length = 0.5 * (np.hypot(*first) + np.hypot(*second))
     clear = (length > LEAST_PACE_MPS * half) & (time - half >= row_time[0]) & (time + half <= row_time[-1])
     turn = np.arctan2(second[0] * first[1] - second[1] * first[0], np.sum(first * second, axis=0))
-    curvature, error = np.full(len(time), np.nan), np.full(len(time), np.nan)
+    curvature, error = np.full((2, len(time)), np.nan)
     gear = float(np.sign(log.shuttle[rows[0]]))
     curvature[clear] = gear * turn[clear] / length[clear]
     if log.heading_deg is not None and clear.any():
         heading = np.interp(time, row_time, np.unwrap(np.radians(log.heading_deg[rows])))
         course = np.arctan2(gear * (ahead - behind)[0], gear * (ahead - behind)[1])
-        apart = np.exp(1j * (heading - course)[clear])
-        middle_apart = np.median(apart.real) + 1j * np.median(apart.imag)
-        error[clear] = np.degrees(np.angle(apart / middle_apart)) if middle_apart != 0.0 else np.nan
+        error[clear] = wrap_degrees(np.degrees(heading - course)[clear])
     return curvature, error
 
 
@@ -255,7 +259,7 @@ def fit_path_scale(segments: Sequence[SteeringEvidence]) -> PathScale | None:
         if slope <= 0.0:
             return None
         apart = np.abs((curvature - at_zero) / slope - angle)
-        sigma = 1.4826 * float(np.median(apart))
+        sigma = measure_spread(apart)
         inliers = apart <= max(_INLIER_SIGMAS * sigma, 1.0)
         if np.count_nonzero(inliers) < _FEWEST_BENDS or float(np.std(angle[inliers])) == 0.0:
             return None
@@ -270,3 +274,148 @@ def average_over_turn(values: Array) -> Array:
     padded = np.pad(values, width // 2, mode="edge")
     mean: Array = np.convolve(padded, np.full(width, 1.0 / width), mode="valid")
     return mean
+
+
+HEADING_JUMP = "heading_jump"
+_LEAST_DEG, _MOST_DEG = 5.0, 150.0  # chosen: less is noise of a compass, more is a heading that points backwards
+_LEAST_NOISES = 12.0  # chosen, of the scatter of a heading from row to row
+_MOST_STEP_S = 1.5  # chosen: in a longer time a tractor turns that far
+_NEAR_S = 2.0  # chosen: time on both sides of a step that shows how the tractor turns
+_FEWEST_SIDE = 3  # measured headings on a side
+# Chosen: driving on both sides whose course shows the level of the heading, how near to it (deg, share of the jump) and
+# in which share of the time headings must be, and how far the jumps by heading and by course may differ (alike).
+_LEAST_SIDE_S, _NEAR_DEG, _NEAR_SHARE, _FLAT_SHARE = 10.0, 1.5, 0.3, 0.85
+_PART_S, _LEAST_PART_S = 20.0, 5.0  # chosen: parts of a side, each of which must show the level, and the shortest
+_CLEAR_SHARE = 0.5  # chosen, of the jump: a side that is so much nearer to the course has the right heading
+
+
+@dataclass(frozen=True)
+class _HeadingStep:
+    """A heading that turns by `size_deg` between two rows (indices of the log)."""
+
+    last_before: int
+    first_after: int
+    size_deg: float
+
+
+def correct_heading_jumps(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs with headings beside a jump turned back, the jump in `faults`, and no rows about it."""
+    return [_correct_log(log) for log in logs]
+
+
+def _correct_log(log: Log) -> Log:
+    if log.heading_deg is None or np.count_nonzero(log.used) < 2:
+        return log
+    candidates = _list_candidates(log)
+    if len(candidates) != 1:
+        return log  # a heading that often leaps is noise, or of another fault
+    levels = _measure_levels(log, candidates[0])
+    return log if levels is None else _turn_back(log, candidates[0], *levels)
+
+
+def _list_candidates(log: Log) -> list[_HeadingStep]:
+    """Return the steps of the heading from one measurement to the next that no tractor turns."""
+    assert log.heading_deg is not None
+    measured = log.place_rows.get("heading")
+    rows = np.flatnonzero(log.used if measured is None else log.used & measured)
+    if len(rows) < 4 * _FEWEST_SIDE:
+        return []
+    time, turn = log.time_s[rows], np.diff(np.unwrap(np.radians(log.heading_deg[rows])))
+    step_s = np.diff(time)
+    rate = np.degrees(turn) / np.maximum(step_s, 1e-6)
+    changes = np.abs(np.diff(np.degrees(turn)))
+    least = max(_LEAST_DEG, _LEAST_NOISES * float(np.median(changes)))
+    jumps = []
+    for row in np.flatnonzero((np.abs(np.degrees(turn)) > 0.5 * least) & (step_s <= _MOST_STEP_S)):
+        before = np.flatnonzero((time[1:] <= time[row]) & (time[:-1] >= time[row] - _NEAR_S))
+        after = np.flatnonzero((time[:-1] >= time[row + 1]) & (time[1:] <= time[row + 1] + _NEAR_S))
+        if min(len(before), len(after)) < _FEWEST_SIDE:
+            continue
+        # What it turned about a step is between the rates of both sides.
+        near = np.median(rate[before]), np.median(rate[after])
+        most = [float(np.max(np.abs(rate[side] * step_s[row]))) for side in (before, after)]
+        size_deg = math.degrees(turn[row]) - 0.5 * float(near[0] + near[1]) * float(step_s[row])
+        if least + max(most) < abs(size_deg) < _MOST_DEG:
+            jumps.append(_HeadingStep(int(rows[row]), int(rows[row + 1]), size_deg))
+    return jumps
+
+
+def _measure_levels(log: Log, jump: _HeadingStep) -> tuple[float, float] | None:
+    """Return heading minus course (deg) before and after a jump; None where it does not step by as much, and stay."""
+    error, time = _collect_errors(log)
+    after = time >= log.time_s[jump.first_after]
+    levels = []
+    for side in (~after & (time <= log.time_s[jump.last_before]), after):
+        if np.count_nonzero(side) * STEP_S < _LEAST_SIDE_S:
+            return None
+        level = float(np.median(error[side]))
+        if not _is_flat(time[side], error[side] - level, abs(jump.size_deg)):
+            return None
+        levels.append(level)
+    apart = levels[1] - levels[0]
+    alike = max(_NEAR_DEG, _NEAR_SHARE * abs(jump.size_deg))
+    return (levels[0], levels[1]) if abs(apart - jump.size_deg) < alike else None
+
+
+def _is_flat(time: Array, error: Array, size_deg: float) -> bool:
+    """Whether headings of a side (k, deg about their level) stay at it, in each part of the time."""
+    near = np.abs(error) < _NEAR_SHARE * size_deg + _NEAR_DEG
+    if float(np.mean(near)) < _FLAT_SHARE:
+        return False
+    parts = ((time - time[0]) // _PART_S).astype(np.int64)
+    levels = [
+        float(np.median(error[parts == part]))
+        for part in np.unique(parts)
+        if np.sum(parts == part) > _LEAST_PART_S / STEP_S
+    ]
+    return len(levels) == 0 or float(np.max(np.abs(levels))) < 2.0 * _NEAR_SHARE * size_deg
+
+
+def _collect_errors(log: Log) -> tuple[Array, Array]:
+    """Return heading minus course (k, deg) of a log and its times, without what the antenna swings in bends."""
+    assert log.heading_deg is not None
+    segments = build_evidence_segments(log, (math.inf, math.inf))
+    if not segments:
+        return np.empty(0), np.empty(0)
+    error, time, curvature = (
+        np.concatenate([getattr(segment, name) for segment in segments])
+        for name in ("heading_error", "time_s", "course_curvature")
+    )
+    known = np.isfinite(error) & np.isfinite(curvature)
+    error, time, curvature = error[known], time[known], curvature[known]
+    columns = np.stack([curvature, np.abs(curvature)], axis=1)
+    # The changes from bend to bend, not the level that jumps, say how far an antenna swings.
+    lag = round(3.0 / STEP_S)
+    if len(error) > 3 * lag:
+        turned, apart = columns[lag:] - columns[:-lag], error[lag:] - error[:-lag]
+        small = np.abs(apart) < max(4.0 * measure_spread(apart), 3.0)
+        if np.count_nonzero(small) > lag:
+            error = error - columns @ np.linalg.lstsq(turned[small], apart[small], rcond=None)[0]
+    return error, time
+
+
+def _turn_back(log: Log, jump: _HeadingStep, before_deg: float, after_deg: float) -> Log:
+    """Return a log whose headings on the side that is further from the course are turned back by the jump."""
+    assert log.heading_deg is not None
+    size_deg = after_deg - before_deg
+    is_before_wrong = abs(before_deg) - abs(after_deg) > _CLEAR_SHARE * abs(size_deg)
+    heading = log.heading_deg.copy()
+    if is_before_wrong:
+        heading[: jump.last_before + 1] += size_deg
+    else:
+        heading[jump.first_after :] -= size_deg
+    words = describe_heading_jump(size_deg)
+    fault = LogFault(HEADING_JUMP, log.name, float(log.time_s[jump.first_after]), None, words)
+    faults, rows = (*log.faults, fault), list_gap_rows(jump.last_before, jump.first_after, len(log.time_s))
+    return log.exclude_rows(
+        f"heading jump: {words}", np.isin(np.arange(len(log.time_s)), rows), heading_deg=heading % 360.0, faults=faults
+    )
+
+
+def describe_heading_jump(size_deg: float) -> str:
+    """Return words on a heading that jumps by so much (positive: to the right)."""
+    side = "right" if size_deg > 0.0 else "left"
+    return (
+        f"heading_deg jumps by {abs(size_deg):.1f} deg to the {side} and stays there while the course goes on: the "
+        "instrument was reset, or moved on its mount"
+    )

@@ -5,28 +5,40 @@ changed, or while its noise stopped. A receiver that lost its fix scatters or ju
 
 Whether the tractor moves, turns and changes its pace is told by the other raw columns: course and pace over chords of a
 second or more, as long as the noise of the receiver asks for.
+
+Positions that jump once and stay displaced, by another base station or a receiver that converges anew, are moved back:
+replays compare positions with each other inside a segment, and the rows about the jump end it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.logs.gating import find_decreasing_entries
-from vehicle.identification.logs.raw_motion import FEWEST_ROWS, RawMotion, build_raw_motion
-from vehicle.identification.logs.schema import Array, LogFault, Mask, Rows
-from vehicle.identification.logs.standing_columns import StandingSpan, find_standing_spans
+from vehicle.identification.logs.motion import FEWEST_ROWS, RawMotion, build_raw_motion
+from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows, list_gap_rows
+from vehicle.identification.logs.series import find_spans, measure_spread, select_timed_rows
+from vehicle.identification.logs.standing_columns import (
+    HOLD_QUANTILE,
+    HOLDS,
+    MOST_OF_LOG_SHARE,
+    POSITION_FROZEN,
+    SPEED_FROZEN,
+    STILL_READINGS,
+    StandingSpan,
+    find_standing_spans,
+)
 from vehicle.identification.logs.table import Columns
 
-POSITION_LOST, POSITION_FROZEN, HEADING_FROZEN = "position_lost", "position_frozen", "heading_frozen"
-SPEED_FROZEN, WHEEL_SENSOR_FROZEN, SPEED_THRESHOLD = "speed_frozen", "wheel_sensor_frozen", "speed_threshold"
+POSITION_LOST, SPEED_THRESHOLD = "position_lost", "speed_threshold"
+_LOST_WORDS = "the positions scatter or jump as no tractor moves: the receiver lost its fix"
 
-# Chosen, s and times the usual hold of a column: nothing that drives repeats a noisy value for so long.
-_FROZEN_S, _FROZEN_HOLDS, _HOLD_QUANTILE = 3.0, 4.0, 0.95
+# Chosen: nothing that drives repeats a noisy value for so long, and so many times its usual hold.
+_FROZEN_S = 3.0
 _LEAST_AMBIGUOUS_S = 2.0  # chosen: onsets that are known better are told as one time
-_MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
 # Chosen: share of rows of nearly any other 3 s in which a noisy value changes, and changes its direction; a value
 # without noise does so in hardly any row. A tractor speeds up in a tenth of them; six windows show what is usual, and
 # four do beside a standstill of six.
@@ -34,32 +46,18 @@ _CHANGED_SHARE, _TURNED_SHARE, _CALM_QUANTILE, _USUAL_WINDOWS, _FEWEST_WINDOWS =
 _FEWEST_SPANS, _FEWEST_WINDOW_ROWS = 10, 10
 
 
-@dataclass(frozen=True, eq=False)
-class ColumnFault:
-    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it.
-
-    A limit of the instrument is no fault that began (`is_limit`), though its rows show as little.
-    """
-
-    fault: LogFault
-    rows: Rows
-    is_limit: bool = False
-
-
 def find_column_faults(columns: Columns, name: str) -> list[ColumnFault]:
     """Return the faults of positions, heading, speed and wheel angle of the log `name`, in units of the contract."""
-    time, east, north = columns["time_s"], columns["easting_m"], columns["northing_m"]
-    rows = np.flatnonzero(np.isfinite(time) & np.isfinite(east) & np.isfinite(north))
-    rows = rows[~find_decreasing_entries(time[rows])]
+    time, rows = columns["time_s"], select_timed_rows(columns)
     if len(rows) < FEWEST_ROWS or not 0.0 < float(np.median(np.diff(time[rows]))) <= 2.0:
         return []
     motion = build_raw_motion(columns, rows)
     lost = _find_lost_positions(motion)
-    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, _WORDS[POSITION_LOST]) for span in lost]
+    faults = [_build_fault(name, motion, rows, span, POSITION_LOST, _LOST_WORDS) for span in lost]
     found = [] if lost else _find_still_faults(name, motion, rows, "position")
     motion = motion.without_positions([*lost, *_list_spans(found, rows)])
     faults += found
-    for column in ("heading", "speed", "wheel"):
+    for column in [column for column in STILL_READINGS if column != "position"]:
         faults += _find_still_faults(name, motion, rows, column, lost)
     return [_limit_speed(each, motion, rows) if each.fault.id == SPEED_FROZEN else each for each in faults]
 
@@ -79,28 +77,6 @@ def _limit_speed(column_fault: ColumnFault, motion: RawMotion, rows: Rows) -> Co
     return replace(column_fault, fault=fault, is_limit=True)
 
 
-_WORDS = {
-    POSITION_LOST: "the positions scatter or jump as no tractor moves: the receiver lost its fix",
-    POSITION_FROZEN: "the positions repeat one value while the tractor drives",
-    HEADING_FROZEN: "heading_deg repeats one value while the tractor turns",
-    SPEED_FROZEN: "speed_mps repeats one value while the tractor drives on",
-    WHEEL_SENSOR_FROZEN: "steering_deg repeats one value while the tractor steers on",
-}
-
-
-_STANDING_WORDS = {
-    POSITION_FROZEN: "the positions stay at one place but for their noise while the tractor drives",
-    HEADING_FROZEN: "heading_deg stays at one value but for its noise while the tractor turns",
-    SPEED_FROZEN: "speed_mps stays at one value but for its noise while the tractor drives on at others",
-}
-_FROZEN_IDS = {
-    "position": POSITION_FROZEN,
-    "heading": HEADING_FROZEN,
-    "speed": SPEED_FROZEN,
-    "wheel": WHEEL_SENSOR_FROZEN,
-}
-
-
 def _find_still_faults(
     name: str, motion: RawMotion, rows: Rows, column: str, lost: Sequence[Span] = ()
 ) -> list[ColumnFault]:
@@ -108,13 +84,13 @@ def _find_still_faults(
 
     Where the fix is lost, positions already wander, and what they say of a column that stands is no evidence.
     """
-    fault_id = _FROZEN_IDS[column]
+    reading = STILL_READINGS[column]
     spans = _find_frozen_spans(motion, column)
-    faults = [_build_fault(name, motion, rows, span, fault_id, _WORDS[fault_id]) for span in spans]
+    faults = [_build_fault(name, motion, rows, span, reading.fault_id, reading.words) for span in spans]
     for still in find_standing_spans(motion, column):
         if any(still.first <= last and first <= still.last for first, last in [*spans, *lost]):
             continue
-        fault = _build_fault(name, motion, rows, (still.first, still.last), fault_id, _STANDING_WORDS[fault_id])
+        fault = _build_fault(name, motion, rows, (still.first, still.last), reading.fault_id, reading.standing_words)
         faults.append(replace(fault, fault=_tell_onset(fault.fault, still, motion)))
     return faults
 
@@ -165,9 +141,9 @@ def _find_frozen_spans(motion: RawMotion, column: str) -> list[Span]:
     seconds, moving = motion.measure_spans(starts, ends)
     if np.count_nonzero(moving) < _FEWEST_SPANS:
         return []  # a column of few values, such as the directions of rows, shows no standstill
-    usual_s = float(np.quantile(seconds[moving], _HOLD_QUANTILE))  # one long hold does not count
-    is_long = moving & (seconds >= max(_FROZEN_S, _FROZEN_HOLDS * usual_s))
-    is_long &= seconds < _MOST_OF_LOG_SHARE * motion.total_s
+    usual_s = float(np.quantile(seconds[moving], HOLD_QUANTILE))  # one long hold does not count
+    is_long = moving & (seconds >= max(_FROZEN_S, HOLDS * usual_s))
+    is_long &= seconds < MOST_OF_LOG_SHARE * motion.total_s
     long_spans = list(zip(starts[is_long].tolist(), ends[is_long].tolist(), strict=True))
     if not long_spans:
         return []
@@ -190,11 +166,10 @@ def _is_noisy_elsewhere(motion: RawMotion, values: Array, spans: Sequence[Span])
     digit = np.abs(steps[steps != 0.0]).min()
     turned[1:-1] = (steps[1:] * steps[:-1] < 0.0) & (np.abs(steps[1:] - steps[:-1]) > 2.5 * digit)
     width = motion.count_rows(_FROZEN_S)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], outside, [False]])))
     windows = [
         slice(start, start + width)
-        for first, end in zip(edges[::2], edges[1::2], strict=True)
-        for start in range(int(first), int(end) - width + 1, width)
+        for first, last in find_spans(outside)
+        for start in range(first, last - width + 2, width)
     ]
     is_long = max(last - first + 1 for first, last in spans) >= _USUAL_WINDOWS * width
     if len(windows) < (_FEWEST_WINDOWS if is_long else _USUAL_WINDOWS) or width < _FEWEST_WINDOW_ROWS:
@@ -290,3 +265,100 @@ def _extend_to_end(motion: RawMotion, span: Span) -> Span:
     """Return the span up to the end of the log where that is nearer than jumps of one fault are to each other."""
     is_near_end = motion.time_s[-1] - motion.time_s[span[1]] < _SAME_FAULT_S
     return (span[0], len(motion.time_s) - 1) if is_near_end and span[1] > span[0] else span
+
+
+POSITION_JUMP = "position_jump"
+_MOST_JUMP_S = 1.0  # chosen: a receiver that takes longer scatters, or drifts
+_MOST_THAW_S = 2.0  # chosen: between the last position that is frozen and the first that is not
+# Chosen: time before and after a jump that shows how the tractor moves, and its fewest positions.
+_WINDOW_S, _FEWEST_SIDE = 1.0, 4
+_LEAST_STEP_M, _LEAST_NOISES = 0.5, 8.0  # chosen: smaller steps are those of clods and of a poor receiver
+
+
+@dataclass(frozen=True, eq=False)
+class _Jump:
+    """A jump between two rows (indices of the log) by `size_m` (2,) to the east and the north."""
+
+    last_before: int
+    first_after: int
+    size_m: Array
+
+
+def correct_position_jumps(columns: Columns, name: str) -> tuple[Columns, list[ColumnFault]]:
+    """Return the columns (units of the contract) with positions after each jump moved back, and the jumps as faults of
+    the log `name`."""
+    time, rows = columns["time_s"], select_timed_rows(columns)
+    if len(rows) < 2 * _FEWEST_SIDE or not 0.0 < float(np.median(np.diff(time[rows]))) <= _WINDOW_S:
+        return columns, []
+    jumps = _find_jumps(columns, rows)
+    if not jumps:
+        return columns, []
+    moved, faults = dict(columns), []
+    for jump in jumps:
+        for axis, size_m in zip(("easting_m", "northing_m"), jump.size_m, strict=True):
+            values = moved[axis].copy()
+            values[jump.first_after :] -= size_m
+            moved[axis] = values
+        fault = LogFault(POSITION_JUMP, name, float(time[jump.first_after]), None, _describe_jump(jump.size_m))
+        faults.append(ColumnFault(fault, list_gap_rows(jump.last_before, jump.first_after, len(time))))
+    return moved, faults
+
+
+def join_thaws(jumps: Sequence[ColumnFault], faults: Sequence[ColumnFault]) -> list[ColumnFault]:
+    """Return jumps and other faults; a jump at the end of frozen positions belongs to these."""
+    left, joined = list(jumps), list[ColumnFault]()
+    for one in faults:
+        is_frozen, to_s = one.fault.id == POSITION_FROZEN, one.fault.to_s
+        thaws = [
+            jump for jump in left if is_frozen and to_s is not None and abs(jump.fault.from_s - to_s) < _MOST_THAW_S
+        ]
+        left = [jump for jump in left if jump not in thaws]
+        joined.append(replace(one, rows=np.unique(np.concatenate([one.rows, *(jump.rows for jump in thaws)]))))
+    return [*left, *joined]
+
+
+def _find_jumps(columns: Columns, rows: Rows) -> list[_Jump]:
+    motion = build_raw_motion(columns, rows)
+    fresh = motion.find_fresh_positions()
+    time, place = motion.time_s[fresh], motion.positions[:, fresh]
+    jumps = []
+    for group in find_scattered_groups(motion):
+        first, last = (int(np.searchsorted(fresh, row)) for row in (group[0], group[-1]))
+        if time[last] - time[first] > _MOST_JUMP_S:
+            continue
+        # Rows on both sides of a step are far from the middle of their neighbours: the step is between them.
+        jump = _measure_jump(time, place, first, last)
+        if jump is not None:
+            jumps.append(_Jump(int(rows[fresh[first]]), int(rows[fresh[last]]), jump))
+    return jumps
+
+
+def _measure_jump(time: Array, place: Array, first: int, last: int) -> Array | None:
+    """Return by how much (2, m) positions are displaced from row `last` on, against rows up to `first`.
+
+    Straight lines through both sides meet in the middle of the step: what bends them is the same on both sides.
+    """
+    middle_s = 0.5 * (time[first] + time[last])
+    ends, noises = [], []
+    for side in (
+        (time <= time[first]) & (time > time[first] - _WINDOW_S),
+        (time >= time[last]) & (time < time[last] + _WINDOW_S),
+    ):
+        if np.count_nonzero(side) < _FEWEST_SIDE:
+            return None
+        line = np.stack([np.ones(np.count_nonzero(side)), time[side] - middle_s], axis=1)
+        theta = np.linalg.lstsq(line, place[:, side].T, rcond=None)[0]
+        noises.append(measure_spread(place[:, side].T - line @ theta))
+        ends.append(theta[0])
+    size_m: Array = ends[1] - ends[0]
+    least = max(_LEAST_STEP_M, _LEAST_NOISES * max(noises))
+    return size_m if float(np.hypot(*size_m)) > least else None
+
+
+def _describe_jump(size_m: Array) -> str:
+    points = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+    towards = points[round(math.atan2(size_m[0], size_m[1]) / (0.25 * math.pi)) % 8]
+    return (
+        f"the positions jump by {math.hypot(*size_m):.1f} m to the {towards} and stay there: the receiver converged "
+        "anew, or its base station changed"
+    )

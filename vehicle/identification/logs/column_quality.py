@@ -13,21 +13,20 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.chords import PathChords, compute_path_chords
-from vehicle.identification.logs.gating import find_decreasing_entries
-from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.motion import PathChords, compute_path_chords, has_pace_change
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows
+from vehicle.identification.logs.series import DIGITS, find_changes, select_timed_rows, wrap_degrees
 from vehicle.identification.logs.table import Columns
 
 _LEAST_TURN_DEG = 30.0  # of the course: more than drift and noise turn it on a straight drive
 _LEAST_BEND_RAD = math.radians(15.0)  # beyond one steady bend: more than drift and soil add on a circle or a line
 _LEAST_STEERING_MOVE_DEG = 2.0  # of the other steering column: beyond the noise of a sensor
 _AT_COMMAND_S, _CLEARLY_APART_DEG = 8.0, 5.0  # chosen: wheels that stand straight by chance do not for so long
-_PACE_CHANGE_SHARE = 0.3  # of the median pace, between the slower and the faster tenth of the drive
 _FEWEST_MOTION_CHORDS = 8  # chords
 
 
@@ -52,8 +51,7 @@ def _drop_constant_column(log: Log, name: str, contradicted: bool, why: str) -> 
     if values is None or not contradicted or not _is_constant(values, log):
         return log
     message = f"{name} is {values[log.used][0]:g} in every row while {why}; the column is ignored"
-    changed: dict[str, Any] = {name: None}
-    return replace(log, corrections=(*log.corrections, message), **changed)
+    return log.correct_columns(message, **{name: None})
 
 
 def _drop_constant_steering(log: Log, chords: PathChords) -> Log:
@@ -136,7 +134,7 @@ def _is_heading_off_course(log: Log, course_deg: float) -> bool:
         return False
     heading = float(log.heading_deg[log.used][0])
     readings = (heading, -heading, 90.0 - heading, heading + 180.0)
-    return all(abs((reading - course_deg + 180.0) % 360.0 - 180.0) > _LEAST_TURN_DEG for reading in readings)
+    return bool(np.all(np.abs(wrap_degrees(np.array(readings) - course_deg)) > _LEAST_TURN_DEG))
 
 
 def _measure_bend_course_range_rad(chords: PathChords) -> float:
@@ -150,8 +148,7 @@ def _has_pace_change(log: Log, chords: PathChords) -> bool:
     """Whether the pace of the positions changes, or they move although the sensor says 0."""
     if log.speed_mps is not None and float(np.max(log.speed_mps[log.used])) == 0.0:
         return True
-    slow, middle, fast = np.quantile(chords.speed, (0.1, 0.5, 0.9))
-    return bool(fast - slow > _PACE_CHANGE_SHARE * middle)
+    return has_pace_change(chords.speed)
 
 
 LONGEST_STEP_S = 2.0  # twice the slowest rate of the contract, 1 Hz
@@ -159,10 +156,6 @@ _HELD_SHARE = 0.1  # chosen, of the changes: an occasional late row is no slower
 # Chosen: where few changes are clear, noise in coarse steps repeats the value before 0.2 of them.
 _HELD_SHARE_OF_FEW = 0.5
 _FEWEST_CHANGES = 10  # clear changes needed
-# Chosen, times the least change: smaller changes may be those of the last digit.
-_CLEAR_CHANGE_FACTOR = 3.0
-_LEAST_STEP_QUANTILE = 0.05  # nearly the least, which by itself may be rounding
-DIGITS = 9  # decimals used: below them is rounding of the computation
 # Chosen, times the usual row count and the usual change: a value that stays longer is that of a standing tractor.
 _STANDING_FACTOR = 2.0
 
@@ -185,9 +178,7 @@ def interpolate_held_values(columns: Columns, name: str, logged: Columns | None 
     `logged` are the columns before conversion (default: these); only they have the original last digits of degrees.
     Raises LogError for positions that are measured too rarely; such a heading is dropped.
     """
-    time, east, north = columns["time_s"], columns["easting_m"], columns["northing_m"]
-    rows = np.flatnonzero(np.isfinite(time) & np.isfinite(east) & np.isfinite(north))
-    rows = rows[~find_decreasing_entries(time[rows])]
+    time, rows = columns["time_s"], select_timed_rows(columns)
     if len(rows) < _FEWEST_CHANGES:
         return FreshColumns(columns)
     fresh_sets, converted, doubts = dict[str, Rows](), dict(columns), list[str]()
@@ -238,14 +229,7 @@ def _find_fresh_rows(values: Array) -> Rows | None:
     """Return the indices at which values (c, k) were measured; None where they are not held between measurements."""
     if values.shape[1] < _FEWEST_CHANGES:
         return None
-    steps = np.diff(values, axis=1)
-    new_rows = np.append(0, np.flatnonzero((steps != 0.0).any(axis=0)) + 1)
-    changes, count = steps[:, new_rows[1:] - 1], np.diff(new_rows)
-    jumps = np.sqrt((changes**2).sum(axis=0))
-    # Each column has its own last digit: that of longitude is shorter in metres than that of latitude.
-    is_clear = (
-        np.abs(changes) > _CLEAR_CHANGE_FACTOR * np.array([[_find_least_step(column_steps)] for column_steps in steps])
-    ).any(axis=0)
+    new_rows, count, jumps, is_clear = find_changes(values)
     # A value that stays much longer than usual is a straight drive's heading or a standing tractor's position.
     usual = float(np.median(count[is_clear])) if is_clear.any() else 0.0
     is_held = is_clear & (count >= 2) & (count <= _STANDING_FACTOR * usual)
@@ -255,13 +239,6 @@ def _find_fresh_rows(values: Array) -> Rows | None:
     is_standing = jumps <= _STANDING_FACTOR * float(np.median(jumps[is_clear]))
     standing_rows = max(math.ceil(_STANDING_FACTOR * float(np.median(count[is_held]))), 1)
     return _add_standing_rows(new_rows, values.shape[1], np.append(is_standing, False), standing_rows)
-
-
-def _find_least_step(steps: Array) -> float:
-    """Return nearly the least change of values (k - 1,), or difference of two changes: their last digit."""
-    sizes = np.unique(np.round(np.abs(steps[steps != 0.0]), DIGITS))
-    candidates = np.concatenate([sizes, np.diff(sizes)])
-    return float(np.quantile(candidates, _LEAST_STEP_QUANTILE)) if len(candidates) else 0.0
 
 
 def _add_standing_rows(new_rows: Rows, rows: int, is_standing: Mask, row_step: int) -> Rows:
@@ -352,9 +329,8 @@ def _select_measured_values(log: Log, name: str) -> Array:
 
 def _drop_coarse_column(log: Log, name: str, step: float, source: str = "") -> Log:
     message = f"{name} comes in steps of {step:.2g} {_UNITS[name]}{source}, too coarse to be of use"
-    changed: dict[str, Any] = {name: None}
-    doubts = (*log.corrections, f"{message}; the column is ignored")
-    return replace(log, corrections=doubts, coarse_columns={**log.coarse_columns, name: step}, **changed)
+    coarse_columns = {**log.coarse_columns, name: step}
+    return log.correct_columns(f"{message}; the column is ignored", coarse_columns=coarse_columns, **{name: None})
 
 
 def find_rounding_step(values: Array) -> float:
@@ -377,3 +353,71 @@ def _is_multiple_of_step(values: Array, step: float) -> bool:
     """Whether values (k,) are whole numbers of steps apart; a single value is."""
     steps = np.diff(np.unique(np.round(values, DIGITS))) / step
     return bool((np.abs(steps - np.round(steps)) < _STEP_TOLERANCE).all())
+
+
+STANDING_M = 0.3  # spread of antenna noise
+# Of a log whose own speed says that it stands: a receiver without corrections wanders this far, m, and no faster, m/s.
+_WANDER_M, _STANDING_MPS = 5.0, 0.1
+_COPY_SHARE = 0.95  # chosen, of the rows of the shorter log: a copy may be cut or have a few damaged rows
+_SAME_S, _SAME_M = 2e-3, 2e-3  # chosen: one digit of rounding; no drive repeats another one this closely
+
+
+def is_parked(log: Log) -> bool:
+    """Whether the tractor stands all the time: its positions stay within the noise of a receiver.
+
+    A receiver without corrections wanders by metres; such a log is parked if its own speed says so.
+    """
+    rows = log.used
+    moved = float(np.hypot(np.ptp(log.easting_m[rows]), np.ptp(log.northing_m[rows])))
+    seconds = float(np.ptp(log.time_s[rows]))
+    if moved == 0.0 or (moved < STANDING_M and seconds >= SHORTEST_SEGMENT_S):
+        return True
+    stands = log.speed_mps is not None and float(np.max(log.speed_mps[rows])) < _STANDING_MPS
+    return stands and moved < min(_WANDER_M, _STANDING_MPS * seconds)
+
+
+def leave_out_useless_logs(logs: Sequence[Log]) -> list[Log]:
+    """Return the logs that move and show the steering; the first of them says which were left out, and why.
+
+    All logs where no other is left: they are refused with their reason.
+    """
+    parked = [log for log in logs if is_parked(log)]
+    names = {log.name for log in parked}
+    silent = {log.name: words for log in logs if log.name not in names and (words := describe_silent_steering(log))}
+    kept = [log for log in logs if log.name not in names | silent.keys()]
+    if not kept or len(kept) == len(logs):
+        return list(logs)
+    were = "it was" if len(parked) == 1 else "they were"
+    remarks = [f"{', '.join(log.name for log in parked)}: the tractor never moves, so {were} left out."] * bool(parked)
+    remarks += [f"{words}; it was left out." for words in silent.values()]
+    return [replace(kept[0], set_remarks=(*kept[0].set_remarks, *remarks)), *kept[1:]]
+
+
+def merge_copies(logs: Sequence[Log]) -> list[Log]:
+    """Return each drive once; `other_names` of the log that is used name its copies.
+
+    A copy has the same times and positions, whatever its name and its other columns; the longer one is used.
+    """
+    used: list[Log] = []
+    for log in logs:
+        place = next((place for place, other in enumerate(used) if _is_same_drive(log, other)), None)
+        if place is None:
+            used.append(log)
+            continue
+        first = used[place]
+        longer, shorter = (log, first) if len(log.time_s) > len(first.time_s) else (first, log)
+        names = (*longer.other_names, shorter.name, *shorter.other_names)
+        used[place] = replace(longer, other_names=names, set_remarks=(*first.set_remarks, *log.set_remarks))
+    return used
+
+
+def _is_same_drive(log: Log, other: Log) -> bool:
+    """Whether nearly all rows of the shorter log are in the longer one: same time, same place."""
+    shorter, longer = sorted((log, other), key=lambda one: one.rows_used)
+    rows, longer_rows = np.flatnonzero(shorter.used), np.flatnonzero(longer.used)
+    near = np.searchsorted(longer.time_s[longer_rows], shorter.time_s[rows] - _SAME_S)
+    near_rows = longer_rows[np.minimum(near, len(longer_rows) - 1)]
+    is_same = np.abs(longer.time_s[near_rows] - shorter.time_s[rows]) <= _SAME_S
+    for axis in ("easting_m", "northing_m"):
+        is_same &= np.abs(getattr(longer, axis)[near_rows] - getattr(shorter, axis)[rows]) <= _SAME_M
+    return float(np.mean(is_same)) >= _COPY_SHARE

@@ -3,156 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
-from vehicle.identification.errors import LogError
-from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords, find_largest_steering
 from vehicle.identification.logs.directions import (
     HEADING_FITS,
     HEADING_MATCHES,
     compute_heading_agreements,
     find_direction_errors,
 )
-from vehicle.identification.logs.schema import (
-    SHORTEST_SEGMENT_S,
-    STEERING_COLUMNS,
-    Array,
-    Log,
-    LogConvention,
-    Suspicion,
-)
-from vehicle.identification.logs.swapped_steering import find_swapped_steering
+from vehicle.identification.logs.motion import PathChords, compute_bends, compute_path_chords, find_largest_steering
+from vehicle.identification.logs.readings import LogConvention, Suspicion, convert_log
+from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log
+from vehicle.identification.logs.series import measure_spread
 
-Columns = dict[str, Array]
-Place = tuple[float, float]
-
-_EARTH_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
-
-
-def convert_columns(columns: Columns, fixes: frozenset[LogConvention], reference: Place | None = None) -> Columns:
-    """Return the columns in the contract's units and signs.
-
-    Fixes are applied in the order of LogConvention. `reference` is the (longitude, latitude) in degrees that becomes
-    the origin of positions given in degrees; by default the first position.
-    """
-    out = dict(columns)
-    for fix in LogConvention:
-        if fix not in fixes:
-            continue
-        if fix is LogConvention.EAST_NORTH_SWAPPED:
-            out |= {"easting_m": out["northing_m"], "northing_m": out["easting_m"]}
-            continue
-        if fix is LogConvention.STEERING_SWAPPED:
-            out |= _swap_steering(out)
-            continue
-        if fix is LogConvention.POSITION_DEGREES:
-            out |= _convert_to_local_metres(out, reference or find_first_place(out))
-            continue
-        names, convert = _CONVERSIONS[fix]
-        out |= {name: convert(out[name]) for name in names if name in out}
-    return out
-
-
-def _swap_steering(columns: Columns) -> Columns:
-    """Return each steering column under the name of the other; raises LogError where there is only one."""
-    command, wheel = STEERING_COLUMNS
-    absent = next((name for name in STEERING_COLUMNS if name not in columns), None)
-    if absent is not None:
-        raise LogError(
-            f"{absent} is not logged, and the fix {LogConvention.STEERING_SWAPPED} exchanges it with the other "
-            "steering column; remove that fix, or rename the column."
-        )
-    return {command: columns[wheel], wheel: columns[command]}
-
-
-def _make_ccw_heading_converter(zero_deg: float) -> Callable[[Array], Array]:
-    return lambda heading: np.mod(zero_deg - heading, 360.0)
-
-
-def _convert_from_kmh(values: Array) -> Array:
-    return values / 3.6
-
-
-_CONVERSIONS: dict[LogConvention, tuple[tuple[str, ...], Callable[[Array], Array]]] = {
-    LogConvention.TIME_MS: (("time_s",), lambda values: values / 1e3),
-    LogConvention.TIME_US: (("time_s",), lambda values: values / 1e6),
-    LogConvention.TIME_NS: (("time_s",), lambda values: values / 1e9),
-    LogConvention.POSITION_KM: (("easting_m", "northing_m"), lambda values: values * 1000.0),
-    LogConvention.SPEED_KMH: (("speed_mps", "speed_command_mps"), _convert_from_kmh),
-    LogConvention.SPEED_MEASURED_KMH: (("speed_mps",), _convert_from_kmh),
-    LogConvention.SPEED_COMMAND_KMH: (("speed_command_mps",), _convert_from_kmh),
-    LogConvention.HEADING_RADIANS: (("heading_deg",), lambda values: np.mod(np.degrees(values), 360.0)),
-    LogConvention.HEADING_CCW_EAST: (("heading_deg",), _make_ccw_heading_converter(90.0)),
-    LogConvention.HEADING_CCW_NORTH: (("heading_deg",), _make_ccw_heading_converter(0.0)),
-    LogConvention.HEADING_REVERSED: (("heading_deg",), lambda values: np.mod(values + 180.0, 360.0)),
-    LogConvention.STEERING_RADIANS: (STEERING_COLUMNS, np.degrees),
-    LogConvention.STEERING_LEFT: (STEERING_COLUMNS, np.negative),
-    LogConvention.IMPLEMENT_REVERSED: (("implement",), lambda values: 1.0 - values),
-    LogConvention.ROLL_LEFT: (("roll_deg",), np.negative),
-}
-
-
-def find_first_place(columns: Columns) -> Place:
-    """Return the first finite position of the columns, unconverted."""
-    finite_rows = np.flatnonzero(np.isfinite(columns["easting_m"]) & np.isfinite(columns["northing_m"]))
-    return float(columns["easting_m"][finite_rows[0]]), float(columns["northing_m"][finite_rows[0]])
-
-
-def _convert_to_local_metres(columns: Columns, reference: Place) -> Columns:
-    """Return east and north of the reference by the ellipsoid's radii of curvature there: true north stays north.
-
-    Raises LogError for values that are no longitude and latitude.
-    """
-    longitude, latitude = reference
-    if abs(latitude) > 90.0 or abs(longitude) > 360.0:
-        raise LogError(
-            f"easting_m {longitude:g} and northing_m {latitude:g} are not a longitude and latitude; "
-            f"remove the fix {LogConvention.POSITION_DEGREES}."
-        )
-    squared = _FLATTENING * (2.0 - _FLATTENING)
-    bulge = 1.0 - squared * math.sin(math.radians(latitude)) ** 2
-    meridian, parallel = _EARTH_M * (1.0 - squared) / bulge**1.5, _EARTH_M / math.sqrt(bulge)
-    east = np.radians(columns["easting_m"] - longitude) * parallel * math.cos(math.radians(latitude))
-    return {"easting_m": east, "northing_m": np.radians(columns["northing_m"] - latitude) * meridian}
-
-
-def convert_log(log: Log, fix: LogConvention) -> Log:
-    """Return the log with one fix applied to all its columns."""
-    names = (
-        "time_s",
-        "easting_m",
-        "northing_m",
-        "heading_deg",
-        "speed_mps",
-        "speed_command_mps",
-        *STEERING_COLUMNS,
-        "implement",
-    )
-    columns = {name: getattr(log, name) for name in names if getattr(log, name) is not None}
-    first = int(np.flatnonzero(log.used)[0])
-    reference = (float(log.easting_m[first]), float(log.northing_m[first]))
-    changed: dict[str, Any] = dict(convert_columns(columns, frozenset([fix]), reference))
-    return replace(log, **changed)
-
-
-# Logs have at least 1 Hz. At 1 to 200 Hz milliseconds give steps of 5 to 1000, and each smaller unit 1000 times more.
-SLOWEST_STEP_S = 5.0
-_TIME_UNITS = ((LogConvention.TIME_NS, 5.0e6), (LogConvention.TIME_US, 5.0e3), (LogConvention.TIME_MS, SLOWEST_STEP_S))
 SMALLEST_WHEELBASE_M = 0.12  # of a model car
 LARGEST_RAD = 1.0  # 57 degrees: no road wheel turns further
-# Ratio of a speed in km/h to the speed of the path in m/s: 3.6, with slip. A command may not be reached for long.
-_KMH, _KMH_COMMAND = (2.7, 4.8), (2.7, 6.0)
 _ALIKE_COSINE = 0.02  # of a mean cosine: conventions this close cannot be distinguished
 _SURE_SIGMAS = 4.0  # standard errors
 _LEAST_STEERING_SPREAD = 0.02  # of the steering: 1.1 degrees in radians, and noise in degrees
 # Turns and straight rows of a field: limits of curvature, least number of turns, share that contradicts the column.
 _TURN_PER_M, _ROW_PER_M, _FEWEST_TURNS, _REVERSED_SHARE = 0.06, 0.02, 4, 0.85
-# A heading in radians changes by 0.017 for a degree of the path, one in degrees by 1, a frozen one by 0.
-_RADIAN_TURN_RATIO, _WRAP_RAD = (0.012, 0.025), 3.0
+_WRAP_RAD = 3.0
 # Nothing in radians changes by more than a circle; a share of wild rows is left to receivers.
 _LARGEST_CHANGE_RAD, _MOST_LARGER_SHARE = 7.0, 0.05
 _LEAST_TURN_DEG2 = 20 * 5.0**2  # chosen: 20 chords that turn by 5 degrees, where noise turns them by 1
@@ -177,10 +50,9 @@ def find_convention_errors(
 
 
 def _check_time(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
-    fix = next((unit for unit, least_step in _TIME_UNITS if log.step_s >= least_step), None)
-    if fix is None:
-        return []
-    return [(fix, f"its rows are {log.step_s:g} apart, and a log has at least one row per second")]
+    why = f"its rows are {log.step_s:g} apart, and a log has at least one row per second"
+    units = (LogConvention.TIME_MS, LogConvention.TIME_US, LogConvention.TIME_NS)
+    return [(unit, why) for unit in units if unit.explains(log.step_s)]
 
 
 def _check_positions(
@@ -200,10 +72,10 @@ def _check_positions(
     share = path_length / stated_distance
     why = f"the path is {path_length:.3g} long although {stated_distance:.0f} m were driven"
     east, north = float(np.abs(log.easting_m[rows]).max()), float(np.abs(log.northing_m[rows]).max())
-    if share < 1.0e-4 and max(east, north) <= 180.0 and min(east, north) <= 90.0:
+    if LogConvention.POSITION_DEGREES.explains(share) and max(east, north) <= 180.0 and min(east, north) <= 90.0:
         swapped = [(LogConvention.EAST_NORTH_SWAPPED, f"northing_m reaches {north:.5g}, and a latitude is at most 90")]
         return [*(swapped if north > 90.0 else []), (LogConvention.POSITION_DEGREES, why)]
-    return [(LogConvention.POSITION_KM, why)] if 1.0e-4 <= share < 6.0e-3 else []
+    return [(LogConvention.POSITION_KM, why)] if LogConvention.POSITION_KM.explains(share) else []
 
 
 def _integrate_distance(log: Log, speed: Array) -> float:
@@ -218,8 +90,8 @@ def _check_speed(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log
     chords = compute_path_chords(log)
     if chords is None or float(np.mean(chords.speed)) < 0.1:
         return []
-    measured = _explain_kmh("speed_mps", log, chords, _KMH)
-    command = _explain_kmh("speed_command_mps", log, chords, _KMH_COMMAND)
+    measured = _explain_kmh("speed_mps", log, chords, LogConvention.SPEED_MEASURED_KMH)
+    command = _explain_kmh("speed_command_mps", log, chords, LogConvention.SPEED_COMMAND_KMH)
     if measured and (command or log.speed_command_mps is None):
         return [(LogConvention.SPEED_KMH, measured)]
     if command:
@@ -227,7 +99,7 @@ def _check_speed(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log
     return [(LogConvention.SPEED_MEASURED_KMH, measured)] if measured else []
 
 
-def _explain_kmh(name: str, log: Log, chords: PathChords, band: tuple[float, float]) -> str:
+def _explain_kmh(name: str, log: Log, chords: PathChords, unit: LogConvention) -> str:
     """Why a column is in km/h; empty when it is not.
 
     Also compared over the faster half, without starts. Logs of a few seconds may be all start and are not judged.
@@ -238,7 +110,7 @@ def _explain_kmh(name: str, log: Log, chords: PathChords, band: tuple[float, flo
     fast = chords.speed >= np.median(chords.speed)
     for part in (np.ones_like(fast), fast):
         stated, path = float(np.mean(speed[chords.row][part])), float(np.mean(chords.speed[part]))
-        if not band[0] <= stated / path <= band[1]:
+        if not unit.explains(stated / path):
             return ""
     return f"{name} is {stated:.2f} while the positions move at {path:.2f} m/s"
 
@@ -255,7 +127,7 @@ def _check_heading_unit(
         return []
     logs = [one for one in (log, *other_logs) if one.heading_deg is not None]
     ratio = _measure_turn_ratio(logs)
-    if ratio is not None and _RADIAN_TURN_RATIO[0] < abs(ratio) < _RADIAN_TURN_RATIO[1]:
+    if ratio is not None and LogConvention.HEADING_RADIANS.explains(abs(ratio)):
         return [(LogConvention.HEADING_RADIANS, f"it changes by {abs(ratio):.3f} while the path turns by one degree")]
     largest = max(float(np.abs(one.heading_deg[one.used]).max()) for one in logs if one.heading_deg is not None)
     as_degrees = compute_heading_agreements(log, chords, log.heading_deg)
@@ -360,5 +232,61 @@ def _fit_slope(x: Array, y: Array) -> tuple[float, float]:
         # Chords overlap by half, so two count as one observation.
         error = math.sqrt(2.0 * float(residuals @ residuals) / (len(a) - 2) / spread)
         all_residuals = (y - y[inliers].mean()) - slope * (x - x[inliers].mean())
-        inliers = np.abs(all_residuals) <= 4.0 * 1.4826 * float(np.median(np.abs(all_residuals))) + 1e-12
+        inliers = np.abs(all_residuals) <= 4.0 * measure_spread(all_residuals) + 1e-12
     return slope, error
+
+
+_AHEAD_S = 0.3  # chosen: within which wheels move towards a command
+_GAP_DEG, _FEWEST_ROWS = 0.7, 10  # chosen: rows with larger gaps show who follows whom
+# Chosen, correlations of movement with the gap before it: from which a column follows, and up to which it does not.
+_FOLLOWS, _FOLLOWS_MORE = 0.6, 0.2
+_STEEPEST_ROWS = 2  # chosen: one may be an outlier
+_STEEPER = 1.5  # chosen: times the steepest movement of the column that follows
+
+
+# --- steering columns under each other's names: wheels move towards their command, at the rate of a valve; commands
+# jump, and do not wait for the wheels. A clock that is wrong shifts one of them and makes neither of them jump.
+
+
+def find_swapped_steering(log: Log) -> str | None:
+    """Return how the two steering columns show that each has the name of the other; None where they do not."""
+    if log.steering_deg is None or log.steering_command_deg is None or log.rows_used < _FEWEST_ROWS:
+        return None
+    wheel_follows = _measure_following(log, log.steering_deg, log.steering_command_deg)
+    command_follows = _measure_following(log, log.steering_command_deg, log.steering_deg)
+    if wheel_follows is None or command_follows is None:
+        return None
+    steepness = [_measure_steepest_deg_per_s(log, values) for values in (log.steering_deg, log.steering_command_deg)]
+    follows = command_follows > max(_FOLLOWS, wheel_follows + _FOLLOWS_MORE)
+    if not follows or steepness[0] < _STEEPER * steepness[1]:
+        return None
+    return (
+        f"steering_command_deg moves towards steering_deg at up to {steepness[1]:.0f} deg/s, and steering_deg jumps "
+        "without following it"
+    )
+
+
+def _measure_following(log: Log, follower: Array, leader: Array) -> float | None:
+    """Return the correlation of the movement of a column with how far the other one is ahead; None without gaps."""
+    rows = np.flatnonzero(log.used)
+    ahead = max(round(_AHEAD_S / log.step_s), 1)
+    start, end = rows[:-ahead], rows[ahead:]
+    near = (log.segment[start] == log.segment[end]) & (log.time_s[end] - log.time_s[start] < 2.0 * ahead * log.step_s)
+    if np.count_nonzero(near) < _FEWEST_ROWS:
+        return None
+    start, end = start[near], end[near]
+    gap, movement = leader[start] - follower[start], follower[end] - follower[start]
+    # An offset of the sensor is no gap.
+    gap = gap - np.median(gap)
+    clear = np.abs(gap) > _GAP_DEG
+    if np.count_nonzero(clear) < _FEWEST_ROWS:
+        return None
+    squares = float(gap[clear] @ gap[clear]) * float(movement[clear] @ movement[clear])
+    return float(gap[clear] @ movement[clear]) / math.sqrt(squares) if squares > 0.0 else 0.0
+
+
+def _measure_steepest_deg_per_s(log: Log, values: Array) -> float:
+    """Return the mean rate (deg/s) of the steepest rows."""
+    rows = np.flatnonzero(log.used)
+    rates = np.sort(np.abs(np.diff(values[rows])) / np.maximum(np.diff(log.time_s[rows]), 0.5 * log.step_s))
+    return float(np.mean(rates[-_STEEPEST_ROWS:]))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
-from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows
+from vehicle.identification.logs.schema import Array, GatedRows, Mask, Rows, find_file_line
+from vehicle.identification.logs.series import find_decreasing_entries, wrap_degrees
 
 FASTEST_MPS = 20.0  # 72 km/h: no tractor drives faster
 JUMP_SLACK_M = 0.5  # noise of two positions, on top of the distance driven
@@ -17,8 +16,6 @@ STANDSTILL_MPS = 0.1  # noise of a speed sensor at rest; larger negative speeds 
 MOST_STEERING_DEG = 90.0  # no wheel turns further
 MOST_HEADING_DEG = 720.0  # two turns, for sensors that count on beyond 360
 SPIKE_DEG = 60.0  # no tractor yaws this far and back between two rows
-GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
-FIRST_ROW_LINE = 2  # after the header
 _MOST_OPEN_CHAINS = 8  # positions a receiver may jump between before the shortest chain is dropped
 
 
@@ -34,7 +31,7 @@ class RowRules:
         """Exclude the `bad` rows and count those that were still in use."""
         rows = np.flatnonzero(bad & self.used)
         if len(rows):
-            self.gated.append(GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
+            self.gated.append(GatedRows(rule, len(rows), find_file_line(rows)))
             self.used[rows] = False
 
 
@@ -77,7 +74,7 @@ def _gate_times(rules: RowRules, time: Array) -> None:
     if bad.any():
         back = int(np.flatnonzero(np.diff(time[rows]) <= 0.0)[0]) + 1
         if back > int(np.argmax(bad)) + 1:
-            rules.gated[-1] = replace(rules.gated[-1], first_line=int(rows[back]) + FIRST_ROW_LINE)
+            rules.gated[-1] = replace(rules.gated[-1], first_line=find_file_line(rows[back:]))
 
 
 def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
@@ -88,7 +85,7 @@ def _gate_headings(rules: RowRules, columns: dict[str, Array]) -> None:
     rules.exclude_rows(f"heading_deg beyond {MOST_HEADING_DEG:g} deg", np.abs(heading) > MOST_HEADING_DEG)
     rows = np.flatnonzero(rules.used)
     if len(rows) >= 3:
-        step = (np.diff(heading[rows]) + 180.0) % 360.0 - 180.0
+        step = wrap_degrees(np.diff(heading[rows]))
         alone = (np.abs(step[:-1]) > SPIKE_DEG) & (np.abs(step[1:]) > SPIKE_DEG) & (step[:-1] * step[1:] < 0.0)
         _gate_used_rows(
             rules,
@@ -113,29 +110,6 @@ def _gate_used_rows(rules: RowRules, rule: str, bad_of_used: Mask) -> None:
     bad = np.zeros(len(rules.used), dtype=np.bool_)
     bad[np.flatnonzero(rules.used)[bad_of_used]] = True
     rules.exclude_rows(rule, bad)
-
-
-def find_decreasing_entries(values: Array) -> Mask:
-    """Mark the entries outside one longest strictly increasing subsequence (patience sorting)."""
-    bad = np.ones(len(values), dtype=np.bool_)
-    if len(values) == 0 or bool((np.diff(values) > 0.0).all()):
-        return ~bad
-    tails: list[float] = []
-    tail_rows: list[int] = []
-    before = np.full(len(values), -1)
-    for row, value in enumerate(values.tolist()):
-        place = bisect_left(tails, value)
-        before[row] = tail_rows[place - 1] if place else -1
-        if place == len(tails):
-            tails.append(value)
-            tail_rows.append(row)
-        else:
-            tails[place], tail_rows[place] = value, row
-    row = tail_rows[-1]
-    while row >= 0:
-        bad[row] = False
-        row = int(before[row])
-    return bad
 
 
 def find_jumps(time: Array, east: Array, north: Array) -> Mask:
@@ -165,15 +139,3 @@ def find_jumps(time: Array, east: Array, north: Array) -> Mask:
 def _is_reachable(seconds: Array, east: Array, north: Array) -> Mask:
     reach: Mask = np.hypot(east, north) <= FASTEST_MPS * seconds + JUMP_SLACK_M
     return reach
-
-
-def number_segments(time: Array, used: Mask) -> npt.NDArray[np.int64]:
-    """Return the segment number of each used row, -1 for the others. A gap of more than GAP_SAMPLES steps starts a
-    segment."""
-    out = np.full(len(time), -1, dtype=np.int64)
-    steps = np.diff(time[used])
-    if len(steps):
-        out[used] = np.concatenate([[0], np.cumsum(steps > (GAP_SAMPLES + 0.5) * np.median(steps))])
-    elif used.any():
-        out[used] = 0
-    return out

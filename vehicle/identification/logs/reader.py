@@ -13,36 +13,37 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.column_faults import collect_fault_rows, find_column_faults
+from vehicle.identification.logs.clocks import even_time_stamps, is_bundled
+from vehicle.identification.logs.column_faults import (
+    collect_fault_rows,
+    correct_position_jumps,
+    find_column_faults,
+    join_thaws,
+)
 from vehicle.identification.logs.column_quality import (
     LONGEST_STEP_S,
     describe_silent_steering,
     drop_coarse_columns,
     drop_constant_columns,
     interpolate_held_values,
+    is_parked,
+    leave_out_useless_logs,
+    merge_copies,
 )
-from vehicle.identification.logs.conventions import (
-    SLOWEST_STEP_S,
-    convert_columns,
-    find_convention_errors,
-    find_first_place,
-)
-from vehicle.identification.logs.directions import drop_course_heading
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, RowRules, gate_rows, number_segments
-from vehicle.identification.logs.heading_flips import HEADING_FLIPPED, find_flipped_headings
-from vehicle.identification.logs.log_sets import is_parked, leave_out_useless_logs, merge_copies
-from vehicle.identification.logs.position_jumps import correct_position_jumps, join_thaws
+from vehicle.identification.logs.conventions import find_convention_errors
+from vehicle.identification.logs.directions import HEADING_FLIPPED, drop_course_heading, find_flipped_headings
+from vehicle.identification.logs.gating import RowRules, gate_rows
+from vehicle.identification.logs.readings import LogConvention, Suspicion, convert_columns, find_first_place
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
     Log,
-    LogConvention,
-    Rows,
-    Suspicion,
+    find_file_line,
+    number_segments,
     split_drive_segments,
 )
 from vehicle.identification.logs.sensor_checks import correct_sensors
-from vehicle.identification.logs.sparse_steering import find_sparse_steering_faults
+from vehicle.identification.logs.standing_columns import find_sparse_steering_faults
 from vehicle.identification.logs.table import (
     Columns,
     MappingSource,
@@ -54,7 +55,6 @@ from vehicle.identification.logs.table import (
     read_table,
 )
 from vehicle.identification.logs.terrain import STEEPEST_DEG
-from vehicle.identification.logs.time_stamps import even_time_stamps, is_bundled
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -147,7 +147,7 @@ def _describe_bad_tilt(log: Log) -> list[str]:
             if len(bad):
                 messages.append(
                     f"{name} is missing or beyond {STEEPEST_DEG:g} deg in {_format_row_count(len(bad))} (first in line "
-                    f"{_get_first_file_line(bad)}); values are interpolated there"
+                    f"{find_file_line(bad)}); values are interpolated there"
                 )
     return messages
 
@@ -158,11 +158,7 @@ def _describe_short_segments(log: Log) -> list[str]:
         return []
     rows = np.concatenate(short_segments)
     reason = _SHORT_SEGMENTS if long_segments else f"no segment lasts {SHORTEST_SEGMENT_S:g} s"
-    return [f"{_format_row_count(len(rows))} not used: {reason} (first in line {_get_first_file_line(rows)})"]
-
-
-def _get_first_file_line(rows: Rows) -> int:
-    return int(rows[0]) + FIRST_ROW_LINE
+    return [f"{_format_row_count(len(rows))} not used: {reason} (first in line {find_file_line(rows)})"]
 
 
 _FASTEST_HZ = 250.0  # above the contract's 100 Hz, with room for uneven steps; beyond it the unit of time is wrong
@@ -255,7 +251,7 @@ def build_log(
         origin_deg=reference if LogConvention.POSITION_DEGREES in fix_set else None,
     )
     log = drop_coarse_columns(log)
-    if log.step_s < SLOWEST_STEP_S and not is_parked(log):
+    if log.step_s < LogConvention.TIME_MS.ratios[0] and not is_parked(log):
         log = drop_course_heading(drop_constant_columns(log))
     if not check:
         return log
@@ -287,7 +283,7 @@ def _drop_command_with_gaps(columns: Columns) -> tuple[Columns, tuple[str, ...]]
     empty = np.flatnonzero(~np.isfinite(command))
     message = (
         f"speed_command_mps is empty in {len(empty)} of {len(command)} rows (first in line "
-        f"{_get_first_file_line(empty)}); the column is ignored and the rows are used"
+        f"{find_file_line(empty)}); the column is ignored and the rows are used"
     )
     return {name: values for name, values in columns.items() if name != "speed_command_mps"}, (message,)
 
@@ -306,7 +302,7 @@ def parse_conventions(
     Raises LogError for an unknown one and for two that contradict each other.
     """
     try:
-        given = frozenset(LogConvention(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))
+        given = frozenset(LogConvention(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))  # type: ignore[call-arg]
     except ValueError as error:
         raise LogError(f"{error}; the fixes are: {', '.join(LogConvention)}.", parameter="fixes") from error
     speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]

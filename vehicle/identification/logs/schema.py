@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-from fields.errors import mark_parameter
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -21,77 +20,6 @@ OPTIONAL_COLUMNS = (
     "heading_deg", "speed_mps", "speed_command_mps", "shuttle", "implement", "roll_deg", "pitch_deg", "elevation_m",
 )  # fmt: skip
 COLUMNS = NEEDED_COLUMNS + STEERING_COLUMNS + OPTIONAL_COLUMNS
-
-
-class LogConvention(StrEnum):
-    """Conventions that a log may follow instead of the contract's; the value is the name of the option."""
-
-    TIME_MS = "time-ms"
-    TIME_US = "time-us"
-    TIME_NS = "time-ns"
-    EAST_NORTH_SWAPPED = "east-north-swapped"
-    POSITION_DEGREES = "position-degrees"
-    POSITION_KM = "position-km"
-    SPEED_KMH = "speed-kmh"
-    SPEED_MEASURED_KMH = "speed-measured-kmh"
-    SPEED_COMMAND_KMH = "speed-command-kmh"
-    HEADING_RADIANS = "heading-radians"
-    HEADING_CCW_EAST = "heading-ccw-east"
-    HEADING_CCW_NORTH = "heading-ccw-north"
-    HEADING_REVERSED = "heading-reversed"
-    STEERING_SWAPPED = "steering-swapped"
-    STEERING_RADIANS = "steering-radians"
-    STEERING_LEFT = "steering-left-positive"
-    IMPLEMENT_REVERSED = "implement-reversed"
-    ROLL_LEFT = "roll-left-down"
-
-
-FIX_MEANINGS = {
-    LogConvention.TIME_MS: "time_s counts milliseconds",
-    LogConvention.TIME_US: "time_s counts microseconds",
-    LogConvention.TIME_NS: "time_s counts nanoseconds",
-    LogConvention.EAST_NORTH_SWAPPED: "easting and northing are swapped",
-    LogConvention.POSITION_DEGREES: "easting_m and northing_m are longitude and latitude in degrees",
-    LogConvention.POSITION_KM: "easting_m and northing_m are in kilometres",
-    LogConvention.SPEED_KMH: "speeds are in km/h",
-    LogConvention.SPEED_MEASURED_KMH: "speed_mps is in km/h",
-    LogConvention.SPEED_COMMAND_KMH: "speed_command_mps is in km/h",
-    LogConvention.HEADING_RADIANS: "heading_deg is in radians",
-    LogConvention.HEADING_CCW_EAST: "heading_deg runs counter-clockwise from east",
-    LogConvention.HEADING_CCW_NORTH: "heading_deg runs counter-clockwise from north",
-    LogConvention.HEADING_REVERSED: "heading_deg points backwards",
-    LogConvention.STEERING_SWAPPED: "steering_command_deg and steering_deg are swapped",
-    LogConvention.STEERING_RADIANS: "steering angles are in radians",
-    LogConvention.STEERING_LEFT: "steering is positive to the left",
-    LogConvention.IMPLEMENT_REVERSED: "implement is 1 where it is lifted and 0 where it works",
-    LogConvention.ROLL_LEFT: "roll_deg is positive where the left side is lower",
-}
-
-
-def format_fix_option(fix: LogConvention) -> str:
-    """Return the option that applies a fix, for use in a refusal."""
-    return f"{mark_parameter('fixes')} {fix}"
-
-
-@dataclass(frozen=True)
-class Suspicion:
-    """A convention that the log seems to break, and the evidence.
-
-    `fix` is None when only the log itself can be corrected; `what` and `advice` then say what is suspected and what to
-    do. With a fix, `advice` adds the other possible explanations.
-    """
-
-    fix: LogConvention | None
-    why: str
-    what: str = ""
-    advice: str = ""
-
-    def format_sentence(self) -> str:
-        """Return what is suspected, why, and the fix, for a refusal."""
-        if self.fix is None:
-            return f"{self.what} ({self.why}); {self.advice}"
-        other_readings = f" ({self.advice})" if self.advice else ""
-        return f"{FIX_MEANINGS[self.fix]} ({self.why}); give {format_fix_option(self.fix)} to convert{other_readings}"
 
 
 @dataclass(frozen=True)
@@ -116,6 +44,18 @@ class LogFault:
     to_s: float | None
     words: str
     between_s: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ColumnFault:
+    """A fault of one column: the rows (of the file) in which its value is none, and what to say of it.
+
+    A limit of the instrument is no fault that began (`is_limit`), though its rows show as little.
+    """
+
+    fault: LogFault
+    rows: Rows
+    is_limit: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +132,44 @@ class Log:
         """Median time between used rows (s)."""
         return float(np.median(np.diff(self.time_s[self.used])))
 
+    def correct_columns(self, sentence: str, **changed: Any) -> Log:
+        """Return the log with changed columns, and the sentence on them."""
+        return replace(self, corrections=(*self.corrections, sentence), **changed)
 
+    def exclude_rows(self, rule: str, bad: Mask, **changed: Any) -> Log:
+        """Return the log without the `bad` ones of the used rows, counted under a rule."""
+        rows, used = np.flatnonzero(bad & self.used), self.used & ~bad
+        gated = (*self.gated, GatedRows(rule, len(rows), find_file_line(rows)))
+        return replace(self, used=used, segment=number_segments(self.time_s, used), gated=gated, **changed)
+
+
+GAP_SAMPLES = 5.0  # half a second at the usual 10 Hz, bridged by a straight line
+FIRST_ROW_LINE = 2  # after the header
 SHORTEST_SEGMENT_S = 5.0  # one piece of the 5 s horizon, over which errors are compared
+
+
+def list_gap_rows(last_before: int, first_after: int, count: int) -> Rows:
+    """Return the rows about a jump between two rows, of so many rows, whose absence is a gap between segments."""
+    missing = math.ceil(GAP_SAMPLES) + 1 - (first_after - last_before - 1)
+    side = max(math.ceil(0.5 * missing), 1)
+    return np.arange(max(last_before - side + 1, 0), min(first_after + side, count))
+
+
+def find_file_line(rows: Rows) -> int:
+    """Return the line of the first of these rows in the file."""
+    return int(rows[0]) + FIRST_ROW_LINE
+
+
+def number_segments(time: Array, used: Mask) -> Rows:
+    """Return the segment number of each used row, -1 for the others. A gap of more than GAP_SAMPLES steps starts a
+    segment."""
+    out = np.full(len(time), -1, dtype=np.int64)
+    steps = np.diff(time[used])
+    if len(steps):
+        out[used] = np.concatenate([[0], np.cumsum(steps > (GAP_SAMPLES + 0.5) * np.median(steps))])
+    elif used.any():
+        out[used] = 0
+    return out
 
 
 def split_drive_segments(log: Log) -> tuple[list[Rows], list[Rows]]:

@@ -1,7 +1,11 @@
-"""Faulty sensors, detected by what no tractor does, corrected and reported.
+"""Faulty sensors and commands that were not driven, detected by what no tractor does, corrected and reported.
 
 Each check compares two instruments of one log. Uncorrected, these errors would look like faults of the tractor: a speed
 that reads high like wheel slip, drifting clocks like a growing dead time, a stuck angle like missing grip.
+
+A speed, measured or commanded, that is one multiple of the pace in every direction, at every speed, working or not, has
+a wrong scale; a command above the pace looks like slip in every column and is left alone. A command that is constant
+while the pace changes was not driven.
 """
 
 from __future__ import annotations
@@ -12,29 +16,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from vehicle.identification.logs.chords import PathChords, compute_bends, compute_path_chords
-from vehicle.identification.logs.clock_drift import correct_position_clock
-from vehicle.identification.logs.gating import FIRST_ROW_LINE, number_segments
-from vehicle.identification.logs.schema import Array, GatedRows, Log, Mask, Rows
+from vehicle.identification.logs.clocks import correct_position_clock
+from vehicle.identification.logs.motion import (
+    PathChords,
+    compute_bends,
+    compute_path_chords,
+    has_pace_change,
+    measure_steady_time_s,
+)
+from vehicle.identification.logs.schema import Array, Log, Mask
+from vehicle.identification.logs.series import compute_change, measure_spread
+from vehicle.model.effects import DRIVE_LINE_SLIP
 
 # Speed: no slip or slope changes it this much, working or not; smaller factors compete with other causes in the
 # diagnosis (speed_scale).
-_LEAST_FACTOR, _SURE_SIGMAS = 1.25, 5.0
-_STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.02
+_LEAST_SENSOR_FACTOR, _SURE_SIGMAS = 1.25, 5.0
+_STRAIGHT_PER_M, _ALIKE_SHARE = 0.03, 0.03  # in bends the antenna is faster than the tractor
 # Of the log of a factor found in another log: nearer to it than to 1, which no antenna ahead of the axle explains.
 _NEARER_SHARE = 0.4
 _FEWEST_CHORDS = 12
-# A dead wheel sensor repeats one value for long; the angle that the path needs is averaged over that time.
 _STRAY_MESSAGE = "steering_deg is unrelated to the bends of the path"
 # Correlations with the bends of the path: a working sensor reaches the second.
 _STRAY_CORRELATION, _FOLLOWING_CORRELATION = 0.3, 0.9
 _ALL_NOISE_SHARE = 0.9  # of the spread: between two rows, over the square root of 2, it is 1 for white noise
-_STILL_S, _DEAD_SENSOR_DEG, _LEAST_STEERING_SPREAD_DEG, _RUN_CHORDS, _DEAD_SENSOR_SHARE = 4.0, 3.0, 2.0, 5, 0.4
+_LEAST_STEERING_SPREAD_DEG = 2.0
 
 
 def correct_sensors(log: Log) -> Log:
     """Return the log with sensor errors corrected, and a sentence for each in `corrections`."""
-    for check in (_drop_unrelated_wheel_angle, _gate_dead_sensor, _correct_speed_factor, correct_position_clock):
+    for check in (_drop_unrelated_wheel_angle, _correct_speed_factor, correct_position_clock):
         log = check(log)
     return log
 
@@ -44,25 +54,42 @@ def _correct_speed_factor(log: Log) -> Log:
     chords = compute_path_chords(log)
     if log.speed_mps is None or chords is None:
         return log
-    stated_mps = log.speed_mps[chords.row]
-    is_straight = _select_straight_chords(chords, stated_mps)
-    if np.count_nonzero(is_straight) < _FEWEST_CHORDS:
-        return log
-    ratio, course = stated_mps[is_straight] / chords.speed[is_straight], chords.course[is_straight]
-    factor = float(np.median(ratio))
-    spread = 1.4826 * float(np.median(np.abs(ratio - factor)))
-    # Chords overlap by half, so two count as one observation.
-    error = 1.25 * spread * math.sqrt(2.0 / len(ratio))
-    parts = [ratio[part] for part in _split_chords(course, log.implement[chords.row][is_straight])]
-    is_same_everywhere = all(abs(float(np.median(part)) - factor) < max(_ALIKE_SHARE, 3.0 * error) for part in parts)
-    if max(factor, 1.0 / factor) < _LEAST_FACTOR or abs(factor - 1.0) < _SURE_SIGMAS * error or not is_same_everywhere:
+    straight = _select_straight_chords(chords, log.speed_mps[chords.row])
+    factor = _find_common_factor(_collect_ratios(log, chords, log.speed_mps, straight))
+    if factor is None or max(factor, 1.0 / factor) < _LEAST_SENSOR_FACTOR:
         return log
     direction = "more" if factor > 1.0 else "less"
     message = (
         f"speed_mps reads {100.0 * abs(factor - 1.0):.0f} % {direction} than the positions move, in every direction: "
         f"a scale error of the sensor, not slip; the column is divided by {factor:.3f}"
     )
-    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, corrections=(*log.corrections, message))
+    return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
+
+
+def _collect_ratios(log: Log, chords: PathChords, stated: Array, chosen: Mask) -> Array:
+    """Return of chosen chords stated speed over pace, stated speed (m/s), course (rad) and implement (4, k)."""
+    rows = chords.row[chosen]
+    ratio = stated[rows] / chords.speed[chosen]
+    collected: Array = np.stack([ratio, stated[rows], chords.course[chosen], log.implement[rows]])
+    return collected
+
+
+def _find_common_factor(ratios: Array) -> float | None:
+    """Return stated speed over pace; None where it is not clearly other than 1, or not the same by direction of travel,
+    implement and speed."""
+    ratio, stated, course, working = ratios
+    if len(ratio) < _FEWEST_CHORDS:
+        return None
+    factor = float(np.median(ratio))
+    # Chords overlap by half, so two count as one observation.
+    error = 1.25 * measure_spread(ratio - factor) * math.sqrt(2.0 / len(ratio))
+    conditions = (np.sin(course) > 0.5, np.sin(course) < -0.5, np.cos(course) > 0.5, np.cos(course) < -0.5)
+    slow = stated <= np.median(stated)
+    parts = [*conditions, slow, ~slow, working > 0.5, working <= 0.5]
+    levels = [float(np.median(ratio[part])) for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
+    alike = max(_ALIKE_SHARE * factor, 3.0 * error)
+    is_clear = abs(factor - 1.0) >= _SURE_SIGMAS * error
+    return factor if is_clear and all(abs(level - factor) < alike for level in levels) else None
 
 
 def correct_sensors_like_others(logs: Sequence[Log]) -> list[Log]:
@@ -89,9 +116,7 @@ def _drop_wheel_angle_like_other(log: Log, stray_log: Log) -> Log:
     if not is_moving or abs(_correlate_with_bends(replace(log, steering_command_deg=None))) > 2.0 * _STRAY_CORRELATION:
         return log
     message = f"{_STRAY_MESSAGE}, as in {stray_log.name}; the column is ignored"
-    return replace(
-        log, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg, corrections=(*log.corrections, message)
-    )
+    return log.correct_columns(message, steering_deg=None, stray_steering_deg=stray_log.stray_steering_deg)
 
 
 def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
@@ -111,42 +136,13 @@ def _correct_speed_as_others(log: Log, logs_with_factor: Sequence[Log]) -> Log:
         f"speed_mps reads about {100.0 * abs(ratio - 1.0):.0f} % {'more' if ratio > 1.0 else 'less'} than the "
         f"positions move, as in {nearest_log.name}: the same sensor; the column is divided by {factor:.3f}"
     )
-    return replace(log, speed_mps=log.speed_mps / factor, speed_factor=factor, corrections=(*log.corrections, message))
+    return log.correct_columns(message, speed_mps=log.speed_mps / factor, speed_factor=factor)
 
 
 def _select_straight_chords(chords: PathChords, stated_mps: Array) -> Mask:
     """Select the chords that can show a factor of the stated speed."""
     straight: Mask = (np.abs(chords.curvature) < _STRAIGHT_PER_M) & (chords.speed > 0.3) & (stated_mps > 0.1)
     return straight
-
-
-def _split_chords(course: Array, working: Array) -> list[Mask]:
-    """Split chords by direction of travel and by implement; parts that are too small are dropped."""
-    east, north = np.sin(course), np.cos(course)
-    parts = [east > 0.5, east < -0.5, north > 0.5, north < -0.5, working > 0.5, working <= 0.5]
-    return [part for part in parts if np.count_nonzero(part) >= _FEWEST_CHORDS // 2]
-
-
-def _gate_dead_sensor(log: Log) -> Log:
-    """Exclude rows in which the wheel angle repeats one value while the path needs another."""
-    bends, chords = (None, None) if log.steering_deg is None else (compute_bends(log), compute_path_chords(log))
-    if log.steering_deg is None or bends is None or chords is None:
-        return log
-    runs = _find_constant_value_rows(log.time_s, log.steering_deg, log.used)
-    angle, curvature, _ = bends
-    moving = ~np.isin(chords.row, np.concatenate([np.empty(0, dtype=np.int64), *runs]))
-    line = _fit_steering_line(angle[moving], curvature[moving])
-    if line is None:
-        return log
-    dead_runs = [run for run in runs if _is_dead(angle, curvature, np.isin(chords.row, run), line)]
-    if not dead_runs:
-        return log
-    rows = np.concatenate(dead_runs)
-    used = log.used.copy()
-    used[rows] = False
-    rule = f"steering_deg is constant for {_STILL_S:g} s or more while the path bends: dead sensor"
-    gated = (*log.gated, GatedRows(rule, len(rows), int(rows[0]) + FIRST_ROW_LINE))
-    return replace(log, used=used, segment=number_segments(log.time_s, used), gated=gated)
 
 
 def _drop_unrelated_wheel_angle(log: Log) -> Log:
@@ -161,12 +157,8 @@ def _drop_unrelated_wheel_angle(log: Log) -> Log:
     if abs(by_sensor) > _STRAY_CORRELATION or not (is_clear or _is_wheel_angle_bypassed(log)):
         return log
     message = f"{_STRAY_MESSAGE} (correlation {by_sensor:.2f}, of the command {by_command:.2f}); the column is ignored"
-    return replace(
-        log,
-        steering_deg=None,
-        stray_steering_deg=float(np.std(log.steering_deg[log.used])),
-        corrections=(*log.corrections, message),
-    )
+    spread_deg = float(np.std(log.steering_deg[log.used]))
+    return log.correct_columns(message, steering_deg=None, stray_steering_deg=spread_deg)
 
 
 def _is_wheel_angle_bypassed(log: Log) -> bool:
@@ -199,9 +191,8 @@ def _compute_heading_curvature(log: Log, gear: Array) -> Array | None:
         return None
     rows = np.flatnonzero(log.used)
     time, heading = log.time_s[rows], np.unwrap(np.radians(log.heading_deg[rows]))
-    middle = log.time_s[chords.row]
-    start, end = (np.interp(middle + shift * chords.span_s, time, heading) for shift in (-0.5, 0.5))
-    curvature: Array = gear * (end - start) / (chords.speed * chords.span_s)
+    start, end = (log.time_s[chords.row] + shift * chords.span_s for shift in (-0.5, 0.5))
+    curvature: Array = gear * compute_change(time, heading, start, end) / (chords.speed * chords.span_s)
     return curvature
 
 
@@ -224,32 +215,80 @@ def _correlate_with_bends(log: Log) -> float:
     return float(np.corrcoef(bends[0], bends[1])[0, 1])
 
 
-def _find_constant_value_rows(time: Array, values: Array, used: Mask) -> list[Rows]:
-    """Find long runs of rows with the same value."""
-    rows = np.flatnonzero(used)
-    runs = np.split(rows, np.flatnonzero(np.diff(values[rows]) != 0.0) + 1)
-    return [run for run in runs if len(run) and time[run[-1]] - time[run[0]] >= _STILL_S]
+_STEADY_S = 6.0  # of constant command: longer than any drive line takes to follow
 
 
-def _fit_steering_line(angle: Array, curvature: Array) -> tuple[float, float, float] | None:
-    """Fit curvature per degree and at 0, and the scatter of a chord, where the angle moves.
+def correct_commanded_speeds(logs: Sequence[Log]) -> list[Log]:
+    """Drop or scale commanded speeds that were not driven, over a set of logs; `corrections` say which and why."""
+    alone = [_drop_constant_command(log) for log in logs]
+    return _scale_commanded_speeds([_drop_command_constant_elsewhere(log, alone) for log in alone])
 
-    None where the chords do not show it well.
-    """
-    if len(angle) < 2 * _FEWEST_CHORDS or float(np.std(angle)) < _LEAST_STEERING_SPREAD_DEG:
+
+def _describe_constant_command(log: Log) -> str | None:
+    """Describe a command that is constant over the log; None if it is not."""
+    values = log.speed_command_mps
+    if values is None or not log.used.any() or float(np.ptp(values[log.used])) > 0.0:
         return None
-    slope, at_zero = np.polyfit(angle, curvature, 1)
-    residuals = curvature - slope * angle - at_zero
-    scatter = float(np.std(residuals))
-    error = scatter / (float(np.std(angle)) * math.sqrt(0.5 * len(angle)))
-    return (float(slope), float(at_zero), scatter) if slope > 2.0 * _SURE_SIGMAS * error else None
+    return f"speed_command_mps is {values[log.used][0]:g} in every row"
 
 
-def _is_dead(angle: Array, curvature: Array, run: Mask, line: tuple[float, float, float]) -> bool:
-    """Whether the path of a run needs another angle. Sliding tyres lose a share of the curvature and do not count."""
-    if np.count_nonzero(run) < _RUN_CHORDS:
-        return False
-    slope, at_zero, scatter = line
-    shown = angle[run]
-    excess_deg = np.abs((curvature[run] - at_zero) / slope - shown) - 0.5 * np.abs(shown)
-    return float(np.mean(excess_deg > _DEAD_SENSOR_DEG + 2.0 * scatter / slope)) > _DEAD_SENSOR_SHARE
+def _drop_constant_command(log: Log) -> Log:
+    description, chords = _describe_constant_command(log), compute_path_chords(log)
+    if description is None or chords is None:
+        return log
+    segment_start_s = np.array([log.time_s[log.segment == number][0] for number in range(log.segment_count)])
+    under_way = log.time_s[chords.row] - segment_start_s[log.segment[chords.row]] > _STEADY_S
+    for working in (0.0, 1.0):
+        pace = chords.speed[under_way & (log.implement[chords.row] == working)]
+        if len(pace) >= _FEWEST_CHORDS and has_pace_change(pace):
+            return _drop_command(log, f"{description} although the tractor's pace changes")
+    return log
+
+
+def _drop_command_constant_elsewhere(log: Log, other_logs: Sequence[Log]) -> Log:
+    """Drop the command where it has the constant value that was dropped in another log."""
+    description = _describe_constant_command(log)
+    same_log = next(
+        (
+            candidate_log
+            for candidate_log in other_logs
+            if description and any(doubt.startswith(description) for doubt in candidate_log.corrections)
+        ),
+        None,
+    )
+    return log if same_log is None else _drop_command(log, f"{description}, as in {same_log.name}")
+
+
+def _drop_command(log: Log, why: str) -> Log:
+    return log.correct_columns(
+        f"{why}: the tractor was not driven by it; the column is ignored", speed_command_mps=None
+    )
+
+
+def _scale_commanded_speeds(logs: list[Log]) -> list[Log]:
+    """Multiply the commands by the factor by which all logs are driven faster, if there is one."""
+    parts = [ratios for log in logs if (ratios := _collect_command_ratios(log)) is not None]
+    stated_share = _find_common_factor(np.concatenate(parts, axis=1)) if parts else None
+    if stated_share is None or stated_share * (1.0 + DRIVE_LINE_SLIP) >= 1.0:
+        return logs
+    factor = 1.0 / stated_share
+    message = (
+        f"the tractor drives {100.0 * (factor - 1.0):.0f} % faster than speed_command_mps in every direction, "
+        f"at every speed, working or not: a wrong scale, not slip; the column is multiplied by {factor:.3f}"
+    )
+    return [
+        log
+        if log.speed_command_mps is None
+        else log.correct_columns(message, speed_command_mps=factor * log.speed_command_mps)
+        for log in logs
+    ]
+
+
+def _collect_command_ratios(log: Log) -> Array | None:
+    """Return the ratios of chords driven straight under a constant command."""
+    chords = compute_path_chords(log)
+    if log.speed_command_mps is None or chords is None:
+        return None
+    steady = measure_steady_time_s(log)[chords.row] >= _STEADY_S
+    straight = _select_straight_chords(chords, log.speed_command_mps[chords.row])
+    return _collect_ratios(log, chords, log.speed_command_mps, steady & straight)

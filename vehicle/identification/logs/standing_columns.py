@@ -3,6 +3,9 @@
 A receiver or a bus that freezes may add noise to the value it repeats. What stands is told by the means of seconds, and
 that it should not by the other columns: a speed that drives away from positions, a course that leaves a heading, a pace
 that leaves a speed. A tractor that stands or drives straight contradicts none of them.
+
+Steering columns may change only every few seconds and say nothing of the time between two readings; but a wheel that
+stays where it is for reading after reading, far from commands that differ from each other, does not follow.
 """
 
 from __future__ import annotations
@@ -10,29 +13,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from vehicle.identification.logs.raw_motion import MOVING_MPS, RawMotion
-from vehicle.identification.logs.schema import Array, Mask, Rows
+from vehicle.identification.logs.motion import LEAST_TURN_DEG, MOVING_MPS, PACE_CHANGE_MPS, PACE_CHANGE_SHARE, RawMotion
+from vehicle.identification.logs.schema import Array, ColumnFault, LogFault, Mask, Rows
+from vehicle.identification.logs.series import measure_noise
+from vehicle.identification.logs.table import Columns
+
+POSITION_FROZEN, HEADING_FROZEN = "position_frozen", "heading_frozen"
+SPEED_FROZEN, WHEEL_SENSOR_FROZEN = "speed_frozen", "wheel_sensor_frozen"
 
 _BLOCK_S = 1.0  # chosen, of means: noise falls by the root of the rows, and a tractor turns and brakes
 _FEWEST_BLOCKS, _LEAST_STANDING_S = 20, 6.0  # chosen, of a log, and of a standstill
-_MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
-_HOLDS, _HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
-# How far means of a value that stands are from each other: by what wanders slowly in the column (chosen: m, deg, m/s),
-# and standard errors of its noise. More than the last is no standstill that could be told.
-_WANDER = {"position": 0.1, "heading": 0.5, "speed": 0.03}
-_NOISE_ERRORS = 6.0
-_MOST_LIMIT = {"position": 0.3, "heading": 3.0, "speed": 0.2}
+MOST_OF_LOG_SHARE = 0.95  # chosen: a column that never changes is one that was not logged
+HOLDS, HOLD_QUANTILE = 4.0, 0.95  # chosen: times the usual hold of a column, as for values that repeat
+_NOISE_ERRORS = 6.0  # standard errors of its noise by which means of a value that stands may differ
 # Chosen: a speed sensor drives so far, and the heading turns so far or the target is not 0 for this share of the time,
 # while positions stay; without a target the speed changes so much, at a pace that no sensor shows at rest.
-_LEAST_DRIVEN_M, _LEAST_TURN_DEG, _DRIVEN_SHARE = 5.0, 12.0, 0.8
-_LEAST_SPEED_CHANGE_MPS, _LEAST_SPEED_MPS = 0.35, 1.0
-# Chosen, deg: an antenna swings by half of this; and seconds of it. From the smaller one on a heading is doubted.
-_COURSE_APART_DEG, _COURSE_DOUBT_DEG, _APART_S, _MOST_BIAS_DEG = 20.0, 12.0, 3.0, 10.0
+_LEAST_DRIVEN_M, _DRIVEN_SHARE = 5.0, 0.8
+_LEAST_SPEED_MPS = 1.0
+# Chosen, deg: an antenna swings by half of this; and seconds of it. From LEAST_TURN_DEG on a heading is doubted.
+_COURSE_APART_DEG, _APART_S, _MOST_BIAS_DEG = 20.0, 3.0, 10.0
 # Chosen, m/s and share: a pace that differs more than by slip, and how long; wheels slip, but never turn too slowly.
-_PACE_APART_MPS, _PACE_APART_SHARE, _PACE_APART_S = 0.35, 0.3, 3.0
+_PACE_APART_S = 3.0
 _STOPPED_MPS, _STOPPED_S = 0.15, 1.5
 _LEAST_AGREEING_SHARE, _FEWEST_AGREEING = 0.8, 10  # chosen, of the blocks outside, and their number
 
@@ -63,21 +68,22 @@ class _Blocks:
 def find_standing_spans(motion: RawMotion, column: str) -> list[StandingSpan]:
     """Return the spans in which position, heading or speed stands within its noise although others change."""
     values = motion.get_column(column)
-    if values is None or column not in _CHECKS:
+    reading = STILL_READINGS[column]
+    if values is None or reading.check is None:
         return []
     if column == "heading":
         values = np.degrees(np.unwrap(np.radians(values)))
     starts = _find_block_starts(motion.time_s)
-    limit, hold_s = _measure_limit(motion, values, column), _measure_hold_s(motion, values)
-    if len(starts) < _FEWEST_BLOCKS or limit > _MOST_LIMIT[column]:
+    limit, hold_s = _measure_limit(motion, values, reading.wanders), _measure_hold_s(motion, values)
+    if len(starts) < _FEWEST_BLOCKS or limit > reading.most:
         return []
     blocks = _build_blocks(motion, starts)
     means = np.stack([_average(axis, starts) for axis in values])
     found = list[StandingSpan]()
-    for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, _HOLDS * hold_s)):
-        if blocks.time_s[last] - blocks.time_s[first] > _MOST_OF_LOG_SHARE * motion.total_s:
+    for first, last in _list_still_blocks(means, blocks.time_s, limit, max(_LEAST_STANDING_S, HOLDS * hold_s)):
+        if blocks.time_s[last] - blocks.time_s[first] > MOST_OF_LOG_SHARE * motion.total_s:
             continue
-        shown = _CHECKS[column](blocks, first, last)
+        shown = reading.check(blocks, first, last)
         if shown is not None:
             found.append(_find_standing_rows(values, starts, shown, limit))
     return sorted(found, key=lambda one: one.first)
@@ -109,18 +115,16 @@ def _average(values: Array, starts: Rows) -> Array:
     return mean
 
 
-def _measure_limit(motion: RawMotion, values: Array, column: str) -> float:
+def _measure_limit(motion: RawMotion, values: Array, wanders: float) -> float:
     """Return how far means of a value that stands may be from each other."""
-    steps = np.abs(np.diff(values, 2, axis=1))
-    noise = 1.4826 * float(np.median(steps)) / math.sqrt(6.0)
-    return _WANDER[column] + _NOISE_ERRORS * noise / math.sqrt(motion.count_rows(_BLOCK_S))
+    return wanders + _NOISE_ERRORS * measure_noise(values) / math.sqrt(motion.count_rows(_BLOCK_S))
 
 
 def _measure_hold_s(motion: RawMotion, values: Array) -> float:
     changes = np.flatnonzero((np.diff(values, axis=1) != 0.0).any(axis=0) & motion.moving[1:])
     if len(changes) < 2:
         return math.inf
-    return float(np.quantile(np.diff(motion.time_s[changes]), _HOLD_QUANTILE))
+    return float(np.quantile(np.diff(motion.time_s[changes]), HOLD_QUANTILE))
 
 
 def _build_blocks(motion: RawMotion, starts: Rows) -> _Blocks:
@@ -182,9 +186,9 @@ def _is_driven(blocks: _Blocks, part: slice) -> bool:
         return float(np.mean(target[driven] > MOVING_MPS)) >= _DRIVEN_SHARE
     if float(np.mean(driven)) < _DRIVEN_SHARE:
         return False
-    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > _LEAST_TURN_DEG:
+    if np.isfinite(blocks.heading[part]).all() and float(np.ptp(blocks.heading[part])) > LEAST_TURN_DEG:
         return True
-    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > _LEAST_SPEED_CHANGE_MPS
+    return float(np.median(speed)) > _LEAST_SPEED_MPS and float(np.ptp(speed)) > PACE_CHANGE_MPS
 
 
 def _agrees_outside(blocks: _Blocks, first: int, last: int) -> bool:
@@ -204,7 +208,7 @@ def _find_outside(blocks: _Blocks, first: int, last: int) -> Mask:
 
 
 def _is_other_pace(pace: Array, speed: Array) -> Mask:
-    apart: Mask = np.abs(pace - speed) > np.maximum(_PACE_APART_MPS, _PACE_APART_SHARE * speed)
+    apart: Mask = np.abs(pace - speed) > np.maximum(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * speed)
     return apart
 
 
@@ -223,7 +227,7 @@ def _check_heading(blocks: _Blocks, first: int, last: int) -> _Shown:
         far = np.minimum(apart, left)[first : last + 1] > _COURSE_APART_DEG
         if np.count_nonzero(far) * _BLOCK_S < _APART_S:
             return None
-        doubted = np.flatnonzero(apart[first : last + 1] > _COURSE_DOUBT_DEG)
+        doubted = np.flatnonzero(apart[first : last + 1] > LEAST_TURN_DEG)
     return first, last, first + int(doubted[0])
 
 
@@ -233,7 +237,7 @@ def _check_speed(blocks: _Blocks, first: int, last: int) -> _Shown:
     speed, pace, target = float(np.mean(blocks.speed[part])), blocks.pace[part], blocks.target[part]
     other = _is_other_pace(pace, np.full(len(pace), speed))
     shown = first + int(np.argmax(other))
-    if speed < _PACE_APART_MPS or not other.any() or not _agrees_outside(blocks, shown, last):
+    if speed < PACE_CHANGE_MPS or not other.any() or not _agrees_outside(blocks, shown, last):
         return None
     moving = pace > MOVING_MPS
     other &= _is_other_pace(pace, np.full(len(pace), pace[0]))  # a sensor that reads low does so from the start
@@ -251,8 +255,143 @@ def _halts_and_goes_on(pace: Array, target: Array, moving: Mask) -> bool:
     return float(np.mean(target[halts] < MOVING_MPS)) > 0.5
 
 
-_CHECKS: dict[str, Callable[[_Blocks, int, int], _Shown]] = {
-    "position": _check_position,
-    "heading": _check_heading,
-    "speed": _check_speed,
+class StillReading(NamedTuple):
+    """A column that may stand still: id and words of the fault, for one value and for one but for its noise; what else
+    shows that it should not; and how far means of a value that stands may differ.
+
+    They differ by what `wanders` slowly in the column (chosen: m, deg, m/s) and by its noise; more than `most` is no
+    standstill that could be told. A column without a check stands by repeating a value only.
+    """
+
+    fault_id: str
+    words: str
+    standing_words: str = ""
+    check: Callable[[_Blocks, int, int], _Shown] | None = None
+    wanders: float = 0.0
+    most: float = 0.0
+
+
+STILL_READINGS = {
+    "position": StillReading(
+        POSITION_FROZEN,
+        "the positions repeat one value while the tractor drives",
+        "the positions stay at one place but for their noise while the tractor drives",
+        _check_position, 0.1, 0.3,
+    ),
+    "heading": StillReading(
+        HEADING_FROZEN,
+        "heading_deg repeats one value while the tractor turns",
+        "heading_deg stays at one value but for its noise while the tractor turns",
+        _check_heading, 0.5, 3.0,
+    ),
+    "speed": StillReading(
+        SPEED_FROZEN,
+        "speed_mps repeats one value while the tractor drives on",
+        "speed_mps stays at one value but for its noise while the tractor drives on at others",
+        _check_speed, 0.03, 0.2,
+    ),
+    "wheel": StillReading(WHEEL_SENSOR_FROZEN, "steering_deg repeats one value while the tractor steers on"),
+}  # fmt: skip
+"""A fault of a further column is one more entry."""
+
+
+STEERING_LOOSE, STEERING_STUCK = "steering_loose", "steering_stuck"
+STEERING_WORDS = {
+    STEERING_LOOSE: "the wheels do not follow the steering commands",
+    STEERING_STUCK: "the wheels run to one side and stay there whatever is commanded",
 }
+
+SPARSE_S = 1.0  # chosen: columns that change more often have other checks
+_FEWEST_READINGS = 20  # of a log, to show that the wheels usually follow
+# Chosen: readings one after the other, how long (s) and how far the wheels move in them.
+_FEWEST_STILL, _LEAST_STILL_S, _STILL_DEG = 4, 20.0, 1.5
+# Chosen, deg: commands that differ by so much in these readings, and how far the wheels are from most of them.
+_COMMANDS_DEG, _APART_DEG, _APART_SHARE = 10.0, 5.0, 0.6
+_LEAST_FOLLOWING = 0.7  # correlation of the other readings with their commands
+_END_SHARE = 0.9  # chosen, of the largest angle to that side in other readings: the end of the travel
+_JOIN_READINGS = 3  # chosen: nearer faults are one
+Span = tuple[int, int]  # first and last reading
+
+
+def find_sparse_steering_faults(columns: Columns, name: str) -> list[ColumnFault]:
+    """Return when the wheels of the log `name` stay far from the commands, from sparse columns in units of the
+    contract, with the rows; empty for columns that change in most rows."""
+    readings = _find_readings(columns)
+    if len(readings) < _FEWEST_READINGS:
+        return []
+    time, command, wheel = (columns[key][readings] for key in ("time_s", "steering_command_deg", "steering_deg"))
+    if float(np.median(np.diff(time))) < SPARSE_S:
+        return []
+    spans = _find_still_spans(time, command, wheel)
+    inside = np.zeros(len(readings), dtype=np.bool_)
+    for first, last in spans:
+        inside[first : last + 1] = True
+    if not spans or not _follows(command[~inside], wheel[~inside]):
+        return []
+    end_s = float(np.nanmax(columns["time_s"]))
+    faults = [_build_fault(name, time, wheel, inside, span, end_s) for span in spans]
+    return [ColumnFault(fault, _find_fault_rows(columns["time_s"], fault)) for fault in faults]
+
+
+def _find_fault_rows(time: Array, fault: LogFault) -> Rows:
+    from_s = fault.from_s if fault.between_s is None else fault.between_s[0]
+    return np.flatnonzero((time > from_s) & (time <= (np.inf if fault.to_s is None else fault.to_s)))
+
+
+def _find_readings(columns: Columns) -> Rows:
+    """Return the rows in which a steering column has a new value, where both are known."""
+    if "steering_command_deg" not in columns or "steering_deg" not in columns:
+        return np.empty(0, dtype=np.int64)
+    values = np.stack([columns[key] for key in ("time_s", "steering_command_deg", "steering_deg")])
+    rows = np.flatnonzero(np.isfinite(values).all(axis=0))
+    rows = rows[np.append(True, np.diff(values[0, rows]) > 0.0)] if len(rows) else rows
+    changes = (np.diff(values[1:, rows], axis=1) != 0.0).any(axis=0)
+    return rows[np.append(True, changes)] if len(rows) else rows
+
+
+def _find_still_spans(time: Array, command: Array, wheel: Array) -> list[Span]:
+    """Return spans of readings (k,) in which the wheels stay, far from commands that differ; near ones as one."""
+    spans: list[Span] = []
+    first = 0
+    while first + _FEWEST_STILL <= len(wheel):
+        apart_from_first = np.abs(wheel[first:] - wheel[first]) > _STILL_DEG
+        count = int(np.argmax(apart_from_first)) if apart_from_first.any() else len(wheel) - first
+        part = slice(first, first + count)
+        is_fault = (
+            count >= _FEWEST_STILL
+            and abs(command[first] - wheel[first]) > _APART_DEG
+            and time[first + count - 1] - time[first] >= _LEAST_STILL_S
+            and float(np.ptp(command[part])) > _COMMANDS_DEG
+            and float(np.mean(np.abs(command[part] - wheel[part]) > _APART_DEG)) >= _APART_SHARE
+        )
+        if is_fault:
+            if spans and first - spans[-1][1] <= _JOIN_READINGS:
+                spans[-1] = spans[-1][0], first + count - 1
+            else:
+                spans.append((first, first + count - 1))
+        first += count if is_fault else 1
+    return spans
+
+
+def _follows(command: Array, wheel: Array) -> bool:
+    if len(wheel) < _FEWEST_READINGS or np.std(command) == 0.0 or np.std(wheel) == 0.0:
+        return False
+    return float(np.corrcoef(command, wheel)[0, 1]) > _LEAST_FOLLOWING
+
+
+def _build_fault(name: str, time: Array, wheel: Array, inside: Mask, span: Span, end_s: float) -> LogFault:
+    """Build a fault: it began between the last reading that followed and the first that did not."""
+    first, last = span
+    # Commands near the angle at which the wheels stay look followed.
+    away = np.flatnonzero(np.abs(wheel[:first] - wheel[first]) > _STILL_DEG)
+    before_s, shown_s = float(time[away[-1] if len(away) else 0]), float(time[first])
+    angle = float(np.median(wheel[first : first + _FEWEST_STILL]))
+    others = np.sign(angle) * wheel[~inside]
+    is_at_end = abs(angle) > _END_SHARE * float(np.quantile(others, 0.99))
+    fault_id = STEERING_STUCK if is_at_end else STEERING_LOOSE
+    to_s = None if last == len(time) - 1 else float(time[last])
+    if to_s is not None and end_s - to_s < float(np.median(np.diff(time))):
+        to_s = None
+    return LogFault(
+        fault_id, name, 0.5 * (before_s + shown_s), to_s, STEERING_WORDS[fault_id], between_s=(before_s, shown_s)
+    )

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.logs.chords import compute_path_chords
-from vehicle.identification.logs.schema import Array, Log, LogConvention, Mask, format_fix_option
+from vehicle.identification.logs.motion import compute_path_chords, measure_steady_time_s
+from vehicle.identification.logs.readings import LogConvention, format_fix_option
+from vehicle.identification.logs.schema import Array, Log
 
 STEEPEST_DEG = 60.0  # a tractor on such a slope has rolled over
 SMOOTHING_WIDTHS_S = (0.3, 0.6, 1.0, 1.6, 2.5, 4.0)  # smoothing: a tractor drives its own length in 2 to 4 s
@@ -313,9 +314,8 @@ def _estimate_grade_gain(
     for number, log in enumerate(logs):
         assert log.speed_mps is not None and log.speed_command_mps is not None
         is_own_row, used = ground_fall.log == number, log.used
-        use = _find_steady_rows(log.time_s[used], log.speed_command_mps[used]) & (
-            log.speed_command_mps[used] > _SLOWEST_MPS
-        )
+        steady = measure_steady_time_s(log)[used] >= STEADY_COMMAND_S
+        use = steady & (log.speed_command_mps[used] > _SLOWEST_MPS)
         ratios.append(log.speed_mps[used][use] / log.speed_command_mps[used][use])
         falls.append(forward_fall[is_own_row][use])
         blocks.append(ground_fall.block[is_own_row][use])
@@ -323,20 +323,25 @@ def _estimate_grade_gain(
     ratio, fall, block, implement = (
         np.concatenate(block_number) for block_number in (ratios, falls, blocks, implement_states)
     )
-    numbers = np.unique(block)
     columns = np.stack([fall, np.ones(len(fall)), implement], axis=1)
     if implement.size and np.ptp(implement) == 0.0:
         columns = columns[:, :2]
-    if len(numbers) < _FEWEST_BLOCKS or np.ptp(fall) == 0.0:
+    if len(np.unique(block)) < _FEWEST_BLOCKS or np.ptp(fall) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
-    coefficients = np.linalg.lstsq(columns, ratio, rcond=None)[0]
-    inverse = np.linalg.pinv(columns.T @ columns)
-    scores = columns * (ratio - columns @ coefficients)[:, None]
-    sums = np.stack([scores[block == block_number].sum(axis=0) for block_number in numbers])
-    covariance = inverse @ (sums.T @ sums) @ inverse
+    coefficients, error = _fit_by_blocks(columns, ratio, block)
     level = columns[:, 1:] @ np.linalg.lstsq(columns[:, 1:], ratio, rcond=None)[0]
     spread, left = (_compute_block_rms(values, block) for values in (ratio - level, ratio - columns @ coefficients))
-    return float(coefficients[0]), float(np.sqrt(covariance[0, 0])), spread, left
+    return float(coefficients[0]), error, spread, left
+
+
+def _fit_by_blocks(columns: Array, values: Array, block: Array) -> tuple[Array, float]:
+    """Fit values (k,) by columns (k, m); return the coefficients, and the standard error of the first of them where the
+    rows of a block are one observation."""
+    coefficients = np.asarray(np.linalg.lstsq(columns, values, rcond=None)[0], dtype=np.float64)
+    inverse = np.linalg.pinv(columns.T @ columns)
+    scores = columns * (values - columns @ coefficients)[:, None]
+    sums = np.stack([scores[block == number].sum(axis=0) for number in np.unique(block)])
+    return coefficients, float(np.sqrt((inverse @ (sums.T @ sums) @ inverse)[0, 0]))
 
 
 def _compute_block_rms(values: Array, block: Array) -> float:
@@ -346,15 +351,6 @@ def _compute_block_rms(values: Array, block: Array) -> float:
     return float(np.sqrt(np.mean(means**2)))
 
 
-def _find_steady_rows(time: Array, command: Array) -> Mask:
-    """Find rows whose command has been constant for STEADY_COMMAND_S."""
-    changed = np.concatenate([[True], np.diff(command) != 0.0])
-    last = time[np.maximum.accumulate(np.where(changed, np.arange(len(time)), 0))]
-    steady: Mask = time - last >= STEADY_COMMAND_S
-    return steady
-
-
-_FEWEST_DRIFT_BLOCKS = 6
 _UPHILL_SIGMAS = 3.0  # standard errors: a false alarm only means that the slope is not used
 _STRAIGHT_PER_M = 0.03
 _COMPASS_ERROR_RAD = 0.004  # a quarter of a degree, the drift of a heading from run to run
@@ -470,15 +466,12 @@ def _estimate_drift(logs: Sequence[Log], ground_fall: GroundFall) -> tuple[float
         bends.append(chords.curvature[use])
     x, y, block = (np.concatenate(column) if column else np.zeros(0) for column in (slopes, crabs, blocks))
     x, y = x - (x.mean() if len(x) else 0.0), y - (np.median(y) if len(y) else 0.0)
-    spread = float(x @ x)
-    if len(np.unique(block)) < _FEWEST_DRIFT_BLOCKS or spread == 0.0:
+    if len(np.unique(block)) < _FEWEST_BLOCKS or float(x @ x) == 0.0:
         return 0.0, np.inf, 0.0, 0.0
-    drift = float(x @ y) / spread
-    scores = x * (y - y.mean() - drift * x)
-    sums = np.array([scores[block == column].sum() for column in np.unique(block)])
+    (drift, _), error = _fit_by_blocks(np.stack([x, np.ones(len(x))], axis=1), y, block)
     compass = _COMPASS_ERROR_RAD / (np.sqrt(len(slopes)) * float(np.std(x)))
     before, left = (_compute_crab_rms(values, np.concatenate(bends), block) for values in (y, y - drift * x))
-    return drift, float(np.hypot(np.sqrt(sums @ sums) / spread, compass)), before, left
+    return float(drift), math.hypot(error, compass), before, left
 
 
 def _compute_crab_rms(crab: Array, bend: Array, block: Array) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 from fields.errors import mark_parameter
 from vehicle.datasheet.sheet import QUANTITIES
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.chords import compute_bends, compute_path_chords, find_largest_steering
+from vehicle.identification.logs.motion import compute_bends, compute_path_chords, find_largest_steering
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.model.effects import get_effect
 from vehicle.model.tractor import PowerLaw, Tractor

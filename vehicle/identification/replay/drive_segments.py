@@ -18,8 +18,15 @@ import numpy as np
 import numpy.typing as npt
 
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.gating import GAP_SAMPLES
-from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log, Mask, Rows, split_drive_segments
+from vehicle.identification.logs.schema import (
+    GAP_SAMPLES,
+    SHORTEST_SEGMENT_S,
+    Array,
+    Log,
+    Mask,
+    Rows,
+    split_drive_segments,
+)
 from vehicle.identification.logs.terrain import CrossSlope, estimate_cross_slope, estimate_grade_speed
 from vehicle.identification.replay.courses import compute_course, compute_course_offset
 from vehicle.model.effects import SLOPE_DRIFT, STEERING_CLOCK, STEP_HZ

@@ -1,0 +1,387 @@
+"""Course, speed and curvature of the path from positions alone, and the steering compared with them, chord by chord."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from vehicle.identification.errors import LogError
+from vehicle.identification.logs.schema import Array, Log, Mask, Rows
+from vehicle.identification.logs.series import compute_change, find_spans, measure_noise
+from vehicle.identification.logs.table import Columns
+
+_SPANS_S = (2.0, 1.0, 0.5, 0.25, 0.1)  # long chords have less noise, short ones follow the bends of small fast vehicles
+_LEAST_STRAIGHTNESS = 0.93  # chord over two half chords: an arc of about 86 degrees
+_MOVING_SHARE = 0.3  # of the median chord: slower ones have no reliable direction
+_FEWEST_CHORDS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class PathChords:
+    """Chords of the path, one value each.
+
+    `row` is the row of the log at the middle, `span_s` the duration of a chord; `course` (rad, clockwise from north) is
+    the direction of travel, `speed` in m/s, `curvature` (1/m) positive to the right of the travel.
+    """
+
+    row: npt.NDArray[np.int64]
+    span_s: float
+    course: Array
+    speed: Array
+    curvature: Array
+
+
+def compute_path_chords(log: Log) -> PathChords | None:
+    """Compute chords as long in time as the bends of the path allow; None when the log hardly moves or is too short."""
+    best = None
+    for span in _SPANS_S:
+        chords = _compute_chords(log, max(span, 2.0 * log.step_s))
+        if chords is None:
+            continue
+        best, straightness = chords
+        if straightness >= _LEAST_STRAIGHTNESS:
+            return best
+    return best
+
+
+def _compute_chords(log: Log, span: float) -> tuple[PathChords, float] | None:
+    """Compute chords of a time span, half before and half after the middle row, and the straightness of the most bent
+    tenth."""
+    parts = [_compute_segment_chords(log, number, span) for number in range(log.segment_count)]
+    row, first, second = (np.concatenate(column) for column in zip(*parts, strict=True))
+    if len(row) < _FEWEST_CHORDS:
+        return None
+    length = np.hypot(*(first + second).T)
+    halves = np.hypot(*first.T) + np.hypot(*second.T)
+    moving = length > _MOVING_SHARE * np.median(halves[halves > 0.0]) if (halves > 0.0).any() else length > 0.0
+    if np.count_nonzero(moving) < _FEWEST_CHORDS:
+        return None
+    row, first, second, length, halves = row[moving], first[moving], second[moving], length[moving], halves[moving]
+    turn = np.arctan2(first[:, 1] * second[:, 0] - first[:, 0] * second[:, 1], (first * second).sum(axis=1))
+    chord = first + second
+    chords = PathChords(row, span, np.arctan2(chord[:, 0], chord[:, 1]), halves / span, 2.0 * turn / halves)
+    return chords, float(np.quantile(length / halves, 0.1))
+
+
+def _compute_segment_chords(log: Log, number: int, span: float) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    """Return middle rows every half span of one segment, and the (east, north) steps before and after them."""
+    rows = np.flatnonzero(log.segment == number)
+    time = log.time_s[rows]
+    middle_times = np.arange(time[0] + 0.5 * span, time[-1] - 0.5 * span + 1e-9, 0.5 * span)
+    middle_rows = np.unique(np.minimum(np.searchsorted(time, middle_times - 1e-9), len(rows) - 1))
+    middle = time[middle_rows]
+    middle_rows = middle_rows[(middle - 0.5 * span >= time[0] - 1e-9) & (middle + 0.5 * span <= time[-1] + 1e-9)]
+    middle = time[middle_rows]
+    place = [
+        np.stack([np.interp(middle + shift * span, time, axis[rows]) for axis in (log.easting_m, log.northing_m)], 1)
+        for shift in (-0.5, 0.0, 0.5)
+    ]
+    return rows[middle_rows], place[1] - place[0], place[2] - place[1]
+
+
+CLEAR_STEERING_DEG = 3.0  # more than any offset, slope or draft of usual size
+_FEWEST_BEND_CHORDS = 5  # chords: fewer bends may be one swerve
+_FEWEST_ROWS = 20  # needed to find that two columns contradict each other
+_MIRRORED_SHARE = 0.8  # of the clear bends: some are misjudged where the steering is changing
+
+
+_SAME_MPS = 0.02  # chosen: commands that differ by less are one
+_ALIKE_SHARE, _ALIKE_S = 0.3, 3.0  # chosen: of an angle, and for how long, two columns show the same one
+_CLEAR_CORRELATION, _PARTS = 0.7, 5  # chosen: of two columns that hold one angle, and parts of a run to look at
+
+
+def _correlate(one: Array, other: Array) -> float:
+    """Return the correlation of two columns (k,), 0 where one of them is constant."""
+    spread = float(np.std(one)) * float(np.std(other))
+    return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread > 0.0 else 0.0
+
+
+def select_chord_steering(log: Log) -> Array:
+    """Return the steering (deg) to compare with: the sensor if there is one, else the command.
+
+    Raises LogError for two columns that contradict each other.
+    """
+    command, sensor = log.steering_command_deg, log.steering_deg
+    if sensor is None or command is None:
+        angle = command if sensor is None else sensor
+        assert angle is not None
+        return angle
+    commanded, measured = command[log.used], sensor[log.used]
+    if len(commanded) < _FEWEST_ROWS:
+        return sensor
+    correlation = _correlate(commanded, measured)
+    if correlation < -_CLEAR_CORRELATION and float(np.std(commanded)) > 0.03 and not _stand_alike(log):
+        # Wheels that stop following during a run follow before or after.
+        parts = zip(np.array_split(commanded, _PARTS), np.array_split(measured, _PARTS), strict=True)
+        if not any(_correlate(*part) > _CLEAR_CORRELATION for part in parts):
+            raise LogError(
+                f"{log.name}: steering_command_deg and steering_deg have opposite signs (correlation "
+                f"{correlation:.2f}); make both positive to the right."
+            )
+    if correlation > _CLEAR_CORRELATION:
+        ratio = float(np.std(commanded)) / float(np.std(measured))
+        if not 1.0 / 20.0 < ratio < 20.0:
+            raise LogError(
+                f"{log.name}: steering_command_deg moves {ratio:.3g} times as far as steering_deg; one is in radians, "
+                "write both in degrees."
+            )
+    return sensor
+
+
+def _stand_alike(log: Log) -> bool:
+    """Whether the wheels stand at their command for seconds, to a side: those of opposite signs only pass by."""
+    assert log.steering_command_deg is not None and log.steering_deg is not None
+    command, wheel = log.steering_command_deg[log.used], log.steering_deg[log.used]
+    apart, away = np.abs(command - wheel), np.minimum(command * np.sign(wheel), np.abs(wheel))
+    alike = apart < _ALIKE_SHARE * away
+    time = log.time_s[log.used]
+    return any(time[last] - time[first] > _ALIKE_S for first, last in find_spans(alike))
+
+
+def has_pace_change(pace: Array) -> bool:
+    """Whether paces (k,) differ by more than slip from the slower to the faster tenth."""
+    slow, middle, fast = np.quantile(pace, (0.1, 0.5, 0.9))
+    return bool(fast - slow > PACE_CHANGE_SHARE * middle)
+
+
+def measure_steady_time_s(log: Log) -> Array:
+    """Return how long (s) the commanded speed of each row has been constant, from the start of its segment."""
+    assert log.speed_command_mps is not None
+    changed = np.abs(np.diff(log.speed_command_mps)) > _SAME_MPS
+    changed |= (np.diff(log.segment) != 0) | (np.diff(log.shuttle) != 0.0)
+    since = np.maximum.accumulate(np.where(np.append(True, changed), np.arange(len(log.time_s)), 0))
+    steady_s: Array = log.time_s - log.time_s[since]
+    return steady_s
+
+
+def find_largest_steering(log: Log) -> float:
+    """Return the largest absolute steering angle (deg)."""
+    return float(np.abs(select_chord_steering(log)[log.used]).max())
+
+
+def compute_bends(log: Log) -> tuple[Array, Array, Array] | None:
+    """Per chord: mean steering, curvature of the path (1/m, to the right in a forward gear), and gear (-1, 0 or 1).
+
+    None when the log has no chords.
+    """
+    chords = compute_path_chords(log)
+    if chords is None:
+        return None
+    rows = np.flatnonzero(log.used)
+    time, values = log.time_s[rows], select_chord_steering(log)[rows]
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(time))])
+    middle = log.time_s[chords.row]
+    turned = compute_change(time, total, middle - 0.5 * chords.span_s, middle + 0.5 * chords.span_s)
+    gear = np.sign(log.shuttle[chords.row])
+    return turned / chords.span_s, chords.curvature * gear, gear
+
+
+def select_clear_bends(logs: Sequence[Log], gear: float = 0.0) -> tuple[Array, Array]:
+    """Return steering and curvature of the chords with clear steering, of one gear if it is not 0."""
+    angles, curvatures = [np.empty(0)], [np.empty(0)]
+    for log in logs:
+        bends = compute_bends(log)
+        if bends is not None:
+            clear = (np.abs(bends[0]) >= CLEAR_STEERING_DEG) & ((bends[2] == gear) | (gear == 0.0))
+            angles.append(bends[0][clear])
+            curvatures.append(bends[1][clear])
+    return np.concatenate(angles), np.concatenate(curvatures)
+
+
+def is_steering_mirrored(angle: Array, curvature: Array) -> bool | None:
+    """Whether the path turns away from the steering; None with too few bends.
+
+    Only clear steering counts, where no offset, slope or draft can turn the tractor the other way.
+    """
+    if len(angle) < _FEWEST_BEND_CHORDS:
+        return None
+    correlation = float(angle @ curvature) / math.sqrt(float(angle @ angle) * float(curvature @ curvature) + 1e-30)
+    return correlation <= -0.5 and float(np.mean(angle * curvature < 0.0)) >= _MIRRORED_SHARE
+
+
+MOVING_MPS = 0.3  # noise of a speed sensor at rest, and of the course of a creeping tractor
+FEWEST_ROWS = 50  # chosen: shorter logs do not show what is usual
+_CHORD_S, _CHORDS_S, _NOISE_LENGTHS = 1.0, (1.0, 2.0, 4.0, 8.0), 20.0  # chosen: three degrees of course by noise
+_LEAST_DRIVEN_M = 2.0  # chosen, of positions that stay: more than wheels turn while a tractor starts
+LEAST_TURN_DEG = 12.0  # chosen, of the course: four times its noise
+# Chosen, of the pace from its slower to its faster twentieth: more than slip, and than a lever in bends.
+PACE_CHANGE_MPS, PACE_CHANGE_SHARE = 0.35, 0.3
+# Chosen: the path needs another angle by this much (deg, and share of the angle, which sliding tyres lose), this long.
+_OTHER_ANGLE_DEG, _SLIDING_SHARE, _OTHER_ANGLE_S = 4.0, 0.5, 1.5
+_GAP_STEPS = 2.5  # chosen: longer steps are gaps
+_FEWEST_OUTSIDE = 50  # rows
+_LEAST_FOLLOWING = 0.7  # chosen, correlation of the wheel angle with the bends outside a span
+
+
+@dataclass(frozen=True, eq=False)
+class RawMotion:
+    """Columns of the rows in use (k,), angles in degrees, and what they show: chords of the path and motion.
+
+    `pace` and `course` are those of chords that take `chord_s`, NaN where they are not known.
+    """
+
+    time_s: Array
+    positions: Array
+    heading: Array | None
+    speed: Array | None
+    wheel: Array | None
+    target: Array | None
+    stated_speed: Array | None
+    pace: Array
+    course: Array
+    moving: Mask
+    chord_s: float
+
+    @property
+    def total_s(self) -> float:
+        """Time from the first row to the last."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    def get_column(self, name: str) -> Array | None:
+        """Return the values (c, k) of position, heading, speed or wheel; None for a column that is not logged."""
+        if name == "position":
+            return self.positions
+        values: Array | None = getattr(self, name)
+        return None if values is None else values[None]
+
+    def count_rows(self, seconds: float) -> int:
+        """Return the rows of a time at the usual rate, at least one."""
+        return max(round(seconds / float(np.median(np.diff(self.time_s)))), 1)
+
+    def measure_spans(self, starts: Rows, ends: Rows) -> tuple[Array, Mask]:
+        """Return the time (s) in the rows of spans, without gaps, and whether the tractor moves in most of each."""
+        steps = np.diff(self.time_s)
+        driven_s = np.concatenate([[0.0], np.cumsum(np.minimum(steps, _GAP_STEPS * np.median(steps)))])
+        seconds = driven_s[ends] - driven_s[starts]
+        moved = np.concatenate([[0.0], np.cumsum(self.moving)])
+        return seconds, (moved[ends + 1] - moved[starts]) / (ends + 1 - starts) > 0.5
+
+    def without_positions(self, spans: Sequence[tuple[int, int]]) -> RawMotion:
+        """Return the motion without what the positions of these spans seem to show."""
+        if not spans:
+            return self
+        known = np.ones(len(self.time_s), dtype=np.bool_)
+        for first, last in spans:
+            known[first : last + 1] = False
+        if np.count_nonzero(known) < FEWEST_ROWS:
+            known[:] = True
+        # The noise of a receiver that lost its fix asks for longer chords than the rest needs.
+        pace, course, chord_s = _compute_chord_motion(self.time_s, self.positions, known)
+        margin = self.count_rows(0.5 * chord_s) + 1
+        for first, last in spans:
+            pace[max(first - margin, 0) : last + margin + 1] = np.nan
+            course[max(first - margin, 0) : last + margin + 1] = np.nan
+        moving = _find_moving_rows(pace, self.stated_speed)
+        return replace(self, pace=pace, course=course, moving=moving, chord_s=chord_s)
+
+    def find_fresh_positions(self) -> Rows:
+        """Return the rows in which the position is a new one."""
+        return np.append(0, np.flatnonzero((np.diff(self.positions, axis=1) != 0.0).any(axis=0)) + 1)
+
+    def is_contradicted(self, column: str, span: tuple[int, int]) -> bool:
+        """Whether other columns show that a column that repeats its value in a span should have changed."""
+        rows = slice(span[0], span[1] + 1)
+        if column == "position":
+            return self._measure_driven_m(rows) > _LEAST_DRIVEN_M
+        if column == "heading":
+            # A gear change turns the course by half a circle and the heading by nothing.
+            course = self.course[rows][np.isfinite(self.course[rows])]
+            return len(course) > 1 and float(np.ptp(0.5 * np.unwrap(2.0 * course))) > math.radians(LEAST_TURN_DEG)
+        if column == "speed":
+            return self._has_other_pace(rows)
+        return self._needs_other_angle(rows)
+
+    def _measure_driven_m(self, rows: slice) -> float:
+        if self.stated_speed is None:
+            return 0.0
+        speed = self.stated_speed[rows]
+        return float(np.sum(np.where(speed[:-1] > MOVING_MPS, speed[:-1], 0.0) * np.diff(self.time_s[rows])))
+
+    def _has_other_pace(self, rows: slice) -> bool:
+        pace = self.pace[rows][np.isfinite(self.pace[rows])]
+        if self.speed is None or len(pace) < self.count_rows(_OTHER_ANGLE_S):
+            return False
+        slow, middle, fast = np.quantile(pace, (0.05, 0.5, 0.95))
+        if self.speed[rows.start] == 0.0:
+            elsewhere = np.delete(self.speed, np.arange(rows.start, rows.stop))
+            return bool(middle > PACE_CHANGE_MPS) and len(elsewhere) > 0 and float(np.max(elsewhere)) > MOVING_MPS
+        return bool(fast - slow > max(PACE_CHANGE_MPS, PACE_CHANGE_SHARE * middle))
+
+    def _needs_other_angle(self, rows: slice) -> bool:
+        """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""
+        if self.wheel is None:
+            return False
+        curvature = self._compute_curvature()
+        outside = np.isfinite(curvature)
+        outside[rows] = False
+        if np.count_nonzero(outside) < _FEWEST_OUTSIDE:
+            return False
+        if np.ptp(self.wheel[outside]) == 0.0 or np.ptp(curvature[outside]) == 0.0:
+            return False
+        if np.corrcoef(self.wheel[outside], curvature[outside])[0, 1] ** 2 < _LEAST_FOLLOWING**2:
+            return False
+        slope, at_zero = np.polyfit(self.wheel[outside], curvature[outside], 1)
+        repeated = float(self.wheel[rows.start])
+        needed = (curvature[rows] - at_zero) / slope
+        scatter = float(np.std((curvature[outside] - at_zero) / slope - self.wheel[outside]))
+        excess = np.abs(needed - repeated) - _SLIDING_SHARE * abs(repeated) - 2.0 * scatter
+        return int(np.count_nonzero(excess > _OTHER_ANGLE_DEG)) >= self.count_rows(_OTHER_ANGLE_S)
+
+    def _compute_curvature(self) -> Array:
+        """Return the curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
+        angle = self.course if self.heading is None else np.unwrap(np.radians(self.heading))
+        half = max(self.count_rows(0.5 * _CHORD_S), 1)
+        out = np.full(len(angle), np.nan)
+        turn = angle[2 * half :] - angle[: -2 * half]
+        turn = (turn + math.pi) % (2.0 * math.pi) - math.pi
+        seconds = self.time_s[2 * half :] - self.time_s[: -2 * half]
+        pace = self.pace[half:-half]
+        ok = np.isfinite(pace) & (pace > MOVING_MPS) & np.isfinite(turn)
+        out[half:-half][ok] = turn[ok] / (pace[ok] * seconds[ok])
+        return out
+
+
+def build_raw_motion(columns: Columns, rows: Rows) -> RawMotion:
+    """Build the motion of the rows in use; missing cells of optional columns are filled with the value before."""
+    time = columns["time_s"][rows]
+    positions = np.stack([columns["easting_m"][rows], columns["northing_m"][rows]])
+    heading, speed, wheel, target = (
+        _fill_column(columns, name, rows) for name in ("heading_deg", "speed_mps", "steering_deg", "speed_command_mps")
+    )
+    pace, course, chord_s = _compute_chord_motion(time, positions, np.ones(len(time), dtype=np.bool_))
+    stated = target if speed is None or float(np.max(speed)) == 0.0 else speed
+    moving = _find_moving_rows(pace, stated)
+    return RawMotion(time, positions, heading, speed, wheel, target, stated, pace, course, moving, chord_s)
+
+
+def _find_moving_rows(pace: Array, stated_speed: Array | None) -> Mask:
+    moving: Mask = np.nan_to_num(pace) > MOVING_MPS
+    return moving if stated_speed is None else moving | (stated_speed > MOVING_MPS)
+
+
+def _fill_column(columns: Columns, name: str, rows: Rows) -> Array | None:
+    if name not in columns:
+        return None
+    values = columns[name][rows]
+    finite = np.flatnonzero(np.isfinite(values))
+    place = np.maximum(np.searchsorted(finite, np.arange(len(values)), side="right") - 1, 0)
+    return values[finite[place]] if len(finite) else None
+
+
+def _compute_chord_motion(time: Array, positions: Array, known: Mask) -> tuple[Array, Array, float]:
+    """Return pace (m/s) and course (rad, clockwise from north) per row, NaN where the path is too short for one, and
+    the time (s) that chords take by the noise of the `known` rows."""
+    noise = measure_noise(positions[:, known])
+    for span_s in _CHORDS_S:
+        before, after = np.maximum(time - 0.5 * span_s, time[0]), np.minimum(time + 0.5 * span_s, time[-1])
+        step = np.stack([compute_change(time, axis, before, after) for axis in positions])
+        length = np.hypot(*step)
+        if float(np.median(length[known])) >= _NOISE_LENGTHS * noise:
+            break
+    course = np.arctan2(step[0], step[1])
+    course[length < max(_NOISE_LENGTHS * noise, 0.5 * MOVING_MPS * span_s)] = np.nan
+    return length / (after - before), course, span_s
