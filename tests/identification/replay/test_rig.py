@@ -12,6 +12,11 @@ from vehicle.errors import VehicleError
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.rig import (
+    ANGLE_COLUMN,
+    FORWARD_COLUMN,
+    STEERING_COLUMN,
+    X_COLUMN,
+    Y_COLUMN,
     build_rig,
     build_rig_and_corrections,
     compute_antenna_lever,
@@ -19,7 +24,6 @@ from vehicle.identification.replay.rig import (
     simulate_logged_values,
     simulate_wheel_angles,
 )
-from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
 from vehicle.identification.replay.steering_steps import make_settled_state
 from vehicle.model.effects import compute_effect_fields
 from vehicle.model.tractor import EffectSetting, load_tractor
@@ -184,11 +188,11 @@ def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None
     )
     (_, second) = build_dataset([steered]).segments
     assert np.degrees(second.earlier_commands[[0, -1]]) == pytest.approx([0.0, 10.0])
-    (angles,) = simulate_wheel_angles(rig(), [second], {"steering_dead_time": {"time_s": 0.6}})
+    angles = simulate_wheel_angles(rig(), second, {"steering_dead_time": {"time_s": 0.6}})
     begun_s = DT_S * int(np.argmax(np.abs(angles) > 1e-6))
     assert begun_s == pytest.approx(0.4, abs=0.06)
     without = replace(second, earlier_commands=np.empty(0))
-    (early,) = simulate_wheel_angles(rig(), [without], {"steering_dead_time": {"time_s": 0.6}})
+    early = simulate_wheel_angles(rig(), without, {"steering_dead_time": {"time_s": 0.6}})
     assert DT_S * int(np.argmax(np.abs(early) > 1e-6)) < 0.1
 
 
@@ -210,3 +214,13 @@ def test_wheels_that_stand_where_a_log_begins_had_reached_their_command(
     wheel = 3.0 + np.minimum(frame.time_s.to_numpy() / 0.2, 1.0) * moved_deg
     (one,) = build_dataset([log(frame, steering_deg=wheel, steering_command_deg=9.0 + 0.0 * wheel)]).segments
     assert np.degrees(one.earlier_commands).tolist() == ([] if expected_deg is None else pytest.approx([3.0] * 96))
+
+
+def test_at_the_measured_speed_it_is_driven_until_there_is_no_number() -> None:
+    (one,) = course(circle(0.05, 20.0)).segments
+    speed = np.where(np.arange(len(one.grids["speed"])) < 40, one.grids["speed"], np.nan)
+    states = replay_segment(rig(), replace(one, grids=one.grids | {"speed": speed}), {}, True, True)
+    assert np.array_equal(states[:, FORWARD_COLUMN], speed, equal_nan=True)
+    assert np.isfinite(states[:40]).all() and np.isnan(states[-1, X_COLUMN])
+    short = replace(one, grids={name: values[:1] for name, values in one.grids.items()})
+    assert replay_segment(rig(), short, {}, True, True)[0, X_COLUMN] == one.grids["east"][0]

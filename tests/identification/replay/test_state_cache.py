@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, course, rig
-from vehicle.identification.replay.rig import replay_segment, simulate_wheel_angles
-from vehicle.identification.replay.state_cache import (
+from vehicle.identification.replay.rig import (
     STEERING_COLUMN,
     ReplayCache,
     make_settings_key,
+    replay_segment,
+    simulate_wheel_angles,
     split_settings_by_block,
 )
 from vehicle.model.effects import PATH, SPEED
@@ -21,11 +22,11 @@ def test_the_least_recently_asked_for_goes_first() -> None:
     kept, made = ReplayCache(3 * 80), []
 
     def ask(name: str) -> None:
-        def make() -> tuple[np.ndarray]:
+        def make() -> np.ndarray:
             made.append(name)
-            return (np.zeros(10),)
+            return np.zeros(10)
 
-        kept.get_or_make_arrays(name, make)
+        kept.get_or_make(name, make)
 
     for name in ("one", "two", "three", "one", "four", "one", "three", "two"):
         ask(name)
@@ -33,7 +34,7 @@ def test_the_least_recently_asked_for_goes_first() -> None:
 
 
 def test_what_is_kept_cannot_be_written_to() -> None:
-    one = ReplayCache().get_or_make_arrays("one", lambda: (np.zeros(3),))[0]
+    one = ReplayCache().get_or_make("one", lambda: np.zeros(3))
     with pytest.raises(ValueError, match="read-only"):
         one[0] = 1.0
 
@@ -62,5 +63,5 @@ def test_wheel_angles_are_those_of_the_whole_replay() -> None:
     one = course(frame).segments[0]
     for settings in ({}, LATE, {"steering_rate": {"rate_deg_per_s": 5.0}, **OFFSET}):
         whole = replay_segment(rig(), one, settings, from_sensor=False, from_speed=True)[:, STEERING_COLUMN]
-        alone = simulate_wheel_angles(rig(), [one], settings)[0]
+        alone = simulate_wheel_angles(rig(), one, settings)
         assert np.array_equal(alone, whole) and np.ptp(alone) > 0.1

@@ -7,9 +7,9 @@ depend on place or direction use the measured pose, so one simulation serves eve
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,28 +25,10 @@ from vehicle.identification.replay.instrument_timing import (
     simulate_logged_speeds,
     simulate_logged_wheel_angles,
 )
-from vehicle.identification.replay.state_cache import (
-    ANGLE_COLUMN,
-    FORWARD_COLUMN,
-    STEERING_COLUMN,
-    X_COLUMN,
-    Y_COLUMN,
-    EffectsKey,
-    ReplayCache,
-    make_settings_key,
-    split_settings_by_block,
-)
 from vehicle.identification.replay.steering_steps import apply_play_steps, make_settled_state, simulate_steering_steps
-from vehicle.identification.replay.vectorised import (
-    LANES,
-    add_draft_crab,
-    compute_tangents_and_drift,
-    integrate_poses,
-    simulate_turning_lanes,
-)
 from vehicle.jit import compile_function
 from vehicle.model.effect_kinds import PER_SLOPE
-from vehicle.model.effects import PATH, SLOPE_DRIFT, SPEED, compute_effect_fields
+from vehicle.model.effects import DISCREPANCY_KEY, PATH, SLOPE_DRIFT, SPEED, compute_effect_fields, get_effect
 from vehicle.model.effects import STEERING as STEERS
 from vehicle.model.ground import find_ground_index
 from vehicle.model.instruments import SHOWN_EAST, SHOWN_HEADING, SHOWN_NORTH, write_instrument_poses
@@ -58,49 +40,81 @@ from vehicle.model.tractor import (
     get_log_corrections,
     remove_log_corrections,
 )
-from vehicle.records import DT_S, STATE
+from vehicle.records import DT_S, GRAVITY_MPS2, STATE
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.dynamics import step_body, step_speed_control
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
 
-VECTORISED_STEPS = 100_000  # chosen, per batch of segments driven side by side: they fit in the processor's cache
 MOST_CACHED_MODELS = 16  # chosen: the segments of a dataset use the same model in turn
-SegmentSettings = tuple[DriveSegment, Settings]
+MOST_CACHE_BYTES = 200_000_000  # chosen: the states of ninety replays of a quarter of an hour, a tenth of 2 GB
+X_COLUMN, Y_COLUMN, ANGLE_COLUMN, STEERING_COLUMN, FORWARD_COLUMN = range(5)
+"""Columns of states: place (m) and angle (rad), wheel angle (rad), speed (m/s)."""
+EffectsKey = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
+
+
+class ReplayCache:
+    """Arrays by key, read-only; the least recently used are dropped first."""
+
+    def __init__(self, most_bytes: int = MOST_CACHE_BYTES) -> None:
+        """Create an empty cache of so many bytes."""
+        self._most_bytes, self._bytes = most_bytes, 0
+        self._arrays: OrderedDict[Hashable, Array] = OrderedDict()
+
+    def get_or_make(self, key: Hashable, make: Callable[[], Array]) -> Array:
+        """Return the array of a key, made if missing."""
+        if key in self._arrays:
+            self._arrays.move_to_end(key)
+            return self._arrays[key]
+        array = make()
+        array.flags.writeable = False
+        self._arrays[key] = array
+        self._bytes += array.nbytes
+        while self._bytes > self._most_bytes:
+            self._bytes -= self._arrays.popitem(last=False)[1].nbytes
+        return array
+
+
+def split_settings_by_block(settings: Settings, blocks: frozenset[str]) -> Settings:
+    """Split the effects into those of some blocks of the chain and the others."""
+    return {
+        name: values for name, values in settings.items() if name == DISCREPANCY_KEY or get_effect(name).block in blocks
+    }
+
+
+def make_settings_key(settings: Mapping[str, Mapping[str, float]]) -> EffectsKey:
+    """Return settings as a cache key, in the order of their names."""
+    return tuple((name, tuple(sorted(settings[name].items()))) for name in sorted(settings))
 
 
 @compile_function
-def drive_at_commanded_speed(  # type: ignore[no-untyped-def]
-    wheel_angle, speed, target, working, east, north, heading, cosines, sines, downhill, start_s, dt, state, model,
-    ground, table, out,
+def drive_segment(  # type: ignore[no-untyped-def]
+    wheel_angle, speed, is_speed_known, target, working, east, north, heading, cosines, sines, downhill, start_s, dt,
+    state, model, ground, table, out,
 ) -> None:  # fmt: skip
-    """Drive at the commanded speed, one input value per step; `out` (n, 5) gets x, y, angle and speeds before each
-    step.
+    """Drive at the measured or the commanded speed, one input value per step; `out` (n, 5) gets x, y, angle and speed
+    before each step.
 
-    `turned` is the wheel angle behind the play, `cosines` and `sines` are of `heading`; `downhill` is the drift to the
-    right (m/m) on a measured slope, in addition to the model's. Speeds are over ground: where the ground drift carries
-    the tractor along, it is included.
+    `wheel_angle` is behind the play, `cosines` and `sines` are of `heading`; `downhill` is the drift to the right (m/m)
+    on a measured slope, in addition to the model's. Speeds are over ground: where the ground drift carries the tractor
+    along, it is included.
     """
     x, y, angle, forward = east[0], north[0], heading[0], speed[0]
     state.reference_speed = forward
     right = spin = 0.0
     for i in range(len(wheel_angle)):
-        state.working, state.target_speed = working[i], target[i]
+        if is_speed_known:
+            forward = speed[i]
+            drive = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
+        else:
+            state.working, state.target_speed = working[i], target[i]
+            drive = step_speed_control(state, model, ground, forward, dt)
         out[i, X_COLUMN], out[i, Y_COLUMN], out[i, ANGLE_COLUMN], out[i, FORWARD_COLUMN] = x, y, angle, forward
-        drive = step_speed_control(state, model, ground, forward, dt)
         heading_cosine, heading_sine = cosines[i], sines[i]
         tangent = compute_affected_tangent(
-            wheel_angle[i],
-            forward,
-            east[i],
-            north[i],
-            heading_cosine,
-            heading_sine,
-            start_s + i * dt,
-            working[i],
-            table,
-            model,
-        )
+            wheel_angle[i], forward, east[i], north[i], heading_cosine, heading_sine, start_s + i * dt, working[i],
+            table, model,
+        )  # fmt: skip
         along, slide = compute_ground_drift(wheel_angle[i], forward, heading_cosine, heading_sine, model)
         slide += abs(forward) * downhill[i]
         if model.draft != 0.0:
@@ -179,252 +193,81 @@ def replay_segment(
     Missing columns are replaced: a sensor by its command, and a command by the angle that was measured, which no lag of
     the steering delays again.
     """
-    return replay_segments(rig, [(segment, settings)], from_sensor, from_speed)[0]
+    from_sensor = segment.wheel is not None and (from_sensor or segment.command is None)
+    at_measured_speed = from_speed or segment.target is None
+    # A sensor cuts the chain: effects before it have no influence. Antenna and clocks never move the tractor.
+    blocks = {PATH, *(() if from_sensor else (STEERS,)), *(() if at_measured_speed else (SPEED,))}
+    acting = split_settings_by_block(settings, frozenset(blocks))
+    segment = rig.segments.get_true_segment(segment, compute_timing(settings))
+    key = segment, from_sensor, at_measured_speed, tuple(rig.ranges.items()), make_settings_key(acting)
+    return rig.cache.get_or_make(key, lambda: _drive(rig, segment, acting, from_sensor, at_measured_speed))
 
 
-def replay_segments(
-    rig: ReplayRig, pairs: Sequence[SegmentSettings], from_sensor: bool, from_speed: bool
-) -> list[Array]:
-    """Return the states of replay_segment for many segments, each with its settings."""
-    requests = _build_requests(rig, pairs, from_sensor, from_speed)
-    cached = [rig.cache.find_cached_arrays(request.key) for request in requests]
-    missing = {request.key: request for request, states in zip(requests, cached, strict=True) if states is None}
-    states_by_key: dict[Hashable, Array] = {}
-    for group in _group_requests(list(missing.values())):
-        states_by_key |= (
-            _replay_at_measured_speed(rig, group)
-            if group[0].at_measured_speed
-            else {group[0].key: _replay_at_commanded_speed(rig, group[0])}
-        )
-    for key in missing:
-        rig.cache.store(key, (states_by_key[key],))
-    return [
-        states_by_key[request.key] if states is None else states[0]
-        for request, states in zip(requests, cached, strict=True)
-    ]
-
-
-@dataclass(frozen=True, eq=False)
-class _ActingSettings:
-    """Settings that act in a replay, with derived values that many segments share."""
-
-    rig: ReplayRig
-    settings: Settings
-
-    @cached_property
-    def key(self) -> EffectsKey:
-        """The settings as a cache key."""
-        return make_settings_key(self.settings)
-
-    @cached_property
-    def model(self) -> Any:
-        """The tractor with the settings."""
-        return self.rig.get_effective_model(self.settings)
-
-    @cached_property
-    def steering(self) -> Settings:
-        """The settings of the steering alone."""
-        return split_settings_by_block(self.settings, frozenset({STEERS}))
-
-    @cached_property
-    def steering_key(self) -> EffectsKey:
-        """The settings of the steering as a cache key."""
-        return make_settings_key(self.steering)
-
-
-@dataclass(frozen=True, eq=False)
-class _ReplayRequest:
-    """A segment to replay with the acting settings: `sensed` uses its wheel angle, `timed` its measured speed."""
-
-    segment: DriveSegment
-    acting_settings: _ActingSettings
-    from_sensor: bool
-    at_measured_speed: bool
-    key: Hashable
-
-
-def _build_requests(
-    rig: ReplayRig, pairs: Sequence[SegmentSettings], from_sensor: bool, from_speed: bool
-) -> list[_ReplayRequest]:
-    """Build the replay requests with their keys; settings that many segments share are processed once."""
-    ranges, acting_by_place = tuple(rig.ranges.items()), dict[tuple[int, bool, bool], _ActingSettings]()
-    unique_settings = {id(settings): settings for _, settings in pairs}
-    timing_by_settings = {place: compute_timing(settings) for place, settings in unique_settings.items()}
-    requests = []
-    for segment, settings in pairs:
-        from_sensor_angle, at_measured_speed = (
-            segment.wheel is not None and (from_sensor or segment.command is None),
-            from_speed or segment.target is None,
-        )
-        place = (id(settings), from_sensor_angle, at_measured_speed)
-        if place not in acting_by_place:
-            # A sensor cuts the chain: effects before it have no influence. Antenna and clocks never move the tractor.
-            blocks = {PATH, *(() if from_sensor_angle else (STEERS,)), *(() if at_measured_speed else (SPEED,))}
-            acting_by_place[place] = _ActingSettings(rig, split_settings_by_block(settings, frozenset(blocks)))
-        acting_settings = acting_by_place[place]
-        segment = rig.segments.get_true_segment(segment, timing_by_settings[id(settings)])
-        requests.append(
-            _ReplayRequest(
-                segment,
-                acting_settings,
-                from_sensor_angle,
-                at_measured_speed,
-                (segment, from_sensor_angle, at_measured_speed, ranges, acting_settings.key),
-            )
-        )
-    return requests
-
-
-def _group_requests(requests: list[_ReplayRequest]) -> list[list[_ReplayRequest]]:
-    """Group segments that are driven side by side, the longest first; those at commanded speeds are driven alone."""
-    timed_requests = sorted(
-        (request for request in requests if request.at_measured_speed),
-        key=lambda request: -len(request.segment.grids["speed"]),
-    )
-    groups, steps = list[list[_ReplayRequest]](), 0
-    for request in timed_requests:
-        if not groups or (steps >= VECTORISED_STEPS and len(groups[-1]) >= LANES):
-            groups.append([])
-            steps = 0
-        groups[-1].append(request)
-        steps += len(request.segment.grids["speed"])
-    return groups + [[request] for request in requests if not request.at_measured_speed]
-
-
-def _replay_at_measured_speed(rig: ReplayRig, group: list[_ReplayRequest]) -> dict[Hashable, Array]:
-    """Return the states of segments driven side by side at their measured speed."""
-    ends = np.cumsum([len(request.segment.grids["speed"]) for request in group])
-    begins = np.concatenate([[0], ends[:-1]])
-    speed, bend, ahead, slide, right, spin = np.empty((6, ends[-1]))
-    parts = [slice(int(begin), int(end)) for begin, end in zip(begins, ends, strict=True)]
-    segment_states = []
-    for request, step_slice in zip(group, parts, strict=True):
-        speed[step_slice] = request.segment.grids["speed"]
-        segment_states.append(
-            _start_replay_states(rig, request, bend[step_slice], ahead[step_slice], slide[step_slice])
-        )
-    simulate_turning_lanes(begins, ends, speed, bend, slide, DT_S, rig.model[0], rig.ground[0], right, spin)
-    for request, step_slice, states in zip(group, parts, segment_states, strict=True):
-        x, y, angle = (request.segment.grids[name][0] for name in ("east", "north", "heading"))
-        integrate_poses(
-            speed[step_slice], ahead[step_slice], right[step_slice], spin[step_slice], x, y, angle, DT_S, states.T
-        )
-    return {request.key: states for request, states in zip(group, segment_states, strict=True)}
-
-
-def _start_replay_states(rig: ReplayRig, request: _ReplayRequest, bend: Array, ahead: Array, slide: Array) -> Array:
-    """Return states (n, 5) of a segment, by columns, with wheel angle and speed filled in, and the steps of
-    compute_tangents_and_drift."""
-    segment, grids = request.segment, request.segment.grids
-    model, slope = _extract_measured_slope_drift(rig, request)
-    states = np.empty((len(bend), 5), order="F")
-    slide[:] = 0.0 if slope is None else slope
-    states[:, FORWARD_COLUMN] = grids["speed"]
-    states[:, STEERING_COLUMN], played_angle = _compute_wheel_angles(rig, request, model)
-    compute_tangents_and_drift(
-        grids["speed"],
-        grids["working"],
-        grids["east"],
-        grids["north"],
-        *segment.heading_cosine_sine,
-        played_angle,
-        segment.start_s,
-        DT_S,
-        rig.table,
-        model,
-        bend,
-        ahead,
-        slide,
-    )
-    if model["draft"] != 0.0:
-        add_draft_crab(grids["speed"], grids["working"], model, rig.ground[0], slide)
-    return states
-
-
-def _compute_wheel_angles(rig: ReplayRig, request: _ReplayRequest, model: Any) -> tuple[Array, Array]:
-    """Return wheel angles (n,) on the grid: before each step, and behind the play in it."""
-    segment = request.segment
-    if request.from_sensor:
-        wheel = segment.grids["wheel"]
-        before = np.concatenate([wheel[:1], wheel[:-1]])
-    else:
-        steered = _simulate_steering(rig, segment, request.acting_settings)
-        before, wheel = steered[:-1], steered[1:]
-    if model["half_play"] == 0.0:
-        return before, wheel.copy()  # a read-only array is another type for numba and would be compiled for again
-    steady = segment.denoised_wheel_angle if request.from_sensor else wheel
-    first = steady[0] if request.from_sensor else before[0]
-    played_angle = np.empty(len(wheel))
-    apply_play_steps(wheel, steady, first, request.from_sensor, model, played_angle)
-    return before, played_angle
-
-
-def _replay_at_commanded_speed(rig: ReplayRig, request: _ReplayRequest) -> Array:
-    """Return the states of a segment driven at the commanded speeds."""
-    segment, grids = request.segment, request.segment.grids
-    (model, slope), count = _extract_measured_slope_drift(rig, request), len(grids["speed"])
-    out = np.empty((count, 5), order="F")
-    out[:, STEERING_COLUMN], played_angle = _compute_wheel_angles(rig, request, model)
-    drive_at_commanded_speed(
-        played_angle,
-        grids["speed"],
-        grids["target"],
-        grids["working"],
-        grids["east"],
-        grids["north"],
-        grids["heading"],
-        *segment.heading_cosine_sine,
-        np.zeros(count) if slope is None else slope,
-        segment.start_s,
-        DT_S,
-        np.zeros(1, dtype=STATE)[0],
-        model,
-        rig.ground[0],
-        rig.table,
-        out,
-    )
+def _drive(
+    rig: ReplayRig, segment: DriveSegment, settings: Settings, from_sensor: bool, at_measured_speed: bool
+) -> Array:
+    """Return the states of replay_segment, with the settings that act."""
+    grids, (model, slope) = segment.grids, _extract_measured_slope_drift(rig, segment, settings)
+    out = np.empty((len(grids["speed"]), 5), order="F")
+    out[:, STEERING_COLUMN], played_angle = _compute_wheel_angles(rig, segment, settings, from_sensor, model)
+    drive_segment(
+        played_angle, grids["speed"], at_measured_speed, grids.get("target", grids["speed"]), grids["working"],
+        grids["east"], grids["north"], grids["heading"], *segment.heading_cosine_sine,
+        np.zeros(len(out)) if slope is None else slope, segment.start_s, DT_S, np.zeros(1, dtype=STATE)[0], model,
+        rig.ground[0], rig.table, out,
+    )  # fmt: skip
     return out
 
 
-def _extract_measured_slope_drift(rig: ReplayRig, request: _ReplayRequest) -> tuple[Any, Array | None]:
-    """Return the tractor without the drift on a plane, and the drift (m/m, n) on the measured slope; unchanged without
-    one."""
-    settings, across = request.acting_settings.settings, request.segment.grids.get("across")
-    share = settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE)
+def _compute_wheel_angles(
+    rig: ReplayRig, segment: DriveSegment, settings: Settings, from_sensor: bool, model: Any
+) -> tuple[Array, Array]:
+    """Return wheel angles (n,) on the grid: before each step, and behind the play in it."""
+    if from_sensor:
+        wheel = segment.grids["wheel"]
+        before = np.concatenate([wheel[:1], wheel[:-1]])
+    else:
+        steered = _simulate_steering(rig, segment, settings)
+        before, wheel = steered[:-1], steered[1:]
+    if model["half_play"] == 0.0:
+        return before, wheel.copy()  # a read-only array is another type for numba and would be compiled for again
+    steady = segment.denoised_wheel_angle if from_sensor else wheel
+    first = steady[0] if from_sensor else before[0]
+    played_angle = np.empty(len(wheel))
+    apply_play_steps(wheel, steady, first, from_sensor, model, played_angle)
+    return before, played_angle
+
+
+def _extract_measured_slope_drift(
+    rig: ReplayRig, segment: DriveSegment, settings: Settings
+) -> tuple[Any, Array | None]:
+    """Return the tractor without the drift on a plane, and the drift (m/m, n) on the measured slope; with the plane and
+    None without one."""
+    across, share = segment.grids.get("across"), settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE)
     if share is None or across is None:
-        return request.acting_settings.model, None
-    return rig.get_effective_model(
-        {name: values for name, values in settings.items() if name != SLOPE_DRIFT}
-    ), share * across
+        return rig.get_effective_model(settings), None
+    others = {name: values for name, values in settings.items() if name != SLOPE_DRIFT}
+    return rig.get_effective_model(others), share * across
 
 
-def simulate_wheel_angles(rig: ReplayRig, segments: Sequence[DriveSegment], settings: Settings) -> list[Array]:
-    """Return the wheel angles (n,) that the commands of each segment produce on the grid, as in a replay but without
+def simulate_wheel_angles(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
+    """Return the wheel angle (n,) that the commands of a segment produce on the grid, as in a replay but without
     driving."""
-    timing, acting_settings = compute_timing(settings), _ActingSettings(rig, settings)
-    return [
-        _simulate_steering(rig, rig.segments.get_true_segment(segment, timing), acting_settings)[:-1]
-        for segment in segments
-    ]
+    return _simulate_steering(rig, rig.segments.get_true_segment(segment, compute_timing(settings)), settings)[:-1]
 
 
-def _simulate_steering(rig: ReplayRig, segment: DriveSegment, acting_settings: _ActingSettings) -> Array:
+def _simulate_steering(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
     """Return the wheel angle (n + 1,) that the commands of a segment produce before each step and after the last."""
+    settings = split_settings_by_block(settings, frozenset({STEERS}))
 
-    def simulate() -> tuple[Array]:
+    def simulate() -> Array:
         command, wheel = _select_steering_inputs(segment)
         out = np.empty(len(command) + 1)
-        simulate_steering_steps(
-            command,
-            wheel[0],
-            DT_S,
-            make_settled_state(command, segment.earlier_commands)[0],
-            rig.get_effective_model(acting_settings.steering),
-            out,
-        )
-        return (out,)
+        state = make_settled_state(command, segment.earlier_commands)[0]
+        simulate_steering_steps(command, wheel[0], DT_S, state, rig.get_effective_model(settings), out)
+        return out
 
-    return rig.cache.get_or_make_arrays((segment, "wheel", acting_settings.steering_key), simulate)[0]
+    return rig.cache.get_or_make((segment, "wheel", make_settings_key(settings)), simulate)
 
 
 def _select_steering_inputs(segment: DriveSegment) -> tuple[Array, Array]:
