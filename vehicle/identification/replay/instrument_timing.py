@@ -6,8 +6,7 @@ replay as well: there their clocks and scale are taken out first.
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,6 +66,8 @@ def restore_true_inputs(segment: DriveSegment, timing: InstrumentTiming) -> Driv
 
     A replay at commanded speeds begins with the first speed that was logged, whatever its clock.
     """
+    if timing.has_neutral_inputs:
+        return segment
     grids, steps_s, earlier = dict(segment.grids), segment.steps_s, segment.earlier_commands
     if timing.command_s != 0.0 and "command" in grids:
         earlier = _shift_earlier_commands(segment, timing.command_s)
@@ -90,35 +91,6 @@ def _shift_earlier_commands(segment: DriveSegment, late_s: float) -> Array:
     steps_s = DT_S * (np.arange(len(known)) - len(segment.earlier_commands))
     shifted: Array = np.interp(steps_s + late_s, steps_s, known)
     return shifted[: len(segment.earlier_commands)]
-
-
-MOST_CACHED_STEPS = 2_000_000  # chosen: a quarter of an hour with forty clocks, at most 50 MB
-
-
-class TrueSegmentCache:
-    """Segments with their inputs as they were at its times, by timing; the least recently used are dropped first.
-
-    What was replayed is cached by segment: one that is made anew is driven anew.
-    """
-
-    def __init__(self, most_steps: int = MOST_CACHED_STEPS) -> None:
-        """Create an empty cache of so many steps of the grid; the last segment is kept in any case."""
-        self._most_steps, self._steps = most_steps, 0
-        self._segments: OrderedDict[Hashable, DriveSegment] = OrderedDict()
-
-    def get_true_segment(self, segment: DriveSegment, timing: InstrumentTiming) -> DriveSegment:
-        """Return the segment of restore_true_inputs."""
-        if timing.has_neutral_inputs:
-            return segment
-        key = segment, timing.speed_s, timing.speed_scale, timing.steering_s, timing.command_s
-        if key in self._segments:
-            self._segments.move_to_end(key)
-        else:
-            self._segments[key] = restore_true_inputs(segment, timing)
-            self._steps += len(segment.steps_s)
-            while self._steps > self._most_steps and len(self._segments) > 1:
-                self._steps -= len(self._segments.popitem(last=False)[1].steps_s)
-        return self._segments[key]
 
 
 def compute_shown_headings(segment: DriveSegment, angles: Array, timing: InstrumentTiming) -> Array:

@@ -7,8 +7,7 @@ depend on place or direction use the measured pose, so one simulation serves eve
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -18,10 +17,10 @@ from vehicle.fast_math import compute_cosine_sine
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.instrument_timing import (
-    TrueSegmentCache,
     compute_shown_headings,
     compute_timing,
     extract_timing,
+    restore_true_inputs,
     simulate_logged_speeds,
     simulate_logged_wheel_angles,
 )
@@ -46,33 +45,8 @@ from vehicle.sim.compile import build_ground_records, build_model_record
 from vehicle.sim.dynamics import step_body, step_speed_control
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
 
-MOST_CACHED_MODELS = 16  # chosen: the segments of a dataset use the same model in turn
-MOST_CACHE_BYTES = 200_000_000  # chosen: the states of ninety replays of a quarter of an hour, a tenth of 2 GB
 X_COLUMN, Y_COLUMN, ANGLE_COLUMN, STEERING_COLUMN, FORWARD_COLUMN = range(5)
 """Columns of states: place (m) and angle (rad), wheel angle (rad), speed (m/s)."""
-EffectsKey = tuple[tuple[str, tuple[tuple[str, float], ...]], ...]
-
-
-class ReplayCache:
-    """Arrays by key, read-only; the least recently used are dropped first."""
-
-    def __init__(self, most_bytes: int = MOST_CACHE_BYTES) -> None:
-        """Create an empty cache of so many bytes."""
-        self._most_bytes, self._bytes = most_bytes, 0
-        self._arrays: OrderedDict[Hashable, Array] = OrderedDict()
-
-    def get_or_make(self, key: Hashable, make: Callable[[], Array]) -> Array:
-        """Return the array of a key, made if missing."""
-        if key in self._arrays:
-            self._arrays.move_to_end(key)
-            return self._arrays[key]
-        array = make()
-        array.flags.writeable = False
-        self._arrays[key] = array
-        self._bytes += array.nbytes
-        while self._bytes > self._most_bytes:
-            self._bytes -= self._arrays.popitem(last=False)[1].nbytes
-        return array
 
 
 def split_settings_by_block(settings: Settings, blocks: frozenset[str]) -> Settings:
@@ -80,11 +54,6 @@ def split_settings_by_block(settings: Settings, blocks: frozenset[str]) -> Setti
     return {
         name: values for name, values in settings.items() if name == DISCREPANCY_KEY or get_effect(name).block in blocks
     }
-
-
-def make_settings_key(settings: Mapping[str, Mapping[str, float]]) -> EffectsKey:
-    """Return settings as a cache key, in the order of their names."""
-    return tuple((name, tuple(sorted(settings[name].items()))) for name in sorted(settings))
 
 
 @compile_function
@@ -131,8 +100,7 @@ def drive_segment(  # type: ignore[no-untyped-def]
 class ReplayRig:
     """A tractor ready for replay: its compiled model without effects, the ground, and the steering table.
 
-    `ranges` limit a discrepancy model to where it was observed; one that is still being fitted has none. `cache` holds
-    replayed states, `models` the model records used, `segments` those with true inputs.
+    `ranges` limit a discrepancy model to where it was observed; one that is still being fitted has none.
     """
 
     tractor: Tractor
@@ -141,18 +109,6 @@ class ReplayRig:
     table: Array
     origin: tuple[float, float] = (0.0, 0.0)
     ranges: Mapping[str, float] = field(default_factory=dict)
-    cache: ReplayCache = field(default_factory=ReplayCache)
-    models: dict[Hashable, Any] = field(default_factory=dict)
-    segments: TrueSegmentCache = field(default_factory=TrueSegmentCache)
-
-    def get_effective_model(self, settings: Settings) -> Any:
-        """Return the record of build_effective_model, cached for the segments of a dataset."""
-        key = self.origin, tuple(self.ranges.items()), make_settings_key(settings)
-        if key not in self.models:
-            if len(self.models) >= MOST_CACHED_MODELS:
-                self.models.clear()
-            self.models[key] = self.build_effective_model(settings)[0]
-        return self.models[key]
 
     def build_effective_model(self, settings: Settings) -> Any:
         """Build the model record with effects; places in the field are moved to the origin of the dataset."""
@@ -188,7 +144,7 @@ def build_rig_and_corrections(tractor: Tractor, ground: str, origin: tuple[float
 def replay_segment(
     rig: ReplayRig, segment: DriveSegment, settings: Settings, from_sensor: bool, from_speed: bool
 ) -> Array:
-    """Return states (n, 5) on the grid of a segment; read-only.
+    """Return states (n, 5) on the grid of a segment.
 
     Missing columns are replaced: a sensor by its command, and a command by the angle that was measured, which no lag of
     the steering delays again.
@@ -198,18 +154,10 @@ def replay_segment(
     # A sensor cuts the chain: effects before it have no influence. Antenna and clocks never move the tractor.
     blocks = {PATH, *(() if from_sensor else (STEERS,)), *(() if at_measured_speed else (SPEED,))}
     acting = split_settings_by_block(settings, frozenset(blocks))
-    segment = rig.segments.get_true_segment(segment, compute_timing(settings))
-    key = segment, from_sensor, at_measured_speed, tuple(rig.ranges.items()), make_settings_key(acting)
-    return rig.cache.get_or_make(key, lambda: _drive(rig, segment, acting, from_sensor, at_measured_speed))
-
-
-def _drive(
-    rig: ReplayRig, segment: DriveSegment, settings: Settings, from_sensor: bool, at_measured_speed: bool
-) -> Array:
-    """Return the states of replay_segment, with the settings that act."""
-    grids, (model, slope) = segment.grids, _extract_measured_slope_drift(rig, segment, settings)
+    segment = restore_true_inputs(segment, compute_timing(settings))
+    grids, (model, slope) = segment.grids, _extract_measured_slope_drift(rig, segment, acting)
     out = np.empty((len(grids["speed"]), 5), order="F")
-    out[:, STEERING_COLUMN], played_angle = _compute_wheel_angles(rig, segment, settings, from_sensor, model)
+    out[:, STEERING_COLUMN], played_angle = _compute_wheel_angles(rig, segment, acting, from_sensor, model)
     drive_segment(
         played_angle, grids["speed"], at_measured_speed, grids.get("target", grids["speed"]), grids["working"],
         grids["east"], grids["north"], grids["heading"], *segment.heading_cosine_sine,
@@ -230,7 +178,7 @@ def _compute_wheel_angles(
         steered = _simulate_steering(rig, segment, settings)
         before, wheel = steered[:-1], steered[1:]
     if model["half_play"] == 0.0:
-        return before, wheel.copy()  # a read-only array is another type for numba and would be compiled for again
+        return before, wheel
     steady = segment.denoised_wheel_angle if from_sensor else wheel
     first = steady[0] if from_sensor else before[0]
     played_angle = np.empty(len(wheel))
@@ -245,29 +193,25 @@ def _extract_measured_slope_drift(
     None without one."""
     across, share = segment.grids.get("across"), settings.get(SLOPE_DRIFT, {}).get(PER_SLOPE)
     if share is None or across is None:
-        return rig.get_effective_model(settings), None
+        return rig.build_effective_model(settings)[0], None
     others = {name: values for name, values in settings.items() if name != SLOPE_DRIFT}
-    return rig.get_effective_model(others), share * across
+    return rig.build_effective_model(others)[0], share * across
 
 
 def simulate_wheel_angles(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
     """Return the wheel angle (n,) that the commands of a segment produce on the grid, as in a replay but without
     driving."""
-    return _simulate_steering(rig, rig.segments.get_true_segment(segment, compute_timing(settings)), settings)[:-1]
+    return _simulate_steering(rig, restore_true_inputs(segment, compute_timing(settings)), settings)[:-1]
 
 
 def _simulate_steering(rig: ReplayRig, segment: DriveSegment, settings: Settings) -> Array:
     """Return the wheel angle (n + 1,) that the commands of a segment produce before each step and after the last."""
-    settings = split_settings_by_block(settings, frozenset({STEERS}))
-
-    def simulate() -> Array:
-        command, wheel = _select_steering_inputs(segment)
-        out = np.empty(len(command) + 1)
-        state = make_settled_state(command, segment.earlier_commands)[0]
-        simulate_steering_steps(command, wheel[0], DT_S, state, rig.get_effective_model(settings), out)
-        return out
-
-    return rig.cache.get_or_make((segment, "wheel", make_settings_key(settings)), simulate)
+    model = rig.build_effective_model(split_settings_by_block(settings, frozenset({STEERS})))[0]
+    command, wheel = _select_steering_inputs(segment)
+    out = np.empty(len(command) + 1)
+    state = make_settled_state(command, segment.earlier_commands)[0]
+    simulate_steering_steps(command, wheel[0], DT_S, state, model, out)
+    return out
 
 
 def _select_steering_inputs(segment: DriveSegment) -> tuple[Array, Array]:
