@@ -8,7 +8,7 @@ import pytest
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
 from vehicle.identification.replay.horizon_errors import simulate_instruments
-from vehicle.identification.replay.instrument_timing import (
+from vehicle.identification.replay.rig import (
     InstrumentTiming,
     compute_shown_headings,
     compute_timing,
