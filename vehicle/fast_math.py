@@ -36,14 +36,6 @@ def _compute_moderate_tangent_excess(z: float) -> float:
     return over / under
 
 
-@inline_function
-def compute_moderate_tangent(angle: float) -> float:
-    """Tangent of an angle up to NEAR_RAD; both series are evaluated, as a branch would prevent vectorised loops."""
-    z = angle * angle
-    small, near = _compute_small_tangent_excess(z), _compute_moderate_tangent_excess(z)
-    return angle + angle * z * (small if abs(angle) <= SMALL_RAD else near)
-
-
 @compile_function
 def compute_tangent(angle: float) -> float:
     """Tangent of an angle (rad)."""

@@ -290,7 +290,7 @@ def replay(
         course = build_dataset([run], (machine.antenna_forward_m, machine.antenna_right_m))
     with attach_parameter("ground"):
         rig, settings = build_rig_and_corrections(machine, ground, course.origin)
-    errors = compute_horizon_errors(sum_squared_errors_by_run(course, rig, {0: settings}))
+    errors = compute_horizon_errors(sum_squared_errors_by_run(course, rig, settings))
     segments = tuple(_replay_segment(rig, segment, settings) for segment in course.segments)
     left_out = course.rows_read - course.rows
     replayed = ReplayResult(run.name, machine.name, tuple(settings), errors, segments, left_out)

@@ -174,7 +174,7 @@ def measure_replay(frames: Sequence[pd.DataFrame], tractor: Tractor) -> Errors:
     logs = [build_log(frame, frame.attrs["name"]) for frame in frames]
     dataset = build_dataset(logs, (tractor.antenna_forward_m, tractor.antenna_right_m))
     rig, settings = build_rig_and_corrections(tractor, "soil", dataset.origin)
-    squares = sum_squared_errors_by_run(dataset, rig, dict.fromkeys(range(len(dataset.names)), settings))
+    squares = sum_squared_errors_by_run(dataset, rig, settings)
     return list_errors(compute_horizon_errors(squares))
 
 

@@ -20,7 +20,7 @@ from vehicle.identification.replay.horizon_errors import (
     HORIZONS_S,
     HorizonSquares,
     compute_horizon_errors,
-    simulate_poses,
+    simulate_instruments,
     sum_squared_errors_by_horizon,
     sum_squared_errors_by_run,
 )
@@ -95,7 +95,7 @@ def test_the_floor_is_the_same_each_time_and_has_the_rows_of_the_error() -> None
     fit = build_empty_fit(made)
     first, second = (compute_noise_floor(made, fit, made.data.dataset) for _ in range(2))
     runs = range(made.data.runs)
-    error = sum_squared_errors_by_run(made.data.dataset, made.rig, {run: {} for run in runs})
+    error = sum_squared_errors_by_run(made.data.dataset, made.rig, {})
     for horizon in HORIZONS_S:
         assert all(np.array_equal(first[run][horizon], second[run][horizon]) for run in runs)
         assert [of_run[horizon][3] for of_run in first] == pytest.approx([of_run[horizon][3] for of_run in error])
@@ -105,8 +105,8 @@ def test_the_floor_is_the_same_each_time_and_has_the_rows_of_the_error() -> None
 def test_commands_replayed_by_the_core_lead_where_the_replay_of_the_vehicle_leads() -> None:
     made = problem()
     replayed, begin = replay_commands(made.data, made.rig, []), 0
-    poses = simulate_poses(made.rig, [(segment, {}) for segment in made.data.segments])
-    for segment, (antenna, heading) in zip(made.data.segments, poses, strict=True):
+    for segment in made.data.segments:
+        antenna, heading, _, _ = simulate_instruments(made.rig, segment, {})
         rows = slice(begin, begin + segment.rows)
         driven = replace(segment, east=antenna[:, 0], north=antenna[:, 1], heading=heading)
         errors = sum_squared_errors_by_horizon(driven, replayed.antenna[rows], replayed.heading[rows])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import circle, course, rig
-from vehicle.identification.replay import horizon_errors
 from vehicle.identification.replay.horizon_errors import (
     HORIZONS_S,
     compute_anchored_errors,
@@ -69,15 +68,6 @@ def test_a_speed_that_is_a_tenth_too_high_is_an_error_along() -> None:
         assert errors[horizon].cross_cm < 1e-9 and errors[horizon].heading_deg < 1e-9
 
 
-def test_halves_share_the_pieces_between_them() -> None:
-    (one,) = course(circle(0.02, 60.1)).segments
-    antenna = 1.1 * np.stack([one.east, one.north], axis=1)
-    whole, even, odd = (sum_squared_errors_by_horizon(one, antenna, one.heading, half) for half in (None, 0, 1))
-    for horizon in HORIZONS_S:
-        assert whole[horizon] == pytest.approx(even[horizon] + odd[horizon])
-    assert [even[20.0][3], odd[20.0][3]] == [400.0, 200.0]
-
-
 def test_a_heading_that_was_not_measured_has_no_error() -> None:
     (one,) = course(circle(0.02, 20.1).drop(columns="heading_deg")).segments
     antenna, heading = simulate_logged_values(rig(), one, replay_segment(rig(), one, {}, True, True), {})[:2]
@@ -85,25 +75,12 @@ def test_a_heading_that_was_not_measured_has_no_error() -> None:
     assert math.isnan(compute_horizon_errors([sum_squared_errors_by_horizon(one, antenna, heading)])[5.0].heading_deg)
 
 
-def test_settings_may_differ_from_run_to_run_and_between_halves() -> None:
-    runs = course(circle(0.0, 40.1), circle(0.0, 40.1))
-    slow = {"heading_bias": {"angle_deg": 3.0}, "steering_offset": {"angle_deg": 4.0}}
-    plain, both = (
-        sum_squared_errors_by_run(runs, rig(), {0: {}, 1: slow}),
-        sum_squared_errors_by_run(runs, rig(), {0: ({}, slow), 1: slow}),
-    )
-    assert plain[0][5.0][0] < 1e-6 < plain[1][5.0][0]
-    halves = both[0][5.0], both[1][5.0]
-    assert halves[0][3] == halves[1][3] and halves[0][0] == pytest.approx(0.5 * halves[1][0], rel=0.05)
-
-
-def test_sums_are_the_same_however_much_is_driven_at_a_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    runs = course(circle(0.0, 40.1), circle(0.02, 40.1), circle(-0.03, 30.1))
-    settings = {0: {}, 1: ({}, {"steering_offset": {"angle_deg": 4.0}}), 2: {}}
-    whole = sum_squared_errors_by_run(runs, rig(), settings)
-    monkeypatch.setattr(horizon_errors, "MOST_STEPS_AT_ONCE", 1)
-    for one, two in zip(whole, sum_squared_errors_by_run(runs, rig(), settings), strict=True):
-        assert all(np.array_equal(one[horizon], two[horizon]) for horizon in HORIZONS_S)
+def test_runs_are_summed_apart() -> None:
+    still, bent = circle(0.0, 40.1), circle(0.02, 40.1)
+    both = sum_squared_errors_by_run(course(still, bent), rig(), {"steering_offset": {"angle_deg": 4.0}})
+    for frame, sums in zip((still, bent), both, strict=True):
+        (alone,) = sum_squared_errors_by_run(course(frame), rig(), {"steering_offset": {"angle_deg": 4.0}})
+        assert all(sums[horizon] == pytest.approx(alone[horizon], rel=1e-6) for horizon in HORIZONS_S)
 
 
 def test_totals_count_in_units_of_the_floor() -> None:

@@ -8,9 +8,8 @@ import pytest
 from tests.identification.analytic_drives import rig, simulated
 from vehicle.identification.replay.drive_segments import DriveSegment, measure_wheel_lag
 from vehicle.identification.replay.horizon_errors import simulate_instruments
-from vehicle.identification.replay.instrument_timing import (
+from vehicle.identification.replay.rig import (
     InstrumentTiming,
-    TrueSegmentCache,
     compute_shown_headings,
     compute_timing,
     restore_true_inputs,
@@ -78,16 +77,3 @@ def test_wheels_follow_their_commands(segment: DriveSegment) -> None:
     ahead = restore_true_inputs(segment, InstrumentTiming(steering_s=0.7))
     assert measure_wheel_lag([ahead]) < -0.05
     assert measure_wheel_lag([replace(segment, command=None)]) == np.inf
-
-
-def test_segments_in_use_are_made_once_whatever_else_is_tried(segment: DriveSegment) -> None:
-    room = TrueSegmentCache(3 * len(segment.steps_s))
-    used = InstrumentTiming(speed_s=0.5)
-    first = room.get_true_segment(segment, used)
-    for late_s in (0.1, 0.2, 0.3, 0.4):
-        other = room.get_true_segment(segment, InstrumentTiming(speed_s=late_s))
-        assert room.get_true_segment(segment, used) is first
-        assert room.get_true_segment(segment, InstrumentTiming(speed_s=late_s)) is other
-    small = TrueSegmentCache(1)
-    assert small.get_true_segment(segment, used) is small.get_true_segment(segment, used)
-    assert small.get_true_segment(segment, InstrumentTiming()) is segment

@@ -12,16 +12,21 @@ from vehicle.errors import VehicleError
 from vehicle.identification.replay.drive_programmes import build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment, build_dataset
 from vehicle.identification.replay.rig import (
+    ANGLE_COLUMN,
+    FORWARD_COLUMN,
+    STEERING_COLUMN,
+    X_COLUMN,
+    Y_COLUMN,
     build_rig,
     build_rig_and_corrections,
     compute_antenna_lever,
     replay_segment,
     simulate_logged_values,
     simulate_wheel_angles,
+    split_settings_by_block,
 )
-from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, STEERING_COLUMN, X_COLUMN, Y_COLUMN
 from vehicle.identification.replay.steering_steps import make_settled_state
-from vehicle.model.effects import compute_effect_fields
+from vehicle.model.effects import PATH, SPEED, compute_effect_fields
 from vehicle.model.tractor import EffectSetting, load_tractor
 from vehicle.records import DT_S
 
@@ -137,19 +142,6 @@ def test_places_in_the_field_are_moved_to_the_origin_of_the_course() -> None:
     assert (model[0]["patch_east"], model[0]["patch_north"]) == (6.0, 5.0)
 
 
-def test_a_model_is_made_once_for_its_settings_and_origin() -> None:
-    rig = build_rig(EG105, "soil", (4.0, 15.0))
-    patch = {"grip_patch": {"ratio": 0.5, "east_m": 10.0, "north_m": 20.0, "radius_m": 5.0}}
-    assert (
-        rig.get_effective_model(patch) is rig.get_effective_model({**patch})
-        and rig.get_effective_model(patch)["patch_east"] == 6.0
-    )
-    moved = replace(rig, origin=(0.0, 0.0))
-    assert moved.get_effective_model(patch)["patch_east"] == 10.0 and rig.get_effective_model({})["patch"] == 1.0
-    many = [rig.get_effective_model({"wheel_slip": {"ratio": 0.001 * number}})["slip"] for number in range(40)]
-    assert many == pytest.approx(0.001 * np.arange(40)) and rig.get_effective_model(patch)["patch_east"] == 6.0
-
-
 def test_commands_drive_where_sensors_are_left_out() -> None:
     """A commanded speed is reached with the acceleration of the file, a wheel angle at the rate of Eq. 2.8."""
     drive = build_command_segment(0, 0.0, ((2.0, 0.0, 1.0, 0.0), (10.0, 20.0, 1.0, 0.0)), SPEED_MPS)
@@ -184,11 +176,11 @@ def test_a_delayed_steering_follows_the_commands_of_the_segment_before() -> None
     )
     (_, second) = build_dataset([steered]).segments
     assert np.degrees(second.earlier_commands[[0, -1]]) == pytest.approx([0.0, 10.0])
-    (angles,) = simulate_wheel_angles(rig(), [second], {"steering_dead_time": {"time_s": 0.6}})
+    angles = simulate_wheel_angles(rig(), second, {"steering_dead_time": {"time_s": 0.6}})
     begun_s = DT_S * int(np.argmax(np.abs(angles) > 1e-6))
     assert begun_s == pytest.approx(0.4, abs=0.06)
     without = replace(second, earlier_commands=np.empty(0))
-    (early,) = simulate_wheel_angles(rig(), [without], {"steering_dead_time": {"time_s": 0.6}})
+    early = simulate_wheel_angles(rig(), without, {"steering_dead_time": {"time_s": 0.6}})
     assert DT_S * int(np.argmax(np.abs(early) > 1e-6)) < 0.1
 
 
@@ -210,3 +202,43 @@ def test_wheels_that_stand_where_a_log_begins_had_reached_their_command(
     wheel = 3.0 + np.minimum(frame.time_s.to_numpy() / 0.2, 1.0) * moved_deg
     (one,) = build_dataset([log(frame, steering_deg=wheel, steering_command_deg=9.0 + 0.0 * wheel)]).segments
     assert np.degrees(one.earlier_commands).tolist() == ([] if expected_deg is None else pytest.approx([3.0] * 96))
+
+
+def test_at_the_measured_speed_it_is_driven_until_there_is_no_number() -> None:
+    (one,) = course(circle(0.05, 20.0)).segments
+    speed = np.where(np.arange(len(one.grids["speed"])) < 40, one.grids["speed"], np.nan)
+    states = replay_segment(rig(), replace(one, grids=one.grids | {"speed": speed}), {}, True, True)
+    assert np.array_equal(states[:, FORWARD_COLUMN], speed, equal_nan=True)
+    assert np.isfinite(states[:40]).all() and np.isnan(states[-1, X_COLUMN])
+    short = replace(one, grids={name: values[:1] for name, values in one.grids.items()})
+    assert replay_segment(rig(), short, {}, True, True)[0, X_COLUMN] == one.grids["east"][0]
+
+
+OFFSET, BIAS = {"steering_offset": {"angle_deg": 1.0}}, {"heading_bias": {"angle_deg": 2.0}}
+LATE = {"steering_dead_time": {"time_s": 0.3}}
+
+
+def test_settings_are_split_by_block() -> None:
+    both = {**OFFSET, **BIAS, "discrepancy_model": {"grip_by_speed": 0.1}}
+    of_path = {**OFFSET, "discrepancy_model": both["discrepancy_model"]}
+    assert split_settings_by_block(both, frozenset({PATH})) == of_path
+    assert split_settings_by_block(both, frozenset({SPEED})) == {"discrepancy_model": both["discrepancy_model"]}
+
+
+def test_a_sensor_cuts_off_what_lies_before_it() -> None:
+    one = course(circle(0.05, 20.0).assign(steering_deg=8.0)).segments[0]
+    plain, late, bare = (
+        replay_segment(rig(), one, settings, from_sensor=True, from_speed=True)
+        for settings in (OFFSET, {**OFFSET, **BIAS, **LATE}, {})
+    )
+    assert np.array_equal(late, plain) and not np.array_equal(bare, plain)
+
+
+def test_wheel_angles_are_those_of_the_whole_replay() -> None:
+    frame = circle(0.05, 20.0)
+    frame["steering_command_deg"] = 10.0 * np.sign(np.sin(frame["time_s"]))
+    one = course(frame).segments[0]
+    for settings in ({}, LATE, {"steering_rate": {"rate_deg_per_s": 5.0}, **OFFSET}):
+        whole = replay_segment(rig(), one, settings, from_sensor=False, from_speed=True)[:, STEERING_COLUMN]
+        alone = simulate_wheel_angles(rig(), one, settings)
+        assert np.array_equal(alone, whole) and np.ptp(alone) > 0.1

@@ -16,8 +16,7 @@ from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Array, Log
 from vehicle.identification.replay.drive_programmes import PROGRAMME_PACE_MPS, ProgrammePieces, build_command_segment
 from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import ReplayRig, build_rig, replay_segment
-from vehicle.identification.replay.state_cache import ANGLE_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.identification.replay.rig import ANGLE_COLUMN, X_COLUMN, Y_COLUMN, ReplayRig, build_rig, replay_segment
 from vehicle.model.effect_kinds import EffectSample
 from vehicle.model.effects import EFFECTS_BY_ID, get_effect, get_neutral_values
 from vehicle.model.tractor import Settings, Tractor

@@ -197,7 +197,7 @@ class _Composer:
     def _sum_errors(self, tractor: Tractor) -> list[HorizonSquares]:
         dataset = self.dataset
         rig, settings = build_rig_and_corrections(tractor, self.ground, dataset.origin)
-        return sum_squared_errors_by_run(dataset, rig, dict.fromkeys(range(len(dataset.names)), settings))
+        return sum_squared_errors_by_run(dataset, rig, settings)
 
     def _find_block(self, named: Sequence[str]) -> str | None:
         """The block of the first name; without one, of the first alternative."""

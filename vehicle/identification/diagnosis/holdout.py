@@ -21,7 +21,7 @@ from vehicle.identification.replay.horizon_errors import (
     HorizonError,
     compute_piece_errors,
     list_covering_bounds,
-    simulate_poses,
+    simulate_instruments,
 )
 from vehicle.identification.replay.rig import ReplayRig, build_rig_and_corrections
 from vehicle.model.tractor import Settings, Tractor
@@ -64,8 +64,8 @@ def measure_pieces(
     """Replay all segments, each with the settings of its run, or with one for each half of its windows of 20 s."""
     rows: dict[float, list[Array]] = {horizon: [] for horizon in HORIZONS_S}
     parts = [(segment, half, own) for segment in dataset.segments for half, own in _list_halves(settings[segment.run])]
-    poses = simulate_poses(rig, [(segment, own) for segment, _, own in parts])
-    for (segment, half, _), (antenna, heading) in zip(parts, poses, strict=True):
+    for segment, half, own in parts:
+        antenna, heading, _, _ = simulate_instruments(rig, segment, own)
         for horizon in HORIZONS_S:
             for starts, ends in list_covering_bounds(segment.time, horizon):
                 if half is not None:

@@ -8,8 +8,14 @@ import numpy as np
 
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
-from vehicle.identification.replay.rig import ReplayRig, simulate_logged_values
-from vehicle.identification.replay.state_cache import ANGLE_COLUMN, FORWARD_COLUMN, X_COLUMN, Y_COLUMN
+from vehicle.identification.replay.rig import (
+    ANGLE_COLUMN,
+    FORWARD_COLUMN,
+    X_COLUMN,
+    Y_COLUMN,
+    ReplayRig,
+    simulate_logged_values,
+)
 from vehicle.model.tractor import Settings
 from vehicle.records import DT_S
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,14 +10,8 @@ import numpy.typing as npt
 
 from vehicle.fast_math import compute_cosine_sine, round_number
 from vehicle.identification.logs.schema import Array
-from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment, compute_half_numbers
-from vehicle.identification.replay.rig import (
-    ReplayRig,
-    SegmentSettings,
-    replay_segments,
-    simulate_logged_antenna,
-    simulate_logged_values,
-)
+from vehicle.identification.replay.drive_segments import DriveDataset, DriveSegment
+from vehicle.identification.replay.rig import ReplayRig, replay_segment, simulate_logged_values
 from vehicle.jit import compile_function
 from vehicle.model.tractor import Settings
 
@@ -129,11 +122,6 @@ InstrumentColumns = tuple[Array, Array, Array, Array]
 HorizonSquares = dict[float, Array]
 HalfSettings = tuple[Settings, Settings]
 PieceBounds = tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]
-SegmentHalf = tuple[
-    DriveSegment, Settings, int | None
-]  # a segment, its settings, and the half they apply to (None: all)
-MOST_STEPS_AT_ONCE = 200_000  # chosen, driven at a time: about an hour, whose states and poses take 15 MB
-PIECE_EDGE_S = 0.5  # a piece begins at a row, up to half a second (at 1 Hz) from its nominal time
 
 
 @dataclass(frozen=True)
@@ -197,52 +185,15 @@ def simulate_instruments(
 
     With `by_speed` at the measured speed, if any, so that errors of the speed do not show in the path.
     """
-    (states,) = _simulate_states(rig, [(segment, settings)], by_speed)
+    states = replay_segment(rig, segment, settings, from_sensor=False, from_speed=by_speed and segment.speed_measured)
     return simulate_logged_values(rig, segment, states, settings)
 
 
-def simulate_poses(
-    rig: ReplayRig, pairs: Sequence[SegmentSettings], by_speed: bool = False
-) -> list[tuple[Array, Array]]:
-    """Return antenna (k, 2) and heading (k,) of simulate_instruments for many segments, each with its settings."""
-    states = _simulate_states(rig, pairs, by_speed)
-    return [
-        simulate_logged_antenna(rig, segment, segment_states, settings)
-        for (segment, settings), segment_states in zip(pairs, states, strict=True)
-    ]
-
-
-def _simulate_states(rig: ReplayRig, pairs: Sequence[SegmentSettings], by_speed: bool) -> list[Array]:
-    """Return the states of segments; those of one kind are driven side by side."""
-    states_by_number: dict[int, Array] = {}
-    for is_at_measured_speed in (False, True):
-        numbers = [
-            number
-            for number, (segment, _) in enumerate(pairs)
-            if (by_speed and segment.speed_measured) is is_at_measured_speed
-        ]
-        states = replay_segments(
-            rig, [pairs[number] for number in numbers], from_sensor=False, from_speed=is_at_measured_speed
-        )
-        states_by_number.update(zip(numbers, states, strict=True))
-    return [states_by_number[number] for number in range(len(pairs))]
-
-
-def sum_squared_errors_by_horizon(
-    segment: DriveSegment, antenna: Array, heading: Array, half: int | None = None
-) -> HorizonSquares:
-    """Return sums of squares (cross, along, heading) and rows per horizon, (4,) each, of all pieces or of one half.
-
-    A piece belongs to the half in which it begins; one that ends with the segment to the half of its middle, with most
-    of its rows.
-    """
+def sum_squared_errors_by_horizon(segment: DriveSegment, antenna: Array, heading: Array) -> HorizonSquares:
+    """Return sums of squares (cross, along, heading) and rows per horizon, (4,) each."""
     sums = {horizon: np.zeros(4) for horizon in HORIZONS_S}
     for horizon in HORIZONS_S:
-        for number, (starts, ends) in enumerate(list_covering_bounds(segment.time, horizon)):
-            if half is not None:
-                inside_s = PIECE_EDGE_S if number == 0 else 0.5 * horizon
-                is_half = compute_half_numbers(segment.time[starts] + inside_s) == half
-                starts, ends = starts[is_half], ends[is_half]
+        for starts, ends in list_covering_bounds(segment.time, horizon):
             errors = compute_piece_errors(segment, antenna, heading, (starts, ends))
             rows = int((ends - starts).sum())
             if rows:
@@ -256,35 +207,15 @@ def make_zero_squared_errors(runs: int) -> list[HorizonSquares]:
 
 
 def sum_squared_errors_by_run(
-    dataset: DriveDataset, rig: ReplayRig, settings: Mapping[int, Settings | HalfSettings], by_speed: bool = False
+    dataset: DriveDataset, rig: ReplayRig, settings: Settings, by_speed: bool = False
 ) -> list[HorizonSquares]:
-    """Return the sums of squares of every run; `settings` may differ per run and per half of a run.
-
-    `by_speed` is that of simulate_instruments.
-    """
-    totals, segment_halves = make_zero_squared_errors(len(dataset.names)), list[SegmentHalf]()
+    """Return the sums of squares of every run; `by_speed` is that of simulate_instruments."""
+    totals = make_zero_squared_errors(len(dataset.names))
     for segment in dataset.segments:
-        run_settings = settings[segment.run]
-        halves = enumerate(run_settings) if isinstance(run_settings, tuple) else ((None, run_settings),)
-        segment_halves += [(segment, half_settings, half) for half, half_settings in halves]
-    for batch in _batch_halves(segment_halves):
-        poses = simulate_poses(rig, [(segment, half_settings) for segment, half_settings, _ in batch], by_speed)
-        for (segment, _, half), (antenna, heading) in zip(batch, poses, strict=True):
-            for horizon, part in sum_squared_errors_by_horizon(segment, antenna, heading, half).items():
-                totals[segment.run][horizon] += part
+        antenna, heading, _, _ = simulate_instruments(rig, segment, settings, by_speed)
+        for horizon, part in sum_squared_errors_by_horizon(segment, antenna, heading).items():
+            totals[segment.run][horizon] += part
     return totals
-
-
-def _batch_halves(segment_halves: Sequence[SegmentHalf]) -> Iterator[list[SegmentHalf]]:
-    """Batch the work, so that the poses of hours need not be in memory at once."""
-    batch, steps = list[SegmentHalf](), 0
-    for segment_half in segment_halves:
-        batch.append(segment_half)
-        steps += len(segment_half[0].grids["speed"])
-        if steps >= MOST_STEPS_AT_ONCE:
-            yield batch
-            batch, steps = [], 0
-    yield batch
 
 
 def compute_horizon_errors(totals: list[HorizonSquares]) -> dict[float, HorizonError]:
