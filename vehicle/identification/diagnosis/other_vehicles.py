@@ -35,7 +35,7 @@ from vehicle.model.tractor import Tractor
 ARTICULATED, REAR_STEERED = "articulated", "rear_steered"
 WINDOW_STEPS, THIN_STEPS = 10, 3  # of the grid: over which changes are taken, and between them
 FEWEST_ROWS, MOST_ROWS = 100, 10_000
-MOST_STEPS, STRETCH_STEPS = 60_000, 1_200  # of the grid: of longer logs stretches of two minutes are looked at
+MOST_STEPS, PIECE_STEPS = 60_000, 1_200  # of the grid: of longer logs pieces of two minutes are looked at
 MOST_HOLD_S = 0.5  # steering columns that change more rarely do not show when the angle moved
 LEAST_MOVED_RAD = math.radians(40.0)  # root of the sum of squared changes that show how heading follows
 MOST_WHEELBASES = 3.0  # driven in a window: then the path has forgotten how the angle changed
@@ -171,13 +171,13 @@ def measure_turning(logs: Sequence[Log]) -> TurningMeasure:
 
 
 def _thin_runs(runs: Sequence[RunEvidence]) -> list[RunEvidence]:
-    """Evenly chosen stretches of long runs: more of them tell nothing new."""
+    """Evenly chosen pieces of long runs: more of them tell nothing new."""
     thin = math.ceil(sum(len(run.time_s) for run in runs) / MOST_STEPS)
     if thin <= 1:
         return list(runs)
-    stretches = [run.cut(slice(begin, begin + STRETCH_STEPS)) for run in runs
-                 for begin in range(0, len(run.time_s), STRETCH_STEPS)]  # fmt: skip
-    return stretches[::thin]
+    pieces = [run.cut(slice(begin, begin + PIECE_STEPS)) for run in runs
+                 for begin in range(0, len(run.time_s), PIECE_STEPS)]  # fmt: skip
+    return pieces[::thin]
 
 
 def _build_windows(run: RunEvidence, stride: int) -> _Windows:
