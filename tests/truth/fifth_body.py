@@ -18,14 +18,38 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from tests.truth.fifth_drivers import choose_command, compute_law_curvature
-from tests.truth.fourth_laws import evaluate_laws
+from tests.truth.fifth_drivers import choose_command
+from tests.truth.ground import EG105, LOCK_DEG, look_up, measured_curvature, sum_waves
+from tests.truth.laws import (
+    P_DEAD_BAND,
+    P_DEAD_TIME,
+    P_DRAFT,
+    P_DRIFT,
+    P_GAIN,
+    P_LAG,
+    P_LEFT,
+    P_LIMIT,
+    P_OFFSET,
+    P_PATCH,
+    P_PATCH_E,
+    P_PATCH_N,
+    P_PATCH_R,
+    P_PLAY,
+    P_RATE,
+    P_SLIP,
+    P_SLOPE,
+    P_SLOPE_TO,
+    P_SPEED_LAG,
+    P_TOOL_SLIP,
+    P_UNDERSTEER,
+    evaluate_laws,
+)
 
 Array = npt.NDArray[np.float64]
 
 STEP_S, ROW_STEPS, GRAVITY = 0.001, 5, 9.80665
 MASS, INERTIA, FRONT, REAR, TRACK, RIM_KG = 3850.0, 6200.0, 1.3, 1.1, 1.6, 130.0
-BASE, HITCH_M, DRAWBAR_M, HALF_WIDTH_M, LOCK_DEG = FRONT + REAR, 0.4, 2.2, 1.2, 35.0
+BASE, HITCH_M, DRAWBAR_M, HALF_WIDTH_M = FRONT + REAR, 0.4, 2.2, 1.2
 HEIGHT, ROLL_INERTIA, ROLL_STIFF, ROLL_DAMP, FRONT_ROLL, MAST_M = 0.9, 2200.0, 260000.0, 14000.0, 0.2, 2.7
 FRONT_GRIP, REAR_GRIP, FRICTION, PEAK, ALONG, SLIDE, LEVEL = 9.5, 10.5, 0.75, 2.5, 6.0, 0.98, 1.04
 RELAXATION_M, CARCASS, REST_SPEED, ROLLING, FRONT_TORQUE = 0.4, 5000.0, 0.8, 0.05, 0.4
@@ -33,9 +57,7 @@ DRIVE_GAIN, DRIVE_REST, MOST_PULL, RAMP, DRIVE_S, OWN_SPEED_LAG_S = 60000.0, 400
 COARSE_DEG, FINE_DEG, SPOOL_S, OVERLAP, COMPENSATED, CONTROLLER_ROWS, LOOP_LATE_S = 5.0, 0.5, 0.015, 0.03, 0.9, 4, 0.025
 EAST, NORTH, HEADING, MOTOR, WHEEL, SPEED, RIM, COMMAND, YAW, ROLL, TARGET, DOWN, GEAR = range(13)
 COLUMNS = 13
-(P_OFFSET, P_GAIN, P_LEFT, P_DEAD_TIME, P_LAG, P_RATE, P_DEAD_BAND, P_PLAY, P_LIMIT, P_UNDERSTEER, P_SLOPE, P_SLOPE_TO,
- P_DRAFT, P_SLIP, P_TOOL_SLIP, P_SPEED_LAG, P_PATCH, P_PATCH_E, P_PATCH_N, P_PATCH_R, P_DRIFT, P_LIFT, P_TYRE, P_LOCK,
- P_CRAB, P_WIND, P_WIND_TO, P_FURROW, P_PUMP, P_LEAK, P_TANK, P_SOFT, P_PULL) = range(33)  # fmt: skip
+(P_LIFT, P_TYRE, P_LOCK, P_CRAB, P_WIND, P_WIND_TO, P_FURROW, P_PUMP, P_LEAK, P_TANK, P_SOFT, P_PULL) = range(21, 33)
 PARAMETERS = 33
 
 
@@ -50,15 +72,6 @@ def compute_tyre_ratio(along: float, aside: float, load: float, static: float, g
         return slope / (1.0 + share * (share + PEAK - 2.0))
     fall = min((share - 1.0) / 3.0, 1.0)
     return most * (1.0 - (1.0 - SLIDE) * fall * fall * (3.0 - 2.0 * fall)) / slip
-
-
-@numba.njit(cache=True)
-def sum_waves(east: float, north: float, waves: Array) -> float:
-    """A frozen field at a place: plane waves (n, 4) of height, two wave numbers (rad/m) and phase."""
-    total = 0.0
-    for i in range(len(waves)):
-        total += waves[i, 0] * math.sin(waves[i, 1] * east + waves[i, 2] * north + waves[i, 3])
-    return total
 
 
 @numba.njit(cache=True)
@@ -90,14 +103,7 @@ def find_bend(play: float, p: Array, row: Array, time: float, east: float, north
     factor = p[P_GAIN] * (1.0 + p[P_DRIFT] * time / 60.0) * (p[P_LEFT] if wheel < 0.0 else 1.0)
     if p[P_PATCH] != 1.0 and math.hypot(east - p[P_PATCH_E], north - p[P_PATCH_N]) < p[P_PATCH_R]:
         factor *= p[P_PATCH]
-    return compute_law_curvature(wheel) * factor
-
-
-@numba.njit(cache=True)
-def look_up(value: float, places: Array, values: Array) -> float:
-    """As `np.interp` of one value, with the outer slopes held on beyond the ends."""
-    i = int(min(max(int(np.searchsorted(places, value)), 1), len(places) - 1))
-    return values[i - 1] + (values[i] - values[i - 1]) * (value - places[i - 1]) / (places[i] - places[i - 1])
+    return measured_curvature(wheel, EG105) * factor
 
 
 @numba.njit(cache=True)
@@ -212,7 +218,7 @@ def pull_hitch(body: Array, tool: float, down: float, pulses: Array, pull: float
 @numba.njit(cache=True)
 def drive_tractor(
     start: Array, parts: Array, seen: Array, hands: Array, pulses: Array, ruts: Array, tilts: Array, clock: float,
-    run: int, base: Array, laws: Array, broken: Array, guide: Array, bends: Array, angles: Array, gain: float,
+    base: Array, laws: Array, broken: Array, guide: Array, bends: Array, angles: Array, gain: float,
 ) -> Array:  # fmt: skip
     """Rows (k, COLUMNS) of a run every 5 ms from a place (m, m, rad), at rest, by parts (tests.truth.fifth_drivers).
 
@@ -239,9 +245,7 @@ def drive_tractor(
         here[EAST], here[NORTH], here[HEADING], here[MOTOR], here[WHEEL] = east, north, body[2], valve[0], play
         here[SPEED], here[RIM], here[YAW], here[ROLL] = body[3], 0.5 * (rims[2] + rims[3]), body[5], body[6]
         here[TARGET], here[GEAR], here[DOWN] = parts[part, 4], parts[part, 6], parts[part, 5]
-        evaluate_laws(
-            laws, base, p, time, clock + time, east, north, here[DOWN], play, command - valve[0], body[3], run
-        )
+        evaluate_laws(laws, base, p, time, clock + time, east, north, here[DOWN], play, command - valve[0], body[3])
         command = choose_command(trace, row, parts[part], command, seen, hands, guide, memory)
         here[COMMAND] = command
         engine = 0.55 + 0.45 * min(abs(here[TARGET]) / 2.2, 1.0)

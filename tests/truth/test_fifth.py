@@ -9,11 +9,21 @@ import pytest
 
 from tests.truth import fifth, fifth_body, fifth_cases
 from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
-from tests.truth.fifth_drivers import HOLD, PERSON, PURSUE, STANLEY, compute_law_curvature, lay_parts
+from tests.truth.fifth_drivers import HOLD, PERSON, PURSUE, STANLEY, lay_parts
 from tests.truth.fifth_sensors import EXACT, draw_markov, follow_play, swing_rows
+from tests.truth.ground import EG105, measure_curvature, measured_curvature
 
 pytestmark = pytest.mark.matrix
 """In CI nothing is diagnosed by this reference, which takes long to compile."""
+
+
+def bend_of(rows: np.ndarray, from_s: float) -> float:
+    return measure_curvature(rows[int(from_s / 0.005) :], fifth_body.REAR)
+
+
+def find_law(angle_deg: float) -> float:
+    return measured_curvature(angle_deg, EG105)
+
 
 Part = tuple[float, float, float, float, float, float]
 PACE = 1.4
@@ -29,7 +39,7 @@ def drive(effects: dict[str, dict[str, float]], *parts: Part, **fields: object) 
 
 
 def find_bend(effects: dict[str, dict[str, float]], *parts: Part) -> float:
-    return fifth.measure_curvature(drive(effects, *parts), 12.0)
+    return bend_of(drive(effects, *parts), 12.0)
 
 
 def log_exact(*parts: Part, **fields: object) -> pd.DataFrame:
@@ -41,12 +51,12 @@ def test_a_slow_circle_has_the_radius_of_its_geometry(angle_deg: float) -> None:
     """Ackermann: the rear axle's middle at wheelbase / tan(angle), the centre of mass a little further out."""
     rows = fifth.drive_alone(math.radians(angle_deg), 0.4, 26.0)
     radius = math.hypot(fifth_body.BASE / math.tan(math.radians(angle_deg)), fifth_body.REAR)
-    assert fifth.measure_curvature(rows, 12.0) * radius == pytest.approx(1.0, rel=2e-3)
+    assert bend_of(rows, 12.0) * radius == pytest.approx(1.0, rel=2e-3)
 
 
 def test_a_drive_of_half_as_fast_a_circle_slips_a_quarter() -> None:
     """What tyres lose grows with the square of speed: alike in front and behind, it stays below a hundredth."""
-    bends = [fifth.measure_curvature(fifth.drive_alone(0.2, speed, 30.0), 16.0) for speed in (0.3, 1.1, 2.2)]
+    bends = [bend_of(fifth.drive_alone(0.2, speed, 30.0), 16.0) for speed in (0.3, 1.1, 2.2)]
     slow, fast = (1.0 - bend / bends[0] for bend in bends[1:])
     assert 0.0 < fast < 0.01 and slow / fast == pytest.approx(0.25, abs=0.06)
 
@@ -55,9 +65,9 @@ def test_a_drive_of_half_as_fast_a_circle_slips_a_quarter() -> None:
 def test_circles_have_the_measured_radius(angle_deg: float) -> None:
     wheel = drive({}, hold(angle_deg))[-1, fifth_body.MOTOR]
     assert abs(wheel - angle_deg) < 0.12  # the dead band
-    assert find_bend({}, hold(angle_deg)) == pytest.approx(compute_law_curvature(wheel), rel=5e-3)
+    assert find_bend({}, hold(angle_deg)) == pytest.approx(find_law(wheel), rel=5e-3)
     back = find_bend({}, hold(angle_deg, -0.85))
-    assert -back == pytest.approx(compute_law_curvature(wheel), rel=1e-2)
+    assert -back == pytest.approx(find_law(wheel), rel=1e-2)
 
 
 def test_energy_and_speed_are_sane() -> None:
@@ -71,7 +81,7 @@ def test_energy_and_speed_are_sane() -> None:
 
 def test_effects_have_their_sizes() -> None:
     offset = find_bend({"steering_offset": {"angle_deg": -2.0}}, hold(0.0))
-    assert offset == pytest.approx(compute_law_curvature(-2.0), rel=0.01)
+    assert offset == pytest.approx(find_law(-2.0), rel=0.01)
     plain = find_bend({}, hold(-12.0))
     assert find_bend({"steering_gain": {"ratio": 1.1}}, hold(-12.0)) == pytest.approx(1.1 * plain, rel=5e-3)
     assert find_bend({"steering_asymmetry": {"ratio": 0.9}}, hold(-12.0)) == pytest.approx(0.9 * plain, rel=5e-3)
@@ -79,7 +89,7 @@ def test_effects_have_their_sizes() -> None:
         draft = find_bend({"implement_side_draft": {"curvature_per_m": -0.006}}, hold(0.0, speed, 1.0))
         assert draft == pytest.approx(-0.006, rel=0.03)
     soft = find_bend({"understeer": {"deg_per_mps2": 2.0}}, hold(14.0, 2.2))
-    assert soft == pytest.approx(compute_law_curvature(13.9 - 2.0 * soft * 2.2**2), rel=0.02)
+    assert soft == pytest.approx(find_law(13.9 - 2.0 * soft * 2.2**2), rel=0.02)
     slid = drive({"side_slip": {"limit_g": 0.08}}, hold(26.0, 2.2))[3000:]
     aside = np.abs(slid[:, fifth_body.SPEED] * slid[:, fifth_body.YAW]).mean()
     assert aside == pytest.approx(0.08 * 9.81, rel=0.04)
@@ -121,7 +131,7 @@ def test_the_ground_and_an_axle_that_stands_askew_carry_the_tractor_aside() -> N
     assert math.tan(way) == pytest.approx(0.03, rel=0.03)
     askew = (
         find_bend({}, hold(0.0)),
-        fifth.measure_curvature(drive({}, hold(0.0), outside={"crab_axle": {"run": 0.0, "angle_deg": 1.0}}), 12.0),
+        bend_of(drive({}, hold(0.0), outside={"crab_axle": {"run": 0.0, "angle_deg": 1.0}}), 12.0),
     )
     assert askew[1] - askew[0] == pytest.approx(-math.radians(1.0) / fifth_body.BASE, rel=0.03)
 
@@ -147,7 +157,7 @@ def test_faults_begin_and_laws_govern() -> None:
     frozen = log_exact(*parts, faults=(Fault("position_frozen", 0, 8.0, 12.0),))["easting_m"].to_numpy()
     assert np.ptp(frozen[82:119]) == 0.0 and np.ptp(frozen[125:140]) > 0.5
     law = Law("steering_gain", "by_side", {"left": 0.8, "right": 1.0})
-    left = fifth.measure_curvature(drive({}, hold(-12.0), laws=(law,)), 12.0)
+    left = bend_of(drive({}, hold(-12.0), laws=(law,)), 12.0)
     assert left == pytest.approx(0.8 * find_bend({}, hold(-12.0)), rel=0.01)
 
 

@@ -11,6 +11,7 @@ from tests.truth import fourth, fourth_body
 from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
 from tests.truth.drives import Drive, constant, drive, stairs
 from tests.truth.fourth_messages import EXACT, choose_messages
+from tests.truth.ground import EG105, measure_curvature, measured_curvature
 
 pytestmark = pytest.mark.matrix
 """In CI nothing is diagnosed by this reference, which takes long to compile."""
@@ -28,11 +29,11 @@ def drive_case(effects: dict[str, dict[str, float]], run: Drive, **fields: objec
 
 
 def find_curvature(drawn: fourth.Drawn, machine: str = "eg105", from_s: float = 12.0) -> float:
-    return fourth.measure_curvature(drawn.rows, machine, from_s)
+    return measure_curvature(drawn.rows[int(from_s / fourth.ROW_S) :], fourth.MASS_POINT_M[machine])
 
 
 def find_law(angle_deg: float) -> float:
-    return fourth_body.compute_law_curvature(angle_deg, fourth.MACHINES["eg105"])
+    return measured_curvature(angle_deg, EG105)
 
 
 @pytest.mark.parametrize("angle", ANGLES)

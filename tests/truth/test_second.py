@@ -11,7 +11,8 @@ from tests.examples import draw_seed
 from tests.truth import rolling
 from tests.truth.drives import Drive, constant, drive, stairs, three_speeds_programme, triangle
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL
-from tests.truth.second import EXACT, STEP_S, TRACTORS, Rolled, Second, coloured, second_logs
+from tests.truth.second import EXACT, STEP_S, TRACTORS, Rolled, Second, second_logs
+from tests.truth.signals import draw_coloured
 
 PACE = 5.0 / 3.6
 SIDES = [(name, angle) for name in TRACTORS for angle in (-30.0, -12.0, -3.0, 3.0, 12.0, 30.0)]
@@ -251,7 +252,7 @@ def test_neutral_effects_hide_nothing_and_seeds_fix_the_log() -> None:
 
 
 def test_instruments_and_ground_are_as_noisy_as_they_say() -> None:
-    memory = coloured(np.random.default_rng(1), 20000, 0.8)
+    memory = draw_coloured(np.random.default_rng(1), 20000, 1.0, -1.0 / math.log(0.8))
     assert np.std(memory) == pytest.approx(1.0, abs=0.05)
     assert np.corrcoef(memory[:-1], memory[1:])[0, 1] == pytest.approx(0.8, abs=0.02)
     run = held(0.0)

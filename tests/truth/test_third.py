@@ -18,7 +18,9 @@ from tests.truth import third_run as run
 from tests.truth.cases import FAULT_IDS, KINDS, ColumnClock, Fault, Law, TruthCase
 from tests.truth.drives import Drive, constant, drive, stairs, triangle
 from tests.truth.effects import CLEAR_SIZES
-from tests.truth.third import Third, Track, calibrate_curve, draw_waves, encode_law, make_third_logs
+from tests.truth.ground import EG105, RADIUS_LAW, measured_curvature
+from tests.truth.laws import encode_law, evaluate_law
+from tests.truth.third import Third, Track, calibrate_curve, draw_waves, make_third_logs
 from tests.truth.third_columns import EXACT
 from tests.truth.third_draw import draw_third_cases
 from tests.truth.third_drives import PROGRAMMES
@@ -57,7 +59,7 @@ def weave(seconds: float = 56.0) -> Drive:
 @pytest.mark.parametrize("seed", (3, 4))  # four wheels drive, and two
 def test_circles_have_the_measured_radius(angle: float, seed: int) -> None:
     track = Third(TruthCase("clean", seed), EXACT, 0.0).track(hold(angle))
-    assert measure_bend(track) == pytest.approx(body.measured_curvature(angle), rel=2e-3)
+    assert measure_bend(track) == pytest.approx(measured_curvature(angle, EG105), rel=2e-3)
 
 
 @pytest.mark.parametrize("angle", (-20.0, 8.0, 25.0))
@@ -134,7 +136,7 @@ def test_the_friction_limit_bounds_the_side_acceleration(angle: float) -> None:
     [
         ("implement_side_draft", 0.006, 1.0, 0.006),
         ("implement_side_draft", 0.006, 0.0, 0.0),
-        ("steering_offset", 1.0, 0.0, body.RIGHT_C / body.RADIUS_LAW),
+        ("steering_offset", 1.0, 0.0, EG105.right_c / RADIUS_LAW),
     ],
 )
 def test_a_straight_is_bent_as_hidden(effect: str, size: float, tool: float, more: float) -> None:
@@ -181,9 +183,9 @@ def test_small_changes_of_speed_come_late_by_the_lag(lag: float, expected: float
 def test_laws_are_what_their_table_says(
     kind: str, values: dict[str, float], here: dict[str, float], expected: float
 ) -> None:
-    law = encode_law(Law("steering_gain", kind, values), 0)
+    law = encode_law(Law("steering_gain", kind, values), 0, 0)
     names = ("time", "day", "east", "north", "down", "side", "angle", "speed")
-    assert body.evaluate_law(law, *(here.get(name, 0.0) for name in names)) == pytest.approx(expected)
+    assert evaluate_law(law, *(here.get(name, 0.0) for name in names)) == pytest.approx(expected)
 
 
 def test_a_law_of_the_gain_reaches_the_path_of_its_run_only() -> None:

@@ -13,6 +13,7 @@ from tests.examples import draw_seed
 from tests.truth import body
 from tests.truth.drives import Drive, constant, default_programme, drive, stairs, straight, triangle
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, OUTSIDE, OUTSIDE_NEUTRAL, complete, scaled
+from tests.truth.ground import EG105, measured_curvature
 from tests.truth.model import COLUMNS, Trace, Truth, make_logs, mirror_frame
 from tests.truth.sensors import PERFECT
 
@@ -118,7 +119,7 @@ def test_backlash_lets_the_sensor_move_before_the_wheels() -> None:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_offset_steers_a_straight_command(side: float) -> None:
     trace = quiet({"steering_offset": {"angle_deg": side * 2.0}}).trace(circle(0.0))
-    assert curvature(trace) == pytest.approx(body.nominal_curvature(side * 2.0), rel=5e-3)
+    assert curvature(trace) == pytest.approx(measured_curvature(side * 2.0, EG105), rel=5e-3)
 
 
 def test_gain_and_asymmetry_scale_the_curvature() -> None:
@@ -144,7 +145,7 @@ def test_understeer_costs_angle_per_lateral_acceleration() -> None:
     trace = quiet(clear("understeer")).trace(circle(12.0, FIVE_KMH, seconds=50.0))
     bend = curvature(trace)
     left = 12.0 - 2.0 * FIVE_KMH * trace.states[-1, body.SPIN]
-    assert bend == pytest.approx(body.nominal_curvature(left), rel=5e-3)
+    assert bend == pytest.approx(measured_curvature(left, EG105), rel=5e-3)
     assert left < 12.0
 
 
@@ -311,8 +312,8 @@ def test_mirroring() -> None:
     back = mirror_frame(mirror_frame(frame))
     assert all(np.allclose(frame[name], back[name]) for name in frame)
     right, left = quiet().trace(circle(12.0)), quiet(mirrored=True).trace(circle(12.0))
-    assert curvature(left) == pytest.approx(body.nominal_curvature(-12.0), rel=2e-3)
-    assert curvature(right) == pytest.approx(body.nominal_curvature(12.0), rel=2e-3)
+    assert curvature(left) == pytest.approx(measured_curvature(-12.0, EG105), rel=2e-3)
+    assert curvature(right) == pytest.approx(measured_curvature(12.0, EG105), rel=2e-3)
 
 
 def test_the_closed_loop_drive_finds_its_line() -> None:
