@@ -79,41 +79,6 @@ def test_energy_and_speed_are_sane() -> None:
     assert np.isfinite(rows).all() and np.abs(rows[:, fifth_body.ROLL]).max() < 0.05
 
 
-def test_effects_have_their_sizes() -> None:
-    offset = find_bend({"steering_offset": {"angle_deg": -2.0}}, hold(0.0))
-    assert offset == pytest.approx(find_law(-2.0), rel=0.01)
-    plain = find_bend({}, hold(-12.0))
-    assert find_bend({"steering_gain": {"ratio": 1.1}}, hold(-12.0)) == pytest.approx(1.1 * plain, rel=5e-3)
-    assert find_bend({"steering_asymmetry": {"ratio": 0.9}}, hold(-12.0)) == pytest.approx(0.9 * plain, rel=5e-3)
-    for speed in (0.85, 2.2):
-        draft = find_bend({"implement_side_draft": {"curvature_per_m": -0.006}}, hold(0.0, speed, 1.0))
-        assert draft == pytest.approx(-0.006, rel=0.03)
-    soft = find_bend({"understeer": {"deg_per_mps2": 2.0}}, hold(14.0, 2.2))
-    assert soft == pytest.approx(find_law(13.9 - 2.0 * soft * 2.2**2), rel=0.02)
-    slid = drive({"side_slip": {"limit_g": 0.08}}, hold(26.0, 2.2))[3000:]
-    aside = np.abs(slid[:, fifth_body.SPEED] * slid[:, fifth_body.YAW]).mean()
-    assert aside == pytest.approx(0.08 * 9.81, rel=0.04)
-    lost = drive({"wheel_slip": {"ratio": 0.08}}, hold(0.0))[-1, fifth_body.SPEED]
-    assert lost == pytest.approx(0.92 * PACE, rel=5e-3)
-
-
-def test_the_valve_has_a_lag_a_rate_a_dead_band_and_play() -> None:
-    def turn(effects: dict[str, dict[str, float]], size: float) -> np.ndarray:
-        return drive(effects, (HOLD, 3.0, 0.0, 0.0, PACE, 0.0), (HOLD, 6.0, size, 0.0, PACE, 0.0))[600:]
-
-    for lag in (0.1, 0.4):
-        wheel = turn({"steering_lag": {"time_s": lag}}, 3.0)[:, fifth_body.MOTOR]
-        assert 0.005 * np.flatnonzero(wheel >= 3.0 * (1.0 - math.exp(-1.0)))[0] == pytest.approx(lag, abs=0.03)
-    for rate in (16.0, 8.0):
-        wheel = turn({"steering_rate": {"rate_deg_per_s": rate}}, 24.0)[:, fifth_body.MOTOR]
-        low, high = (0.005 * np.flatnonzero(wheel >= angle)[0] for angle in (4.0, 20.0))
-        assert 16.0 / (high - low) == pytest.approx(rate, rel=0.04)
-    assert np.abs(turn({"steering_deadband": {"angle_deg": 1.0}}, 0.8)[:, fifth_body.MOTOR]).max() == 0.0
-    loose = turn({"steering_backlash": {"angle_deg": 1.5}}, 8.0)
-    assert np.max(loose[:, fifth_body.MOTOR] - loose[:, fifth_body.WHEEL]) == pytest.approx(0.75, abs=1e-6)
-    assert turn({}, 24.0)[:, fifth_body.MOTOR].max() < 24.3  # no overshoot to speak of
-
-
 @pytest.mark.parametrize("driver", [PURSUE, STANLEY, PERSON])
 @pytest.mark.parametrize("bend", [0.0, 0.02, -0.02])
 def test_drivers_come_to_their_arc(driver: float, bend: float) -> None:
