@@ -1,14 +1,12 @@
 """The fourth reference against closed forms, the clocks of its messages, and that each cause changes what it should."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from tests.truth import fourth, fourth_body
-from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
+from tests.truth.cases import ColumnClock, Law, TruthCase
 from tests.truth.drives import Drive, constant, drive, stairs
 from tests.truth.fourth_messages import EXACT, choose_messages
 from tests.truth.ground import EG105, measure_curvature, measured_curvature
@@ -52,39 +50,9 @@ def test_a_drive_is_the_same_with_half_the_stiffness_of_its_step() -> None:
     assert turned == pytest.approx(rear, rel=0.02)
 
 
-def log_exact(run: Drive, **fields: object) -> pd.DataFrame:
-    return fourth.log_run(TruthCase("clean", 3, **fields), run, 0, EXACT)  # type: ignore[arg-type]
-
-
 BEND = drive(
     "bend", 30.0, stairs((10.0, 0.0), (10.0, 10.0), (10.0, -10.0)), stairs((15.0, 1.4), (15.0, 2.0)), bearing_deg=30.0
 )
-
-
-CELLS = {"position": ("easting_m", "northing_m"), "speed": ("speed_mps",), "steering": ("steering_deg",),
-         "heading": ("heading_deg",)}  # fmt: skip
-
-
-@pytest.mark.parametrize(("column", "names"), CELLS.items())
-def test_a_column_is_late_early_or_held_and_no_other_is(column: str, names: tuple[str, ...]) -> None:
-    plain = log_exact(BEND)
-    for clock, rows in ((ColumnClock(delay_s=0.3), 3), (ColumnClock(offset_s=-0.2), -2)):
-        moved = log_exact(BEND, columns={column: clock})
-        for name in ("easting_m", "northing_m", "speed_mps", "steering_deg", "heading_deg"):
-            shift = rows if name in names else 0
-            now, then = moved[name].to_numpy()[20:280], plain[name].to_numpy()[20 - shift : 280 - shift]
-            assert np.abs(now - then).max() < 2e-3
-    held = log_exact(BEND, columns={column: ColumnClock(hold_s=0.5)})[names[0]].to_numpy()
-    assert np.mean(np.diff(held[120:280]) == 0.0) >= 0.75
-
-
-def test_the_low_pass_and_the_scale_of_a_column() -> None:
-    plain = log_exact(BEND)
-    slow = log_exact(BEND, columns={"steering": ColumnClock(filter_s=0.6)})["steering_deg"].to_numpy()
-    late = np.sum(plain["steering_deg"].to_numpy()[95:195] - slow[95:195]) * 0.1 / 10.0
-    assert late == pytest.approx(0.6, abs=0.03)
-    high = log_exact(BEND, columns={"speed": ColumnClock(scale=1.07)})["speed_mps"]
-    assert np.abs(high - 1.07 * plain["speed_mps"]).max() < 2e-3
 
 
 def test_messages_come_at_their_pace() -> None:
@@ -108,18 +76,6 @@ def test_laws_govern_their_parameter() -> None:
     assert {0.9, 1.2} == set(bent.parameters[[3500, 5500], fourth_body.P_GAIN])
 
 
-def test_faults_begin_and_end() -> None:
-    fault = Fault("steering_loose", 0, 11.0, 21.0)
-    wheel = drive_case({}, BEND, faults=(fault,)).rows[:, fourth_body.MOTOR]
-    assert abs(wheel[4100] - 10.0) < 0.2 and wheel[5900] < 0.0
-    stuck = drive_case({}, BEND, faults=(Fault("steering_stuck", 0, 5.0, None, {"side": -1.0}),))
-    assert stuck.rows[-1, fourth_body.MOTOR] == -fourth_body.LOCK_DEG
-    frozen = log_exact(BEND, faults=(Fault("position_frozen", 0, 8.0, 12.0),))["easting_m"].to_numpy()
-    assert np.ptp(frozen[81:119]) == 0.0 and np.ptp(frozen[125:140]) > 0.5
-    feedback = log_exact(BEND, faults=(Fault("wheel_sensor_frozen", 0, 8.0),))["steering_deg"].to_numpy()
-    assert np.ptp(feedback[81:]) == 0.0
-
-
 def test_the_autosteer_comes_to_its_line_and_sees_late() -> None:
     line = drive("line", 40.0, stairs((15.0, 0.8), (25.0, 0.0)), 1.4, bearing_deg=90.0, closed_loop=True)
     drawn = drive_case({}, line)
@@ -128,11 +84,3 @@ def test_the_autosteer_comes_to_its_line_and_sees_late() -> None:
     aside = drive_case({"antenna_right": {"distance_m": 0.3}}, line)
     north = aside.rows[0, fourth_body.NORTH] - aside.rows[:, fourth_body.NORTH]
     assert north[-700] == pytest.approx(-0.3, abs=0.06)
-
-
-def test_logs_are_decided_by_their_seed() -> None:
-    case = TruthCase("clean", 11, programme="one_speed")
-    one, two, other = (fourth.make_fourth_logs(one) for one in (case, case, replace(case, seed=12)))
-    assert all(a.equals(b) for a, b in zip(one, two, strict=True))
-    assert not any(a.equals(b) for a, b in zip(one, other, strict=True))
-    assert one[0].attrs["name"] == "bends_0" and np.isfinite(one[0].to_numpy(float)).all()

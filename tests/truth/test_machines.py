@@ -76,12 +76,16 @@ def ride_articulated(effects: Effects, run: Drive) -> Ride:
     return ride_fourth(effects, run, outside={"articulated": {"here": 1.0}})
 
 
-def ride_fifth(effects: Effects, run: Drive) -> Ride:
+def lay_drive(run: Drive) -> Array:
+    """A drive as parts of the fifth reference, one for each tenth of a second."""
     time = np.arange(0.0, run.duration_s, 0.1)
     none = np.zeros(len(time))
-    parts = np.column_stack([none, time + 0.1, run.steering(time), none, run.speed(time), run.implement(time),
-                             none + 1.0])  # fmt: skip
-    rows = fifth.drive_run(TruthCase("clean", 3, effects), parts, math.degrees(BEARING), 0, quiet=True)
+    return np.column_stack([none, time + 0.1, run.steering(time), none, run.speed(time), run.implement(time),
+                            none + 1.0])  # fmt: skip
+
+
+def ride_fifth(effects: Effects, run: Drive) -> Ride:
+    rows = fifth.drive_run(TruthCase("clean", 3, effects), lay_drive(run), math.degrees(BEARING), 0, quiet=True)
     mass = find_point(*rows[:, :3].T, fifth_body.REAR, 0.0)
     return Ride(0.005 * np.arange(len(rows)), *mass, *(rows[:, k] for k in (2, fifth_body.SPEED, fifth_body.MOTOR)))
 

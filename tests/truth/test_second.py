@@ -3,14 +3,12 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from tests.examples import draw_seed
 from tests.truth import rolling
 from tests.truth.drives import Drive, constant, drive, stairs, three_speeds_programme
-from tests.truth.effects import CLEAR_SIZES, NEUTRAL
-from tests.truth.second import EXACT, STEP_S, TRACTORS, Second, second_logs
+from tests.truth.effects import CLEAR_SIZES
+from tests.truth.second import EXACT, STEP_S, TRACTORS, Second
 from tests.truth.signals import draw_coloured
 
 PACE = 5.0 / 3.6
@@ -63,53 +61,6 @@ def test_the_drive_line_keeps_its_limits() -> None:
     assert speed.max() < 2.2 * 1.03 and abs(speed[-1]) < 5e-3
 
 
-def test_the_receiver_is_moved_late_and_biased_as_said() -> None:
-    run = three_speeds_programme()[2]
-    plain = quiet().log(run)
-    heading = np.radians(plain.heading_deg)
-    for name, turn in (("antenna_forward", 0.0), ("antenna_right", 0.5 * math.pi)):
-        moved, away = quiet(clear(name)).log(run), CLEAR_SIZES[name]["distance_m"]
-        assert np.allclose(moved.easting_m - plain.easting_m, away * np.sin(heading + turn), atol=2e-3)
-        assert np.allclose(moved.northing_m - plain.northing_m, away * np.cos(heading + turn), atol=2e-3)
-    late = quiet(clear("gnss_latency")).log(run)
-    assert np.allclose(late.easting_m[2:], plain.easting_m[:-2], atol=2e-3)
-    assert np.array_equal(late.speed_mps, plain.speed_mps)
-    turned = quiet(clear("heading_bias")).log(run)
-    assert np.allclose((turned.heading_deg - plain.heading_deg) % 360.0, 1.5)
-
-
-PLACE, PATH = {"easting_m", "northing_m"}, {"easting_m", "northing_m", "heading_deg"}
-CHANGES = {
-    **dict.fromkeys(set(CLEAR_SIZES), PATH),
-    **dict.fromkeys(("steering_dead_time", "steering_lag", "steering_rate"), PATH | {"steering_deg"}),
-    "steering_deadband": PATH | {"steering_deg"},
-    **dict.fromkeys(("cross_slope_drift", "antenna_forward", "antenna_right"), PLACE),
-    **dict.fromkeys(("wheel_slip", "implement_slip", "speed_lag"), PATH | {"speed_mps"}),
-    "heading_bias": {"heading_deg"},
-}
-
-
-@pytest.mark.parametrize("name", sorted(CHANGES))
-def test_an_effect_changes_its_columns_and_no_other(name: str) -> None:
-    weave = stairs((6.0, 0.0), (8.0, 3.0), (8.0, -10.0), (8.0, 1.0), (8.0, 15.0))
-    run = drive("weave", 38.0, weave, 2.2, 1.0, bearing_deg=70.0)
-    plain, changed = (Second(effects, seed=5).log(run) for effects in ({}, clear(name)))
-    assert {column for column in plain if not np.array_equal(plain[column], changed[column])} == CHANGES[name]
-
-
-def test_neutral_effects_hide_nothing_and_seeds_fix_the_log() -> None:
-    seed = draw_seed()
-    runs = three_speeds_programme()[6:]
-    first, again, neutral, other = (
-        second_logs(effects, number, runs)
-        for effects, number in (({}, seed), ({}, seed), (NEUTRAL, seed), ({}, seed + 1))
-    )
-    for one, two, three, four in zip(first, again, neutral, other, strict=True):
-        pd.testing.assert_frame_equal(one, two)
-        pd.testing.assert_frame_equal(one, three)
-        assert not np.array_equal(one.easting_m, four.easting_m)
-
-
 def test_instruments_and_ground_are_as_noisy_as_they_say() -> None:
     memory = draw_coloured(np.random.default_rng(1), 20000, 1.0, -1.0 / math.log(0.8))
     assert np.std(memory) == pytest.approx(1.0, abs=0.05)
@@ -131,10 +82,3 @@ def test_the_closed_loop_keeps_to_its_line() -> None:
     aside = -(rolled.column(rolling.EAST) - rolled.column(rolling.EAST)[0])  # driving south, right is west
     for moment, offset in ((13.9, 0.6), (29.9, -0.8), (43.9, 0.7)):
         assert aside[round(moment / STEP_S)] == pytest.approx(offset, abs=0.12)
-
-
-def test_only_what_it_can_hide_is_hidden() -> None:
-    with pytest.raises(ValueError, match="cannot hide wind_drift"):
-        Second({"wind_drift": {"speed_mps": 0.1, "bearing_deg": 0.0}})
-    with pytest.raises(ValueError, match="effect 'grip' is unknown"):
-        Second({"grip": {"ratio": 0.5}}).log(held(0.0))

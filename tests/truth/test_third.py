@@ -6,14 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
-import pandas as pd
 import pytest
 
-from tests.examples import seldom
 from tests.truth import third_body as body
 from tests.truth import third_columns as columns
 from tests.truth import third_run as run
-from tests.truth.cases import FAULT_IDS, KINDS, ColumnClock, Fault, Law, TruthCase
+from tests.truth.cases import KINDS, ColumnClock, Fault, Law, TruthCase
 from tests.truth.drives import Drive, constant, drive, stairs, triangle
 from tests.truth.laws import encode_law, evaluate_law
 from tests.truth.third import Third, Track, calibrate_curve, draw_waves, make_third_logs
@@ -128,35 +126,6 @@ def test_a_law_of_the_gain_reaches_the_path_of_its_run_only() -> None:
     assert bend[1] / bend[0] == pytest.approx(0.85, rel=0.005)
 
 
-def find_delay(early: Array, late: Array, rate_hz: float) -> float:
-    """Delay (s) at which two signals at even steps fit best, by a parabola through the best three."""
-    shifts = np.arange(-20, 21)
-    errors = np.array([np.mean((np.roll(early, shift)[30:-30] - late[30:-30]) ** 2) for shift in shifts])
-    place = int(np.argmin(errors))
-    left, low, right = errors[place - 1 : place + 2]
-    return float(shifts[place] + 0.5 * (left - right) / (left - 2.0 * low + right)) / rate_hz
-
-
-COLUMN_OF = {"position": "easting_m", "heading": "heading_deg", "steering": "steering_deg", "speed": "speed_mps",
-             "steering_command": "steering_command_deg"}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", ["position", "steering", *seldom("heading", "steering_command")])
-@pytest.mark.parametrize(
-    ("clock", "seconds"),
-    [(ColumnClock(delay_s=0.3), 0.3), (ColumnClock(offset_s=-0.25), -0.25), (ColumnClock(filter_s=0.4), 0.4)],
-)
-def test_a_clock_moves_its_column_and_no_other(name: str, clock: ColumnClock, seconds: float) -> None:
-    plain, moved = (hide(columns=clocks, rate_hz=20.0).log(weave()) for clocks in ({}, {name: clock}))
-    early, late = (
-        np.unwrap(frame[COLUMN_OF[name]], period=360.0 if name == "heading" else 1e9) for frame in (plain, moved)
-    )
-    assert find_delay(early, late, 20.0) == pytest.approx(seconds, abs=0.03)
-    ours = {"easting_m", "northing_m"} if name == "position" else {COLUMN_OF[name]}
-    for other in set(plain.columns) - ours:
-        pd.testing.assert_series_equal(plain[other], moved[other])
-
-
 def test_a_clock_that_drifts_is_later_at_the_end() -> None:
     times = np.arange(0.0, 60.0, 0.1)
     reading = columns.read_column(ColumnClock(drift_s_per_min=0.4), times, np.random.default_rng(0))
@@ -171,32 +140,6 @@ def test_a_held_column_repeats_its_values_with_their_noise(jitter: float) -> Non
     assert np.median(np.diff(places)) == pytest.approx(20.0, abs=1.0 + 20.0 * jitter)
     assert len(places) <= 56.0 / (2.0 * (1.0 - jitter))
     assert (np.ptp(np.diff(places)) > 4) == (jitter > 0.0)
-
-
-def test_the_scale_of_a_column_is_its_own() -> None:
-    plain, off = (hide(columns=clocks).log(weave()) for clocks in ({}, {"speed": ColumnClock(scale=1.07)}))
-    assert off["speed_mps"].to_numpy() == pytest.approx(1.07 * plain["speed_mps"].to_numpy())
-
-
-@pytest.mark.parametrize("fault_id", [*FAULT_IDS[:3], *seldom(*FAULT_IDS[3:])])
-def test_a_fault_begins_when_it_says(fault_id: str) -> None:
-    """Nothing differs before its first second, and what should differ does so within two seconds of it."""
-    detail = {"mode": 1.0, "size_m": 2.0} if fault_id == "position_lost" else {}
-    fault = Fault(fault_id, 1, 20.0, 30.0, detail)
-    whole, broken, other = (
-        Third(TruthCase("fault", 5, faults=faults)).log(weave(), index)
-        for faults, index in (((), 1), ((fault,), 1), ((fault,), 0))
-    )  # fmt: skip
-    pd.testing.assert_frame_equal(other, Third(TruthCase("fault", 5)).log(weave(), 0))
-    first = fault_id.split("_")[0]
-    column = {"heading": "heading_deg", "speed": "speed_mps", "position": "easting_m"}.get(first, "steering_deg")
-    times = whole["time_s"].to_numpy() - whole["time_s"].iloc[0]
-    unequal = np.flatnonzero((whole[column] != broken[column]).to_numpy())
-    assert 20.0 - 1e-6 <= times[unequal[0]] <= 22.0
-    frozen = np.ptp(broken[column].to_numpy()[(times >= 20.1) & (times < 29.9)])
-    assert (frozen == 0.0) == fault_id.endswith("_frozen")
-    if fault_id.endswith(("_frozen", "_lost")):
-        assert times[unequal[-1]] < 30.0
 
 
 def test_loose_wheels_stop_following_and_stuck_ones_run_to_the_lock() -> None:
@@ -242,24 +185,6 @@ def test_ground_is_the_same_at_the_same_place() -> None:
     assert there == pytest.approx(-back) and there != run.find_rut(3.5, -2.0, 0.4, waves)
     spread = [run.find_rut(east, north, 0.0, waves) for east in np.arange(0, 60, 0.7) for north in (0.0, 9.0, 21.0)]
     assert 0.001 < np.std(spread) < 0.008
-
-
-@pytest.mark.slow
-def test_logs_are_the_same_bit_for_bit() -> None:
-    case = TruthCase("clean", 11, programme="one_sided")
-    one, two = make_third_logs(case), make_third_logs(case)
-    assert [frame.attrs["name"] for frame in one] == [each.name for each in PROGRAMMES["one_sided"]()]
-    for first, second in zip(one, two, strict=True):
-        pd.testing.assert_frame_equal(first, second, check_exact=True)
-    other = Third(replace(case, seed=12)).log(PROGRAMMES["one_sided"]()[0])
-    assert not one[0]["easting_m"].equals(other["easting_m"])
-
-
-def test_logs_hold_what_the_contract_asks() -> None:
-    for frame in make_third_logs(TruthCase("clean", 13, programme="mixed", rate_hz=5.0)):
-        assert np.all(np.diff(frame["time_s"]) > 0.0) and not frame.isna().any().any()
-        assert frame["heading_deg"].between(0.0, 360.0).all() and (frame["speed_mps"] >= 0.0).all()
-        assert np.median(np.diff(frame["time_s"])) == pytest.approx(0.2, abs=0.01)
 
 
 def test_cases_are_drawn_fresh_and_shuffled() -> None:

@@ -4,10 +4,8 @@ import math
 import time
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from tests.examples import draw_seed
 from tests.truth import body
 from tests.truth.drives import Drive, constant, default_programme, drive, stairs, straight, triangle
 from tests.truth.effects import CLEAR_SIZES, NEUTRAL, OUTSIDE, OUTSIDE_NEUTRAL, complete, scaled
@@ -58,55 +56,8 @@ def test_backlash_lets_the_sensor_move_before_the_wheels() -> None:
     assert np.array_equal(plain.column(body.ACTUATOR), plain.wheel_deg)
 
 
-@pytest.mark.parametrize(("name", "angle"), [("antenna_forward", 0.0), ("antenna_right", 90.0)])
-def test_antenna_moves_the_position_in_the_vehicle_frame(name: str, angle: float) -> None:
-    run = default_programme()[4]
-    plain, moved = quiet().log(run), quiet(clear(name)).log(run)
-    away = CLEAR_SIZES[name]["distance_m"]
-    towards = np.radians(plain.heading_deg + angle)
-    assert np.allclose(moved.easting_m - plain.easting_m, away * np.sin(towards), atol=1e-9)
-    assert np.allclose(moved.northing_m - plain.northing_m, away * np.cos(towards), atol=1e-9)
-
-
-def test_latency_makes_position_and_heading_old_but_not_the_speed() -> None:
-    plain, late = quiet().log(default_programme()[4]), quiet(clear("gnss_latency")).log(default_programme()[4])
-    for name in ("easting_m", "northing_m", "heading_deg"):
-        assert np.allclose(late[name][4:], plain[name][:-4], atol=1e-9)
-    for name in ("speed_mps", "steering_deg", "steering_command_deg"):
-        assert np.array_equal(late[name], plain[name])
-
-
-PATH = {"easting_m", "northing_m", "heading_deg"}
-CHANGES = {
-    **dict.fromkeys(("steering_offset", "steering_gain", "steering_asymmetry", "steering_backlash", "side_slip"), PATH),
-    **dict.fromkeys(("understeer", "implement_side_draft", "grip_patch", "grip_drift", "gnss_latency"), PATH),
-    **dict.fromkeys(("steering_temperature", "speed_pull", "steering_wobble", "tyre_relaxation"), PATH),
-    **dict.fromkeys(("steering_dead_time", "steering_lag", "steering_rate"), PATH | {"steering_deg"}),
-    "steering_deadband": PATH | {"steering_deg"},
-    "cross_slope_drift": PATH - {"heading_deg"},
-    "wind_drift": PATH - {"heading_deg"},
-    "wheel_slip": PATH | {"speed_mps"},
-    "implement_slip": PATH | {"speed_mps"},
-    "speed_lag": PATH | {"speed_mps"},
-    "antenna_forward": PATH - {"heading_deg"},
-    "antenna_right": PATH - {"heading_deg"},
-    "heading_bias": {"heading_deg"},
-}
-
-
-@pytest.mark.parametrize("name", sorted(CHANGES))
-def test_an_effect_changes_its_columns_and_no_other(name: str) -> None:
-    """With the same seed, noise and commands are the same to the bit, so any other difference is the effect's."""
-    weave = stairs((6.0, 0.0), (8.0, 3.0), (8.0, -10.0), (8.0, 1.0), (8.0, 15.0))
-    run = drive("weave", 40.0, weave, 2.2, 1.0, bearing_deg=70.0)
-    plain, changed = (Truth(effects, seed=5).log(run) for effects in ({}, clear(name)))
-    different = {column for column in plain if not np.array_equal(plain[column], changed[column])}
-    assert different == CHANGES[name]
-
-
 def test_tables_of_effects_agree() -> None:
     assert list(NEUTRAL) == list(CLEAR_SIZES) and list(OUTSIDE_NEUTRAL) == list(OUTSIDE)
-    assert set(CHANGES) == set(CLEAR_SIZES) | set(OUTSIDE)
     for name, clear_size in {**CLEAR_SIZES, **OUTSIDE}.items():
         assert set(clear_size) == set({**NEUTRAL, **OUTSIDE_NEUTRAL}[name])
         assert scaled(name, 1.0) == pytest.approx(clear_size)
@@ -116,19 +67,6 @@ def test_tables_of_effects_agree() -> None:
         complete({"grip": {"ratio": 0.5}})
     with pytest.raises(ValueError, match="steering_gain has no parameter 'factor'"):
         complete({"steering_gain": {"factor": 1.1}})
-
-
-def test_neutral_effects_hide_nothing() -> None:
-    run = default_programme()[4]
-    pd.testing.assert_frame_equal(Truth({}, 3).log(run), Truth({**NEUTRAL, **OUTSIDE_NEUTRAL}, 3).log(run))
-
-
-def test_the_seed_fixes_the_log() -> None:
-    seed = draw_seed()
-    first, again, other = (make_logs({}, number, default_programme()[:3]) for number in (seed, seed, seed + 1))
-    for one, two, three in zip(first, again, other, strict=True):
-        pd.testing.assert_frame_equal(one, two)
-        assert not np.array_equal(one.easting_m, three.easting_m)
 
 
 @pytest.mark.slow
