@@ -18,31 +18,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from tests.truth import laws as known
 from tests.truth.ground import LOCK_DEG, look_up, measured_angle, measured_curvature, sum_waves
-from tests.truth.laws import (
-    P_DEAD_BAND,
-    P_DEAD_TIME,
-    P_DRAFT,
-    P_DRIFT,
-    P_GAIN,
-    P_LAG,
-    P_LEFT,
-    P_LIMIT,
-    P_OFFSET,
-    P_PATCH,
-    P_PATCH_E,
-    P_PATCH_N,
-    P_PATCH_R,
-    P_PLAY,
-    P_RATE,
-    P_SLIP,
-    P_SLOPE,
-    P_SLOPE_TO,
-    P_SPEED_LAG,
-    P_TOOL_SLIP,
-    P_UNDERSTEER,
-    evaluate_laws,
-)
 
 Array = npt.NDArray[np.float64]
 
@@ -121,17 +98,6 @@ def compute_tyre_force(
         ahead = old
         force -= stiffness * z[k]
     return force
-
-
-@numba.njit(cache=True)
-def compute_path_factor(p: Array, east: float, north: float, time: float, left: bool, field: float) -> float:
-    """Factor on the curvature from all that changes how well the machine turns."""
-    factor = p[P_GAIN] * (1.0 + p[P_DRIFT] * time / 60.0) * (1.0 + p[P_FIELD] * field)
-    if left:
-        factor *= p[P_LEFT]
-    if p[P_PATCH] != 1.0 and math.hypot(east - p[P_PATCH_E], north - p[P_PATCH_N]) < p[P_PATCH_R]:
-        factor *= p[P_PATCH]
-    return factor
 
 
 @numba.njit(cache=True)
@@ -248,14 +214,14 @@ def guide_machine(
 @numba.njit(cache=True)
 def choose_motor_rate(trace: Array, row: int, stage: int, p: Array) -> tuple[int, float]:
     """Stage of the steering loop and the rate (deg/s) it wants, from the command as old as it is when it arrives."""
-    old = row - round(p[P_DEAD_TIME] / (STEP_S * ROW_STEPS)) - 2
+    old = row - round(p[known.P_DEAD_TIME] / (STEP_S * ROW_STEPS)) - 2
     order = trace[old, COMMAND] if old >= 0 else trace[0, COMMAND]
     back = max(row - round(p[P_HUNT] / (STEP_S * ROW_STEPS)), 0)
     gap = order - trace[back, MOTOR]
-    stage = choose_stage(stage, gap, p[P_DEAD_BAND])
+    stage = choose_stage(stage, gap, p[known.P_DEAD_BAND])
     if stage == 2:
-        return stage, math.copysign(p[P_RATE], gap)
-    return stage, gap / max(p[P_LAG] - LOOP_LATE_S, 0.5 * p[P_LAG]) if stage == 1 else 0.0
+        return stage, math.copysign(p[known.P_RATE], gap)
+    return stage, gap / max(p[known.P_LAG] - LOOP_LATE_S, 0.5 * p[known.P_LAG]) if stage == 1 else 0.0
 
 
 @numba.njit(cache=True)
@@ -365,7 +331,7 @@ def drive_machine(
         east, north = place[0, 0] - m.centre * s, place[0, 1] - m.centre * c
         time = row * STEP_S * ROW_STEPS
         move = command - motor[0]
-        evaluate_laws(laws, base, p, time, clock + time, east, north, downs[row], play, move, speed)
+        known.evaluate_laws(laws, base, p, time, clock + time, east, north, downs[row], play, move, speed)
         if row % 20 == 0:
             command = signal[row]
             if guide.closed:
@@ -381,31 +347,31 @@ def drive_machine(
         if row % 2 == 0:
             stage, wanted = choose_motor_rate(trace, row, stage, p)
         if broken[row, 1] != 0.0:
-            wanted = broken[row, 1] * p[P_RATE]
+            wanted = broken[row, 1] * p[known.P_RATE]
         powered = broken[row, 0] == 0.0
-        half = 0.5 * p[P_PLAY]
-        wheel = play + p[P_OFFSET] + p[P_FURROW] * math.sin(1.3 * north) * math.tanh(abs(speed))
+        half = 0.5 * p[known.P_PLAY]
+        wheel = play + p[known.P_OFFSET] + p[P_FURROW] * math.sin(1.3 * north) * math.tanh(abs(speed))
         wheel += p[P_TORQUE] * (oil[2] / weight - ROLLING)
         rough[0] = sum_waves(place[1, 0], place[1, 1], waves) + drift[row]
         rough[1] = sum_waves(east + 37.0, north, waves)
         field = 0.0
         if p[P_FIELD] != 0.0:
             field = min(max(180.0 * sum_waves(0.35 * east, 0.35 * north + 50.0, waves), -2.0), 2.0)
-        bend = measured_curvature(wheel, m) * compute_path_factor(p, east, north, time, wheel < 0.0, field)
-        new = look_up(bend, bends, angles)
+        bend = measured_curvature(wheel, m) * known.compute_path_factor(p, east, north, time, wheel < 0.0)
+        new = look_up(bend * (1.0 + p[P_FIELD] * field), bends, angles)
         mech_rate, mech = (new - mech) / (STEP_S * ROW_STEPS) if row else 0.0, new
         down += min(max(downs[row] - down, -0.01), 0.01)
-        limit = min(FRICTION, p[P_LIMIT])
-        soft = 1.0 / (1.0 / FRONT_GRIP + math.radians(p[P_UNDERSTEER]) * GRAVITY)
+        limit = min(FRICTION, p[known.P_LIMIT])
+        soft = 1.0 / (1.0 / FRONT_GRIP + math.radians(p[known.P_UNDERSTEER]) * GRAVITY)
         wake += STEP_S * ROW_STEPS / 0.8 * (min(abs(motor[1]) / 10.0, 1.0) - wake)
-        creep = p[P_SLOPE] * abs(speed) * math.sin(p[P_SLOPE_TO] - place[0, 2])
+        creep = p[known.P_SLOPE] * abs(speed) * math.sin(p[known.P_SLOPE_TO] - place[0, 2])
         for _ in range(ROW_STEPS):
             turn_motor(motor, wanted, powered)
             play = min(max(play, motor[0] - half), motor[0] + half)
             force[:] = 0.0
             u = rate[0, 0] * math.sin(place[0, 2]) + rate[0, 1] * math.cos(place[0, 2])
-            drive_pump(oil, targets[row], p[P_SPEED_LAG], wheel_speed, p[P_DROOP] * wake, weight)
-            rolling = wheel_speed * (1.0 - p[P_SLIP]) * (1.0 - p[P_TOOL_SLIP] * down)
+            drive_pump(oil, targets[row], p[known.P_SPEED_LAG], wheel_speed, p[P_DROOP] * wake, weight)
+            rolling = wheel_speed * (1.0 - p[known.P_SLIP]) * (1.0 - p[known.P_TOOL_SLIP] * down)
             pull = DRIVE_GRIP * 2.0 * rear_load * (rolling - u) / (abs(u) + 1.0)
             pull = min(max(pull, -0.6 * weight), 0.6 * weight)
             braked = ROLLING * weight * math.tanh(wheel_speed / 0.05)
@@ -413,6 +379,6 @@ def drive_machine(
             push_axles(place, rate, force, z, mech, -p[P_REAR_STEER] * mech, pull, front_load, rear_load, soft, limit,
                        creep * c, -creep * s, rough, m)  # fmt: skip
             join_bodies(place, rate, force, hitch, mech, mech_rate, 0.02 + p[P_HITCH] * down, m)
-            work_implement(place[2], rate[2], force[2], weight, down, p[P_TINES], p[P_DRAFT] * moment)
+            work_implement(place[2], rate[2], force[2], weight, down, p[P_TINES], p[known.P_DRAFT] * moment)
             move_bodies(place, rate, force, m)
     return trace, kept

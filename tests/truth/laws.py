@@ -166,3 +166,12 @@ def evaluate_laws(
         place = int(laws[i, 0])
         side = move if P_LAG <= place <= P_DEAD_BAND else wheel
         p[place] = evaluate_law(laws[i], time, clock, east, north, down, side, wheel, speed)
+
+
+@numba.njit(cache=True)
+def compute_path_factor(p: Array, east: float, north: float, time: float, left: bool) -> float:
+    """Factor on the curvature from all that changes how well a machine turns; the edge of a patch is sharp."""
+    factor = p[P_GAIN] * (1.0 + p[P_DRIFT] * time / 60.0) * (p[P_LEFT] if left else 1.0)
+    if p[P_PATCH] != 1.0 and math.hypot(east - p[P_PATCH_E], north - p[P_PATCH_N]) < p[P_PATCH_R]:
+        factor *= p[P_PATCH]
+    return factor

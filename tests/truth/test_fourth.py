@@ -10,6 +10,7 @@ from tests.truth.cases import ColumnClock, Law, TruthCase
 from tests.truth.drives import Drive, constant, drive, stairs
 from tests.truth.fourth_messages import EXACT, choose_messages
 from tests.truth.ground import EG105, measure_curvature, measured_curvature
+from tests.truth.laws import P_GAIN, P_OFFSET
 
 pytestmark = pytest.mark.matrix
 """In CI nothing is diagnosed by this reference, which takes long to compile."""
@@ -68,12 +69,12 @@ def test_laws_govern_their_parameter() -> None:
     tool = drive("tool", 30.0, constant(10.0), 1.4, stairs((15.0, 0.0), (15.0, 1.0)), bearing_deg=0.0)
     law = Law("steering_gain", "by_implement", {"lifted": 1.0, "working": 0.8})
     drawn = drive_case({}, tool, laws=(law,))
-    gains = drawn.parameters[[1000, 5000], fourth_body.P_GAIN]
+    gains = drawn.parameters[[1000, 5000], P_GAIN]
     assert tuple(gains) == (1.0, 0.8)
     drifts = drive_case({}, tool, laws=(Law("steering_offset", "over_minutes", {"start": 1.0, "per_minute": 4.0}),))
-    assert drifts.parameters[4000, fourth_body.P_OFFSET] == pytest.approx(1.0 + 4.0 * 20.0 / 60.0)
+    assert drifts.parameters[4000, P_OFFSET] == pytest.approx(1.0 + 4.0 * 20.0 / 60.0)
     bent = drive_case({}, BEND, laws=(Law("steering_gain", "by_side", {"left": 0.9, "right": 1.2}),))
-    assert {0.9, 1.2} == set(bent.parameters[[3500, 5500], fourth_body.P_GAIN])
+    assert {0.9, 1.2} == set(bent.parameters[[3500, 5500], P_GAIN])
 
 
 def test_the_autosteer_comes_to_its_line_and_sees_late() -> None:
