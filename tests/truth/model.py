@@ -48,7 +48,8 @@ class Trace:
 
     def antenna(self, forward_m: float = ANTENNA_FORWARD_M, right_m: float = 0.0) -> tuple[Array, Array]:
         """East and north of a point ahead of the rear axle and to the right of the centre line."""
-        return find_point(*self.states[:, : body.HEADING + 1].T, forward_m - body.REAR, right_m)
+        east, north, heading = (self.column(place) for place in (body.EAST, body.NORTH, body.HEADING))
+        return find_point(east, north, heading, forward_m - body.REAR, right_m)
 
 
 @dataclass(frozen=True)
@@ -217,7 +218,7 @@ def hidden(values: dict[str, dict[str, float]], clock_s: float) -> body.Hidden:
     known["speed_lag"] = max(known["speed_lag"], body.SPEED_LAG_S)
     del known["dead_time"]
     return body.Hidden(
-        **known,
+        **known,  # type: ignore[arg-type]
         temperature=heat["share"],
         temperature_period=heat["period_s"],
         pull=values["speed_pull"]["deg_per_m2ps2"],

@@ -71,7 +71,8 @@ class Rolled:
 
     def point(self, forward_m: float, right_m: float) -> tuple[Array, Array]:
         """East and north of a point ahead of the rear axle and to its right."""
-        return find_point(*self.states[:, : rolling.HEADING + 1].T, forward_m, right_m)
+        east, north, heading = (self.column(place) for place in (rolling.EAST, rolling.NORTH, rolling.HEADING))
+        return find_point(east, north, heading, forward_m, right_m)
 
 
 @dataclass(frozen=True)

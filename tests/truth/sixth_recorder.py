@@ -52,7 +52,7 @@ def draw_wander(rng: np.random.Generator, when_s: Array, memory_s: float) -> Arr
     """Values at some times (s) that wander about 0 with deviation 1."""
     steps = np.diff(when_s, prepend=[when_s[0] - 2.0, when_s[0] - 1.0])
     white = rng.normal(size=len(when_s))
-    return colour_noise(np.concatenate([[rng.normal()], white]), steps, memory_s)[1:]  # type: ignore[no-any-return]
+    return colour_noise(np.concatenate([[rng.normal()], white]), steps, memory_s)[1:]
 
 
 def read_receiver(rng: np.random.Generator, rows: Array, p: Array, when_s: Array) -> Array:
