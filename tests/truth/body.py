@@ -15,6 +15,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from tests.truth.ground import EG105, MAP_SPEED_MPS, look_up, measured_curvature
+
 Array = npt.NDArray[np.float64]
 
 MASS, INERTIA, FRONT, REAR, GRAVITY = 3850.0, 6500.0, 1.3, 1.1, 9.80665
@@ -26,11 +28,6 @@ FRICTION = 0.75
 SPEED_LAG_S, ACCELERATION = 0.35, 0.7
 SWITCH_DEG, RELEASE_DEG = 5.0, 0.3
 SLIDE_LENGTH_M, PATCH_EDGE_M = 0.5, 0.5
-LOCK_DEG = 35.0
-# Measured radii of the EG105 on soil at 5 km/h: r = 118.4 / (c |delta|^p) (thesis, Eq. 2.10)
-RADIUS_LAW = 118.4
-RIGHT_C, RIGHT_P, LEFT_C, LEFT_P = 0.4457377, 1.199, 0.3081049, 1.285
-MAP_SPEED_MPS = 5.0 / 3.6
 
 EAST, NORTH, HEADING, SIDEWAYS, SPIN, FRONT_Y, REAR_Y, WHEEL_SPEED, ACTUATOR, SLIDE = range(10)
 STATES = 10
@@ -62,13 +59,13 @@ class Hidden(NamedTuple):
     rate: float
     dead_band: float
     half_play: float
-    friction: float
+    limit: float
     understeer: float
     slope: float
-    slope_bearing: float
+    slope_to: float
     draft: float
     slip: float
-    implement_slip: float
+    tool_slip: float
     speed_lag: float
     patch: float
     patch_east: float
@@ -108,15 +105,6 @@ def falls(east: float, north: float, heading: float, ground: Ground) -> tuple[fl
     to_north = ground.fall_north - 0.7 * steep * math.cos(turn * east) * math.cos(0.7 * turn * north + 1.0)
     cosine, sine = math.cos(heading), math.sin(heading)
     return to_east * cosine - to_north * sine, to_east * sine + to_north * cosine
-
-
-@numba.njit(cache=True)
-def nominal_curvature(angle_deg: float) -> float:
-    """Signed curvature (1/m, positive right) of the centre of mass measured on soil at 5 km/h."""
-    size = min(abs(angle_deg), LOCK_DEG)
-    if angle_deg >= 0.0:
-        return RIGHT_C * size**RIGHT_P / RADIUS_LAW
-    return -LEFT_C * size**LEFT_P / RADIUS_LAW
 
 
 def steady_table(points: int = 401, largest: float = 0.4) -> tuple[Array, Array]:
@@ -166,26 +154,8 @@ def curvature_factor(east: float, north: float, time: float, left: bool, h: Hidd
 @numba.njit(cache=True)
 def tyre(deflection: float, change: float, stiffness: float, load: float, damping: float, h: Hidden) -> float:
     """Side force of an axle (N, to its right)."""
-    limit = h.friction * load
+    limit = min(h.limit, FRICTION) * load
     return -limit * math.tanh(stiffness * deflection / (h.relaxation * limit)) - damping * change
-
-
-@numba.njit(cache=True)
-def looked_up(value: float, places: Array, values: Array) -> float:
-    """As `np.interp` of one value, without the arrays that it makes of it."""
-    low, high = 0, len(places) - 1
-    if value <= places[low]:
-        return values[low]
-    if value >= places[high]:
-        return values[high]
-    while high - low > 1:
-        middle = (low + high) // 2
-        if places[middle] <= value:
-            low = middle
-        else:
-            high = middle
-    slope = (values[high] - values[low]) / (places[high] - places[low])
-    return slope * (value - places[low]) + values[low]
 
 
 @numba.njit(cache=True)
@@ -206,7 +176,7 @@ def rates(
     """
     out[ACTUATOR] = valve_rate(command - state[ACTUATOR], slewing, h.lag, h.rate, h.dead_band)
     out[WHEEL_SPEED] = min(max((target - state[WHEEL_SPEED]) / h.speed_lag, -ACCELERATION), ACCELERATION)
-    u = state[WHEEL_SPEED] * (1.0 - h.slip) * (1.0 - h.implement_slip * down)
+    u = state[WHEEL_SPEED] * (1.0 - h.slip) * (1.0 - h.tool_slip * down)
     fall_right = 0.0
     if h.ground.drift != 0.0 or h.ground.climb != 0.0:
         fall_right, fall_ahead = falls(state[EAST], state[NORTH], state[HEADING], h.ground)
@@ -218,8 +188,8 @@ def rates(
         more += h.wobble * math.sin(2.0 * math.pi * time / h.wobble_period)
     wheel += more
     wheel -= h.understeer * u * r
-    bend = nominal_curvature(wheel) * curvature_factor(state[EAST], state[NORTH], time, wheel < 0.0, h)
-    angle = looked_up(bend + h.draft * down, curvatures, angles)
+    bend = measured_curvature(wheel, EG105) * curvature_factor(state[EAST], state[NORTH], time, wheel < 0.0, h)
+    angle = look_up(bend + h.draft * down, curvatures, angles)
     cosine, sine = math.cos(angle), math.sin(angle)
     ahead = v + FRONT * r
     rolling = abs(u * cosine + ahead * sine)
@@ -233,7 +203,7 @@ def rates(
     out[HEADING] = r + push * u / MAP_SPEED_MPS
     side = h.ground.drift * abs(u) * fall_right
     if h.slope != 0.0:
-        side = h.slope * abs(u) * math.sin(h.slope_bearing - heading) + side
+        side = h.slope * abs(u) * math.sin(h.slope_to - heading) + side
     out[SLIDE] = (side - state[SLIDE]) * abs(u) / SLIDE_LENGTH_M
     across = v + state[SLIDE]
     out[EAST] = u * math.sin(heading) + across * math.cos(heading)
@@ -298,16 +268,3 @@ def integrate(
             state[one] += dt / 6.0 * (k1[one] + 2.0 * k2[one] + 2.0 * k3[one] + k4[one])
         play = min(max(play, state[ACTUATOR] - h.half_play), state[ACTUATOR] + h.half_play)
     return trace, held, wheels
-
-
-@numba.njit(cache=True)
-def coloured(white: Array, dt: Array, correlation: float) -> Array:
-    """Unit-variance noise with an exponential correlation time (s) from unit white noise at steps of `dt` (s)."""
-    out = np.empty(len(white))
-    value = white[0]
-    out[0] = value
-    for row in range(1, len(white)):
-        keep = math.exp(-dt[row] / correlation)
-        value = keep * value + math.sqrt(1.0 - keep * keep) * white[row]
-        out[row] = value
-    return out

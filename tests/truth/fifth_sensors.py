@@ -31,15 +31,13 @@ import pandas as pd
 
 from tests.truth import fifth_body as body
 from tests.truth.cases import COLUMN_NAMES, ColumnClock, Fault, TruthCase
-from tests.truth.effects import complete
 from tests.truth.fifth_drivers import MAST_M
-from tests.truth.fourth_laws import encode_law, evaluate_law
+from tests.truth.ground import find_point
+from tests.truth.laws import follow_law
+from tests.truth.signals import FROZEN, NO_CLOCK, draw_slow, is_within, lose_position, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
 ROW_S, NOMINAL_M, DAY_STARTS_S = body.STEP_S * body.ROW_STEPS, 1.1, 25_000.0
-NO_CLOCK = ColumnClock()
-FROZEN = {"position_frozen": "position", "heading_frozen": "heading", "speed_frozen": "speed",
-          "wheel_sensor_frozen": "steering"}  # fmt: skip
 Outside = Mapping[str, Mapping[str, float]]
 
 
@@ -97,12 +95,14 @@ def follow_play(values: Array, width: float) -> Array:
 
 def draw_markov(rng: np.random.Generator, count: int, memory_s: float) -> Array:
     """Unit-variance Gauss-Markov process of rows every 5 ms."""
-    knots = np.arange(0.0, count * ROW_S + memory_s / 8.0 + 1.0, memory_s / 40.0)
-    out, keep = rng.standard_normal(len(knots)), math.exp(-1.0 / 40.0)
-    for i in range(1, len(out)):
-        out[i] = keep * out[i - 1] + math.sqrt(1.0 - keep * keep) * out[i]
-    values: Array = np.interp(ROW_S * np.arange(count), knots, out)
-    return values
+    return draw_slow(rng, ROW_S * np.arange(count), memory_s, count * ROW_S + memory_s / 8.0 + 1.0, 40)
+
+
+def list_conditions(rows: Array, clock_s: float) -> Array:
+    """What laws of instruments depend on, in every row (k, 7)."""
+    time = ROW_S * np.arange(len(rows))
+    places = (body.EAST, body.NORTH, body.DOWN, body.WHEEL, body.SPEED)
+    return np.column_stack([time, clock_s + time, *(rows[:, place] for place in places)])
 
 
 def draw_receiver_error(case: TruthCase, index: int, count: int, tool: Instruments) -> Array:
@@ -124,34 +124,21 @@ def list_times(rows_s: Array, clock: ColumnClock, fault: Fault | None, tool: Ins
     shown = np.where(is_next, sent[after], sent[last])
     out: Array = shown - clock.delay_s - clock.offset_s - clock.drift_s_per_min * shown / 60.0
     if fault is not None:
-        out[(out >= fault.from_s) & (out < (fault.to_s or math.inf))] = fault.from_s
+        out[is_within(fault, out)] = fault.from_s
     return np.maximum(out, 0.0)
 
 
-def follow_law(case: TruthCase, effect: str, value: float, index: int, rows: Array, clock_s: float) -> Array:
-    """An instrument's value per row (k,), by its law if it has one."""
-    law = next((law for law in case.laws if law.effect == effect), None)
-    if law is None:
-        return np.full(len(rows), value)
-    code = encode_law(law, -1)
-    places = (body.EAST, body.NORTH, body.DOWN, body.WHEEL, body.WHEEL, body.SPEED)
-    here = rows[:, places]
-    return np.array([evaluate_law(code, i * ROW_S, clock_s + i * ROW_S, *row, index) for i, row in enumerate(here)])
-
-
-def find_positions(case: TruthCase, index: int, rows: Array, clock_s: float, errors: Array) -> Array:
+def find_positions(case: TruthCase, index: int, rows: Array, here: Array, errors: Array) -> Array:
     """Where the receiver says its antenna is, every 5 ms (k, 2), m east and north."""
-    values, outside, heading = complete(case.effects), case.outside, rows[:, body.HEADING]
-    lever = [follow_law(case, name, values[name]["distance_m"], index, rows, clock_s)
-             for name in ("antenna_forward", "antenna_right")]  # fmt: skip
+    outside = case.outside
+    lever = [follow_law(case, name, index, here) for name in ("antenna_forward", "antenna_right")]
     lean = rows[:, body.ROLL] * (MAST_M + outside.get("roll_lever", {}).get("height_m", 0.0))
     if "mast_spring" in outside:
         spring = outside["mast_spring"]
         push = rows[:, body.SPEED] * rows[:, body.YAW] + 9.8 * rows[:, body.ROLL]
         lean = lean - swing_rows(push / (2.0 * math.pi * spring["hertz"]) ** 2, spring["hertz"], spring["damping"])
-    forward, right = NOMINAL_M + lever[0], lever[1] + lean
-    east = rows[:, body.EAST] + forward * np.sin(heading) + right * np.cos(heading)
-    north = rows[:, body.NORTH] + forward * np.cos(heading) - right * np.sin(heading)
+    east, north = find_point(rows[:, body.EAST], rows[:, body.NORTH], rows[:, body.HEADING], NOMINAL_M + lever[0],
+                             lever[1] + lean)  # fmt: skip
     place = np.column_stack([east * outside.get("grid_scale", {}).get("east", 1.0), north]) + errors[: len(rows)]
     if "kalman_lag" in outside:
         late = outside["kalman_lag"]["way_m"] / np.maximum(np.abs(rows[:, body.SPEED]), 0.3)
@@ -159,12 +146,11 @@ def find_positions(case: TruthCase, index: int, rows: Array, clock_s: float, err
     return place
 
 
-def find_headings(case: TruthCase, index: int, rows: Array, clock_s: float, places: Array, tool: Instruments,
+def find_headings(case: TruthCase, index: int, rows: Array, here: Array, places: Array, tool: Instruments,
                   rng: np.random.Generator) -> Array:  # fmt: skip
     """What the heading column's instrument says every 5 ms (deg, not wrapped)."""
     outside, true = case.outside, np.degrees(rows[:, body.HEADING])
-    bias = complete(case.effects)["heading_bias"]["angle_deg"]
-    said = true + follow_law(case, "heading_bias", bias, index, rows, clock_s)
+    said = true + follow_law(case, "heading_bias", index, here)
     if case.seed % 2 or "gyro_scale" in outside:
         gyro = outside.get("gyro_scale", {"share": 0.0, "hold_s": tool.gyro_held_s})
         drift = tool.gyro_deg_s * float(rng.standard_normal()) * ROW_S
@@ -190,14 +176,14 @@ def read_log(
     case: TruthCase, index: int, rows: Array, clock_s: float, errors: Array, tool: Instruments
 ) -> pd.DataFrame:
     """The log of a run from its rows every 5 ms."""
-    rng, outside, values = np.random.default_rng([case.seed, index, 52]), case.outside, complete(case.effects)
+    rng, outside, here = np.random.default_rng([case.seed, index, 52]), case.outside, list_conditions(rows, clock_s)
     grid = ROW_S * np.arange(len(rows), dtype=np.float64)
     times = np.arange(0.0, grid[-1] - 2.0, 1.0 / case.rate_hz) + 0.5 * ROW_S
     faults = [fault for fault in case.faults if fault.run == index]
     frozen = {FROZEN[fault.id]: fault for fault in faults if fault.id in FROZEN}
     clocks = {name: case.columns.get(name, NO_CLOCK) for name in COLUMN_NAMES}
     at = {name: list_times(times, clocks[name], frozen.get(name), tool, rng) for name in COLUMN_NAMES}
-    late = follow_law(case, "gnss_latency", values["gnss_latency"]["time_s"], index, rows, clock_s) + tool.receiver_s
+    late = follow_law(case, "gnss_latency", index, here) + tool.receiver_s
     for name in ("position", "heading"):
         at[name] = np.maximum(at[name] - np.interp(at[name], grid, late), 0.0)
 
@@ -207,47 +193,29 @@ def read_log(
         shown = scale * np.interp(at[name], grid, passed if clock.filter_s else column)
         _, number = np.unique(at[name], return_inverse=True)
         shown = shown + noise * rng.standard_normal(len(times))[number]
-        return np.round(shown / digit) * digit if digit else shown
+        return round_to(shown, digit)
 
-    places = find_positions(case, index, rows, clock_s, errors)
+    places = find_positions(case, index, rows, here, errors)
     speed = np.abs(rows[:, body.RIM if "rim_speed" in outside else body.SPEED])
     wheel = follow_play(rows[:, body.MOTOR].copy(), outside.get("wheel_hysteresis", {}).get("angle_deg", 0.0))
-    row = np.minimum((at["steering_command"] / ROW_S + 1e-6).astype(int), len(rows) - 1)
-    now = np.minimum((times / ROW_S + 1e-6).astype(int), len(rows) - 1)
+    now = pick_held(rows, times, ROW_S)
     columns = {
         "time_s": np.round(times + clock_s + DAY_STARTS_S, 3),
         "easting_m": read("position", places[:, 0], tool.position_m),
         "northing_m": read("position", places[:, 1], tool.position_m),
-        "heading_deg": np.mod(read("heading", find_headings(case, index, rows, clock_s, places, tool, rng),
+        "heading_deg": np.mod(read("heading", find_headings(case, index, rows, here, places, tool, rng),
                                    tool.heading_deg), 360.0),
         "speed_mps": np.maximum(read("speed", speed, tool.speed_mps, tool.speed_digit, clocks["speed"].scale), 0.0),
-        "speed_command_mps": np.abs(rows[now, body.TARGET]),
-        "steering_command_deg": np.round(rows[row, body.COMMAND], 2),
+        "speed_command_mps": np.abs(now[:, body.TARGET]),
+        "steering_command_deg": np.round(pick_held(rows[:, body.COMMAND], at["steering_command"], ROW_S), 2),
         "steering_deg": read("steering", wheel, tool.wheel_deg, tool.wheel_digit, clocks["steering"].scale),
-        "shuttle": rows[now, body.GEAR].astype(int),
-        "implement": rows[now, body.DOWN].astype(int),
+        "shuttle": now[:, body.GEAR].astype(int),
+        "implement": now[:, body.DOWN].astype(int),
     }  # fmt: skip
-    lose_position(columns, times, faults, rng)
+    count = int(times[-1] / ROW_S) + 9
+    lose_position(columns, times, faults, rng, 6.28, lambda: draw_slow(rng, times, 2.0, count * ROW_S + 1.25, 40))
     if "stamp_jitter" in outside:
         size = outside["stamp_jitter"]["time_s"]
         columns["time_s"] = np.round(columns["time_s"] + np.minimum(rng.exponential(size, len(times)),
                                                                     0.9 / case.rate_hz), 3)  # fmt: skip
     return pd.DataFrame({name: np.round(cells, 4) for name, cells in columns.items()})
-
-
-def lose_position(columns: dict[str, Array], times: Array, faults: list[Fault], rng: np.random.Generator) -> None:
-    """Positions of a receiver that has lost its fix: mode 0 wanders, 1 jumps, 2 holds."""
-    for fault in faults:
-        if fault.id != "position_lost":
-            continue
-        during = (times >= fault.from_s) & (times < (fault.to_s or math.inf))
-        mode, size, way = fault.detail.get("mode", 0.0), fault.detail.get("size_m", 0.5), rng.uniform(0.0, 6.28)
-        for name, share in (("easting_m", math.sin(way)), ("northing_m", math.cos(way))):
-            wander = np.interp(times, ROW_S * np.arange(int(times[-1] / ROW_S) + 9),
-                               draw_markov(rng, int(times[-1] / ROW_S) + 9, 2.0))  # fmt: skip
-            if mode == 2.0 and during.any():
-                columns[name][during] = columns[name][during][0]
-            elif mode == 1.0:
-                columns[name] = columns[name] + during * size * share
-            else:
-                columns[name] = columns[name] + during * size * wander

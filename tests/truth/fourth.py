@@ -1,6 +1,6 @@
 """The fourth reference: another body, drive, autosteer and other instruments than all others. Imports nothing it tests.
 
-The machine is in tests.truth.fourth_body, laws in fourth_laws, instruments and their messages in fourth_messages,
+The machine is in tests.truth.fourth_body, laws in laws, instruments and their messages in fourth_messages,
 drives in fourth_drives, the cases of a seed in fourth_cases. What it shares with the other references are the measured
 radii of one tractor, the table of effects, and what a log is. Machines: the tractor `eg105`, an articulated one of its
 size, and a lawn tractor (`lawn`).
@@ -17,19 +17,29 @@ import numpy.typing as npt
 import pandas as pd
 
 from tests.truth import fourth_body as body
-from tests.truth.cases import Fault, Law, TruthCase
+from tests.truth.cases import Law, TruthCase
 from tests.truth.drives import Drive
 from tests.truth.effects import complete
 from tests.truth.fourth_drives import build_programme
-from tests.truth.fourth_laws import KEYS, encode_law, stack_laws
 from tests.truth.fourth_messages import EXACT, INSTRUMENTS, Instruments, find_antenna, read_instruments
+from tests.truth.ground import (
+    CIRCLES_RAD,
+    EG105,
+    MAP_SPEED_MPS,
+    RADIUS_LAW,
+    draw_waves,
+    measure_curvature,
+    measured_curvature,
+    mirror_curve,
+)
+from tests.truth.laws import P_DRAFT, fill_parameters
+from tests.truth.signals import draw_slow, mark_broken
 
 Array = npt.NDArray[np.float64]
 ROW_S = body.STEP_S * body.ROW_STEPS
-MAP_SPEED_MPS, MARGIN_S, DAY_STARTS_S = 5.0 / 3.6, 3.0, 30_000.0
+MARGIN_S, DAY_STARTS_S = 3.0, 30_000.0
 GROUND_RAD, WAVES, DRIFT_RAD, DRIFT_S = 0.003, 20, 0.0006, 6.0
-EG105 = (0.4457377, 1.199, 0.3081049, 1.285)  # thesis, Eq. 2.10, soil
-LAWN_C = body.RADIUS_LAW * math.pi / 180.0 / 1.2  # of a wheelbase of 1.2 m, without slip
+LAWN_C = RADIUS_LAW * math.pi / 180.0 / 1.2  # of a wheelbase of 1.2 m, without slip
 MACHINES = {
     "eg105": body.Machine(3500.0, 6000.0, 2.4, 0.97, 1.45, 350.0, 230.0, 2.4, 0.0, False, 400.0, 0.9, 0.40, *EG105),
     "articulated": body.Machine(2150.0, 2600.0, 2.4, 0.1, 1.45, 1700.0, 1500.0, 1.2, 1.2, True, 400.0, 0.9, 0.40,
@@ -50,18 +60,6 @@ OUTSIDE_PARAMETERS = {
     "steering_hunt": (body.P_HUNT, "time_s"),
 }
 OUTSIDE_INSTRUMENTS = ("gyro_walk", "compass_deviation", "multipath", "antenna_sway", "base_drift", "radar_threshold")
-LATE_EFFECTS = ("gnss_latency", "heading_bias", "antenna_forward", "antenna_right")
-PARAMETERS = {
-    "steering_offset": (body.P_OFFSET, "angle_deg"), "steering_gain": (body.P_GAIN, "ratio"),
-    "steering_asymmetry": (body.P_LEFT, "ratio"), "steering_dead_time": (body.P_DEAD_TIME, "time_s"),
-    "steering_lag": (body.P_LAG, "time_s"), "steering_rate": (body.P_RATE, "rate_deg_per_s"),
-    "steering_deadband": (body.P_DEAD_BAND, "angle_deg"), "steering_backlash": (body.P_PLAY, "angle_deg"),
-    "side_slip": (body.P_LIMIT, "limit_g"), "understeer": (body.P_UNDERSTEER, "deg_per_mps2"),
-    "cross_slope_drift": (body.P_SLOPE, "ratio"), "implement_side_draft": (body.P_DRAFT, "curvature_per_m"),
-    "wheel_slip": (body.P_SLIP, "ratio"), "implement_slip": (body.P_TOOL_SLIP, "ratio"),
-    "speed_lag": (body.P_SPEED_LAG, "time_s"), "grip_patch": (body.P_PATCH, "ratio"),
-    "grip_drift": (body.P_DRIFT, "per_minute"),
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,66 +79,42 @@ def get_machine_name(case: TruthCase) -> str:
     return "articulated" if "articulated" in case.outside else "eg105"
 
 
-def build_parameters(case: TruthCase, gap_s: float = 0.0) -> tuple[Array, Array]:
-    """Parameters of the machine (29,) and its laws (n, 7). Raises ValueError for an unknown cause outside."""
-    values, base = complete(case.effects), np.zeros(body.PARAMETERS)
-    for name, (index, key) in PARAMETERS.items():
-        base[index] = values[name][key]
-    base[body.P_LIMIT] = min(base[body.P_LIMIT], 1e3)
-    base[body.P_SLOPE_TO] = math.radians(values["cross_slope_drift"]["bearing_deg"])
-    for index, key in ((body.P_PATCH_E, "east_m"), (body.P_PATCH_N, "north_m"), (body.P_PATCH_R, "radius_m")):
-        base[index] = values["grip_patch"][key]
+def build_parameters(case: TruthCase, index: int = 0) -> tuple[Array, Array]:
+    """Parameters of the machine in a run (29,) and its laws. Raises ValueError for an unknown cause outside."""
+    base, laws = fill_parameters(case, index, body.PARAMETERS)
     for name, numbers in case.outside.items():
         if name in OUTSIDE_PARAMETERS:
-            index, key = OUTSIDE_PARAMETERS[name]
-            base[index] = numbers[key]
+            place, key = OUTSIDE_PARAMETERS[name]
+            base[place] = numbers[key]
         elif name not in (*OUTSIDE_INSTRUMENTS, "articulated"):
             raise ValueError(f"The cause {name!r} is unknown.")
-    laws = [encode_law(law, PARAMETERS[law.effect][0]) for law in case.laws if law.effect in PARAMETERS]
-    return base, stack_laws(laws)
-
-
-def draw_waves(rng: np.random.Generator, size: float) -> Array:
-    """Plane waves (n, 4) of a frozen field with this standard deviation, 1.5 to 15 m long."""
-    length, way = np.exp(rng.uniform(math.log(1.5), math.log(15.0), WAVES)), rng.uniform(0.0, 2.0 * math.pi, WAVES)
-    number = 2.0 * math.pi / length
-    height = np.full(WAVES, size * math.sqrt(2.0 / WAVES))
-    return np.column_stack([height, number * np.sin(way), number * np.cos(way), rng.uniform(0, 2.0 * math.pi, WAVES)])
+    return base, laws
 
 
 def drive_held(machine: str, angle_rad: float, speed: float, seconds: float, draft: float = 0.0, moment: float = 1.0,
                effects: dict[str, dict[str, float]] | None = None) -> Array:  # fmt: skip
     """Rows of a drive at one mechanical wheel angle on even ground, the implement down where it pulls aside."""
     base, laws = build_parameters(TruthCase("clean", 0, effects or {}))
-    base[body.P_DRAFT] = draft
+    base[P_DRAFT] = draft
     rows = int(seconds / ROW_S)
     table = np.array([-1.0, 1.0]), np.full(2, angle_rad)
     m = MACHINES[machine]
     return body.drive_machine(
         np.zeros(3), np.zeros(rows), np.full(rows, speed), np.full(rows, float(draft != 0.0)), np.zeros(rows),
-        np.zeros(rows), np.zeros((1, 4)), 0.0, 0, base, laws, np.zeros((rows, 2)), make_guide(), m, *table, moment,
+        np.zeros(rows), np.zeros((1, 4)), 0.0, base, laws, np.zeros((rows, 2)), make_guide(), m, *table, moment,
     )[0]  # fmt: skip
-
-
-def measure_curvature(rows: Array, machine: str, from_s: float = 8.0) -> float:
-    """Mean curvature of the path of the measured point (1/m, positive right) once the drive is steady."""
-    steady = rows[int(from_s / ROW_S) :]
-    heading, ahead = steady[:, body.HEADING], MASS_POINT_M[machine]
-    east = steady[:, body.EAST] + ahead * np.sin(heading)
-    north = steady[:, body.NORTH] + ahead * np.cos(heading)
-    way = float(np.sum(np.hypot(np.diff(east), np.diff(north))))
-    return float(heading[-1] - heading[0]) / way
 
 
 @lru_cache(maxsize=8)
 def calibrate_machine(machine: str) -> tuple[Array, Array, float]:
     """Curvatures, the mechanical angles (rad) that drive them at 5 km/h, and the moment per curvature of side draft."""
-    angles = np.radians(np.array([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0]))
-    bends = np.array([measure_curvature(drive_held(machine, angle, MAP_SPEED_MPS, 12.0), machine) for angle in angles])
-    curve = np.concatenate([-bends[::-1], [0.0], bends]), np.concatenate([-angles[::-1], [0.0], angles])
+
+    def find_bend(*held: float) -> float:
+        return measure_curvature(drive_held(machine, *held)[int(8.0 / ROW_S) :], MASS_POINT_M[machine])
+
+    bends = np.array([find_bend(angle, MAP_SPEED_MPS, 12.0) for angle in CIRCLES_RAD])
     trial = 0.006 * 4e5 * MACHINES[machine].mass / 3500.0
-    bend = measure_curvature(drive_held(machine, 0.0, MAP_SPEED_MPS, 14.0, 1.0, trial), machine)
-    return *curve, trial / bend
+    return *mirror_curve(bends, CIRCLES_RAD), trial / find_bend(0.0, MAP_SPEED_MPS, 14.0, 1.0, trial)
 
 
 def make_guide(**fields: float) -> body.Guide:
@@ -157,15 +131,15 @@ def draw_run(case: TruthCase, drive: Drive, index: int, quiet: bool = False) -> 
     time: Array = ROW_S * np.arange(rows, dtype=np.float64)
     bearing = math.radians(rng.uniform(0.0, 360.0) if drive.bearing_deg is None else drive.bearing_deg)
     start = place_start(drive, machine, bearing, rng.uniform(-8.0, 8.0, 2))
-    waves = draw_waves(np.random.default_rng([case.seed, 40]), 0.0 if quiet else GROUND_RAD)
-    drift = (0.0 if quiet else DRIFT_RAD) * draw_coloured(rng, rows, DRIFT_S)
+    waves = draw_waves(np.random.default_rng([case.seed, 40]), 0.0 if quiet else GROUND_RAD, WAVES, 15.0)
+    drift = (0.0 if quiet else DRIFT_RAD) * draw_slow(rng, time, DRIFT_S, rows * ROW_S + 2.0 * DRIFT_S, 2)
     seen = (0.0 if quiet else 0.006) * rng.standard_normal(rows)
-    base, laws = build_parameters(case)
+    base, laws = build_parameters(case, index)
     clock = index * find_gap(case)
     target = drive.speed(time) * drive.shuttle(time)
     rows_of, kept = body.drive_machine(
         np.array([*start, bearing]), drive.steering(time), target, drive.implement(time), seen, drift, waves, clock,
-        index, base, laws, mark_broken(case, index, time), guide_run(case, drive, (*start, bearing)), machine,
+        base, laws, mark_broken(case.faults, index, time), guide_run(case, drive, (*start, bearing)), machine,
         *calibrate_machine(name),
     )  # fmt: skip
     return Drawn(time, rows_of, kept, clock)
@@ -174,22 +148,6 @@ def draw_run(case: TruthCase, drive: Drive, index: int, quiet: bool = False) -> 
 def find_gap(case: TruthCase) -> float:
     """Seconds from the start of one run to that of the next: an hour is covered where something moves with the day."""
     return 900.0 if any(law.kind == "over_day" for law in case.laws) else 100.0
-
-
-def mark_broken(case: TruthCase, index: int, time: Array) -> Array:
-    """Per row: whether commands no longer reach the motor, and the side to which it runs by itself."""
-    broken = np.zeros((len(time), 2))
-    for fault in case.faults:
-        if fault.run == index and fault.id in ("steering_loose", "steering_stuck"):
-            during = find_during(fault, time)
-            broken[during, 0] = 1.0 if fault.id == "steering_loose" else 0.0
-            broken[during, 1] = fault.detail.get("side", 1.0) if fault.id == "steering_stuck" else 0.0
-    return broken
-
-
-def find_during(fault: Fault, time: Array) -> npt.NDArray[np.bool_]:
-    """The rows of a run in which a fault is there."""
-    return (time >= fault.from_s) & (time < (math.inf if fault.to_s is None else fault.to_s))
 
 
 def guide_run(case: TruthCase, drive: Drive, start: tuple[float, float, float]) -> body.Guide:
@@ -210,22 +168,12 @@ def place_start(drive: Drive, machine: body.Machine, bearing: float, shift: Arra
     """Where to start for the middle of the run, roughly known beforehand, to be at `shift`."""
     time = np.arange(0.0, drive.duration_s, 0.1)
     angle = np.zeros(len(time)) if drive.closed_loop else drive.steering(time)
-    bend = np.array([body.compute_law_curvature(float(one), machine) for one in angle])
+    bend = np.array([measured_curvature(float(one), machine) for one in angle])
     way = 0.1 * drive.speed(time) * drive.shuttle(time)
     heading = bearing + np.cumsum(way * bend)
     east, north = np.cumsum(way * np.sin(heading)), np.cumsum(way * np.cos(heading))
     middle = 0.5 * (np.min(east) + np.max(east)), 0.5 * (np.min(north) + np.max(north))
     return float(shift[0] - middle[0]), float(shift[1] - middle[1])
-
-
-def draw_coloured(rng: np.random.Generator, count: int, memory_s: float) -> Array:
-    """Unit-variance noise (count,) at the step of the rows with this memory."""
-    knots = np.arange(0.0, count * ROW_S + 2.0 * memory_s, 0.5 * memory_s)
-    out, keep = rng.standard_normal(len(knots)), math.exp(-0.5)
-    for i in range(1, len(out)):
-        out[i] = keep * out[i - 1] + math.sqrt(1.0 - keep * keep) * out[i]
-    values: Array = np.interp(ROW_S * np.arange(count), knots, out)
-    return values
 
 
 def log_run(case: TruthCase, drive: Drive, index: int, instruments: Instruments = INSTRUMENTS) -> pd.DataFrame:
@@ -251,6 +199,3 @@ def make_unseen_case(case: TruthCase, seed: int) -> TruthCase:
         for law in case.laws
     )
     return replace(case, seed=seed, laws=laws, faults=())
-
-
-__all__ = ["KEYS", "MACHINES", "Drawn", "draw_run", "log_run", "make_fourth_logs", "make_unseen_case"]

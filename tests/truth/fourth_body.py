@@ -18,12 +18,13 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from tests.truth.fourth_laws import evaluate_laws
+from tests.truth import laws as known
+from tests.truth.ground import LOCK_DEG, look_up, measured_angle, measured_curvature, sum_waves
 
 Array = npt.NDArray[np.float64]
 
 STEP_S, ROW_STEPS, GRAVITY = 0.001, 5, 9.80665
-LOCK_DEG, RADIUS_LAW, BRISTLES, FRICTION, HITCH_SHARE = 35.0, 118.4, 5, 0.75, -0.35
+BRISTLES, FRICTION, HITCH_SHARE = 5, 0.75, -0.35
 FRONT_GRIP, REAR_GRIP, DRIVE_GRIP = 9.0, 10.0, 25.0  # per load: side force per slip (1/rad), pull per slip
 COARSE_DEG, FINE_DEG, LOOP_S, FRICTION_DEG_S2, MOTOR_GAIN = 5.0, 0.4, 0.01, 20.0, 120.0
 LOOP_LATE_S = 0.027  # cycle of the bus, half a sample of the loop, and the motor
@@ -31,9 +32,7 @@ PUMP_S, PUMP_RAMP, OIL_HZ, OIL_DAMPING, ROLLING = 0.30, 0.7, 4.0, 0.7, 0.04
 OWN_SPEED_LAG_S, TRIM_PER_S = 0.35, 0.5  # of the drive without a fault; of the pump, which makes up for its leakage
 EAST, NORTH, HEADING, MOTOR, WHEEL, SPEED, WHEEL_SPEED, COMMAND, YAW, SIDE = range(10)
 COLUMNS = 10
-(P_OFFSET, P_GAIN, P_LEFT, P_DEAD_TIME, P_LAG, P_RATE, P_DEAD_BAND, P_PLAY, P_LIMIT, P_UNDERSTEER, P_SLOPE, P_SLOPE_TO,
- P_DRAFT, P_SLIP, P_TOOL_SLIP, P_SPEED_LAG, P_PATCH, P_PATCH_E, P_PATCH_N, P_PATCH_R, P_DRIFT,
- P_TINES, P_HITCH, P_DROOP, P_FIELD, P_FURROW, P_REAR_STEER, P_TORQUE, P_HUNT) = range(29)  # fmt: skip
+P_TINES, P_HITCH, P_DROOP, P_FIELD, P_FURROW, P_REAR_STEER, P_TORQUE, P_HUNT = range(21, 29)
 PARAMETERS = 29
 
 
@@ -79,32 +78,6 @@ class Guide(NamedTuple):
 
 
 @numba.njit(cache=True)
-def compute_law_curvature(angle_deg: float, m: Machine) -> float:
-    """Measured curvature (1/m, positive right) of the path of the centre of mass at a wheel angle."""
-    size = min(abs(angle_deg), LOCK_DEG)
-    if angle_deg > 0.0:
-        return m.right_c * size**m.right_p / RADIUS_LAW
-    return -m.left_c * size**m.left_p / RADIUS_LAW
-
-
-@numba.njit(cache=True)
-def compute_law_angle(curvature: float, m: Machine) -> float:
-    """Wheel angle (deg) of a measured curvature; the inverse of compute_law_curvature, up to the lock."""
-    if curvature > 0.0:
-        return min((curvature * RADIUS_LAW / m.right_c) ** (1.0 / m.right_p), LOCK_DEG)
-    return -min((-curvature * RADIUS_LAW / m.left_c) ** (1.0 / m.left_p), LOCK_DEG)
-
-
-@numba.njit(cache=True)
-def sum_waves(east: float, north: float, waves: Array) -> float:
-    """A frozen random field at a place: plane waves (n, 4) of amplitude, two wave numbers (rad/m) and phase."""
-    total = 0.0
-    for i in range(len(waves)):
-        total += waves[i, 0] * math.sin(waves[i, 1] * east + waves[i, 2] * north + waves[i, 3])
-    return total
-
-
-@numba.njit(cache=True)
 def compute_tyre_force(
     z: Array, along: float, aside: float, load: float, grip: float, limit: float, patch: float
 ) -> float:
@@ -125,25 +98,6 @@ def compute_tyre_force(
         ahead = old
         force -= stiffness * z[k]
     return force
-
-
-@numba.njit(cache=True)
-def compute_path_factor(p: Array, east: float, north: float, time: float, left: bool, field: float) -> float:
-    """Factor on the curvature from all that changes how well the machine turns."""
-    factor = p[P_GAIN] * (1.0 + p[P_DRIFT] * time / 60.0) * (1.0 + p[P_FIELD] * field)
-    if left:
-        factor *= p[P_LEFT]
-    if p[P_PATCH] != 1.0 and math.hypot(east - p[P_PATCH_E], north - p[P_PATCH_N]) < p[P_PATCH_R]:
-        factor *= p[P_PATCH]
-    return factor
-
-
-@numba.njit(cache=True)
-def look_up(value: float, places: Array, values: Array) -> float:
-    """As `np.interp` of one value, with the outer slopes held on beyond the ends."""
-    i = int(min(max(int(np.searchsorted(places, value)), 1), len(places) - 1))
-    slope = (values[i] - values[i - 1]) / (places[i] - places[i - 1])
-    return values[i - 1] + slope * (value - places[i - 1])
 
 
 @numba.njit(cache=True)
@@ -247,27 +201,27 @@ def guide_machine(
     error = trace[turned, HEADING] + guide.bias - guide.bearing
     error = math.atan2(math.sin(error), math.cos(error))
     way = max(trace[row, SPEED], 0.0) * 0.1
-    bend = compute_law_curvature(trace[row, COMMAND], m)
+    bend = measured_curvature(trace[row, COMMAND], m)
     estimate[0] += way * math.sin(estimate[1])
     estimate[1] += way * bend
     estimate[0] += 0.45 * (aside - estimate[0])
     estimate[1] += 0.5 * (error - estimate[1])
     off = min(max(estimate[0] - ahead_m, -1.5), 1.5)
     wanted = -off / guide.reach**2 - 1.5 * math.sin(estimate[1]) / guide.reach
-    return min(max(compute_law_angle(wanted, m), -22.0), 22.0)
+    return min(max(measured_angle(wanted, m), -22.0), 22.0)
 
 
 @numba.njit(cache=True)
 def choose_motor_rate(trace: Array, row: int, stage: int, p: Array) -> tuple[int, float]:
     """Stage of the steering loop and the rate (deg/s) it wants, from the command as old as it is when it arrives."""
-    old = row - round(p[P_DEAD_TIME] / (STEP_S * ROW_STEPS)) - 2
+    old = row - round(p[known.P_DEAD_TIME] / (STEP_S * ROW_STEPS)) - 2
     order = trace[old, COMMAND] if old >= 0 else trace[0, COMMAND]
     back = max(row - round(p[P_HUNT] / (STEP_S * ROW_STEPS)), 0)
     gap = order - trace[back, MOTOR]
-    stage = choose_stage(stage, gap, p[P_DEAD_BAND])
+    stage = choose_stage(stage, gap, p[known.P_DEAD_BAND])
     if stage == 2:
-        return stage, math.copysign(p[P_RATE], gap)
-    return stage, gap / max(p[P_LAG] - LOOP_LATE_S, 0.5 * p[P_LAG]) if stage == 1 else 0.0
+        return stage, math.copysign(p[known.P_RATE], gap)
+    return stage, gap / max(p[known.P_LAG] - LOOP_LATE_S, 0.5 * p[known.P_LAG]) if stage == 1 else 0.0
 
 
 @numba.njit(cache=True)
@@ -350,7 +304,7 @@ def compute_front_load(m: Machine) -> float:
 @numba.njit(cache=True)
 def drive_machine(
     start: Array, signal: Array, targets: Array, downs: Array, seen: Array, drift: Array, waves: Array, clock: float,
-    run: int, base: Array, laws: Array, broken: Array, guide: Guide, m: Machine, bends: Array, angles: Array,
+    base: Array, laws: Array, broken: Array, guide: Guide, m: Machine, bends: Array, angles: Array,
     moment: float,
 ) -> tuple[Array, Array]:  # fmt: skip
     """A drive. Returns rows (k, 10) every 5 ms, and parameters in force (k, 29).
@@ -377,7 +331,7 @@ def drive_machine(
         east, north = place[0, 0] - m.centre * s, place[0, 1] - m.centre * c
         time = row * STEP_S * ROW_STEPS
         move = command - motor[0]
-        evaluate_laws(laws, base, p, time, clock + time, east, north, downs[row], play, move, speed, run)
+        known.evaluate_laws(laws, base, p, time, clock + time, east, north, downs[row], play, move, speed)
         if row % 20 == 0:
             command = signal[row]
             if guide.closed:
@@ -393,31 +347,31 @@ def drive_machine(
         if row % 2 == 0:
             stage, wanted = choose_motor_rate(trace, row, stage, p)
         if broken[row, 1] != 0.0:
-            wanted = broken[row, 1] * p[P_RATE]
+            wanted = broken[row, 1] * p[known.P_RATE]
         powered = broken[row, 0] == 0.0
-        half = 0.5 * p[P_PLAY]
-        wheel = play + p[P_OFFSET] + p[P_FURROW] * math.sin(1.3 * north) * math.tanh(abs(speed))
+        half = 0.5 * p[known.P_PLAY]
+        wheel = play + p[known.P_OFFSET] + p[P_FURROW] * math.sin(1.3 * north) * math.tanh(abs(speed))
         wheel += p[P_TORQUE] * (oil[2] / weight - ROLLING)
         rough[0] = sum_waves(place[1, 0], place[1, 1], waves) + drift[row]
         rough[1] = sum_waves(east + 37.0, north, waves)
         field = 0.0
         if p[P_FIELD] != 0.0:
             field = min(max(180.0 * sum_waves(0.35 * east, 0.35 * north + 50.0, waves), -2.0), 2.0)
-        bend = compute_law_curvature(wheel, m) * compute_path_factor(p, east, north, time, wheel < 0.0, field)
-        new = look_up(bend, bends, angles)
+        bend = measured_curvature(wheel, m) * known.compute_path_factor(p, east, north, time, wheel < 0.0)
+        new = look_up(bend * (1.0 + p[P_FIELD] * field), bends, angles)
         mech_rate, mech = (new - mech) / (STEP_S * ROW_STEPS) if row else 0.0, new
         down += min(max(downs[row] - down, -0.01), 0.01)
-        limit = min(FRICTION, p[P_LIMIT])
-        soft = 1.0 / (1.0 / FRONT_GRIP + math.radians(p[P_UNDERSTEER]) * GRAVITY)
+        limit = min(FRICTION, p[known.P_LIMIT])
+        soft = 1.0 / (1.0 / FRONT_GRIP + math.radians(p[known.P_UNDERSTEER]) * GRAVITY)
         wake += STEP_S * ROW_STEPS / 0.8 * (min(abs(motor[1]) / 10.0, 1.0) - wake)
-        creep = p[P_SLOPE] * abs(speed) * math.sin(p[P_SLOPE_TO] - place[0, 2])
+        creep = p[known.P_SLOPE] * abs(speed) * math.sin(p[known.P_SLOPE_TO] - place[0, 2])
         for _ in range(ROW_STEPS):
             turn_motor(motor, wanted, powered)
             play = min(max(play, motor[0] - half), motor[0] + half)
             force[:] = 0.0
             u = rate[0, 0] * math.sin(place[0, 2]) + rate[0, 1] * math.cos(place[0, 2])
-            drive_pump(oil, targets[row], p[P_SPEED_LAG], wheel_speed, p[P_DROOP] * wake, weight)
-            rolling = wheel_speed * (1.0 - p[P_SLIP]) * (1.0 - p[P_TOOL_SLIP] * down)
+            drive_pump(oil, targets[row], p[known.P_SPEED_LAG], wheel_speed, p[P_DROOP] * wake, weight)
+            rolling = wheel_speed * (1.0 - p[known.P_SLIP]) * (1.0 - p[known.P_TOOL_SLIP] * down)
             pull = DRIVE_GRIP * 2.0 * rear_load * (rolling - u) / (abs(u) + 1.0)
             pull = min(max(pull, -0.6 * weight), 0.6 * weight)
             braked = ROLLING * weight * math.tanh(wheel_speed / 0.05)
@@ -425,6 +379,6 @@ def drive_machine(
             push_axles(place, rate, force, z, mech, -p[P_REAR_STEER] * mech, pull, front_load, rear_load, soft, limit,
                        creep * c, -creep * s, rough, m)  # fmt: skip
             join_bodies(place, rate, force, hitch, mech, mech_rate, 0.02 + p[P_HITCH] * down, m)
-            work_implement(place[2], rate[2], force[2], weight, down, p[P_TINES], p[P_DRAFT] * moment)
+            work_implement(place[2], rate[2], force[2], weight, down, p[P_TINES], p[known.P_DRAFT] * moment)
             move_bodies(place, rate, force, m)
     return trace, kept

@@ -15,17 +15,14 @@ import numpy.typing as npt
 import pandas as pd
 
 from tests.truth import fourth_body as body
-from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
+from tests.truth.cases import ColumnClock, Fault, TruthCase
 from tests.truth.drives import Drive
-from tests.truth.effects import complete
-from tests.truth.fourth_laws import encode_law, evaluate_law
+from tests.truth.ground import find_point
+from tests.truth.laws import follow_law
+from tests.truth.signals import FROZEN, NO_CLOCK, draw_slow, is_within, lose_position, low_pass, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
 ROW_S = body.STEP_S * body.ROW_STEPS
-NO_CLOCK = ColumnClock()
-FROZEN = {"position_frozen": "position", "heading_frozen": "heading", "speed_frozen": "speed",
-          "wheel_sensor_frozen": "steering"}  # fmt: skip
-LOST_DEGRADED, LOST_JUMPED, LOST_FROZEN = 0, 1, 2
 
 
 @dataclass(frozen=True)
@@ -57,16 +54,6 @@ EXACT = Instruments(0.005, 0.005, 0.0, 0.0, (0.0, 0.0), 0.0, 0.0, 0.0, 40.0, 0.0
 def find_antenna(values: Mapping[str, Mapping[str, float]], nominal_m: float) -> tuple[float, float]:
     """Where the antenna really stands: ahead of the rear axle, and to its right (m)."""
     return nominal_m + values["antenna_forward"]["distance_m"], values["antenna_right"]["distance_m"]
-
-
-def filter_low_pass(values: Array, time_constant: float) -> Array:
-    """First-order low pass of rows (k,) or (k, n) every 5 ms."""
-    if time_constant <= 0.0:
-        return values
-    out, keep = values.astype(float).copy(), math.exp(-ROW_S / time_constant)
-    for i in range(1, len(out)):
-        out[i] = keep * out[i - 1] + (1.0 - keep) * values[i]
-    return out
 
 
 def choose_messages(rows_s: Array, pace_s: float, clock: ColumnClock, tool: Instruments,
@@ -113,25 +100,19 @@ def read_instruments(case: TruthCase, drive: Drive, index: int, rows: Array, clo
         "shuttle": drive.shuttle(times).astype(int),
         "implement": drive.implement(times).astype(int),
     }  # fmt: skip
-    lose_position(columns, times, faults, rng)
+    lose_position(columns, times, faults, rng, 2.0 * math.pi, lambda: draw_wander(rng, times, 1.5))
     return pd.DataFrame(columns)
 
 
 def read_command(case: TruthCase, rows: Array, at_s: Array) -> Array:
     """The command in force (deg), as its message says it."""
-    return np.round(sample_held(filter_column(case, "steering_command", rows[:, body.COMMAND]), at_s), 3)
+    return np.round(pick_held(filter_column(case, "steering_command", rows[:, body.COMMAND]), at_s, ROW_S), 3)
 
 
 def filter_column(case: TruthCase, name: str, values: Array) -> Array:
     """Values (k,) after the low pass and the scale of their column."""
     clock = case.columns.get(name, NO_CLOCK)
-    return clock.scale * filter_low_pass(values, clock.filter_s)
-
-
-def sample_held(values: Array, at_s: Array) -> Array:
-    """The row in force at other times, never a mean of two."""
-    out: Array = values[np.minimum((at_s / ROW_S + 1e-6).astype(int), len(values) - 1)]
-    return out
+    return clock.scale * low_pass(values, ROW_S, clock.filter_s)
 
 
 def hold_frozen(at_s: Array, faults: list[Fault], name: str) -> Array:
@@ -139,26 +120,23 @@ def hold_frozen(at_s: Array, faults: list[Fault], name: str) -> Array:
     out = at_s.copy()
     for fault in faults:
         if FROZEN.get(fault.id) == name:
-            to_s = math.inf if fault.to_s is None else fault.to_s
-            out[(at_s >= fault.from_s) & (at_s < to_s)] = fault.from_s
+            out[is_within(fault, at_s)] = fault.from_s
     return out
 
 
 def read_position(case: TruthCase, index: int, rows: Array, at_s: Array, clock_s: float, nominal_m: float,
                   tool: Instruments, rng: np.random.Generator) -> dict[str, Array]:  # fmt: skip
     """Antenna positions, late as the receiver is; the same message keeps its noise."""
-    values = complete(case.effects)
-    lever = (find_law(case, index, rows, clock_s, "antenna_forward", values["antenna_forward"]["distance_m"]),
-             find_law(case, index, rows, clock_s, "antenna_right", values["antenna_right"]["distance_m"]))  # fmt: skip
+    here = list_conditions(rows, clock_s)
+    lever = [follow_law(case, name, index, here) for name in ("antenna_forward", "antenna_right")]
     sway = case.outside.get("antenna_sway", {}).get("m_per_mps2", 0.0)
-    forward, right = nominal_m + lever[0], lever[1] + sway * rows[:, body.SIDE]
-    heading, late = rows[:, body.HEADING], find_latency(case, index, rows, clock_s, at_s)
-    east = rows[:, body.EAST] + forward * np.sin(heading) + right * np.cos(heading)
-    north = rows[:, body.NORTH] + forward * np.cos(heading) - right * np.sin(heading)
+    late = find_latency(case, index, rows, clock_s, at_s)
+    east, north = find_point(rows[:, body.EAST], rows[:, body.NORTH], rows[:, body.HEADING], nominal_m + lever[0],
+                             lever[1] + sway * rows[:, body.SIDE])  # fmt: skip
     out = {}
     for name, axis, other in (("easting_m", east, north), ("northing_m", north, east)):
         shown = sample_rows(filter_column(case, "position", axis), late)
-        shown = shown + tool.wander_m * draw_slow(rng, late, tool.wander_s)
+        shown = shown + tool.wander_m * draw_wander(rng, late, tool.wander_s)
         shown = shown + tool.position_m * draw_per_message(rng, at_s)
         shown = shown + spoil_position(case, name, sample_rows(other, late), shown, late)
         out[name] = np.round(shown, 3)
@@ -181,11 +159,11 @@ def read_heading(case: TruthCase, index: int, rows: Array, at_s: Array, clock_s:
                  rng: np.random.Generator) -> Array:  # fmt: skip
     """Fused heading (deg): turned by a gyroscope, pulled to two antennas, wrong as the case has it."""
     true = np.degrees(rows[:, body.HEADING])
-    bias = find_law(case, index, rows, clock_s, "heading_bias", complete(case.effects)["heading_bias"]["angle_deg"])
+    bias = follow_law(case, "heading_bias", index, list_conditions(rows, clock_s))
     error = fuse_error(len(true), tool, rng)
     if "gyro_walk" in case.outside:
         walk = case.outside["gyro_walk"]["size_deg"]
-        error = error + walk * draw_slow(rng, ROW_S * np.arange(len(true), dtype=np.float64), 12.0)
+        error = error + walk * draw_wander(rng, ROW_S * np.arange(len(true), dtype=np.float64), 12.0)
     if "compass_deviation" in case.outside:
         compass = case.outside["compass_deviation"]
         error = error + compass["size_deg"] * np.sin(np.radians(true - compass["bearing_deg"]))
@@ -199,7 +177,7 @@ def fuse_error(count: int, tool: Instruments, rng: np.random.Generator) -> Array
     """Error (deg) of the fused heading: the gyroscope's bias against the antennas', low-passed."""
     noise = np.repeat(rng.standard_normal(count // 20 + 1), 20)[:count]
     bias = tool.gyro_deg_s * float(rng.standard_normal()) * tool.compass_s
-    return filter_low_pass(tool.compass_deg * noise, tool.compass_s) + bias
+    return low_pass(tool.compass_deg * noise, ROW_S, tool.compass_s) + bias
 
 
 def read_speed(case: TruthCase, rows: Array, at_s: Array, tool: Instruments, rng: np.random.Generator) -> Array:
@@ -216,8 +194,7 @@ def read_wheel(case: TruthCase, rows: Array, at_s: Array, tool: Instruments, rng
     """Angle of the column's encoder as a wheel angle (deg)."""
     wheel = sample_rows(filter_column(case, "steering", rows[:, body.MOTOR]), at_s)
     wheel = wheel + tool.wheel_deg * draw_per_message(rng, at_s)
-    digit = tool.wheel_digit_deg
-    return np.round(np.round(wheel / digit) * digit, 3) if digit > 0.0 else wheel
+    return np.round(round_to(wheel, tool.wheel_digit_deg), 3) if tool.wheel_digit_deg > 0.0 else wheel
 
 
 def draw_per_message(rng: np.random.Generator, at_s: Array) -> Array:
@@ -227,54 +204,19 @@ def draw_per_message(rng: np.random.Generator, at_s: Array) -> Array:
     return out
 
 
-def draw_slow(rng: np.random.Generator, at_s: Array, memory_s: float) -> Array:
+def draw_wander(rng: np.random.Generator, at_s: Array, memory_s: float) -> Array:
     """Unit-variance noise (k,) over time with this memory."""
-    knots = np.arange(0.0, float(np.max(at_s)) + memory_s, 0.25 * memory_s)
-    out, keep = rng.standard_normal(len(knots)), math.exp(-0.25)
-    for i in range(1, len(out)):
-        out[i] = keep * out[i - 1] + math.sqrt(1.0 - keep * keep) * out[i]
-    values: Array = np.interp(at_s, knots, out)
-    return values
+    return draw_slow(rng, at_s, memory_s, float(np.max(at_s)) + memory_s, 4)
 
 
-def find_law(case: TruthCase, index: int, rows: Array, clock_s: float, effect: str, value: float) -> Array:
-    """An instrument's value per row (k,): the one of its law, or everywhere the same."""
-    law = next((law for law in case.laws if law.effect == effect), None)
-    if law is None:
-        return np.full(len(rows), value)
-    return follow_law(law, index, rows, clock_s)
-
-
-def follow_law(law: Law, index: int, rows: Array, clock_s: float) -> Array:
-    """Values of a law per row (k,)."""
-    code, out = encode_law(law, -1), np.empty(len(rows))
-    for i, row in enumerate(rows):
-        out[i] = evaluate_law(code, i * ROW_S, clock_s - 30_000.0 + i * ROW_S, row[body.EAST], row[body.NORTH], 0.0,
-                              row[body.WHEEL], 0.0, row[body.SPEED], index)  # fmt: skip
-    return out
+def list_conditions(rows: Array, clock_s: float) -> Array:
+    """What laws of instruments depend on, in every row (k, 7)."""
+    time, none = ROW_S * np.arange(len(rows)), np.zeros(len(rows))
+    return np.column_stack([time, clock_s - 30_000.0 + time, rows[:, body.EAST], rows[:, body.NORTH], none,
+                            rows[:, body.WHEEL], rows[:, body.SPEED]])  # fmt: skip
 
 
 def find_latency(case: TruthCase, index: int, rows: Array, clock_s: float, at_s: Array) -> Array:
     """Times of measurement less the receiver's latency."""
-    late = find_law(case, index, rows, clock_s, "gnss_latency", complete(case.effects)["gnss_latency"]["time_s"])
+    late = follow_law(case, "gnss_latency", index, list_conditions(rows, clock_s))
     return np.maximum(at_s - sample_rows(late, at_s), 0.0)
-
-
-def lose_position(columns: dict[str, Array], times: Array, faults: list[Fault], rng: np.random.Generator) -> None:
-    """Spoil positions while a receiver has lost its fix: noise with a memory, a jump, or the last place again."""
-    for fault in faults:
-        if fault.id != "position_lost":
-            continue
-        during = (times >= fault.from_s) & (times < (math.inf if fault.to_s is None else fault.to_s))
-        mode, size = int(fault.detail.get("mode", 0)), fault.detail.get("size_m", 0.5)
-        way = rng.uniform(0.0, 2.0 * math.pi)
-        for name, share in (("easting_m", math.sin(way)), ("northing_m", math.cos(way))):
-            if not during.any():
-                continue
-            first = int(np.flatnonzero(during)[0])
-            if mode == LOST_FROZEN:
-                columns[name][during] = columns[name][first]
-            elif mode == LOST_JUMPED:
-                columns[name][during] += size * share
-            else:
-                columns[name] += np.where(during, size * draw_slow(rng, times, 1.5), 0.0)

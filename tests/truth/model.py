@@ -19,7 +19,10 @@ import pandas as pd
 from tests.truth import body
 from tests.truth.drives import Drive, default_programme
 from tests.truth.effects import Effects, complete
-from tests.truth.sensors import Instruments, disturbed, log_times, rounded
+from tests.truth.ground import find_point
+from tests.truth.laws import name_parameters
+from tests.truth.sensors import Instruments, disturbed, log_times
+from tests.truth.signals import draw_coloured, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
 ANTENNA_FORWARD_M = 1.1  # nominal place of the antenna, ahead of the rear axle
@@ -45,10 +48,8 @@ class Trace:
 
     def antenna(self, forward_m: float = ANTENNA_FORWARD_M, right_m: float = 0.0) -> tuple[Array, Array]:
         """East and north of a point ahead of the rear axle and to the right of the centre line."""
-        ahead, heading = forward_m - body.REAR, self.column(body.HEADING)
-        east = self.column(body.EAST) + ahead * np.sin(heading) + right_m * np.cos(heading)
-        north = self.column(body.NORTH) + ahead * np.cos(heading) - right_m * np.sin(heading)
-        return east, north
+        east, north, heading = (self.column(place) for place in (body.EAST, body.NORTH, body.HEADING))
+        return find_point(east, north, heading, forward_m - body.REAR, right_m)
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ class Truth:
         soil = math.radians(self.soil_deg_per_s)
         # Noise is drawn on one grid whatever the step, so that a finer step sees the same ground.
         grid = np.arange(0.0, drive.duration_s + 0.2, 0.02)
-        pushes = soil * body.coloured(rng.standard_normal(len(grid)), np.full(len(grid), 0.02), SOIL_MEMORY_S)
+        pushes = soil * draw_coloured(rng, len(grid), 0.02, SOIL_MEMORY_S)
         seen = self.instruments.position_m * rng.standard_normal(len(grid))
         period = LINE_CONTROLLER_S if drive.closed_loop else CONTROLLER_S
         beats = np.arange(0.0, drive.duration_s, period)
@@ -164,12 +165,11 @@ class Truth:
         columns["heading_deg"] = np.mod(heading, 360.0)
         speed = np.abs(np.interp(times, trace.time_s, trace.speed_mps))
         noise = tool.speed_mps * rng.standard_normal(len(times)) * np.minimum(speed / 0.2, 1.0)
-        columns["speed_mps"] = np.maximum(rounded(speed + noise, tool.speed_digit_mps), 0.0)
-        last = np.minimum((times / self.step_s + 1e-6).astype(int), len(trace.time_s) - 1)
-        columns["steering_command_deg"] = np.round(trace.held_deg[last], 3)
+        columns["speed_mps"] = np.maximum(round_to(speed + noise, tool.speed_digit_mps), 0.0)
+        columns["steering_command_deg"] = np.round(pick_held(trace.held_deg, times, self.step_s), 3)
         angle = np.interp(times, trace.time_s, trace.column(body.ACTUATOR))
         angle = angle + tool.steering_deg * rng.standard_normal(len(times))
-        columns["steering_deg"] = rounded(angle, tool.steering_digit_deg)
+        columns["steering_deg"] = round_to(angle, tool.steering_digit_deg)
         return columns
 
     def _switches(self, drive: Drive, times: Array) -> dict[str, Array]:
@@ -213,28 +213,12 @@ def steady_table() -> tuple[Array, Array]:
 
 def hidden(values: dict[str, dict[str, float]], clock_s: float) -> body.Hidden:
     """The effects as the body wants them. `clock_s` is the time of day at the start of the run."""
-    slope, patch, heat = values["cross_slope_drift"], values["grip_patch"], values["steering_temperature"]
+    heat, known = values["steering_temperature"], name_parameters(values)
+    known["half_play"] = 0.5 * known.pop("play")
+    known["speed_lag"] = max(known["speed_lag"], body.SPEED_LAG_S)
+    del known["dead_time"]
     return body.Hidden(
-        offset=values["steering_offset"]["angle_deg"],
-        gain=values["steering_gain"]["ratio"],
-        left_gain=values["steering_asymmetry"]["ratio"],
-        lag=values["steering_lag"]["time_s"],
-        rate=values["steering_rate"]["rate_deg_per_s"],
-        dead_band=values["steering_deadband"]["angle_deg"],
-        half_play=0.5 * values["steering_backlash"]["angle_deg"],
-        friction=min(values["side_slip"]["limit_g"], body.FRICTION),
-        understeer=values["understeer"]["deg_per_mps2"],
-        slope=slope["ratio"],
-        slope_bearing=math.radians(slope["bearing_deg"]),
-        draft=values["implement_side_draft"]["curvature_per_m"],
-        slip=values["wheel_slip"]["ratio"],
-        implement_slip=values["implement_slip"]["ratio"],
-        speed_lag=max(values["speed_lag"]["time_s"], body.SPEED_LAG_S),
-        patch=patch["ratio"],
-        patch_east=patch["east_m"],
-        patch_north=patch["north_m"],
-        patch_radius=patch["radius_m"],
-        drift=values["grip_drift"]["per_minute"],
+        **known,  # type: ignore[arg-type]
         temperature=heat["share"],
         temperature_period=heat["period_s"],
         pull=values["speed_pull"]["deg_per_m2ps2"],

@@ -15,6 +15,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from tests.truth.ground import Curve, measured_curvature
+
 Array = npt.NDArray[np.float64]
 
 REAR_TO_MASS_M = 1.1
@@ -25,22 +27,12 @@ AT_REST, FINE, SLEWING = 0, 1, 2
 YAW_S = 0.06
 MOST_ACCELERATION, JERK, SPEED_GAIN, PULL_S = 0.7, 2.5, 3.0, 0.05  # m/s2, m/s3, 1/s, s
 OWN_SPEED_LAG_S = 1.0 / SPEED_GAIN  # of small changes of speed, without a fault
-LOCK_DEG, GRAVITY = 35.0, 9.80665
+GRAVITY = 9.80665
 EDGE_M = 0.4
 CAP_POWER = 12.0
-RADIUS_LAW = 118.4
 
 EAST, NORTH, HEADING, YAW_RATE, WAY, SPEED, ACCELERATION, WANTED, WHEEL, SPOOL = range(10)
 STATES = 10
-
-
-class Curve(NamedTuple):
-    """Measured radius of the centre of mass: r = 118.4 / (c |angle|^p), angle in degrees, one (c, p) for each side."""
-
-    right_c: float
-    right_p: float
-    left_c: float
-    left_p: float
 
 
 class Faults(NamedTuple):
@@ -78,15 +70,6 @@ class Guide(NamedTuple):
     late_steps: int
     forward: float
     right: float
-
-
-@numba.njit(cache=True)
-def measured_curvature(angle_deg: float, curve: Curve) -> float:
-    """Curvature (1/m, positive right) of the path of the centre of mass at a wheel angle."""
-    size = min(abs(angle_deg), LOCK_DEG)
-    if angle_deg > 0.0:
-        return curve.right_c * size**curve.right_p / RADIUS_LAW
-    return -curve.left_c * size**curve.left_p / RADIUS_LAW
 
 
 @numba.njit(cache=True)

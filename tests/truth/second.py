@@ -19,6 +19,9 @@ import pandas as pd
 from tests.truth import rolling
 from tests.truth.drives import Drive
 from tests.truth.effects import OUTSIDE, Effects, complete
+from tests.truth.ground import EG105, Curve, find_point
+from tests.truth.laws import name_parameters
+from tests.truth.signals import draw_coloured, pick_held, round_to
 
 Array = npt.NDArray[np.float64]
 ANTENNA_FORWARD_M = 1.1
@@ -26,8 +29,8 @@ STEP_S = 0.005
 BEAT_S = 0.05  # of the controller that hands over commands; 0.1 s when it keeps to a line
 GROUND_M, GROUND_MEMORY_M = 0.2, 0.8
 TRACTORS = {
-    "eg105": rolling.Curve(0.4457377, 1.199, 0.3081049, 1.285),  # thesis, Eq. 2.10, soil
-    "mr1000a": rolling.Curve(0.6527535, 1.040, 0.7555497, 1.006),  # thesis, Eq. 5.1
+    "eg105": EG105,
+    "mr1000a": Curve(0.6527535, 1.040, 0.7555497, 1.006),  # thesis, Eq. 5.1
 }
 COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps",
            "steering_command_deg", "steering_deg", "shuttle", "implement")  # fmt: skip
@@ -68,9 +71,8 @@ class Rolled:
 
     def point(self, forward_m: float, right_m: float) -> tuple[Array, Array]:
         """East and north of a point ahead of the rear axle and to its right."""
-        heading = self.column(rolling.HEADING)
-        east = self.column(rolling.EAST) + forward_m * np.sin(heading) + right_m * np.cos(heading)
-        return east, self.column(rolling.NORTH) + forward_m * np.cos(heading) - right_m * np.sin(heading)
+        east, north, heading = (self.column(place) for place in (rolling.EAST, rolling.NORTH, rolling.HEADING))
+        return find_point(east, north, heading, forward_m, right_m)
 
 
 @dataclass(frozen=True)
@@ -124,7 +126,7 @@ class Second:
         state[rolling.EAST], state[rolling.NORTH], state[rolling.HEADING] = start
         state[rolling.WHEEL] = 0.0 if drive.closed_loop else signal[0]
         way = float(np.sum(np.abs(drive.speed(time)))) * STEP_S
-        ground = self.roughness * coloured(rng, int(way / GROUND_M) + 20, math.exp(-GROUND_M / GROUND_MEMORY_M))
+        ground = self.roughness * draw_coloured(rng, int(way / GROUND_M) + 20, GROUND_M, GROUND_MEMORY_M)
         seen = self.receiver.position_m * rng.standard_normal(len(time))
         targets = drive.speed(time) * drive.shuttle(time)
         states, held = rolling.roll_out(
@@ -150,21 +152,19 @@ class Second:
         old, columns = times - values["gnss_latency"]["time_s"], {}
         step = 1.0 / self.rate_hz
         for name, axis in zip(("easting_m", "northing_m"), rolled.point(*self._antenna(values)), strict=True):
-            wander = tool.wander_m * coloured(rng, count, math.exp(-step / tool.wander_s))
+            wander = tool.wander_m * draw_coloured(rng, count, step, tool.wander_s)
             white = tool.position_m * rng.standard_normal(count)
             columns[name] = np.round(np.interp(old, rolled.time_s, axis) + wander + white, 3)
         heading = np.degrees(np.interp(old, rolled.time_s, rolled.column(rolling.HEADING)))
-        heading += tool.heading_memory_deg * coloured(rng, count, math.exp(-step / tool.heading_memory_s))
+        heading += tool.heading_memory_deg * draw_coloured(rng, count, step, tool.heading_memory_s)
         heading += tool.heading_deg * rng.standard_normal(count) + values["heading_bias"]["angle_deg"]
         columns["heading_deg"] = np.mod(heading, 360.0)
         columns["speed_mps"] = self._speed(rolled, times, rng)
-        last = np.minimum((times / STEP_S + 1e-6).astype(int), len(rolled.time_s) - 1)
-        columns["steering_command_deg"] = np.round(rolled.held_deg[last], 3)
+        columns["steering_command_deg"] = np.round(pick_held(rolled.held_deg, times, STEP_S), 3)
         wheel = np.interp(times, rolled.time_s, rolled.column(rolling.WHEEL)) + tool.wheel_deg * rng.standard_normal(
             count
         )
-        digit = tool.wheel_digit_deg
-        columns["steering_deg"] = np.round(wheel / digit) * digit if digit > 0.0 else wheel
+        columns["steering_deg"] = round_to(wheel, tool.wheel_digit_deg)
         return columns
 
     def _speed(self, rolled: Rolled, times: Array, rng: np.random.Generator) -> Array:
@@ -177,15 +177,6 @@ class Second:
         return np.maximum(np.round(speed + noise, 3), 0.0)
 
 
-def coloured(rng: np.random.Generator, count: int, keep: float) -> Array:
-    """Unit-variance noise in which each value keeps this share of the one before."""
-    out = rng.standard_normal(count)
-    fresh = math.sqrt(1.0 - keep * keep)
-    for row in range(1, count):
-        out[row] = keep * out[row - 1] + fresh * out[row]
-    return out
-
-
 def beats(drive: Drive, steps: int) -> npt.NDArray[np.bool_]:
     """The steps at which a controller hands over a command."""
     return np.arange(steps) % round((2.0 if drive.closed_loop else 1.0) * BEAT_S / STEP_S) == 0
@@ -193,30 +184,11 @@ def beats(drive: Drive, steps: int) -> npt.NDArray[np.bool_]:
 
 def faults(values: dict[str, dict[str, float]]) -> rolling.Faults:
     """The effects as the rolling tractor wants them."""
-    slope, patch = values["cross_slope_drift"], values["grip_patch"]
-    downhill = math.radians(slope["bearing_deg"])
-    return rolling.Faults(
-        offset=values["steering_offset"]["angle_deg"],
-        gain=values["steering_gain"]["ratio"],
-        left_gain=values["steering_asymmetry"]["ratio"],
-        lag=values["steering_lag"]["time_s"],
-        rate=values["steering_rate"]["rate_deg_per_s"],
-        dead_band=values["steering_deadband"]["angle_deg"],
-        half_play=0.5 * values["steering_backlash"]["angle_deg"],
-        limit=min(values["side_slip"]["limit_g"], 1e3),
-        understeer=values["understeer"]["deg_per_mps2"],
-        slope_east=slope["ratio"] * math.sin(downhill),
-        slope_north=slope["ratio"] * math.cos(downhill),
-        draft=values["implement_side_draft"]["curvature_per_m"],
-        slip=values["wheel_slip"]["ratio"],
-        tool_slip=values["implement_slip"]["ratio"],
-        speed_lag=values["speed_lag"]["time_s"],
-        patch=patch["ratio"],
-        patch_east=patch["east_m"],
-        patch_north=patch["north_m"],
-        patch_radius=patch["radius_m"],
-        drift=values["grip_drift"]["per_minute"],
-    )
+    known = name_parameters(values)
+    ratio, downhill, play = known.pop("slope"), known.pop("slope_to"), known.pop("play")
+    del known["dead_time"]
+    return rolling.Faults(half_play=0.5 * play, slope_east=ratio * math.sin(downhill),
+                          slope_north=ratio * math.cos(downhill), **known)  # fmt: skip
 
 
 def second_logs(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tests.truth.body import coloured
+from tests.truth.signals import colour_noise, round_to
 
 Array = npt.NDArray[np.float64]
 
@@ -49,15 +49,10 @@ def log_times(duration_s: float, rate_hz: float, uneven: float, gaps: int, rng: 
     return times
 
 
-def rounded(values: Array, digit: float) -> Array:
-    """Values to the nearest multiple of `digit`; 0 leaves them as they are."""
-    return np.round(values / digit) * digit if digit > 0 else values
-
-
 def disturbed(
     values: Array, times: Array, white: float, drift: float, digit: float, drift_s: float, rng: np.random.Generator
 ) -> Array:
     """Values with white noise, slow drift and the sensor's last digit."""
     steps = np.diff(times, prepend=times[0])
-    slow = coloured(rng.standard_normal(len(times)), steps, drift_s)
-    return rounded(values + white * rng.standard_normal(len(times)) + drift * slow, digit)
+    slow = colour_noise(rng.standard_normal(len(times)), steps, drift_s)
+    return round_to(values + white * rng.standard_normal(len(times)) + drift * slow, digit)

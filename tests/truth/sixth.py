@@ -15,8 +15,9 @@ import numpy as np
 import pandas as pd
 
 from tests.truth import sixth_body as body
-from tests.truth.cases import Law, TruthCase
+from tests.truth.cases import TruthCase
 from tests.truth.effects import NEUTRAL
+from tests.truth.laws import encode_law, stack_laws
 from tests.truth.sixth_recorder import draw_wander, record_run
 
 Array = np.ndarray
@@ -33,20 +34,6 @@ def build_parameters(case: TruthCase) -> Array:
         raise ValueError(f"The sixth reference cannot hide {case.outside or 'clocks of columns and faults'}.")
     given: dict[str, Mapping[str, float]] = {**case.effects, **case.outside}
     return np.array([given.get(name, NEUTRAL.get(name, {})).get(key, 0.0) for name, key in body.KEYS])
-
-
-def build_law(law: Law) -> list[float]:
-    """A law as a row for the drive. Raises ValueError for a kind that this machine does not know."""
-    v, place = {"phase_deg": 0.0, "period_s": 1.0, **law.values}, next(iter(NEUTRAL[law.effect]))
-    wave = [math.tau / v["period_s"], math.radians(v["phase_deg"])]
-    rows: dict[str, list[str]] = {"constant": ["value"], "over_minutes": ["start", "per_minute"],
-                                  "over_day": ["mean", "", "amplitude"], "by_speed": ["at_0", "", "", "per_mps"],
-                                  "by_implement": ["lifted", "", "", "", "working"]}  # fmt: skip
-    if law.kind not in rows:
-        raise ValueError(f"The sixth reference has no law {law.kind!r}; use one of: {', '.join(rows)}.")
-    start, per_minute, size, per_mps, working = (v.get(key, 0.0) for key in (rows[law.kind] + [""] * 4)[:5])
-    more = working - start if law.kind == "by_implement" else 0.0
-    return [body.KEYS.index((law.effect, place)), start, per_minute / 60.0, size, *wave, per_mps, more]
 
 
 def lay_field(rng: Rng, tall: float, wide: float) -> Array:
@@ -107,7 +94,8 @@ def plan_free(name: str, rng: Rng, ticks: int) -> Array:
 def drive_plan(case: TruthCase, plan: Array, path: Array, run: int = 0, quiet: bool = False) -> Array:
     """Rows of a drive before any instrument sees it; `quiet` is even ground and a perfect guidance receiver."""
     rng, ticks, p = np.random.default_rng([case.seed, run, 61]), len(plan), build_parameters(case)
-    laws = np.array([build_law(law) for law in case.laws], dtype=float).reshape(len(case.laws), 8)
+    places = {law.effect: body.KEYS.index((law.effect, next(iter(NEUTRAL[law.effect])))) for law in case.laws}
+    laws = stack_laws([encode_law(law, places[law.effect], run) for law in case.laws])
     loud = np.array([SIDE_N, TURN_NM, 1.0]) * (0.0 if quiet else 1.0)
     wander = np.column_stack([draw_wander(rng, TICK_S * np.arange(ticks), memory) for memory in (0.7, 0.5, 4.0)]) * loud
     when, fine = np.arange(ticks), np.arange(ticks * body.TICK) / body.TICK

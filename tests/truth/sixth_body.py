@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 
 from tests.truth.effects import NEUTRAL
+from tests.truth.laws import evaluate_laws
 
 Array = np.ndarray
 OUTSIDE_KEYS = (("crosswind", "force_n"), ("crosswind", "bearing_deg"), ("steering_hunt", "angle_deg"),
@@ -164,15 +165,14 @@ def pursue_path(row: Array, p: Array, path: Array, at: int, noise: Array) -> tup
 def drive_machine(state: Array, base: Array, laws: Array, plan: Array, path: Array, bumps: Array, noise: Array,
                   day_s: float) -> Array:  # fmt: skip
     """Rows every STEP_S. `plan` has angle (deg), speed and switch per tick, or the guidance follows `path` (east,
-    north, speed, switch). Rows of `laws`: parameter, start, per s, amplitude, rad/s of the day, phase, per m/s, per
-    working."""
+    north, speed, switch)."""
     rows, s, p, at = np.empty((len(plan) * TICK, COLUMNS)), state.copy(), base.copy(), 0
     command, target, switch = 0.0, 0.0, 0.0
     for i in range(len(rows)):
         time = i * STEP_S
-        for law in laws:
-            p[int(law[0])] = (law[1] + law[2] * time + law[3] * math.sin(law[4] * (day_s + time) + law[5])
-                              + law[6] * s[SPEED] + law[7] * switch)  # fmt: skip
+        evaluate_laws(
+            laws, base, p, time, day_s + time, s[EAST], s[NORTH], switch, s[WHEEL], command - s[SENSOR], s[SPEED]
+        )
         if i % TICK == 0:
             tick = i // TICK
             command, target, switch = plan[tick]

@@ -6,14 +6,25 @@ A seed has half of the effects of the catalogue in clear sizes, and the next see
 from __future__ import annotations
 
 from collections.abc import Collection
+from typing import Any
 
 import numpy as np
 
-from tests.truth.cases import KINDS, Law, TruthCase
+from tests.truth.cases import Law, TruthCase
+from tests.truth.drawing import (
+    EITHER_WAY,
+    Cause,
+    Drawers,
+    Rng,
+    build_case,
+    draw_kinds,
+    draw_ranges,
+    pick,
+    pick_names,
+)
 from tests.truth.effects import NEUTRAL, Effects
 from tests.truth.sixth import PROGRAMMES
 
-Rng = np.random.Generator
 CLEAR: dict[str, tuple[float, float]] = {
     "steering_offset": (1.0, 1.8), "steering_gain": (0.08, 0.15), "steering_asymmetry": (0.10, 0.17),
     "steering_dead_time": (0.25, 0.45), "steering_lag": (0.35, 0.6), "steering_rate": (6.5, 9.5),
@@ -25,8 +36,6 @@ CLEAR: dict[str, tuple[float, float]] = {
 }  # fmt: skip
 """Clear sizes of the first parameter: away from neutral where that is 0 or a ratio of 1, else as it is."""
 AS_IT_IS = ("steering_lag", "steering_rate", "steering_deadband", "side_slip")
-EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
-              "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
 FAINT = tuple(name for name in CLEAR if name not in (*AS_IT_IS, "grip_patch"))
 """Also at a third to a half of a clear size: a name is welcome and none is no fault."""
 PAIRS = (
@@ -34,7 +43,7 @@ PAIRS = (
     ("heading_bias", "steering_asymmetry"), ("understeer", "speed_lag"), ("implement_side_draft", "steering_lag"),
     ("steering_backlash", "cross_slope_drift"), ("gnss_latency", "steering_rate"), ("antenna_forward", "grip_drift"),
 )  # fmt: skip
-OUTSIDE: dict[str, tuple[dict[str, tuple[float, float]], tuple[str, ...], tuple[str, ...]]] = {
+OUTSIDE: dict[str, Cause] = {
     "crosswind": ({"force_n": (4500.0, 7000.0), "bearing_deg": (0.0, 360.0)},
                   ("direction", "bearing", "heading", "time"), ("cross_slope_drift",)),
     "steering_hunt": ({"angle_deg": (1.4, 2.4), "period_s": (2.0, 4.0)},
@@ -43,7 +52,6 @@ OUTSIDE: dict[str, tuple[dict[str, tuple[float, float]], tuple[str, ...], tuple[
                   ("antenna", "position", "lateral", "swing", "period"), ()),
     "soft_tyre": ({"moment_nm": (1200.0, 2200.0)}, ("angle", "steering", "side", "curvature"), ("steering_offset",)),
 }  # fmt: skip
-"""Cause: ranges of its numbers, words of which one should be in a hint, and ids that would be right all the same."""
 
 
 def draw_value(name: str, rng: Rng, share: float = 1.0) -> dict[str, float]:
@@ -55,10 +63,9 @@ def draw_value(name: str, rng: Rng, share: float = 1.0) -> dict[str, float]:
     return values | {key: float(rng.uniform(*places[key])) for key in neutral if key != first}
 
 
-def make_case(kind: str, seed: int, effects: Effects, rng: Rng, is_faint: bool = False) -> TruthCase:
+def make_case(kind: str, seed: int, effects: Effects, rng: Rng, **fields: Any) -> TruthCase:
     """A case of effects of the catalogue and nothing else."""
-    ids, programme = frozenset(effects), str(rng.choice(PROGRAMMES))
-    return TruthCase(kind, seed, effects, programme=programme, allowed=ids, wanted=frozenset() if is_faint else ids)
+    return build_case(kind, seed, effects, programme=str(rng.choice(PROGRAMMES)), **fields)
 
 
 def draw_effects(rng: Rng, seed: int) -> list[TruthCase]:
@@ -66,17 +73,10 @@ def draw_effects(rng: Rng, seed: int) -> list[TruthCase]:
     turn = seed // 1000
     names = np.random.default_rng([turn // 2, 64]).permutation(list(NEUTRAL)).tolist()[turn % 2 :: 2]
     cases = [make_case("effect", seed + k, {name: draw_value(name, rng)}, rng) for k, name in enumerate(names)]
-    for k, name in enumerate(map(str, rng.permutation(FAINT)[:3])):
+    for k, name in enumerate(pick_names(FAINT, 3, rng)):
         faint = {name: draw_value(name, rng, float(rng.uniform(0.33, 0.5)))}
-        cases.append(make_case("effect", seed + 20 + k, faint, rng, is_faint=True))
+        cases.append(make_case("effect", seed + 20 + k, faint, rng, wanted=()))
     return cases
-
-
-def draw_pairs(rng: Rng, seed: int) -> list[TruthCase]:
-    """Three pairs."""
-    chosen = [PAIRS[place] for place in rng.permutation(len(PAIRS))[:3]]
-    return [make_case("pair", seed + k, {name: draw_value(name, rng) for name in names}, rng)
-            for k, names in enumerate(chosen)]  # fmt: skip
 
 
 def draw_laws(rng: Rng, seed: int) -> list[TruthCase]:
@@ -90,34 +90,24 @@ def draw_laws(rng: Rng, seed: int) -> list[TruthCase]:
         Law("steering_offset", "by_implement", {"lifted": 0.0, "working": 1.5 * size * side}),
         Law("wheel_slip", "by_speed", {"at_0": 0.01, "per_mps": 0.05 * size}),
     )  # fmt: skip
-    cases = []
-    for k, place in enumerate(rng.permutation(len(plan))[:2]):
-        law, also = plan[place], {"implement_side_draft"} if plan[place].kind == "by_implement" else set()
-        cases.append(TruthCase("law", seed + k, laws=(law,), programme=str(rng.choice(PROGRAMMES)),
-                               allowed=frozenset({law.effect} | also), wanted=frozenset({law.effect})))  # fmt: skip
-    return cases
+    alike = {"by_implement": ["implement_side_draft"]}
+    return [make_case("law", seed + k, {}, rng, laws=(law,), also=alike.get(law.kind, ()))
+            for k, law in enumerate(pick(plan, 2, rng))]  # fmt: skip
 
 
-def draw_outside(rng: Rng, seed: int) -> list[TruthCase]:
-    """Two of the causes outside the catalogue."""
-    cases = []
-    for k, name in enumerate(map(str, rng.permutation(list(OUTSIDE))[:2])):
-        ranges, words, allowed = OUTSIDE[name]
-        values = {key: float(rng.uniform(*ends)) for key, ends in ranges.items()}
-        cases.append(TruthCase("outside", seed + k, outside={name: values}, programme=str(rng.choice(PROGRAMMES)),
-                               allowed=frozenset(allowed), hint_words=words))  # fmt: skip
-    return cases
-
-
-DRAWERS = {"clean": lambda rng, seed: [make_case("clean", seed + k, {}, rng) for k in range(3)],
-           "effect": draw_effects, "pair": draw_pairs, "law": draw_laws, "outside": draw_outside}  # fmt: skip
+DRAWERS: Drawers = {
+    "clean": lambda rng, seed: [make_case("clean", seed + k, {}, rng) for k in range(3)],
+    "effect": draw_effects,
+    "pair": lambda rng, seed: [make_case("pair", seed + k, {name: draw_value(name, rng) for name in names}, rng)
+                               for k, names in enumerate(pick(PAIRS, 3, rng))],
+    "law": draw_laws,
+    "outside": lambda rng, seed: [
+        make_case("outside", seed + k, {}, rng, outside={name: draw_ranges(OUTSIDE[name][0], rng)},
+                  words=OUTSIDE[name][1], also=OUTSIDE[name][2]) for k, name in enumerate(pick_names(OUTSIDE, 2, rng))
+    ],
+}  # fmt: skip
 
 
 def draw_sixth_cases(seed: int, kinds: Collection[str] | None = None) -> list[TruthCase]:
     """All cases of a seed, or those of some kinds (none of most). Raises ValueError for an unknown kind."""
-    wanted = KINDS if kinds is None else kinds
-    unknown = sorted(set(wanted) - set(KINDS))
-    if unknown:
-        raise ValueError(f"The kind {unknown[0]!r} is unknown; use one of: {', '.join(KINDS)}.")
-    return [case for place, kind in enumerate(KINDS) if kind in wanted and kind in DRAWERS
-            for case in DRAWERS[kind](np.random.default_rng([seed, 65, place]), seed * 1000 + place * 50)]  # fmt: skip
+    return draw_kinds(seed, kinds, DRAWERS, 65)

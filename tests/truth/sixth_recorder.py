@@ -14,6 +14,8 @@ import pandas as pd
 
 from tests.truth import sixth_body as body
 from tests.truth.cases import TruthCase
+from tests.truth.ground import find_point
+from tests.truth.signals import colour_noise
 
 Array = np.ndarray
 ORIGIN_M = (412_300.0, 5_411_200.0)
@@ -48,12 +50,9 @@ def merge_messages(programme: str, rows_s: Array, sent_s: Array, values: Array) 
 
 def draw_wander(rng: np.random.Generator, when_s: Array, memory_s: float) -> Array:
     """Values at some times (s) that wander about 0 with deviation 1."""
-    keep = np.exp(-np.diff(when_s, prepend=when_s[0] - 1.0) / memory_s)
-    steps, out, value = rng.normal(size=len(when_s)), np.empty(len(when_s)), rng.normal()
-    for k in range(len(when_s)):
-        value = keep[k] * value + math.sqrt(1.0 - keep[k] ** 2) * steps[k]
-        out[k] = value
-    return out
+    steps = np.diff(when_s, prepend=[when_s[0] - 2.0, when_s[0] - 1.0])
+    white = rng.normal(size=len(when_s))
+    return colour_noise(np.concatenate([[rng.normal()], white]), steps, memory_s)[1:]
 
 
 def read_receiver(rng: np.random.Generator, rows: Array, p: Array, when_s: Array) -> Array:
@@ -61,8 +60,7 @@ def read_receiver(rng: np.random.Generator, rows: Array, p: Array, when_s: Array
     seen, time = when_s - TRANSPORT_S - p[body.LATENCY], body.STEP_S * np.arange(1, len(rows) + 1)
     east, north, heading, mast = (np.interp(seen, time, rows[:, k]) for k in RECEIVED)
     ahead, aside = p[body.AHEAD], p[body.ASIDE] + mast  # the mass is where the file has the antenna
-    east += ahead * np.sin(heading) + aside * np.cos(heading) + ORIGIN_M[0]
-    north += ahead * np.cos(heading) - aside * np.sin(heading) + ORIGIN_M[1]
+    east, north = find_point(east + ORIGIN_M[0], north + ORIGIN_M[1], heading, ahead, aside)
     values = np.column_stack([east, north, np.degrees(heading) + p[body.BIAS]])
     for k, (slow, memory_s, fast, step) in enumerate((RTK, RTK, COMPASS)):
         values[:, k] += slow * draw_wander(rng, when_s, memory_s) + rng.normal(0.0, fast, len(when_s))

@@ -1,8 +1,5 @@
 """Cases of the fourth and the fifth reference as they are drawn, and what these references import."""
 
-import ast
-from pathlib import Path
-
 import pytest
 
 from tests.truth import fifth, fifth_cases, fourth, fourth_cases
@@ -51,12 +48,3 @@ def test_a_seed_of_the_fifth_has_all_kinds_and_three_have_all_causes() -> None:
         fifth.build_parameters(case)
     with pytest.raises(ValueError, match="unknown"):
         fifth.build_parameters(TruthCase("outside", 1, outside={"gremlins": {}}))
-
-
-@pytest.mark.parametrize("name", ["fourth", "fifth", "sixth"])
-def test_a_reference_imports_nothing_that_it_tests(name: str) -> None:
-    for file in Path(fourth.__file__).parent.glob(f"{name}*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            assert all(name.split(".")[0] in KNOWN or name.startswith("tests.truth") for name in names), file

@@ -22,6 +22,9 @@ from tests.truth import third_run as run
 from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
 from tests.truth.drives import Drive
 from tests.truth.effects import complete
+from tests.truth.ground import MAP_SPEED_MPS, find_point
+from tests.truth.laws import BODY_EFFECTS, P_LAG, P_RATE, encode_law, evaluate_rows
+from tests.truth.signals import NO_CLOCK, draw_coloured, low_pass, pick_held, round_to
 from tests.truth.third_columns import EXACT, Reading, Rows, Sensors
 from tests.truth.third_drives import PROGRAMMES
 from tests.truth.third_outside import OUTSIDE_CAUSES, make_odd
@@ -30,27 +33,8 @@ Array = npt.NDArray[np.float64]
 ANTENNA_FORWARD_M = 1.1
 DAY_STEP_S, MORNING_S = 150.0, 30000.0  # from run to run, and the clock of the first one
 TAIL_S = 2.0  # driven on after the last row, for clocks that run ahead
-FIELD_SPREAD_M = 9.0
+FIELD_SPREAD_M, PATCH_EDGE_M = 9.0, 0.8
 GROUND_BY_PLACE, GROUND_BY_TIME, GROUND_S, GUST_S, DEPTH_S = 0.0040, 0.0024, 0.35, 4.0, 7.0
-NO_CLOCK = ColumnClock()
-BODY_EFFECTS = {
-    "steering_offset": body.OFFSET, "steering_gain": body.GAIN, "steering_asymmetry": body.LEFT_GAIN,
-    "steering_lag": body.LAG, "steering_rate": body.RATE, "steering_deadband": body.BAND,
-    "steering_backlash": body.PLAY, "side_slip": body.LIMIT, "understeer": body.UNDERSTEER,
-    "cross_slope_drift": body.SLOPE, "implement_side_draft": body.DRAFT, "wheel_slip": body.SLIP,
-    "implement_slip": body.TOOL_SLIP, "speed_lag": body.SPEED_LAG, "grip_patch": body.PATCH, "grip_drift": body.DRIFT,
-}  # fmt: skip
-LAW_CODES: dict[str, tuple[int, tuple[str, ...]]] = {
-    "constant": (body.CONSTANT, ("value",)),
-    "over_minutes": (body.OVER_MINUTES, ("start", "per_minute")),
-    "over_day": (body.OVER_DAY, ("mean", "amplitude", "period_s", "phase_deg")),
-    "gradient": (body.GRADIENT, ("at_origin", "per_m_east", "per_m_north")),
-    "within": (body.WITHIN, ("inside", "outside", "east_m", "north_m", "radius_m")),
-    "by_implement": (body.BY_IMPLEMENT, ("lifted", "working")),
-    "by_side": (body.BY_SIDE, ("left", "right")),
-    "by_angle": (body.BY_ANGLE, ("at_0", "at_27")),
-    "by_speed": (body.BY_SPEED, ("at_0", "per_mps")),
-}
 COLUMNS = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps",
            "steering_command_deg", "steering_deg", "shuttle", "implement")  # fmt: skip
 
@@ -70,9 +54,7 @@ class Track:
 
     def find_point(self, forward_m: Array | float, right_m: Array | float) -> tuple[Array, Array]:
         """East and north of a point ahead of the rear axle and to its right."""
-        heading, ahead = self.column(body.HEADING), forward_m - body.REAR
-        east = self.column(body.EAST) + ahead * np.sin(heading) + right_m * np.cos(heading)
-        return east, self.column(body.NORTH) + ahead * np.cos(heading) - right_m * np.sin(heading)
+        return find_point(*self.states[:, : body.HEADING + 1].T, forward_m - body.REAR, right_m)
 
 
 @dataclass(frozen=True)
@@ -136,48 +118,44 @@ class Third:
         return [fault for fault in self.case.faults if fault.run == index and fault.id in ids]
 
     def _law(self, name: str, index: int) -> Array:
-        """A parameter of an effect as the numbers of tests.truth.third_body.evaluate_law."""
+        """A parameter of an effect as a row of tests.truth.laws; a patch and a drift of grip are laws themselves."""
         values = complete(self.case.effects)[name]
-        for law in self.case.laws:
-            if law.effect == name:
-                return encode_law(law, index)
-        if name == "grip_patch":
-            place = {key: values[key] for key in ("east_m", "north_m", "radius_m")}
-            return encode_law(Law(name, "by_place", {"inside": values["ratio"], "outside": 1.0, **place}), index)
-        if name == "grip_drift":
-            return encode_law(Law(name, "over_minutes", {"start": 1.0, "per_minute": values["per_minute"]}), index)
-        value = next(iter(values.values()))
-        return encode_law(Law(name, "constant", {"value": min(value, 1e6)}), index)
+        law = next((law for law in self.case.laws if law.effect == name), None)
+        if law is None and name == "grip_patch":
+            law = Law(name, "by_place", {"inside": values["ratio"], "outside": 1.0, **values})
+        elif law is None and name == "grip_drift":
+            law = Law(name, "over_minutes", {"start": 1.0, "per_minute": values["per_minute"]})
+        elif law is None:
+            law = Law(name, "constant", {"value": min(next(iter(values.values())), 1e6)})
+        return encode_law(law, BODY_EFFECTS.get(name, -1), index, PATCH_EDGE_M)
 
     def _laws(self, index: int) -> Array:
-        laws = np.zeros((body.PARAMETERS, 7))
-        for name, place in BODY_EFFECTS.items():
-            laws[place] = self._law(name, index)
-        laws[body.SLOPE, 6] = math.radians(complete(self.case.effects)["cross_slope_drift"]["bearing_deg"])
+        laws = np.array([self._law(name, index) for name in BODY_EFFECTS])
         oil = self.case.outside.get("oil_temperature")
         if oil is not None:
             cold = math.exp(-index * DAY_STEP_S / oil["warm_s"])
-            laws[body.LAG, 1] += oil["lag_s"] * cold
-            laws[body.RATE, 1] *= 1.0 - oil["rate_share"] * cold
+            laws[P_LAG, 2] += oil["lag_s"] * cold
+            laws[P_RATE, 2] *= 1.0 - oil["rate_share"] * cold
         return laws
 
     def _drive(self, drive: Drive, index: int, start: tuple[float, float, float]) -> Track:
         rng = np.random.default_rng([self.case.seed, index, 33])
         time = np.arange(0.0, drive.duration_s + TAIL_S, run.STEP_S)
-        steps = np.full(len(time), run.STEP_S)
-        rough = self.ground * GROUND_BY_TIME * columns.wander(rng.standard_normal(len(time)), steps, GROUND_S)
-        gusts = columns.wander(rng.standard_normal(len(time)), steps, GUST_S)
+        rough = self.ground * GROUND_BY_TIME * draw_coloured(rng, len(time), run.STEP_S, GROUND_S)
+        gusts = draw_coloured(rng, len(time), run.STEP_S, GUST_S)
         depths = 1.0 + 0.8 * np.sign(np.sin(2.0 * np.pi * time / DEPTH_S + rng.uniform(0.0, 6.0)))
         state = np.zeros(body.STATES)
         state[body.EAST], state[body.NORTH], state[body.HEADING] = start
         signal, laws = drive.steering(time), self._laws(index)
         state[body.WHEEL] = 0.0 if drive.closed_loop else signal[0]
-        dead = float(self._law("steering_dead_time", index)[1])
+        dead = float(self._law("steering_dead_time", index)[2])
         old, old_heading, errors = self._seen(index, time, rng)
+        slope_to = math.radians(complete(self.case.effects)["cross_slope_drift"]["bearing_deg"])
+        odd = make_odd(self.case.outside, index)._replace(slope_to=slope_to)
         states, held = run.roll_on(
             state, index * DAY_STEP_S, signal, drive.speed(time) * drive.shuttle(time), drive.implement(time), depths,
             rough, gusts, old, old_heading, errors, round(dead / run.STEP_S), self.front_share, laws,
-            draw_waves(self.case.seed, self.ground), make_odd(self.case.outside, index), self._breaks(index),
+            draw_waves(self.case.seed, self.ground), odd, self._breaks(index),
             self._way(drive, start), calibrate_curve(self.front_share),
         )  # fmt: skip
         return Track(time, states, held, index * DAY_STEP_S)
@@ -203,7 +181,7 @@ class Third:
 
     def _seen(self, index: int, time: Array, rng: np.random.Generator) -> tuple[Rows, Rows, Array]:
         """Rows that the path follower gets position and heading from at each step, and the errors of the position."""
-        latency = float(self._law("gnss_latency", index)[1])
+        latency = float(self._law("gnss_latency", index)[2])
         rows: list[Rows] = []
         for name, frozen in (("position", ("position_frozen", "position_lost")), ("heading", ("heading_frozen",))):
             # Where a value stands is not the receiver's stamp: the follower has it when it arrives.
@@ -224,12 +202,10 @@ class Third:
         tool = self.sensors
         reading, speed = self._read(track, "speed", np.abs(track.column(body.AHEAD)), times, rng)
         noise = columns.draw_noise(reading, tool.speed_mps, 0.0, 1.0, rng) * np.minimum(speed / 0.2, 1.0)
-        speed = columns.round_to(np.maximum(speed + noise, 0.0), tool.speed_digit_mps)
+        speed = round_to(np.maximum(speed + noise, 0.0), tool.speed_digit_mps)
         values["speed_mps"] = columns.freeze_values(speed, times, self._faults(index, "speed_frozen"))
         reading, wheel = self._read(track, "steering", track.column(body.WHEEL), times, rng)
-        wheel = columns.round_to(
-            wheel + columns.draw_noise(reading, tool.wheel_deg, 0.0, 1.0, rng), tool.wheel_digit_deg
-        )
+        wheel = round_to(wheel + columns.draw_noise(reading, tool.wheel_deg, 0.0, 1.0, rng), tool.wheel_digit_deg)
         values["steering_deg"] = columns.freeze_values(wheel, times, self._faults(index, "wheel_sensor_frozen"))
         _, command = self._read(track, "steering_command", track.held_deg, times, rng, stairs=True)
         values["steering_command_deg"] = np.round(command, 3)
@@ -242,7 +218,7 @@ class Third:
         forward = ANTENNA_FORWARD_M + self._along("antenna_forward", track, index, down)
         right = self._along("antenna_right", track, index, down)
         if "mast_sway" in outside:
-            pull = columns.low_pass(track.column(body.SIDE_PULL), run.STEP_S, 0.3)
+            pull = low_pass(track.column(body.SIDE_PULL), run.STEP_S, 0.3)
             right = right - outside["mast_sway"]["m_per_mps2"] * pull
         if "articulated" in outside:
             forward = forward + outside["articulated"]["antenna_forward_m"] - ANTENNA_FORWARD_M
@@ -257,7 +233,7 @@ class Third:
         frozen += [each for each in lost if is_freeze(each)]
         when, values = reading.when_s - np.interp(times, track.time_s, latency), {}
         for name, axis in zip(("easting_m", "northing_m"), axes, strict=True):
-            axis = columns.low_pass(axis, run.STEP_S, clock.filter_s)
+            axis = low_pass(axis, run.STEP_S, clock.filter_s)
             noise = columns.draw_noise(reading, tool.position_m, tool.wander_m, tool.wander_s, rng)
             value = np.round(np.interp(when, track.time_s, axis) + noise, 3)
             values[name] = columns.freeze_values(value, times, frozen)
@@ -269,11 +245,11 @@ class Third:
         clock = self._clock("heading")
         reading = columns.read_column(clock, times, rng)
         when = reading.when_s - np.interp(times, track.time_s, latency)
-        heading = np.interp(when, track.time_s, columns.low_pass(true, run.STEP_S, clock.filter_s))
+        heading = np.interp(when, track.time_s, low_pass(true, run.STEP_S, clock.filter_s))
         heading = heading + columns.draw_noise(
             reading, tool.heading_deg, tool.heading_memory_deg, tool.heading_memory_s, rng
         )
-        heading = np.mod(columns.round_to(heading, tool.heading_digit_deg), 360.0)
+        heading = np.mod(round_to(heading, tool.heading_digit_deg), 360.0)
         return columns.freeze_values(heading, times, self._faults(index, "heading_frozen"))
 
     def _read(
@@ -282,41 +258,22 @@ class Third:
         """What a column's clock makes of a signal; `stairs` for one that jumps."""
         clock = self._clock(name)
         reading = columns.read_column(clock, times, rng)
-        value = columns.low_pass(true, run.STEP_S, clock.filter_s) * clock.scale
+        value = low_pass(true, run.STEP_S, clock.filter_s) * clock.scale
         if not stairs:
             return reading, np.interp(reading.when_s, track.time_s, value)
-        rows = np.clip((reading.when_s / run.STEP_S + 1e-6).astype(int), 0, len(value) - 1)
-        return reading, value[rows]
+        return reading, pick_held(value, reading.when_s, run.STEP_S)
 
     def _along(self, name: str, track: Track, index: int, down: Array) -> Array:
         """A parameter of an instrument at every step of a track."""
-        law = self._law(name, index)
-        if law[0] == body.CONSTANT:
-            return np.full(len(track.time_s), law[1])
-        states = track.states[:, [body.EAST, body.NORTH, body.WHEEL, body.AHEAD]]
-        rows = zip(track.time_s, down, states, strict=True)
-        return np.array([
-            body.evaluate_law(law, time, track.day_s + time, east, north, working, wheel, wheel, speed)
-            for time, working, (east, north, wheel, speed) in rows
-        ])  # fmt: skip
+        time, places = track.time_s, (body.EAST, body.NORTH, body.WHEEL, body.AHEAD)
+        east, north, wheel, speed = (track.column(place) for place in places)
+        here = np.column_stack([time, track.day_s + time, east, north, down, wheel, speed])
+        return evaluate_rows(self._law(name, index), here)
 
 
 def is_freeze(fault: Fault) -> bool:
     """Whether a fault repeats the last position, and does not degrade it."""
     return fault.id != "position_lost" or fault.detail.get("mode", 0) == 2
-
-
-def encode_law(law: Law, index: int) -> Array:
-    """A law as a kind and five numbers (tests.truth.third_body.evaluate_law), and room for a bearing."""
-    kind, values = law.kind, law.values
-    if kind == "by_run":
-        kind, values = "constant", {"value": values["value"] if index == round(values["run"]) else values["other"]}
-    if kind == "by_place":
-        kind = "within" if "radius_m" in values else "gradient"
-    code, keys = LAW_CODES[kind]
-    out = np.zeros(7)
-    out[: 1 + len(keys)] = [code, *(values[key] for key in keys)]
-    return out
 
 
 def draw_waves(seed: int, ground: float) -> Array:
@@ -333,7 +290,7 @@ def draw_waves(seed: int, ground: float) -> Array:
 def calibrate_curve(front_share: float) -> Array:
     """Mean wheel angle (rad) at even curvatures of the way of the centre of mass, by driving circles at 5 km/h."""
     angles = np.radians(np.linspace(0.0, 50.0, 51))
-    ends = np.array([body.settle(angle, body.MAP_SPEED, 8.0, front_share) for angle in angles])
+    ends = np.array([body.settle(angle, MAP_SPEED_MPS, 8.0, front_share) for angle in angles])
     bends = ends[:, body.YAW_RATE] / np.hypot(ends[:, body.AHEAD], ends[:, body.SIDEWAYS])
     grid = np.linspace(-body.TABLE_MOST, body.TABLE_MOST, body.TABLE_SIZE)
     return np.asarray(np.sign(grid) * np.interp(np.abs(grid), bends, angles), dtype=float)

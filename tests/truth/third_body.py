@@ -15,6 +15,8 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from tests.truth.ground import LOCK_DEG
+
 Array = npt.NDArray[np.float64]
 
 GRAVITY, MASS, INERTIA, FRONT, REAR = 9.80665, 3850.0, 6500.0, 1.3, 1.1
@@ -32,12 +34,8 @@ OWN_SPEED_LAG_S, GOVERNOR_S, INTEGRAL_S = 0.35, 0.12, 1.5
 BRAKE_SPEED, BRAKE_SHARE = 0.1, 0.5  # m/s below which a standing tractor is held, by this share of its weight
 SPOOL_S, PRESSURE_S, OVERLAP, PUMP_DEG_PER_S = 0.018, 0.05, 0.04, 75.0
 RIGHT_AREA, LEFT_AREA = 1.02, 0.98  # speed of the cylinder per flow, by the side it moves to
-LOCK_DEG, SWITCH_DEG, RELEASE_DEG = 35.0, 5.0, 0.3
+SWITCH_DEG, RELEASE_DEG = 5.0, 0.3
 SLOPE_EDGE_M = 0.8
-RADIUS_LAW = 118.4
-# Measured radii of the EG105 on soil at 5 km/h: r = 118.4 / (c |delta|^p) (thesis, Eq. 2.10)
-RIGHT_C, RIGHT_P, LEFT_C, LEFT_P = 0.4457377, 1.199, 0.3081049, 1.285
-MAP_SPEED = 5.0 / 3.6
 SWING_RATE, SWING_DAMPING = 2.6, 0.08  # of a trailed implement: rad/s, share of critical
 TABLE_SIZE, TABLE_MOST = 801, 0.45  # curvature (1/m) on both sides
 
@@ -46,10 +44,6 @@ EAST, NORTH, HEADING, AHEAD, SIDEWAYS, YAW_RATE, TYRE = range(7)  # the deflecti
  REFERENCE) = range(10, 21)  # fmt: skip
 STATES = 21
 
-(OFFSET, GAIN, LEFT_GAIN, LAG, RATE, BAND, PLAY, LIMIT, UNDERSTEER, SLOPE, DRAFT, SLIP, TOOL_SLIP, SPEED_LAG, PATCH,
- DRIFT) = range(16)  # fmt: skip
-PARAMETERS = 16
-(CONSTANT, OVER_MINUTES, OVER_DAY, GRADIENT, WITHIN, BY_IMPLEMENT, BY_SIDE, BY_ANGLE, BY_SPEED) = range(9)
 
 (RUT, CREEP, FRICTION_SIDE, FRONT_SHARE, REAR_SHARE, FRONT_SIDE_N, HITCH_SIDE_N, ACCEL_EAST, ACCEL_NORTH, LOST, LOCKED,
  DRAG_N, LEFT_FLAT, TARGET, LAG_S, FEED) = range(16)  # fmt: skip
@@ -65,6 +59,7 @@ class Odd(NamedTuple):
     wind_north: float = 0.0
     fall_east: float = 0.0  # m/s2 downhill
     fall_north: float = 0.0
+    slope_to: float = 0.0  # rad, bearing of a cross slope
     speed_link: float = 0.0  # deg per m/s above 5 km/h, towards straight on both sides
     wobble: float = 0.0  # deg
     wobble_m: float = 2.0
@@ -108,41 +103,6 @@ class Way(NamedTuple):
     right: float
     assumed_forward: float
     heading_bias: float
-
-
-@numba.njit(cache=True)
-def evaluate_law(
-    law: Array, time: float, day: float, east: float, north: float, down: float, side: float, angle: float, speed: float
-) -> float:
-    """Value of a parameter here and now; `law` is a kind and five numbers (tests.truth.cases)."""
-    kind, a, b, c, d, e = int(law[0]), law[1], law[2], law[3], law[4], law[5]
-    if kind == OVER_MINUTES:
-        return a + b * time / 60.0
-    if kind == OVER_DAY:
-        return a + b * math.sin(2.0 * math.pi * day / c + math.radians(d))
-    if kind == GRADIENT:
-        return a + b * east + c * north
-    if kind == WITHIN:
-        inside = min(max(0.5 - (math.hypot(east - c, north - d) - e) / SLOPE_EDGE_M, 0.0), 1.0)
-        return b + (a - b) * inside
-    if kind == BY_IMPLEMENT:
-        return a + (b - a) * down
-    if kind == BY_SIDE:
-        return b if side > 0.0 else a
-    if kind == BY_ANGLE:
-        return a + (b - a) * min(abs(angle), 27.0) / 27.0
-    if kind == BY_SPEED:
-        return a + b * abs(speed)
-    return a
-
-
-@numba.njit(cache=True)
-def measured_curvature(angle_deg: float) -> float:
-    """Curvature (1/m, positive right) of the path of the centre of mass at an angle of the wheel sensor, 5 km/h."""
-    size = min(abs(angle_deg), LOCK_DEG)
-    if angle_deg > 0.0:
-        return RIGHT_C * size**RIGHT_P / RADIUS_LAW
-    return -LEFT_C * size**LEFT_P / RADIUS_LAW
 
 
 @numba.njit(cache=True)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
 from tests.truth.cases import ColumnClock, Fault
+from tests.truth.signals import colour_noise, is_within
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
@@ -68,41 +67,8 @@ def draw_noise(reading: Reading, white: float, slow: float, memory_s: float, rng
     known = reading.group[first]
     times[known] = reading.when_s[first]
     steps = np.maximum(np.diff(np.maximum.accumulate(times), prepend=times[0]), 0.0)
-    noise = white * whites + slow * wander(fresh, steps, memory_s)
+    noise = white * whites + slow * colour_noise(fresh, steps, memory_s)
     return np.asarray(noise[reading.group], dtype=float)
-
-
-@numba.njit(cache=True)
-def wander(white: Array, steps: Array, memory: float) -> Array:
-    """Unit-variance noise with an exponential memory (s) from unit white noise at `steps` (s)."""
-    out = np.empty(len(white))
-    out[0] = white[0]
-    for row in range(1, len(white)):
-        keep = math.exp(-steps[row] / memory)
-        out[row] = keep * out[row - 1] + math.sqrt(1.0 - keep * keep) * white[row]
-    return out
-
-
-@numba.njit(cache=True)
-def low_pass(values: Array, step_s: float, time_s: float) -> Array:
-    """First-order low pass of values at even steps; 0 s leaves them as they are."""
-    if time_s <= 0.0:
-        return values
-    out, share = values.copy(), 1.0 - math.exp(-step_s / time_s)
-    for row in range(1, len(values)):
-        out[row] = out[row - 1] + share * (values[row] - out[row - 1])
-    return out
-
-
-def round_to(values: Array, digit: float) -> Array:
-    """Values at the last digit of a sensor; 0 leaves them as they are."""
-    return np.round(values / digit) * digit if digit > 0.0 else values
-
-
-def is_within(fault: Fault, times: Array) -> npt.NDArray[np.bool_]:
-    """The rows during which a fault lasts."""
-    end = math.inf if fault.to_s is None else fault.to_s
-    return (times >= fault.from_s) & (times < end)
 
 
 def freeze_values(values: Array, times: Array, faults: Sequence[Fault]) -> Array:
@@ -124,7 +90,7 @@ def lose_position(times: Array, faults: Sequence[Fault], seed: Sequence[int]) ->
         if mode == 0:
             steps = np.diff(times, prepend=times[0])
             for axis in range(2):
-                errors[rows, axis] = size * wander(rng.standard_normal(len(times)), steps, 1.5)[rows]
+                errors[rows, axis] = size * colour_noise(rng.standard_normal(len(times)), steps, 1.5)[rows]
         elif mode == 1:
             leap = np.floor((times - fault.from_s) / 5.0).astype(int)
             for axis in range(2):

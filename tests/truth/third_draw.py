@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
 from tests.truth.cases import KINDS, ColumnClock, Fault, Law, TruthCase
+from tests.truth.drawing import Rng, Row, build_case, check_kinds, pick, pick_names
 from tests.truth.effects import CLEAR_SIZES, scaled
 
-Rng = np.random.Generator
 Draw = Callable[[Rng, int], list[TruthCase]]
 SMALLEST, LARGEST = 1.0, 1.25  # shares of the clear size
 SIGNED = (
@@ -55,8 +55,7 @@ def draw_seed(rng: Rng) -> int:
 def hide_effects(kind: str, names: Iterable[str], rng: Rng, programme: str = "three_speeds") -> TruthCase:
     """A case that hides effects of the catalogue in clear sizes."""
     hidden = {name: draw_size(name, rng) for name in names}
-    ids = frozenset(hidden)
-    return TruthCase(kind, draw_seed(rng), hidden, programme=programme, allowed=ids, wanted=ids)
+    return build_case(kind, draw_seed(rng), hidden, programme=programme)
 
 
 def draw_clean(rng: Rng, count: int) -> list[TruthCase]:
@@ -71,58 +70,45 @@ def draw_clean(rng: Rng, count: int) -> list[TruthCase]:
 
 def draw_effects(rng: Rng, count: int) -> list[TruthCase]:
     """One effect of the catalogue each."""
-    names = [str(name) for name in rng.permutation(sorted(CLEAR_SIZES))]
+    names = pick_names(sorted(CLEAR_SIZES), len(CLEAR_SIZES), rng)
     return [hide_effects("effect", (names[index % len(names)],), rng) for index in range(count)]
 
 
 def draw_pairs(rng: Rng, count: int) -> list[TruthCase]:
     """Two effects at once."""
-    order = rng.permutation(len(PAIRS))
-    return [hide_effects("pair", PAIRS[order[index % len(PAIRS)]], rng) for index in range(count)]
+    return [hide_effects("pair", names, rng) for names in choose_rows(PAIRS, count, rng)]
 
 
 def draw_closed(rng: Rng, count: int) -> list[TruthCase]:
     """One effect with a path follower in the loop all the time."""
-    names = [str(name) for name in rng.permutation(CLOSED_EFFECTS)]
+    names = pick_names(CLOSED_EFFECTS, len(CLOSED_EFFECTS), rng)
     return [hide_effects("closed_loop", (names[index % len(names)],), rng, "closed") for index in range(count)]
 
 
 def draw_columns(rng: Rng, count: int) -> list[TruthCase]:
     """One column that is late, held, filtered, scaled or stamped by another clock."""
     side = rng.choice([-1.0, 1.0])
-    table: list[tuple[dict[str, ColumnClock], set[str], tuple[str, ...]]] = [
-        ({"position": ColumnClock(delay_s=rng.uniform(0.2, 0.35))}, {"position_delay"}, ("position",)),
-        ({"heading": ColumnClock(delay_s=rng.uniform(0.2, 0.4))}, {"heading_delay"}, ("heading",)),
-        ({"heading": ColumnClock(filter_s=rng.uniform(0.4, 0.7))}, {"heading_filter"}, ("heading",)),
-        ({"speed": ColumnClock(scale=1.0 + side * rng.uniform(0.05, 0.08))}, {"speed_scale"}, ("speed",)),
-        ({"steering": ColumnClock(scale=1.0 - rng.uniform(0.08, 0.12))}, set(), ("wheel sensor", "steering_deg")),
-        ({"steering_command": ColumnClock(offset_s=side * rng.uniform(0.25, 0.5))},
-         {"clock_offset_steering_command"}, ("command", "clock")),
-        ({"position": ColumnClock(offset_s=-rng.uniform(0.2, 0.4))}, {"clock_offset_position"}, ("position", "clock")),
-        ({"steering": ColumnClock(hold_s=2.0, hold_jitter=0.05), "steering_command": ColumnClock(hold_s=2.0,
-          hold_jitter=0.05)}, set(), ("steering", "held", "stale")),
-        ({"position": ColumnClock(hold_s=1.0, delay_s=0.2)}, {"position_delay"}, ("position",)),
-        ({"steering": ColumnClock(offset_s=rng.uniform(0.3, 0.5))}, {"clock_offset_steering"}, ("steering", "clock")),
-        ({"position": ColumnClock(drift_s_per_min=side * rng.uniform(0.3, 0.5))}, {"clock_offset_position"},
-         ("position", "clock")),
-    ]  # fmt: skip
-    same = {
-        "position_delay": {"clock_offset_position"}, "heading_delay": {"clock_offset_heading"},
-        "heading_filter": {"heading_delay"},
-    }  # fmt: skip
-    cases = []
-    for place in choose_rows(len(table), count, rng):
-        clocks, ids, words = table[place]
-        allowed = ids.union(*(same.get(each, set()) for each in ids))
-        cases.append(TruthCase("column", draw_seed(rng), columns=clocks, allowed=frozenset(allowed),
-                               wanted=frozenset(ids), hint_words=words))  # fmt: skip
-    return cases
+    held = ColumnClock(hold_s=2.0, hold_jitter=0.05)
+    table: list[tuple[dict[str, ColumnClock], tuple[str, ...]]] = [
+        ({"position": ColumnClock(delay_s=rng.uniform(0.2, 0.35))}, ("position",)),
+        ({"heading": ColumnClock(delay_s=rng.uniform(0.2, 0.4))}, ("heading",)),
+        ({"heading": ColumnClock(filter_s=rng.uniform(0.4, 0.7))}, ("heading",)),
+        ({"speed": ColumnClock(scale=1.0 + side * rng.uniform(0.05, 0.08))}, ("speed",)),
+        ({"steering": ColumnClock(scale=1.0 - rng.uniform(0.08, 0.12))}, ("wheel sensor", "steering_deg")),
+        ({"steering_command": ColumnClock(offset_s=side * rng.uniform(0.25, 0.5))}, ("command", "clock")),
+        ({"position": ColumnClock(offset_s=-rng.uniform(0.2, 0.4))}, ("position", "clock")),
+        ({"steering": held, "steering_command": held}, ("steering", "held", "stale")),
+        ({"position": ColumnClock(hold_s=1.0, delay_s=0.2)}, ("position",)),
+        ({"steering": ColumnClock(offset_s=rng.uniform(0.3, 0.5))}, ("steering", "clock")),
+        ({"position": ColumnClock(drift_s_per_min=side * rng.uniform(0.3, 0.5))}, ("position", "clock")),
+    ]
+    return [build_case("column", draw_seed(rng), columns=clocks, words=words)
+            for clocks, words in choose_rows(table, count, rng)]  # fmt: skip
 
 
-def choose_rows(size: int, count: int, rng: Rng) -> list[int]:
+def choose_rows(table: Sequence[Row], count: int, rng: Rng) -> list[Row]:
     """Rows of a table in a drawn order, all of them before any comes again."""
-    order = [int(place) for _ in range(count // size + 1) for place in rng.permutation(size)]
-    return order[:count]
+    return [row for _ in range(count // len(table) + 1) for row in pick(table, len(table), rng)][:count]
 
 
 def draw_laws(rng: Rng, count: int) -> list[TruthCase]:
@@ -153,12 +139,10 @@ def draw_laws(rng: Rng, count: int) -> list[TruthCase]:
         (Law("speed_lag", "constant", {"value": rng.uniform(0.45, 0.75)}), {"speed_lag"}, ("speed",)),
     ]  # fmt: skip
     cases = []
-    for place in choose_rows(len(table), count, rng):
-        law, allowed, words = table[place]
+    for law, also, words in choose_rows(table, count, rng):
         effects = {law.effect: {"bearing_deg": turn}} if law.effect == "cross_slope_drift" else {}
-        wanted = frozenset() if law.kind == "constant" else frozenset({law.effect})
-        cases.append(TruthCase("law", draw_seed(rng), effects, laws=(law,), allowed=frozenset(allowed),
-                               wanted=wanted, hint_words=words))  # fmt: skip
+        wanted = () if law.kind == "constant" else (law.effect,)
+        cases.append(build_case("law", draw_seed(rng), effects, laws=(law,), also=also, wanted=wanted, words=words))
     return cases
 
 
@@ -183,14 +167,11 @@ def draw_faults(rng: Rng, count: int) -> list[TruthCase]:
         ("wheel_sensor_frozen", {}, "mixed", (2, 4)),
     ]
     cases = []
-    for place in choose_rows(len(table), count, rng):
-        name, detail, programme, runs = table[place]
+    for name, detail, programme, runs in choose_rows(table, count, rng):
         start = float(rng.uniform(15.0, 30.0))
         end = None if rng.uniform() < 0.5 else start + float(rng.uniform(12.0, 20.0))
-        allowed = {name} | ({"position_frozen"} if detail.get("mode") == 2.0 else set())
         fault = Fault(name, int(rng.choice(runs)), start, end, detail)
-        cases.append(TruthCase("fault", draw_seed(rng), faults=(fault,), programme=programme,
-                               allowed=frozenset(allowed), wanted=frozenset({name})))  # fmt: skip
+        cases.append(build_case("fault", draw_seed(rng), faults=(fault,), programme=programme))
     return cases
 
 
@@ -227,13 +208,10 @@ def draw_outside(rng: Rng, count: int) -> list[TruthCase]:
         ("governor_hunting", {"share": rng.uniform(0.06, 0.1), "period_s": rng.uniform(3.0, 5.0)}, set(),
          ("speed", "period")),
     ]  # fmt: skip
-    cases = []
-    for place in choose_rows(len(table), count, rng):
-        name, values, allowed, words = table[place]
-        plain = {key: float(value) for key, value in values.items()}
-        cases.append(TruthCase("outside", draw_seed(rng), outside={name: plain}, allowed=frozenset(allowed),
-                               hint_words=words))  # fmt: skip
-    return cases
+    return [
+        build_case("outside", draw_seed(rng), outside={name: {key: float(value) for key, value in values.items()}},
+                   also=also, words=words) for name, values, also, words in choose_rows(table, count, rng)
+    ]  # fmt: skip
 
 
 def draw_odd_runs(rng: Rng, count: int) -> list[TruthCase]:
@@ -245,11 +223,9 @@ def draw_odd_runs(rng: Rng, count: int) -> list[TruthCase]:
         ("wheel_slip", rng.uniform(0.09, 0.12), 0.0, tuple(range(7))),
     )
     cases = []
-    for place in choose_rows(len(table), count, rng):
-        name, value, other, runs = table[place]
+    for name, value, other, runs in choose_rows(table, count, rng):
         law = Law(name, "by_run", {"run": float(rng.choice(runs)), "value": float(value), "other": other})
-        cases.append(TruthCase("odd_run", draw_seed(rng), laws=(law,), allowed=frozenset({name}),
-                               hint_words=("run", "unlike")))  # fmt: skip
+        cases.append(build_case("odd_run", draw_seed(rng), laws=(law,), wanted=(), words=("run", "unlike")))
     return cases
 
 
@@ -283,17 +259,13 @@ def draw_mixed(rng: Rng, count: int) -> list[TruthCase]:
     cases = []
     for index in range(count):
         name = str(rng.choice(["steering_offset", "steering_gain", "steering_lag", "antenna_right", "wheel_slip"]))
-        hidden, ids = {name: draw_size(name, rng)}, frozenset({name})
+        hidden = {name: draw_size(name, rng)}
         if index % 2 == 0:
             clocks = {"position": ColumnClock(delay_s=float(rng.uniform(0.2, 0.35)))}
-            more = frozenset({"position_delay"})
-            cases.append(TruthCase("mixed", draw_seed(rng), hidden, clocks, programme="mixed", wanted=ids | more,
-                                   allowed=ids | more | {"clock_offset_position"}))  # fmt: skip
+            cases.append(build_case("mixed", draw_seed(rng), hidden, columns=clocks, programme="mixed"))
         else:
             fault = Fault("steering_loose", 4, float(rng.uniform(18.0, 30.0)))
-            more = frozenset({fault.id})
-            cases.append(TruthCase("mixed", draw_seed(rng), hidden, faults=(fault,), allowed=ids | more,
-                                   wanted=ids | more))  # fmt: skip
+            cases.append(build_case("mixed", draw_seed(rng), hidden, faults=(fault,)))
     return cases
 
 
@@ -310,12 +282,8 @@ def draw_third_cases(seed: int, kinds: Iterable[str] | None = None) -> list[Trut
 
     Raises ValueError for an unknown kind.
     """
-    wanted = KINDS if kinds is None else tuple(kinds)
-    unknown = sorted(set(wanted) - set(DRAWS))
-    if unknown:
-        raise ValueError(f"The kind {unknown[0]!r} is unknown; use one of: {', '.join(DRAWS)}.")
     cases = []
-    for kind in wanted:
+    for kind in check_kinds(kinds):
         draw, count = DRAWS[kind]
         cases += draw(np.random.default_rng([seed, KINDS.index(kind), 41]), count)
     order = np.random.default_rng([seed, 42]).permutation(len(cases))

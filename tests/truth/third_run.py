@@ -8,7 +8,9 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
+from tests.truth import laws as known
 from tests.truth import third_body as body
+from tests.truth.ground import EG105, MAP_SPEED_MPS, measured_curvature
 from tests.truth.third_body import Breaks, Odd, Way
 
 Array = npt.NDArray[np.float64]
@@ -74,19 +76,18 @@ def surround(
     east, north, heading = state[body.EAST], state[body.NORTH], state[body.HEADING]
     u, angle = state[body.AHEAD], state[body.WHEEL]
     here = (time, day, east, north, down, angle, angle, u)
-    slope = body.evaluate_law(laws[body.SLOPE], *here)
-    bearing = laws[body.SLOPE, 6]
+    slope = known.evaluate_law(laws[known.P_SLOPE], *here)
     moist = 1.0
     if odd.moist != 1.0:
         outside = math.hypot(east - odd.moist_east, north - odd.moist_north) - odd.moist_radius
         moist = odd.moist + (1.0 - odd.moist) * min(max(0.5 + outside / 3.0, 0.0), 1.0)
-    limit = body.evaluate_law(laws[body.LIMIT], *here)
+    limit = known.evaluate_law(laws[known.P_LIMIT], *here)
     env[body.RUT] = find_rut(east, north, heading, waves) + rough
-    env[body.CREEP] = slope * math.sin(bearing - heading)
+    env[body.CREEP] = slope * math.sin(odd.slope_to - heading)
     env[body.FRICTION_SIDE] = min(limit, body.FRICTION) * moist
     env[body.FRONT_SHARE] = odd.front_stiffness * moist
     env[body.REAR_SHARE] = moist
-    draft = body.evaluate_law(laws[body.DRAFT], *here) * down
+    draft = known.evaluate_law(laws[known.P_DRAFT], *here) * down
     # The force that turns the front axle's brush by the slip that bends the path so.
     env[body.FRONT_SIDE_N] = -2.0 * body.push_tyre(
         draft * body.BASE, body.FRONT_LOAD, body.FRONT_LOAD, body.FRONT_STIFFNESS, body.FRICTION, 0.0
@@ -95,14 +96,14 @@ def surround(
     wind = 1.0 + 0.6 * gust
     env[body.ACCEL_EAST] = odd.wind_east * wind + odd.fall_east
     env[body.ACCEL_NORTH] = odd.wind_north * wind + odd.fall_north
-    slip = body.evaluate_law(laws[body.SLIP], *here)
-    tool_slip = body.evaluate_law(laws[body.TOOL_SLIP], *here) * down
+    slip = known.evaluate_law(laws[known.P_SLIP], *here)
+    tool_slip = known.evaluate_law(laws[known.P_TOOL_SLIP], *here) * down
     env[body.LOST] = 1.0 - (1.0 - slip) * (1.0 - tool_slip)
     env[body.LOCKED] = odd.locked if time >= odd.locked_from_s else 0.0
     env[body.DRAG_N] = body.ROLLING_RESISTANCE * body.MASS * body.GRAVITY * (1.0 + 20.0 * rough)
     env[body.LEFT_FLAT] = min(odd.flat * time / 60.0, 0.85)
     env[body.TARGET] = target * (1.0 + odd.hunting * math.sin(2.0 * math.pi * time / odd.hunting_s))
-    env[body.LAG_S] = body.evaluate_law(laws[body.SPEED_LAG], *here)
+    env[body.LAG_S] = known.evaluate_law(laws[known.P_SPEED_LAG], *here)
     env[body.FEED] = odd.acceleration
 
 
@@ -113,18 +114,18 @@ def find_mean_angle(
 ) -> float:  # fmt: skip
     """Mean angle of the front wheels (rad): play, linkage and what hides in them, then the calibrated curve."""
     wheel = min(max(play, state[body.WHEEL] - half_play), state[body.WHEEL] + half_play)
-    wheel += body.evaluate_law(laws[body.OFFSET], *here)
-    wheel -= body.evaluate_law(laws[body.UNDERSTEER], *here) * front_n / (2.0 * body.FRONT_LOAD / body.GRAVITY)
+    wheel += known.evaluate_law(laws[known.P_OFFSET], *here)
+    wheel -= known.evaluate_law(laws[known.P_UNDERSTEER], *here) * front_n / (2.0 * body.FRONT_LOAD / body.GRAVITY)
     if odd.wobble != 0.0:
         wheel += odd.wobble * math.sin(2.0 * math.pi * way_m / odd.wobble_m)
     if odd.speed_link != 0.0:
-        less = odd.speed_link * (abs(state[body.AHEAD]) - body.MAP_SPEED)
+        less = odd.speed_link * (abs(state[body.AHEAD]) - MAP_SPEED_MPS)
         wheel -= less * math.tanh(wheel)
-    factor = body.evaluate_law(laws[body.GAIN], *here) * body.evaluate_law(laws[body.PATCH], *here)
-    factor *= body.evaluate_law(laws[body.DRIFT], *here)
+    factor = known.evaluate_law(laws[known.P_GAIN], *here) * known.evaluate_law(laws[known.P_PATCH], *here)
+    factor *= known.evaluate_law(laws[known.P_DRIFT], *here)
     if wheel < 0.0:
-        factor *= body.evaluate_law(laws[body.LEFT_GAIN], *here)
-    return body.look_up(body.measured_curvature(wheel) * factor, table)
+        factor *= known.evaluate_law(laws[known.P_LEFT], *here)
+    return body.look_up(measured_curvature(wheel, EG105) * factor, table)
 
 
 @numba.njit(cache=True)
@@ -132,7 +133,7 @@ def demand_opening(gap: float, stage: int, stiction: float, here: tuple[float, .
     """Opening asked of the spool (-1 to 1) and the stage of the computer: 0 at rest, 1 fine, 2 slewing."""
     size, side = abs(gap), math.copysign(1.0, gap)
     toward = (here[0], here[1], here[2], here[3], here[4], side, here[6], here[7])
-    band = body.evaluate_law(laws[body.BAND], *toward)
+    band = known.evaluate_law(laws[known.P_DEAD_BAND], *toward)
     if size >= body.SWITCH_DEG:
         stage = 2
     elif stage == 2 and size < max(body.RELEASE_DEG, WAKE * band):
@@ -144,9 +145,9 @@ def demand_opening(gap: float, stage: int, stiction: float, here: tuple[float, .
     if stage == 0:
         return 0.0, stage
     if stage == 2:
-        speed = body.evaluate_law(laws[body.RATE], *toward)
+        speed = known.evaluate_law(laws[known.P_RATE], *toward)
     else:
-        speed = size / max(body.evaluate_law(laws[body.LAG], *toward), 0.03)
+        speed = size / max(known.evaluate_law(laws[known.P_LAG], *toward), 0.03)
     return side * (min(speed / body.PUMP_DEG_PER_S, 1.0) + body.OVERLAP), stage
 
 
@@ -188,11 +189,11 @@ def roll_on(
             demand, stage = demand_opening(gap, stage, odd.stiction, here, laws)
             if stuck:
                 demand = breaks.stuck_side * (
-                    body.evaluate_law(laws[body.RATE], *here) / body.PUMP_DEG_PER_S + body.OVERLAP
+                    known.evaluate_law(laws[known.P_RATE], *here) / body.PUMP_DEG_PER_S + body.OVERLAP
                 )
             elif loose and breaks.linkage == 0.0:
                 demand = 0.0
-        half_play = 0.5 * body.evaluate_law(laws[body.PLAY], *here)
+        half_play = 0.5 * known.evaluate_law(laws[known.P_PLAY], *here)
         surround(state, time, day + time, down, targets[row], rough[row], gusts[row], depths[row], laws, waves, odd,
                  env)  # fmt: skip
         torn = loose and breaks.linkage > 0.0
@@ -201,7 +202,7 @@ def roll_on(
             now = state if stage_of_step == 0 else middle
             out = k1 if stage_of_step == 0 else k2
             if torn:
-                mean = body.look_up(body.measured_curvature(free), table)
+                mean = body.look_up(measured_curvature(free, EG105), table)
             else:
                 mean = find_mean_angle(now, play, way_m, front_n, here, half_play, laws, odd, table)
             front_n = body.derive_body(now, mean, drive, env, loads, out)

@@ -1,0 +1,90 @@
+"""The measured radii, frozen fields of ground, and places on a body: formulas that references share."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+RADIUS_LAW, LOCK_DEG, MAP_SPEED_MPS = 118.4, 35.0, 5.0 / 3.6
+
+
+class Curve(NamedTuple):
+    """Measured radius of the centre of mass: r = 118.4 / (c |angle|^p), angle in degrees, one (c, p) for each side."""
+
+    right_c: float
+    right_p: float
+    left_c: float
+    left_p: float
+
+
+EG105 = Curve(0.4457377, 1.199, 0.3081049, 1.285)  # thesis, Eq. 2.10, on soil at 5 km/h
+
+
+@numba.njit(cache=True)
+def measured_curvature(angle_deg: float, curve: Any) -> float:
+    """Curvature (1/m, positive right) of the path of the centre of mass at a wheel angle, by a Curve's fields."""
+    size = min(abs(angle_deg), LOCK_DEG)
+    if angle_deg > 0.0:
+        return curve.right_c * size**curve.right_p / RADIUS_LAW
+    return -curve.left_c * size**curve.left_p / RADIUS_LAW
+
+
+@numba.njit(cache=True)
+def measured_angle(curvature: float, curve: Any) -> float:
+    """Wheel angle (deg) of a measured curvature; the inverse of measured_curvature, up to the lock."""
+    if curvature > 0.0:
+        return min((curvature * RADIUS_LAW / curve.right_c) ** (1.0 / curve.right_p), LOCK_DEG)
+    return -min((-curvature * RADIUS_LAW / curve.left_c) ** (1.0 / curve.left_p), LOCK_DEG)
+
+
+@numba.njit(cache=True)
+def look_up(value: float, places: Array, values: Array) -> float:
+    """As `np.interp` of one value, with the outer slopes held on beyond the ends."""
+    i = int(min(max(int(np.searchsorted(places, value)), 1), len(places) - 1))
+    return values[i - 1] + (values[i] - values[i - 1]) * (value - places[i - 1]) / (places[i] - places[i - 1])
+
+
+@numba.njit(cache=True)
+def sum_waves(east: float, north: float, waves: Array) -> float:
+    """A frozen field at a place: plane waves (n, 4) of height, two wave numbers (rad/m) and phase."""
+    total = 0.0
+    for i in range(len(waves)):
+        total += waves[i, 0] * math.sin(waves[i, 1] * east + waves[i, 2] * north + waves[i, 3])
+    return total
+
+
+def draw_waves(rng: np.random.Generator, size: float, count: int, longest_m: float) -> Array:
+    """Plane waves (count, 4) of a frozen field with this standard deviation, from 1.5 m long."""
+    length = np.exp(rng.uniform(math.log(1.5), math.log(longest_m), count))
+    way, height = rng.uniform(0.0, 2.0 * math.pi, count), np.full(count, size * math.sqrt(2.0 / count))
+    number = 2.0 * math.pi / length
+    phase = rng.uniform(0.0, 2.0 * math.pi, count)
+    return np.column_stack([height, number * np.sin(way), number * np.cos(way), phase])
+
+
+def find_point(
+    east: Array, north: Array, heading: Array, forward_m: Array | float, right_m: Array | float
+) -> tuple[Array, Array]:
+    """East and north of a point ahead of another one and to its right, of a body of this heading (rad)."""
+    sin, cos = np.sin(heading), np.cos(heading)
+    return east + forward_m * sin + right_m * cos, north + forward_m * cos - right_m * sin
+
+
+def measure_curvature(rows: Array, ahead_m: float) -> float:
+    """Mean curvature (1/m) of the path of a point ahead of rows of east, north and heading."""
+    east, north = find_point(rows[:, 0], rows[:, 1], rows[:, 2], ahead_m, 0.0)
+    return float(rows[-1, 2] - rows[0, 2]) / float(np.sum(np.hypot(np.diff(east), np.diff(north))))
+
+
+def mirror_curve(bends: Array, angles: Array) -> tuple[Array, Array]:
+    """A curve of positive bends and angles continued to the left."""
+    return np.concatenate([-bends[::-1], [0.0], bends]), np.concatenate([-angles[::-1], [0.0], angles])
+
+
+CIRCLES_RAD = np.radians([0.5, 2.0, 5.0, 9.0, 14.0, 20.0, 26.0, 31.0, 36.0, 41.0])
+"""Mean angles of the front wheels at which a machine drives circles to be calibrated."""

@@ -1,0 +1,94 @@
+"""Noise with a memory, filters, last digits and faults of signals: formulas that references share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+import numba
+import numpy as np
+import numpy.typing as npt
+
+from tests.truth.cases import ColumnClock, Fault
+
+Array = npt.NDArray[np.float64]
+NO_CLOCK = ColumnClock()
+FROZEN = {"position_frozen": "position", "heading_frozen": "heading", "speed_frozen": "speed",
+          "wheel_sensor_frozen": "steering"}  # fmt: skip
+
+
+@numba.njit(cache=True)
+def colour_noise(white: Array, steps_s: Array, memory_s: float) -> Array:
+    """Unit-variance noise with an exponential memory (s) from unit white noise at these steps (s)."""
+    out = np.empty(len(white))
+    out[0] = white[0]
+    for row in range(1, len(white)):
+        keep = math.exp(-steps_s[row] / memory_s)
+        out[row] = keep * out[row - 1] + math.sqrt(1.0 - keep * keep) * white[row]
+    return out
+
+
+def draw_coloured(rng: np.random.Generator, count: int, step_s: float, memory_s: float) -> Array:
+    """Unit-variance noise (count,) with a memory at even steps."""
+    return colour_noise(rng.standard_normal(count), np.full(count, step_s), memory_s)
+
+
+def draw_slow(rng: np.random.Generator, at_s: Array, memory_s: float, end_s: float, steps: int) -> Array:
+    """Unit-variance noise at some times, drawn up to an end with `steps` knots in a memory."""
+    knots = np.arange(0.0, end_s, memory_s / steps)
+    values: Array = np.interp(at_s, knots, draw_coloured(rng, len(knots), memory_s / steps, memory_s))
+    return values
+
+
+@numba.njit(cache=True)
+def low_pass(values: Array, step_s: float, time_s: float) -> Array:
+    """First-order low pass of values at even steps; 0 s leaves them as they are."""
+    if time_s <= 0.0:
+        return values
+    out, share = values.copy(), 1.0 - math.exp(-step_s / time_s)
+    for row in range(1, len(values)):
+        out[row] = out[row - 1] + share * (values[row] - out[row - 1])
+    return out
+
+
+def round_to(values: Array, digit: float) -> Array:
+    """Values at the last digit of a sensor; 0 leaves them as they are."""
+    return np.round(values / digit) * digit if digit > 0.0 else values
+
+
+def pick_held(values: Array, at_s: Array, step_s: float) -> Array:
+    """The row in force at other times, never a mean of two."""
+    out: Array = values[np.clip((at_s / step_s + 1e-6).astype(int), 0, len(values) - 1)]
+    return out
+
+
+def is_within(fault: Fault, times: Array) -> npt.NDArray[np.bool_]:
+    """The rows during which a fault lasts."""
+    return (times >= fault.from_s) & (times < (math.inf if fault.to_s is None else fault.to_s))
+
+
+def mark_broken(faults: Iterable[Fault], run: int, time: Array) -> Array:
+    """Per row: whether commands no longer reach the valve, and the side to which it stays open."""
+    broken = np.zeros((len(time), 2))
+    for fault in faults:
+        if fault.run == run and fault.id in ("steering_loose", "steering_stuck"):
+            place = 0 if fault.id == "steering_loose" else 1
+            broken[is_within(fault, time), place] = fault.detail.get("side", 1.0) if place else 1.0
+    return broken
+
+
+def lose_position(
+    columns: dict[str, Array], times: Array, faults: Sequence[Fault], rng: np.random.Generator, turn: float,
+    wander: Callable[[], Array],
+) -> None:  # fmt: skip
+    """Spoil positions while a receiver has lost its fix: mode 0 wanders, 1 jumps (up to `turn` rad round), 2 holds."""
+    for fault in faults:
+        during = is_within(fault, times)
+        if fault.id != "position_lost" or not during.any():
+            continue
+        mode, size, way = int(fault.detail.get("mode", 0)), fault.detail.get("size_m", 0.5), rng.uniform(0.0, turn)
+        for name, share in (("easting_m", math.sin(way)), ("northing_m", math.cos(way))):
+            if mode == 2:
+                columns[name][during] = columns[name][during][0]
+            else:
+                columns[name] = columns[name] + during * size * (share if mode else wander())
