@@ -1,11 +1,12 @@
-"""How often a diagnosis is right: python -m tests.benchmarks.diagnosis --first 100 --seeds 10 --share 2/5 --out FILE
+"""How often the diagnosis is right: python -m tests.benchmarks.diagnosis --all --share 1/5 --out FILE
 
-Every set of tests.diagnosis.sets (80 a seed) is diagnosed; the answers go to FILE, a line of JSON each. Called again
-with the same FILE it does what is left, so it can be stopped at any time. Answers of another state of the code are
-neither counted nor taken for done. A set takes 1 to 9 s of CPU, a seed about 4 minutes of one core. With --share 2/5
-a seed has 32 of its sets, others from seed to seed, each kind as often as every other in any five seeds in a row, and
-on both tractors in any ten. Printed are what is asked of a diagnosis beside what it reached, a line per effect, and
-every set that went wrong, by the key that --only repeats.
+Sets of logs with known causes, by references that share no code with the simulator (tests.diagnosis.log_sets), are
+diagnosed; the answers go to FILE, a line of JSON each. Called again with the same FILE it does what is left, so it can
+be stopped at any time. Answers of another state of the code are neither counted nor taken for done. Each set has a
+process of its own, started once the code is compiled. A seed of all references has some 460 sets and takes about two
+hours of one core; with --share 1/5 it has a fifth of them, each kind as often as every other in five seeds in a row.
+Printed are what is asked of a diagnosis beside what it reached, the same by reference, kind and effect, and every set
+that went wrong, by the key that --only repeats. The exit status is 1 if anything that is saved is worse on unseen runs.
 """
 
 from __future__ import annotations
@@ -14,32 +15,36 @@ import argparse
 import hashlib
 import json
 import multiprocessing
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
+from multiprocessing.connection import Connection, wait
 from pathlib import Path
 
 import vehicle
-from tests.diagnosis.sets import LogSet, record_of, sets_of
-from tests.diagnosis.tally import Record, coverage_by_parameter, faults, table, tallied, verdicts
-from tests.truth.effects import CLEAR_SIZES
+from tests.diagnosis.log_sets import REFERENCES, LogSet, list_sets, make_demo_set
+from tests.diagnosis.records import build_record, describe_set
+from tests.diagnosis.rerecording import Record
+from tests.diagnosis.tally import WORSE, format_tables, format_unseen, tally_records
+
+THREADS = "OPENBLAS_NUM_THREADS"
+SOURCES = ("drawn_sets", "log_sets", "mixups", "records", "rerecording")
 
 
-def state_of_code() -> str:
-    """A digest of all that decides an answer: the sources of the room that diagnoses, and of the truth."""
-    digest = hashlib.sha256()
-    here = Path(__file__).parents[1]
-    files = [
-        *Path(str(vehicle.__file__)).parent.rglob("*"),
-        *(here / "truth").glob("*.py"),
-        here / "diagnosis" / "sets.py",
-    ]
+def digest_code() -> str:
+    """A digest of all that decides an answer: the sources that diagnose, and those of the truth."""
+    digest, here = hashlib.sha256(), Path(__file__).parents[1]
+    files = [*Path(str(vehicle.__file__)).parent.rglob("*"), *(here / "truth").glob("*.py"),
+             *(here / "diagnosis" / f"{name}.py" for name in SOURCES)]  # fmt: skip
     for file in sorted(file for file in files if file.suffix in (".py", ".toml", ".csv")):
-        digest.update(file.read_bytes())
+        if not file.name.startswith("test_"):
+            digest.update(file.read_bytes())
     return digest.hexdigest()[:12]
 
 
-def share_of(text: str) -> Fraction:
+def parse_share(text: str) -> Fraction:
     """A share as --share has it, such as 2/5.
 
     Raises argparse.ArgumentTypeError beyond 0 to 1, and for an even number below the line: tractors take turns from
@@ -55,96 +60,126 @@ def share_of(text: str) -> Fraction:
     return share
 
 
-def in_share(one: LogSet, share: Fraction) -> bool:
-    """Whether a set has its turn in its seed: in as many seeds of a round as the share has above the line."""
-    above, below = share.numerator, share.denominator
-    return (one.number + one.seed) * above % below < above
-
-
-def done_in(out: Path, state: str) -> list[Record]:
-    """The answers in a file that belong to this state of the code; a line cut off by a stop is passed over."""
+def read_answers(out: Path, state: str | None) -> list[Record]:
+    """The last answer to each set by a state of the code, or by any (None); a line cut off by a stop is passed over."""
     records: dict[str, Record] = {}
     for line in out.read_text(encoding="utf-8").splitlines() if out.exists() else ():
         try:
             record = json.loads(line)
         except json.JSONDecodeError:
             continue
-        if record["state"] == state:
+        if state in (None, record["state"]):
             records[record["key"]] = record
     return list(records.values())
 
 
-def answers(sets: Iterable[LogSet], jobs: int) -> Iterator[Record]:
-    """Answers as they come, from so many processes at once."""
-    if jobs == 1:
-        yield from map(record_of, sets)
-        return
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(record_of, one) for one in sets]):
-            yield future.result()
+def iter_answers(sets: Sequence[LogSet], jobs: int) -> Iterator[Record]:
+    """Answers as they come, each from a process of its own that has what is compiled; so many at once."""
+    build_record(make_demo_set("nothing", 1))  # compiles
+    context, left, running = multiprocessing.get_context("fork"), list(reversed(sets)), dict[Connection, LogSet]()
+    while left or running:
+        while left and len(running) < jobs:
+            receiver, sender = context.Pipe(duplex=False)
+            context.Process(target=send_answer, args=(sender, left[-1])).start()
+            sender.close()
+            running[receiver] = left.pop()
+        for ready in wait(list(running)):
+            assert isinstance(ready, Connection)
+            one = running.pop(ready)
+            try:
+                yield ready.recv()
+            except EOFError:
+                yield describe_set(one) | {"error": "the process was ended, perhaps for want of memory"}
 
 
-def run(sets: list[LogSet], jobs: int, out: Path, state: str) -> None:
+def send_answer(sender: Connection, one: LogSet) -> None:
+    """Send the record of a set."""
+    sender.send(build_record(one))
+
+
+def run_sets(sets: Sequence[LogSet], jobs: int, out: Path, state: str,
+             answer: Callable[[Sequence[LogSet], int], Iterator[Record]] = iter_answers) -> None:  # fmt: skip
     """Diagnose what is left of the sets and add the answers to the file."""
-    known = {record["key"] for record in done_in(out, state)}
+    known = {record["key"] for record in read_answers(out, state)}
     left = [one for one in sets if one.key not in known]
-    cut_off = out.exists() and not out.read_bytes().endswith(b"\n") and out.stat().st_size
+    is_cut_off = out.exists() and not out.read_bytes().endswith(b"\n") and out.stat().st_size
+    begun = time.monotonic()
     with out.open("a", encoding="utf-8") as file:
-        file.write("\n" if cut_off else "")
-        for number, record in enumerate(answers(left, jobs), len(sets) - len(left) + 1):
+        file.write("\n" if is_cut_off else "")
+        for number, record in enumerate(answer(left, jobs) if left else (), 1):
             file.write(json.dumps({**record, "state": state}) + "\n")
             file.flush()
-            said = ", ".join(record.get("named", ())) or record.get("error", "no name")
-            print(f"{number:5d} of {len(sets)}  {record['key']:60s} {said}", flush=True)
+            minutes = (time.monotonic() - begun) / number * (len(left) - number) / 60.0
+            said = record.get("error") or record.get("outcome") or ", ".join(record["named"]) or "no name"
+            print(
+                f"{number} of {len(left)}, {minutes:.0f} min left  {record['key']}: {said}", file=sys.stderr, flush=True
+            )
 
 
-def report(records: list[Record], share: Fraction, wanted: int) -> None:
-    """Print the figures, and of how many sets they are."""
-    tallies = tallied(records, list(CLEAR_SIZES))
-    seeds, cpu_s = {record["seed"] for record in records}, sum(record.get("cpu_s", 0.0) for record in records)
-    part = "every set" if share == 1 else f"{share} of the sets in turn"
-    print(
-        f"\n{len(records)} sets of {len(seeds)} seeds ({part} of each: {wanted}), "
-        f"{cpu_s / max(len(records), 1):.1f} s of CPU each"
-    )
-    for words, figure, holds in verdicts(records, tallies):
-        print(f"  {words:55s} {figure:>18s}  {'none' if holds is None else 'holds' if holds else 'MISSED'}")
-    print(f"  {coverage_by_parameter(tallies)}")
-    print("\n" + "\n".join(table(tallies)))
-    print("\n" + "\n".join(faults(records)))
+def choose_sets(arguments: argparse.Namespace) -> list[LogSet]:
+    """The sets asked for, of every reference and seed in turn, so that a run that is stopped has some of each."""
+    groups = [
+        [one for one in list_sets(reference, seed, arguments.share, arguments.logs) if arguments.only in one.key]
+        for seed in range(arguments.first, arguments.first + arguments.seeds)
+        for reference in (REFERENCES if arguments.all else arguments.reference)
+        if reference != "real" or seed == arguments.first
+    ]
+    places = [
+        ((place + 0.5) / len(group), number, one)
+        for number, group in enumerate(groups)
+        for place, one in enumerate(group)
+    ]
+    return [one for *_, one in sorted(places, key=lambda place: place[:2])]
 
 
-def chosen(seed: int, share: Fraction, only: str) -> list[LogSet]:
-    """The sets of a seed that are asked for."""
-    return [one for one in sets_of(seed) if in_share(one, share) and only in one.key]
+def report_records(records: Sequence[Record], wanted: int, with_errors: bool) -> int:
+    """Print the figures and of how many sets they are; return the exit status."""
+    tally = tally_records(sorted(records, key=lambda record: REFERENCES.index(record["reference"])))
+    print(f"\n{len(records)} of {wanted} sets\n" + "\n".join(format_tables(tally)))
+    if with_errors:
+        print("\nErrors on unseen runs\n" + "\n".join(format_unseen(records)))
+    print("\nSets that went wrong\n" + "\n".join(tally.complaints))
+    return 1 if tally.get(WORSE).right else 0
 
 
-def main() -> None:
-    """Run and print."""
+def build_parser() -> argparse.ArgumentParser:
+    """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("--all", action="store_true", help="all references")
+    which.add_argument("--reference", nargs="+", choices=REFERENCES, help="only these references")
     parser.add_argument("--first", type=int, default=100, help="first seed")
-    parser.add_argument("--seeds", type=int, default=10, help="how many seeds")
+    parser.add_argument("--seeds", type=int, default=1, help="how many seeds")
+    parser.add_argument("--share", type=parse_share, default=Fraction(1), help="part of the sets of each seed, as 2/5")
+    parser.add_argument("--only", default="", help="only sets with this in their key")
+    parser.add_argument("--logs", nargs=3, action="append", default=[], metavar=("FOLDER", "TRACTOR", "GROUND"),
+                        help="more real logs: a folder of CSV files, the tractor file, the ground")  # fmt: skip
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--out", type=Path, required=True, help="file of the answers; added to, never overwritten")
-    parser.add_argument("--only", default="", help="only sets with this in their key")
-    parser.add_argument("--share", type=share_of, default=Fraction(1), help="part of the sets of each seed, as 2/5")
-    parser.add_argument("--most", type=int, default=None, help="stop after so many sets of each seed")
-    parser.add_argument("--report", action="store_true", help="only print what the file has")
-    arguments = parser.parse_args()
+    parser.add_argument("--errors", action="store_true", help="also print a row per set of errors on unseen runs")
+    parser.add_argument("--report", action="store_true", help="only print what the file has, of any state of the code")
+    return parser
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    """Run and print."""
+    parser = build_parser()
+    arguments = parser.parse_args(given)
     if arguments.jobs < 1 or arguments.seeds < 1 or arguments.first < 0:
         parser.error("--jobs and --seeds are whole numbers from 1 on, --first from 0 on.")
-    state = state_of_code()
-    sets = [
-        one
-        for seed in range(arguments.first, arguments.first + arguments.seeds)
-        for one in chosen(seed, arguments.share, arguments.only)[: arguments.most]
-    ]
-    if not arguments.report:
-        run(sets, arguments.jobs, arguments.out, state)
+    sets, state = choose_sets(arguments), None if arguments.report else digest_code()
+    if state is not None:
+        run_sets(sets, arguments.jobs, arguments.out, state)
     wanted = {one.key for one in sets}
-    records = [record for record in done_in(arguments.out, state) if record["key"] in wanted]
-    report(records, arguments.share, len(wanted))
+    records = [record for record in read_answers(arguments.out, state) if record["key"] in wanted]
+    return report_records(records, len(wanted), arguments.errors)
 
 
 if __name__ == "__main__":
-    main()
+    if os.environ.get(THREADS) != "1":  # it is read when numpy is loaded, and threads would count as CPU
+        os.execve(
+            sys.executable,
+            [sys.executable, "-m", "tests.benchmarks.diagnosis", *sys.argv[1:]],
+            {**os.environ, THREADS: "1"},
+        )
+    sys.exit(main())

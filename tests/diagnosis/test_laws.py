@@ -2,7 +2,8 @@
 
 import pytest
 
-from tests.diagnosis.foreign_sets import build_record, draw_cases, name_case
+from tests.diagnosis.log_sets import list_sets
+from tests.diagnosis.records import build_record
 from vehicle.identification.diagnosis.results import NAMED
 
 
@@ -17,11 +18,9 @@ from vehicle.identification.diagnosis.results import NAMED
     ],
 )
 def test_the_law_of_a_parameter_is_told_with_its_kind(reference: str, seed: int, law: str, programme: str) -> None:
-    case = next(
-        case for case in draw_cases(reference, seed, ["law"]) if f" {law} {programme} " in name_case(reference, case)
-    )
-    said = {one["id"]: one for one in build_record(reference, case)["said"]}
+    one = next(one for one in list_sets(reference, seed) if f" law {law} {programme} " in one.key)
+    said = {finding["id"]: finding for finding in build_record(one)["said"]}
     effect, kind = law.split(":")
     assert (said[effect]["status"], said[effect]["law"]["kind"]) == (NAMED, kind)
     if kind == "by_side":
-        assert said[effect]["law"]["values"] == pytest.approx(case.laws[0].values, rel=0.1)
+        assert said[effect]["law"]["values"] == pytest.approx(one.case.laws[0].values, rel=0.1)

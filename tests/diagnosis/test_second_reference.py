@@ -5,7 +5,9 @@ All sets of many seeds are `python -m tests.benchmarks.diagnosis`.
 
 import pytest
 
-from tests.diagnosis.sets import LogSet, diagnosed_set, size_of
+from tests.diagnosis.drawn_sets import make_drawn_case
+from tests.diagnosis.log_sets import LogSet, load_set_tractor, make_frames
+from tests.diagnosis.records import diagnose_frames
 from tests.examples import draw_seed
 from tests.truth.drives import three_speeds_programme
 from tests.truth.effects import CLEAR_SIZES
@@ -45,7 +47,7 @@ def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ..
     found = diagnosed(tractor, seed, runs, name)
     assert found.named == (name,), f"seed {seed}: {found.named}"
     told = next(one for one in found.findings if one.id == name)
-    key = size_of(CLEAR_SIZES[name])
+    key = next(iter(CLEAR_SIZES[name]))
     truth = CLEAR_SIZES[name][key]
     assert told.value is not None and told.interval is not None
     low, high = told.interval[key]
@@ -56,7 +58,9 @@ def test_the_hidden_effect_is_named(name: str, tractor: str, runs: tuple[str, ..
 @pytest.mark.matrix
 def test_a_name_that_falls_leaves_the_model() -> None:
     """What the residuals told and the open-loop error did not bear out was asked for ever, as nobody took it out."""
-    found = diagnosed_set(LogSet(600, ("steering_lag", "steering_deadband"), "clear", "mr1000a"))
+    case = make_drawn_case((("steering_lag", "steering_deadband"), "clear"), 600, "clear")
+    one = LogSet("second", case, tractor="mr1000a")
+    found = diagnose_frames(make_frames(one), load_set_tractor(one))
     assert set(found.named) <= {"steering_lag", "steering_deadband"}
     assert set(found.named) <= set(found.tractor.effects)
 

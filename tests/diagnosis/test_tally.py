@@ -1,140 +1,169 @@
-"""How answers are counted, by hand; and that the sets of a seed are what they are said to be."""
+"""How answers are counted, by hand."""
 
-import argparse
-import json
-from collections import Counter
-from fractions import Fraction
-from pathlib import Path
+from typing import Any
 
 import pytest
 
-from tests.benchmarks import diagnosis
-from tests.diagnosis.sets import BLOCKS, EITHER_WAY, LogSet, inside, sets_of, size_of
-from tests.diagnosis.tally import Record, coverage_by_parameter, faults, tallied, verdicts
-from tests.truth.effects import CLEAR_SIZES, NEUTRAL
-
-NAMES = ("steering_offset", "wheel_slip")
-
-
-def record(size: str, hidden: dict[str, dict[str, float]], **said: tuple[str, float, float, float]) -> Record:
-    """An answer: per effect its status, value and interval."""
-    findings = [
-        {"id": name, "status": status, "value": {size_of(CLEAR_SIZES[name]): value},
-         "interval": {size_of(CLEAR_SIZES[name]): [low, high]}, "visible": 0.1}
-        for name, (status, value, low, high) in said.items()
-    ]  # fmt: skip
-    named = [name for name, one in said.items() if one[0] == "named"]
-    return {"key": f"{size} {'+'.join(hidden)}", "seed": 1, "size": size, "hidden": hidden, "named": named,
-            "said": findings, "unexplained": 0.0}  # fmt: skip
+from tests.diagnosis import tally
+from tests.diagnosis.log_sets import LogSet
+from tests.diagnosis.records import describe_set
+from tests.diagnosis.rerecording import Record
+from tests.diagnosis.tally import Count, Measure, format_tables, format_unseen, tally_records
+from tests.truth.cases import ColumnClock, Fault, Law, TruthCase
 
 
-OFFSET, SLIP = {"angle_deg": 1.0}, {"ratio": 0.08}
-RECORDS = [
-    record("clear", {"steering_offset": OFFSET}, steering_offset=("named", 1.1, 0.9, 1.3)),
-    record("clear", {"steering_offset": OFFSET}, steering_offset=("likely", 0.7, 0.5, 0.9)),
-    record("clear", {}, wheel_slip=("named", 0.02, 0.01, 0.03)),
-    record("third", {"wheel_slip": SLIP}, wheel_slip=("named", 0.07, 0.06, 0.09), steering_offset=("likely", 1, 0, 2)),
-    record("clear", {"wheel_slip": SLIP, "steering_offset": OFFSET}, wheel_slip=("equivalent", 0.08, 0.0, 0.1)),
-    {"key": "broken", "seed": 1, "size": "clear", "hidden": {"wheel_slip": SLIP}, "error": "LogError: no rows"},
-]
+def say(name: str, status: str, low: float = 0.9, high: float = 1.1, **more: object) -> Record:
+    """A finding with one value."""
+    middle = 0.5 * (low + high)
+    return {"id": name, "status": status, "value": {"angle_deg": middle}, "interval": {"angle_deg": [low, high]},
+            "visible": 0.1, "equivalent_to": [], "law": None, **more}  # fmt: skip
 
 
-def test_counts_by_hand() -> None:
-    offset, slip = tallied(RECORDS, NAMES).values()
-    assert str(offset.alone["clear"]) == "1/2" and str(offset.told["clear"]) == "2/2"
-    assert str(offset.together) == "0/1" and str(offset.covered) == "1/2" and str(offset.likely) == "1/2"
-    assert str(slip.alone["third"]) == "1/1" and str(slip.alone["clear"]) == "0/1"
-    assert (slip.wrong, offset.wrong, str(slip.covered)) == (1, 0, "1/1")
+def build(case: TruthCase, *said: Record, **more: object) -> Record:
+    """A record as a diagnosis would leave it."""
+    named = [one["id"] for one in said if one["status"] == "named"]
+    return {**describe_set(LogSet("fourth", case)), "named": named, "said": list(said), "unexplained": 0.0,
+            "cpu_s": 4.0, "memory_mb": 300, "savable": True, **more}  # fmt: skip
 
 
-def test_verdicts_by_hand() -> None:
-    told = verdicts(RECORDS, tallied(RECORDS, NAMES))
-    assert [figure for _, figure, _ in told] == ["1/5 = 20.0%", "1/6 = 16.7%", "2/3 = 66.7%", "1/2 = 50.0%"]
-    assert not any(holds for *_, holds in told)
-    good = RECORDS[:1] * 20
-    *reached, likely = verdicts(good, tallied(good, NAMES))
-    assert [holds for *_, holds in reached] == [True, True, False]  # all in their intervals: these are too wide
-    assert likely[2] is None
+def hide(kind: str, size: float = 1.0, is_faint: bool = False) -> TruthCase:
+    ids = frozenset({"steering_offset"})
+    return TruthCase(
+        kind, 1, {"steering_offset": {"angle_deg": size}}, allowed=ids, wanted=frozenset() if is_faint else ids
+    )
 
 
-def test_coverage_is_told_by_parameter() -> None:
-    words = coverage_by_parameter(tallied(RECORDS, NAMES))
-    assert "at least 90%: 1 of 2" in words and words.endswith("not steering_offset 1/2")
-    assert coverage_by_parameter(tallied(RECORDS[:1], NAMES)).endswith("1 of 1")
+def drive(after: dict[str, tuple[float, float | None]]) -> Record:
+    """Errors on unseen runs: 2 and 8 cm and half a degree before."""
+    before = {"5": {"cm": 2.0, "deg": 0.5}, "20": {"cm": 8.0, "deg": 0.5}}
+    return {"before": before, "after": before | {key: {"cm": cm, "deg": deg} for key, (cm, deg) in after.items()}}
 
 
-def test_faults_name_the_set_and_what_was_said() -> None:
-    lines = faults(RECORDS)
-    assert not any(line.startswith("clear steering_offset: steering_offset 1 named") for line in lines)
-    assert "clear steering_offset: steering_offset 1 likely steering_offset = 0.7 (0.5 to 0.9)" in lines
-    assert "clear : wrong name wheel_slip = 0.02 (0.01 to 0.03)" in lines
-    assert "broken: ended in LogError: no rows" in lines
+RIGHT, WRONG = say("steering_offset", "named"), say("wheel_slip", "named")
+LIKELY = say("steering_offset", "likely")
+EFFECT, CLEAN = hide("effect"), TruthCase("clean", 1)
+SET, OTHER_SET = (
+    say("heading_bias", "equivalent", equivalent_to=[name]) for name in ("steering_offset", "antenna_right")
+)
+FAULT = TruthCase("fault", 1, faults=(Fault("position_frozen", 1, 20.0),), allowed=frozenset({"position_frozen"}))
+LATE = TruthCase("column", 1, columns={"heading": ColumnClock(delay_s=0.4)}, allowed=frozenset({"heading_delay"}))
+LAW = TruthCase("law", 1, laws=(Law("steering_offset", "over_minutes", {"start": 0.0, "per_minute": 2.0}),),
+                allowed=frozenset({"steering_offset"}))  # fmt: skip
+OUTSIDE = TruthCase("outside", 1, outside={"gyro_walk": {"size_deg": 2.0}}, hint_words=("heading",))
+HINT = {"depends_on": None, "instrument": "heading", "block": None, "words": ""}
+VARIED = {"5 Hz": {"named": ["wheel_slip"], "said": [WRONG]}, "held": {"named": ["steering_offset"], "said": [RIGHT]}}
 
 
-def test_a_limit_that_is_never_reached_is_in_no_interval() -> None:
-    assert inside({"limit_g": [0.05, 0.09]}, {"limit_g": 0.08}) is True
-    assert inside({"limit_g": [0.05, 0.09]}, {"limit_g": 0.16}) is False
-    assert inside(None, {"limit_g": 0.08}) is None
+def find(run: str, from_s: float, name: str = "position_frozen") -> Record:
+    """A record of a fault that begins in run two at 120 s and is said to be somewhere."""
+    hidden = [{"id": "position_frozen", "run": "two", "from_s": 120.0, "to_s": None}]
+    return build(FAULT, faults=hidden, faults_said=[{"id": name, "run": run, "from_s": from_s, "to_s": None}])
 
 
-@pytest.mark.parametrize("seed", [4, 5])
-def test_a_seed_has_every_effect_every_two_blocks_and_every_three(seed: int) -> None:
-    sets = sets_of(seed)
-    assert len(sets) == len({one.key for one in sets}) == 3 * len(CLEAR_SIZES) + 10 + 4 + 3
-    assert {name for block in BLOCKS.values() for name in block} == set(CLEAR_SIZES)
-    of = {name: block for block, names in BLOCKS.items() for name in names}
-    pairs = {tuple(sorted(of[name] for name in one.names)) for one in sets if len(one.names) == 2}
-    triples = {tuple(sorted(of[name] for name in one.names)) for one in sets if len(one.names) == 3}
-    assert len(pairs) == 10 and len(triples) == 4
-    assert sets == sets_of(seed)
-    # What one seed shows on one tractor, the next shows on the other.
-    mine, next_one = ({(one.names, one.size): one.tractor for one in sets_of(number)} for number in (seed, seed + 1))
-    assert all(next_one[what] != tractor for what, tractor in mine.items() if len(what[0]) == 1)
+def tell(column: str, delay_s: float, **more: Any) -> Record:
+    """A record of a late heading in which a column is said to be late."""
+    empty = {"hold_s": None, "filter_s": None, "clock_offset_s": None, "words": ""}
+    return build(LATE, columns=[{"column": column, "delay_s": delay_s, **empty, **more}])
 
 
-def test_sizes_and_signs_are_drawn_about_the_clear_size() -> None:
-    for name in CLEAR_SIZES:
-        key, signs = size_of(CLEAR_SIZES[name]), set()
-        for seed in range(12):
-            values = LogSet(seed, (name,), "half", "eg105").effects()[name]
-            share = (values[key] - NEUTRAL[name][key]) / (CLEAR_SIZES[name][key] - NEUTRAL[name][key])
-            if name == "side_slip":
-                share = CLEAR_SIZES[name][key] / values[key]
-            assert 0.5 - 1e-9 <= abs(share) <= 0.5 * 1.25 + 1e-9
-            signs.add(share > 0.0)
-        assert signs == ({True, False} if name in EITHER_WAY else {True})
+def mix(outcome: str) -> Record:
+    return {**describe_set(LogSet("mixups", CLEAN, "speed_mps in km/h")), "outcome": outcome, "fixes": []}
 
 
-@pytest.mark.parametrize("first", [200, 203])
-def test_a_share_meets_every_kind_of_set_equally_often_and_on_both_tractors(first: int) -> None:
-    share, met = Fraction(2, 5), Counter[tuple[int, str]]()
-    for seed in range(first, first + 10):
-        mine = diagnosis.chosen(seed, share, "")
-        assert len(mine) == 32
-        met.update((one.number, one.tractor) for one in mine)
-        clear = {one.names[0] for one in mine if len(one.names) == 1 and one.size == "clear"}
-        assert 7 <= len(clear) <= 9  # of 21 effects
-    assert len(met) == 80 * 2 and set(met.values()) == {2}
+COUNTS: list[tuple[Measure, Record, str]] = [
+    (tally.CLEAR, build(EFFECT, RIGHT), "1/1"),
+    (tally.CLEAR, build(EFFECT), "0/1"),
+    (tally.CLEAR, build(EFFECT, LIKELY), "0/1"),
+    (tally.CLEAR, build(EFFECT, error="LogError: no rows"), "0/1"),
+    (tally.CLEAR, build(hide("effect", is_faint=True), RIGHT), "-"),
+    (tally.FAINT, build(hide("effect", is_faint=True), LIKELY), "1/1"),
+    (tally.FAINT, build(hide("effect", is_faint=True)), "0/1"),
+    (tally.FAINT, build(EFFECT, LIKELY), "-"),
+    (tally.FALSE, build(EFFECT, RIGHT, WRONG), "1/1"),
+    (tally.FALSE, build(EFFECT, RIGHT), "0/1"),
+    (tally.FALSE_OUTSIDE, build(EFFECT, WRONG), "-"),
+    (tally.FALSE_OUTSIDE, build(OUTSIDE, say("heading_bias", "named")), "1/1"),
+    (tally.REFUTED_TRUE, build(EFFECT, say("steering_offset", "refuted")), "1/1"),
+    (tally.TOLD_TRUE, build(hide("one_sided"), SET), "1/1"),
+    (tally.EQUIVALENT_FALSE, build(hide("one_sided"), SET), "0/1"),
+    (tally.EQUIVALENT_FALSE, build(hide("one_sided"), OTHER_SET), "1/1"),
+    (tally.LIKELY_RIGHT, build(EFFECT, LIKELY, say("wheel_slip", "likely")), "1/2"),
+    (tally.INSIDE, build(EFFECT, RIGHT), "1/1"),
+    (tally.INSIDE, build(hide("effect", 1.3), LIKELY), "0/1"),
+    (tally.INSIDE, build(EFFECT, say("steering_offset", "equivalent")), "-"),
+    (tally.IN_TIME, find("two", 124.0), "1/1"),
+    (tally.IN_TIME, find("two", 124.0, "position_lost"), "1/1"),
+    (tally.IN_TIME, find("two", 130.0), "0/1"),
+    (tally.FAULT_FOUND, find("two", 130.0), "1/1"),
+    (tally.FAULT_FOUND, find("one", 120.0), "0/1"),
+    (tally.FAULT_FALSE, find("one", 120.0), "1/1"),
+    (tally.COLUMN_FOUND, tell("heading", 0.45), "1/1"),
+    (tally.COLUMN_FOUND, tell("heading", 0.1), "0/1"),
+    (tally.COLUMN_FOUND, build(LATE, say("heading_delay", "named")), "1/1"),
+    (tally.COLUMN_FOUND, tell("speed", 0.4), "0/1"),
+    (tally.COLUMN_FALSE, tell("speed", 0.4), "1/1"),
+    (tally.LAW_RIGHT, build(LAW, say("steering_offset", "named", law={"kind": "over_minutes", "values": {}})), "1/1"),
+    (tally.LAW_RIGHT, build(LAW, say("steering_offset", "named", law={"kind": "by_speed", "values": {}})), "0/1"),
+    (tally.LAW_RIGHT, build(LAW, RIGHT), "0/1"),
+    (tally.CLEAN, build(CLEAN), "1/1"),
+    (tally.CLEAN, build(CLEAN, WRONG), "0/1"),
+    (tally.CLEAN, build(CLEAN, error="LogError: no"), "0/1"),
+    (tally.CLEAN, build(EFFECT), "-"),
+    (tally.HINT, build(OUTSIDE, hints=[HINT]), "1/1"),
+    (tally.HINT, build(OUTSIDE, depends_on=["Heading error over time"]), "1/1"),
+    (tally.HINT, build(OUTSIDE, depends_on=["speed"]), "0/1"),
+    (tally.WORSE, build(EFFECT, unseen=drive({"20": (9.0, 0.5)})), "1/1"),
+    (tally.WORSE, build(EFFECT, unseen=drive({"20": (8.0, 0.6)})), "1/1"),
+    (tally.WORSE, build(EFFECT, unseen=drive({"20": (8.05, None)})), "0/1"),
+    (tally.WORSE, build(EFFECT, unseen=drive({"20": (9.0, 0.5)}), savable=False), "0/1"),
+    (tally.UNSAVED_WORSE, build(EFFECT, unseen=drive({"20": (9.0, 0.5)}), savable=False), "1/1"),
+    (tally.BETTER, build(EFFECT, unseen=drive({})), "-"),
+    (tally.FLIPS, build(EFFECT, RIGHT, varied=VARIED), "1/2"),
+    (tally.LOSSES, build(EFFECT, RIGHT, varied=VARIED), "1/2"),
+    (tally.MIXED, mix("right"), "1/1"),
+    (tally.MIXED_WRONG, mix("wrong"), "1/1"),
+    (tally.MIXED_TOLD, mix("remarked"), "1/1"),
+    (tally.MIXED_SILENT, {**mix("right"), "outcome": "silent"}, "1/1"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize("text", ["0", "1/2", "6/5", "-1/3", "1/0", "much"])
-def test_a_share_that_is_none_is_refused_in_words(text: str) -> None:
-    with pytest.raises(argparse.ArgumentTypeError, match="give a part of the sets above 0 and up to 1"):
-        diagnosis.share_of(text)
+@pytest.mark.parametrize(("what", "record", "count"), COUNTS, ids=lambda one: getattr(one, "words", ""))
+def test_counts_by_hand(what: Measure, record: Record, count: str) -> None:
+    assert str(tally_records([record]).get(what)) == count
 
 
-def test_a_run_goes_on_where_it_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    out, asked = tmp_path / "answers.jsonl", []
+def test_an_equivalent_set_is_a_name_only_where_drives_are_narrow() -> None:
+    narrow = tally_records([build(hide("one_sided"), SET)])
+    assert not any("steering_offset is" in line for line in narrow.complaints)
+    assert any("steering_offset is" in line for line in tally_records([build(hide("effect"), SET)]).complaints)
 
-    def answer(one: LogSet) -> Record:
-        asked.append(one.key)
-        return {"key": one.key, "seed": one.seed}
 
-    monkeypatch.setattr(diagnosis, "record_of", answer)
-    sets = sets_of(3)[:4]
-    diagnosis.run(sets[:2], 1, out, "one")
-    out.write_text(out.read_text(encoding="utf-8") + '{"key": "cut o', encoding="utf-8")
-    diagnosis.run(sets, 1, out, "one")
-    assert asked == [one.key for one in sets]
-    assert len(diagnosis.done_in(out, "one")) == 4 and not diagnosis.done_in(out, "two")
-    assert all(json.loads(line)["state"] == "one" for line in out.read_text(encoding="utf-8").splitlines()[:2])
+def test_what_went_wrong_is_told_with_its_key() -> None:
+    (wrong, missed) = sorted(tally_records([build(EFFECT, WRONG)]).complaints, reverse=True)
+    key = build(EFFECT)["key"]
+    assert missed == f"{key}: WRONG NAME wheel_slip 1 [0.9, 1.1]" and wrong == f"{key}: steering_offset is not said "
+
+
+def test_an_interval_of_a_share_is_that_of_clopper_and_pearson() -> None:
+    assert Count(0, 100).interval == pytest.approx((0.0, 1.0 - 0.025 ** (1.0 / 100.0)))
+    assert Count().interval == (0.0, 1.0)
+
+
+def test_tables_say_what_holds_and_what_is_missed_by_reference_kind_and_effect() -> None:
+    records = [build(EFFECT, RIGHT), build(hide("pair", 2.0), RIGHT, WRONG), {**build(CLEAN), "reference": "third"}]
+    lines = format_tables(tally_records(records))
+    rows = {line.split("  ")[1]: line for line in lines if line.strip()}
+    assert rows["clear effects named"].endswith("holds") and rows["sets with a wrong name"].endswith("MISSED")
+    assert rows["mix-ups read right"].split() == ["mix-ups", "read", "right", "95", "%", "-"]
+    assert rows["CPU of a set, s, median"].endswith("holds")
+    assert rows["fourth"].split()[1:4] == ["2/2", "1/2", "-"] and rows["fourth"].split()[-3:] == ["4.0", "4.0", "300"]
+    assert rows["third"].split()[1:4] == ["-", "0/1", "1/1"]
+    assert "steering_offset" in rows and "pair" in rows
+
+
+@pytest.mark.parametrize(("after", "savable", "end"), [
+    ({}, True, "unchanged |"), ({"5": (1.0, 0.5)}, True, "2.0 -> 1.0 | 8.0 -> 8.0 | yes |"),
+    ({"20": (9.0, 0.5)}, True, "| yes, WORSE |"), ({"20": (9.0, 0.5)}, False, "| no |"),
+])  # fmt: skip
+def test_rows_of_unseen_runs(after: dict[str, tuple[float, float | None]], savable: bool, end: str) -> None:
+    assert format_unseen([build(EFFECT, RIGHT, unseen=drive(after), savable=savable)])[-1].endswith(end)

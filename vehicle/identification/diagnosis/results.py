@@ -11,7 +11,7 @@ from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.identification.replay.horizon_errors import HorizonError
 from vehicle.model.tractor import Tractor
 
-# How many likely effects were true causes: tests.benchmarks.foreign_diagnosis, third, fifth and sixth reference, seed
+# How many likely effects were true causes: tests.benchmarks.diagnosis, third, fifth and sixth reference, seed
 # 345000, none of whose sets was looked at before. 0 of 0 until it is measured.
 LIKELY_RIGHT, LIKELY_OF = 3, 5
 NAMED, LIKELY, EQUIVALENT, REFUTED, NOT_VISIBLE = "named", "likely", "equivalent", "refuted", "not-visible"

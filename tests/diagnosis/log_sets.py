@@ -1,0 +1,286 @@
+"""Sets of logs by every reference: what a seed has of them, how their logs are made, and other runs of the same truth.
+
+A set is a case of tests.truth.cases in logs of one of REFERENCES. `demo` are logs of the simulator that is tested,
+which flatter it; `real` are logs of vehicles, of which nothing is known; `varied` are cases of other references whose
+logs are also written down in other ways; `mixups` are right logs with one column spoiled (tests.diagnosis.mixups).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from tests.diagnosis.drawn_sets import list_combined_effects, list_single_effects, make_drawn_case
+from tests.diagnosis.mixups import MIXUPS, mix_up
+from tests.truth.body import Ground
+from tests.truth.cases import ColumnClock, TruthCase
+from tests.truth.drives import default_programme, reversing, three_speeds_programme
+from tests.truth.effects import NEUTRAL
+from tests.truth.fifth import make_fifth_logs
+from tests.truth.fifth_cases import draw_fifth_cases
+from tests.truth.fourth import MACHINES, MASS_POINT_M, make_fourth_logs, make_unseen_case
+from tests.truth.fourth_cases import draw_fourth_cases
+from tests.truth.model import make_logs as make_first_logs
+from tests.truth.second import TRACTORS
+from tests.truth.second import second_logs as make_second_logs
+from tests.truth.sixth import make_sixth_logs
+from tests.truth.sixth_cases import draw_sixth_cases
+from tests.truth.third import make_third_logs
+from tests.truth.third_draw import draw_third_cases
+from vehicle.identification.diagnosis.demo_logs import HiddenEffect, draw_hidden_effect, simulate_demo_logs
+from vehicle.model.effects import CATALOGUE
+from vehicle.model.tractor import Tractor, load_tractor
+
+UNSEEN_SEED, UNSEEN_RUNS, VARIED_SEED = 500_000, 5, 7_000_000
+DATA = Path(__file__).parent / "data"
+REAL_LOGS = tuple((str(DATA / f"{name}.csv"), str(DATA / f"{name}.toml"), "asphalt") for name in ("rav4", "track_car"))
+FOREIGN = {
+    "third": (draw_third_cases, make_third_logs), "fourth": (draw_fourth_cases, make_fourth_logs),
+    "fifth": (draw_fifth_cases, make_fifth_logs), "sixth": (draw_sixth_cases, make_sixth_logs),
+}  # fmt: skip
+REFERENCES = ("first", "second", *FOREIGN, "demo", "varied", "mixups", "real")
+VARIED = ("third", "fifth")
+VARIED_KINDS, VARIED_EVERY = ("clean", "effect", "pair", "closed_loop"), 3
+MIXED_RUNS = ("straight_090", "circles_right", "steps", "figure_eight", "implement_weave")
+CLOCKS = {"position_delay": ("position", "delay_s"), "heading_delay": ("heading", "delay_s"),
+          "heading_filter": ("heading", "filter_s")}  # fmt: skip
+"""Effects of the demonstration that the truth has as clocks of columns."""
+Frames = list[pd.DataFrame]
+
+
+@dataclass(frozen=True)
+class LogSet:
+    """One set: the reference that makes its logs, what is hidden, the name or file of the tractor, and the ground.
+
+    `label` tells sets that hide the same: a size, the name of a mix-up, a demonstrated effect, or where real logs lie.
+    """
+
+    reference: str
+    case: TruthCase
+    label: str = ""
+    tractor: str = "eg105"
+    ground: str = "soil"
+    is_varied: bool = False
+
+    @property
+    def key(self) -> str:
+        """What tells this set from all others."""
+        case = self.case
+        if self.reference in ("mixups", "real"):
+            label = Path(self.label).name if self.reference == "real" else self.label
+            return f"{self.reference} {label} {case.seed}"
+        parts = [*case.effects, *(f"{law.effect}:{law.kind}" for law in case.laws), *(one.id for one in case.faults)]
+        parts += [f"{name}:{','.join(list_clock_fields(clock))}" for name, clock in case.columns.items()]
+        hidden, tractor = "+".join([*parts, *case.outside]), "" if self.tractor == "eg105" else self.tractor
+        words = [
+            "varied" if self.is_varied else "",
+            self.reference,
+            case.kind,
+            hidden or "nothing",
+            self.label,
+            tractor,
+        ]
+        words += [case.programme, f"{case.rate_hz:g} Hz"]
+        return " ".join([*filter(None, words), str(case.seed)])
+
+    @property
+    def column(self) -> str:
+        """Under which of REFERENCES it is counted."""
+        return "varied" if self.is_varied else self.reference
+
+
+def list_clock_fields(clock: ColumnClock) -> list[str]:
+    """Fields of a column's clock that are not neutral."""
+    return [field.name for field in dataclasses.fields(clock) if getattr(clock, field.name) != field.default]
+
+
+# --- what a seed has -----------------------------------------------------------------------------------------------
+
+
+def list_sets(
+    reference: str, seed: int, share: Fraction = Fraction(1), real: Sequence[Sequence[str]] = ()
+) -> list[LogSet]:
+    """The sets of a seed that are in the share, each kind as often as every other over some seeds in a row.
+
+    `real` are further real logs: a folder of CSV files or one, the tractor file and the ground. Raises ValueError for
+    an unknown reference.
+    """
+    if reference not in REFERENCES:
+        raise ValueError(f"The reference {reference!r} is unknown; use one of: {', '.join(REFERENCES)}.")
+    sets = draw_real(real) if reference == "real" else DRAWS[reference](seed)
+    return [
+        one
+        for number, one in enumerate(sets)
+        if (number + seed) * share.numerator % share.denominator < share.numerator
+    ]
+
+
+def draw_first(seed: int) -> list[LogSet]:
+    """Single effects, clear and faint, and nothing."""
+    what = list_single_effects(("clear", "third"))
+    labels = [f"{size} {place}" for place, (_, size) in enumerate(what)]
+    return [LogSet("first", make_drawn_case(one, seed, label), label) for one, label in zip(what, labels, strict=True)]
+
+
+def draw_second(seed: int) -> list[LogSet]:
+    """Single effects of three sizes, pairs and triples, in tractors that take turns."""
+    what, sets = [*list_single_effects(("clear", "half", "third")), *list_combined_effects(seed)], []
+    for place, one in enumerate(what):
+        tractor = list(TRACTORS)[(place + seed) % len(TRACTORS)]
+        label = f"{one[1]} {place}"
+        sets.append(LogSet("second", make_drawn_case(one, seed, f"{label} {tractor}"), label, tractor))
+    return sets
+
+
+def draw_foreign(reference: str, seed: int) -> list[LogSet]:
+    """All cases of a reference that draws its own, by kind."""
+    cases = sorted(FOREIGN[reference][0](seed), key=lambda case: case.kind)
+    return [LogSet(reference, case, tractor="lawn" if (reference, case.programme) == ("fourth", "lawn") else "eg105")
+            for case in cases]  # fmt: skip
+
+
+def draw_demo(seed: int) -> list[LogSet]:
+    """Every effect that the demonstration can hide, and none."""
+    return [
+        make_demo_set(name, seed) for name in ("nothing", *(one.id for one in CATALOGUE if not one.is_of_log_alone))
+    ]
+
+
+def make_demo_set(name: str, seed: int) -> LogSet:
+    """The set of the demonstration that hides an effect, or nothing."""
+    if name == "nothing":
+        return LogSet("demo", TruthCase("clean", seed), name)
+    ids = frozenset({name})
+    case = TruthCase("effect", seed, allowed=ids, wanted=ids)
+    values = draw_hidden_effect(seed, load_tractor("eg105"), name).values
+    if name in NEUTRAL:
+        return LogSet("demo", replace(case, effects={name: values}), name)
+    column, key = CLOCKS[name]
+    return LogSet("demo", replace(case, columns={column: ColumnClock(**{key: next(iter(values.values()))})}), name)
+
+
+def draw_varied(seed: int) -> list[LogSet]:
+    """A third of some kinds of two references, at seeds of their own."""
+    sets = [one for reference in VARIED for one in draw_foreign(reference, seed + VARIED_SEED)]
+    return [replace(one, is_varied=True) for one in sets if one.case.kind in VARIED_KINDS][
+        seed % VARIED_EVERY :: VARIED_EVERY
+    ]
+
+
+def draw_mixups(seed: int) -> list[LogSet]:
+    """Every mix-up once."""
+    return [LogSet("mixups", mixup.make_case(seed), name) for name, mixup in MIXUPS.items()]
+
+
+def draw_real(more: Sequence[Sequence[str]] = ()) -> list[LogSet]:
+    """The logs of vehicles at hand."""
+    return [LogSet("real", TruthCase("mixed", 0), one[0], one[1], one[2]) for one in (*REAL_LOGS, *more)]
+
+
+DRAWS: dict[str, Callable[[int], list[LogSet]]] = {
+    "first": draw_first, "second": draw_second, "demo": draw_demo, "varied": draw_varied, "mixups": draw_mixups,
+    **{name: (lambda seed, name=name: draw_foreign(name, seed)) for name in FOREIGN},  # type: ignore[misc]
+}  # fmt: skip
+
+
+# --- logs ----------------------------------------------------------------------------------------------------------
+
+
+def load_set_tractor(one: LogSet) -> Tractor:
+    """The tractor file that a set is diagnosed with: a lawn tractor has its own geometry and no measured steering."""
+    if one.tractor != "lawn":
+        return load_tractor(Path(one.tractor) if one.tractor.endswith(".toml") else one.tractor)
+    m, ahead = MACHINES["lawn"], MASS_POINT_M["lawn"]
+    radius = {"right": [m.right_c, m.right_p], "left": [m.left_c, m.left_p]}
+    sizes = {"name": "lawn tractor", "mass_kg": m.mass + m.axle_mass, "front_axle_m": m.base - ahead,
+             "rear_axle_m": ahead, "track_m": m.track, "length_m": 1.8, "width_m": 1.0, "rear_overhang_m": 0.3,
+             "antenna_forward_m": ahead, "radius": {"soil": radius}, "source": {}}  # fmt: skip
+    return Tractor.model_validate({**load_tractor("eg105").model_dump(), **sizes})
+
+
+def make_frames(one: LogSet) -> Frames:
+    """The logs of a set."""
+    case = one.case
+    if one.reference in FOREIGN:
+        return FOREIGN[one.reference][1](case)
+    if one.reference == "mixups":
+        return [mix_up(one.label, frame) for frame in make_right_frames(case.seed)]
+    if one.reference == "demo":
+        return make_demo_frames(one)
+    if one.reference == "real":
+        return split_real_frames(one.label)[0]
+    drives = [drive.mirrored() if case.seed // 2 % 2 else drive for drive in three_speeds_programme()]
+    if one.reference == "first":
+        return make_first_logs(case.effects, case.seed, drives, rate_hz=case.rate_hz)
+    return make_second_logs(
+        {name: dict(values) for name, values in case.effects.items()}, case.seed, drives, one.tractor
+    )
+
+
+def make_unseen_frames(one: LogSet) -> Frames:
+    """Logs of the same truth with no part in the set; none for mix-ups."""
+    if one.reference == "real":
+        return split_real_frames(one.label)[1]
+    if one.reference == "mixups":
+        return []
+    return make_frames(replace(one, case=make_unseen_case(one.case, one.case.seed + UNSEEN_SEED)))[:UNSEEN_RUNS]
+
+
+def make_demo_frames(one: LogSet) -> Frames:
+    """Logs of the demonstration as tables."""
+    tractor, case = load_tractor("eg105"), one.case
+    values = case.effects.get(one.label)
+    if values is None and one.label != "nothing":
+        column, key = CLOCKS[one.label]
+        values = {draw_key(one.label): getattr(case.columns[column], key)}
+    hidden = None if values is None else HiddenEffect(one.label, dict(values))
+    frames = []
+    for log in simulate_demo_logs(hidden, tractor, one.ground, case.seed, case.rate_hz):
+        columns = ("time_s", "easting_m", "northing_m", "heading_deg", "speed_mps", "speed_command_mps",
+                   "steering_command_deg", "steering_deg", "implement")  # fmt: skip
+        frame = pd.DataFrame({name: getattr(log, name) for name in columns})
+        frame.attrs["name"] = log.name
+        frames.append(frame)
+    return frames
+
+
+def draw_key(name: str) -> str:
+    """The key of the value of an effect of one number."""
+    return next(iter(draw_hidden_effect(0, load_tractor("eg105"), name).values))
+
+
+def split_real_frames(path: str) -> tuple[Frames, Frames]:
+    """Real logs and unseen ones: every fourth file of a folder, or the last third of the only one.
+
+    Raises ValueError for a folder without logs.
+    """
+    files = sorted(Path(path).glob("*.csv")) if Path(path).is_dir() else [Path(path)]
+    if not files:
+        raise ValueError(f"There is no log in {path}; give a folder of CSV files in the columns of the guide.")
+    frames = []
+    for file in files:
+        frame = pd.read_csv(file)
+        frame.attrs["name"] = file.stem
+        frames.append(frame)
+    if len(frames) > 1:
+        return [one for place, one in enumerate(frames) if place % 4 != 3], frames[3::4]
+    (whole,) = frames
+    parts = [whole.iloc[rows].reset_index(drop=True) for rows in np.split(np.arange(len(whole)), [2 * len(whole) // 3])]
+    for part in parts:
+        part.attrs["name"] = whole.attrs["name"]
+    return [parts[0]], [parts[1]]
+
+
+@lru_cache(maxsize=2)
+def make_right_frames(seed: int) -> tuple[pd.DataFrame, ...]:
+    """The logs that mix-ups spoil: all columns, forward and reverse, on hills, with nothing hidden."""
+    drives = [drive for drive in default_programme() if drive.name in MIXED_RUNS]
+    ground = Ground(wave_m=0.6, length_m=45.0, drift=0.0)
+    return tuple(make_first_logs({}, seed, [*drives, reversing()], rate_hz=10.0, ground=ground))
