@@ -8,7 +8,7 @@ once, last until the run ends, and be the same on straights and bends and wherev
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,9 +198,13 @@ def _collect_rows(
     logs: Sequence[Log], segments: Sequence[Sequence[SteeringEvidence]], scale: PathScale
 ) -> _LevelRows | None:
     """Collect the rows of all runs whose path is known, every _THIN_S."""
+    columns = [
+        {name: getattr(log, name)[log.used] for name in ("time_s", "easting_m", "northing_m", "implement", "shuttle")}
+        for log in logs
+    ]
     tables = [
-        _collect_segment(log, run, part, scale)
-        for run, (log, parts) in enumerate(zip(logs, segments, strict=True))
+        _collect_segment(own, run, part, scale)
+        for run, (own, parts) in enumerate(zip(columns, segments, strict=True))
         for part in parts
         if part.hold_s <= SPARSE_S
     ]
@@ -210,25 +214,22 @@ def _collect_rows(
     return _LevelRows(table[0].astype(np.int64), *table[1:])
 
 
-def _collect_segment(log: Log, run: int, part: SteeringEvidence, scale: PathScale) -> Array:
+def _collect_segment(columns: Mapping[str, Array], run: int, part: SteeringEvidence, scale: PathScale) -> Array:
     angle = average_over_turn(part.usual if part.wheel is None else part.wheel)
     chosen = np.arange(0, len(angle), round(_THIN_S / STEP_S))
     chosen = chosen[np.isfinite(part.curvature[chosen])]
     time = part.time_s[chosen]
-    used = log.used
 
-    def read(values: Array, shift_s: float = 0.0) -> Array:
+    def read(name: str, shift_s: float = 0.0) -> Array:
         """Return a column in the chosen rows, so much later."""
-        read_values: Array = np.interp(time + shift_s, log.time_s[used], values[used])
-        return read_values
+        return np.asarray(np.interp(time + shift_s, columns["time_s"], columns[name]), dtype=np.float64)
 
-    course = np.arctan2(
-        read(log.easting_m, 1.0) - read(log.easting_m, -1.0), read(log.northing_m, 1.0) - read(log.northing_m, -1.0)
-    )
+    east, north = (read(name, 1.0) - read(name, -1.0) for name in ("easting_m", "northing_m"))
+    course = np.arctan2(east, north)
     return np.stack([
         np.full(len(chosen), float(run)), time, angle[chosen], scale.compute_needed_angle(part.curvature[chosen]),
-        part.pace[chosen], np.round(read(log.implement)), course, np.round(read(log.shuttle)),
-        read(log.easting_m), read(log.northing_m),
+        part.pace[chosen], np.round(read("implement")), course, np.round(read("shuttle")),
+        read("easting_m"), read("northing_m"),
     ])  # fmt: skip
 
 

@@ -102,10 +102,15 @@ def build_evidence_segments(log: Log, locks: tuple[float, float]) -> list[Steeri
         for part in np.split(rows, cuts)
         if len(part) > 20 and log.time_s[part[-1]] - log.time_s[part[0]] >= _SHORTEST_S
     ]
-    return [_build_segment(log, part, locks) for part in parts]
+    hold_s = max(
+        _measure_hold_s(log.time_s[log.used], values[log.used])
+        for values in (log.steering_deg, log.steering_command_deg)
+        if values is not None
+    )
+    return [_build_segment(log, part, locks, hold_s) for part in parts]
 
 
-def _build_segment(log: Log, rows: Rows, locks: tuple[float, float]) -> SteeringEvidence:
+def _build_segment(log: Log, rows: Rows, locks: tuple[float, float], hold_s: float) -> SteeringEvidence:
     row_time = log.time_s[rows]
     time = np.arange(row_time[0], row_time[-1] + 1e-9, STEP_S)
     wheel = None if log.steering_deg is None else np.interp(time, row_time, log.steering_deg[rows])
@@ -122,11 +127,6 @@ def _build_segment(log: Log, rows: Rows, locks: tuple[float, float]) -> Steering
         nearest = np.searchsorted(0.5 * (long_row_time[1:] + long_row_time[:-1]), long_time)
         source = np.clip(log.steering_command_deg[long_rows][nearest], -locks[0], locks[1])
     command = None if log.steering_command_deg is None else source[steps_before:]
-    hold_s = max(
-        _measure_hold_s(log.time_s[log.used], values[log.used])
-        for values in (log.steering_deg, log.steering_command_deg)
-        if values is not None
-    )
     # After a gap the wheels may be far from the command still.
     start_deg = None if log.steering_deg is None else float(log.steering_deg[long_rows[0]])
     slow = follow_command(source, _SLOW_LATE_S, _SLOW_RATE_DEG_PER_S, _SLOW_LAG_S, start_deg)[steps_before:]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -315,7 +316,7 @@ class RawMotion:
         """Whether the path of a span needs another wheel angle than the repeated one, by the bends outside it."""
         if self.wheel is None:
             return False
-        curvature = self._compute_curvature()
+        curvature = self.curvature
         outside = np.isfinite(curvature)
         outside[rows] = False
         if np.count_nonzero(outside) < _FEWEST_OUTSIDE:
@@ -331,8 +332,9 @@ class RawMotion:
         excess = np.abs(needed - repeated) - _SLIDING_SHARE * abs(repeated) - 2.0 * scatter
         return int(np.count_nonzero(excess > _OTHER_ANGLE_DEG)) >= self.count_rows(_OTHER_ANGLE_S)
 
-    def _compute_curvature(self) -> Array:
-        """Return the curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
+    @cached_property
+    def curvature(self) -> Array:
+        """The curvature (rad/m) to the right per row, NaN where the tractor does not clearly move."""
         angle = self.course if self.heading is None else np.unwrap(np.radians(self.heading))
         half = max(self.count_rows(0.5 * _CHORD_S), 1)
         out = np.full(len(angle), np.nan)
