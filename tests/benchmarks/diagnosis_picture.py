@@ -20,9 +20,8 @@ from vehicle.identification.diagnosis.demo_logs import draw_hidden_effect, simul
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS, build_drive_data
 from vehicle.identification.diagnosis.informative_parts import choose_informative_parts
 from vehicle.identification.diagnosis.model_fit import Problem
-from vehicle.identification.diagnosis.run_laws import list_run_starts
 from vehicle.identification.diagnosis.search import Judgement, Searcher, SearchResult
-from vehicle.identification.diagnosis.values import ValueConverter
+from vehicle.identification.diagnosis.values import ValueConverter, list_run_starts
 from vehicle.identification.diagnosis.verdicts import decide
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import build_dataset

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from vehicle.identification.diagnosis.noise_draws import NoiseLevels, add_instrument_noise, add_soil_noise
+from vehicle.identification.diagnosis.demo_logs import NoiseLevels, add_instrument_noise, add_soil_noise
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log
 from vehicle.identification.replay.drive_programmes import (

@@ -26,7 +26,7 @@ from vehicle.sim.loop import drive_tractor
 
 Array = npt.NDArray[np.float64]
 Records = npt.NDArray[Any]
-SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # of vehicle.identification.diagnosis.noise_draws
+SOIL_MEMORY_S, DRIFT_MEMORY_S = 0.5, 60.0  # of vehicle.identification.diagnosis.demo_logs
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from tests.identification.diagnosis.programme_problems import build_hypothesis, build_problem
-from vehicle.identification.diagnosis.circles import build_patch
-from vehicle.identification.diagnosis.correlations import compute_value_correlations
 from vehicle.identification.diagnosis.grammar import build_scope, list_nuisances
+from vehicle.identification.diagnosis.linear_response import build_patch
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.diagnosis.values import compute_values
+from vehicle.identification.diagnosis.values import compute_value_correlations, compute_values
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from tests.identification.analytic_drives import rig, simulated
-from vehicle.identification.diagnosis.circles import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.grammar import (
     WIDTH_PER_TYPICAL,
@@ -22,6 +21,7 @@ from vehicle.identification.diagnosis.grammar import (
     list_nuisances,
     sum_fields,
 )
+from vehicle.identification.diagnosis.linear_response import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.model_fit import Problem, collect_bounds
 from vehicle.identification.diagnosis.simulation import CHAINS
 from vehicle.identification.diagnosis.values import compute_values

@@ -23,10 +23,10 @@ from vehicle.identification.diagnosis.hints import (
     list_loud,
     list_quantities,
 )
+from vehicle.identification.diagnosis.linear_response import PoseResponse
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.diagnosis.pose_response import PoseResponse
+from vehicle.identification.diagnosis.noise_floor import Unexplained
 from vehicle.identification.diagnosis.search import Comparison, Judgement
-from vehicle.identification.diagnosis.unexplained import Unexplained
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.drive_segments import DriveSegment
 from vehicle.model.effects import PATH

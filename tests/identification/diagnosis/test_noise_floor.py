@@ -13,8 +13,15 @@ from tests.identification.diagnosis.problems import build_empty_fit, build_probl
 from vehicle.identification.diagnosis.drive_data import POSE_CELL_S, POSE_CELLS
 from vehicle.identification.diagnosis.model_fit import Problem
 from vehicle.identification.diagnosis.noise import FREEDOM, POSE_AMOUNTS
-from vehicle.identification.diagnosis.noise_floor import compute_noise_floor, limit_noise, replay_commands
-from vehicle.identification.diagnosis.unexplained import NoiseLimit, Unexplained, compute_chance, measure_unexplained
+from vehicle.identification.diagnosis.noise_floor import (
+    NoiseLimit,
+    Unexplained,
+    compute_chance,
+    compute_noise_floor,
+    limit_noise,
+    measure_unexplained,
+    replay_commands,
+)
 from vehicle.identification.logs.schema import Array
 from vehicle.identification.replay.horizon_errors import (
     HORIZONS_S,

@@ -10,7 +10,6 @@ import numpy as np
 
 from vehicle.errors import VehicleError
 from vehicle.identification.diagnosis.corrections import correct_logs
-from vehicle.identification.diagnosis.correlations import compute_value_correlations
 from vehicle.identification.diagnosis.curves import build_residual_plot
 from vehicle.identification.diagnosis.drive_data import build_drive_data
 from vehicle.identification.diagnosis.findings import FindingBuilder, doubt_by_turning, order_names, withdraw_refused
@@ -29,15 +28,17 @@ from vehicle.identification.diagnosis.log_notes import (
 )
 from vehicle.identification.diagnosis.model_fit import CHANNELS, Problem
 from vehicle.identification.diagnosis.next_drive import CompetingPair, choose_next_drive
-from vehicle.identification.diagnosis.noise_floor import compute_noise_floor
+from vehicle.identification.diagnosis.noise_floor import (
+    ERROR_PIECE_S,
+    build_noise_limit,
+    compute_noise_floor,
+    measure_unexplained,
+)
 from vehicle.identification.diagnosis.other_vehicles import find_other_turning
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, Diagnosis, Finding, ResidualPlot
-from vehicle.identification.diagnosis.run_laws import list_run_starts
-from vehicle.identification.diagnosis.saving import Saved, choose_saved
+from vehicle.identification.diagnosis.saving import Saved, build_extended_tractor, choose_saved
 from vehicle.identification.diagnosis.search import Searcher, SearchResult
-from vehicle.identification.diagnosis.tractor_extension import build_extended_tractor
-from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S, build_noise_limit, measure_unexplained
-from vehicle.identification.diagnosis.values import ValueConverter
+from vehicle.identification.diagnosis.values import ValueConverter, compute_value_correlations, list_run_starts
 from vehicle.identification.diagnosis.verdicts import Verdict, decide
 from vehicle.identification.errors import LogError
 from vehicle.identification.logs.reader import count_rows_left_out

@@ -16,12 +16,11 @@ from scipy.stats import rankdata
 
 from vehicle.identification.diagnosis.drive_data import PATH_STEP_S
 from vehicle.identification.diagnosis.grammar import LAW_WORDS, PENALTIES, Coordinate, Hypothesis
+from vehicle.identification.diagnosis.linear_response import PoseResponse
 from vehicle.identification.diagnosis.model_fit import Fit, Problem
-from vehicle.identification.diagnosis.noise_floor import limit_noise
-from vehicle.identification.diagnosis.pose_response import PoseResponse
+from vehicle.identification.diagnosis.noise_floor import Unexplained, limit_noise
 from vehicle.identification.diagnosis.results import Hint
 from vehicle.identification.diagnosis.search import ADD_NATS, CLEAR_Z, Judgement, Searcher
-from vehicle.identification.diagnosis.unexplained import Unexplained
 from vehicle.identification.logs.schema import Array
 from vehicle.model.effects import PATH, get_effect
 

@@ -11,6 +11,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from vehicle.identification.columns.staleness import STANDING_FACTOR
+from vehicle.identification.diagnosis.noise_floor import ERROR_PIECE_S
 from vehicle.identification.diagnosis.other_vehicles import ARTICULATED, OtherTurning
 from vehicle.identification.diagnosis.results import (
     COLUMN_WORDS,
@@ -23,7 +24,6 @@ from vehicle.identification.diagnosis.results import (
     OnsetFault,
     RunCheck,
 )
-from vehicle.identification.diagnosis.unexplained import ERROR_PIECE_S
 from vehicle.identification.faults.level_steps import STEERING_JUMP
 from vehicle.identification.faults.steering_evidence import HEADING_JUMP
 from vehicle.identification.logs.clocks import CLOCKS_FROM_S

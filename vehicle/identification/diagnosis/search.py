@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from vehicle.identification.diagnosis.circles import CircleSearch
 from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
     CONSTANT,
@@ -24,6 +23,7 @@ from vehicle.identification.diagnosis.grammar import (
     list_laws,
     list_nuisances,
 )
+from vehicle.identification.diagnosis.linear_response import CircleSearch
 from vehicle.identification.diagnosis.linearisation import Gain
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem, collect_bounds
 from vehicle.identification.logs.schema import Array

@@ -1,4 +1,5 @@
-"""From amounts of a fit to values of effects: settings of a tractor file, intervals, laws and their sentences."""
+"""From amounts of a fit to values of effects: settings of a tractor file, intervals and correlations, laws and what
+values of single runs have in common, and their sentences."""
 
 from __future__ import annotations
 
@@ -13,14 +14,14 @@ from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
     CONSTANT,
     Hypothesis,
+    collect_widths,
     get_kind,
     scale_parameter,
 )
-from vehicle.identification.diagnosis.model_fit import Problem
-from vehicle.identification.diagnosis.results import ParameterLaw
-from vehicle.identification.diagnosis.run_laws import RunPattern, find_run_pattern
+from vehicle.identification.diagnosis.model_fit import Fit, Problem
+from vehicle.identification.diagnosis.results import ParameterCorrelations, ParameterLaw
 from vehicle.identification.diagnosis.verdicts import Verdict
-from vehicle.identification.logs.schema import Array
+from vehicle.identification.logs.schema import Array, Log
 from vehicle.model.discrepancy_model import TERMS_BY_NAME
 from vehicle.model.effect_kinds import CIRCLE, INTERVAL_SIGMAS, Interval
 from vehicle.model.effects import DISCREPANCY_KEY, EFFECTS_BY_ID, get_effect, get_neutral_values
@@ -28,6 +29,10 @@ from vehicle.model.tractor import Settings, Tractor
 
 WIDEST_ANGLE_DEG = 27.0  # to which a law by angle is described, as in LOGS.md
 Values = dict[str, float]
+FEWEST_FOR_SWING = 7  # runs: four numbers describe a swing, and fewer runs than this follow one by chance
+PERIODS = np.geomspace(0.7, 4.0, 40)  # of the time from the first run to the last; longer ones are straight lines
+RELATIVE_STEP = 1e-4  # of a width: small against any curvature of a value over its coordinate
+FEWEST_VALUES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,3 +169,102 @@ def _describe_values(law: str, values: Values, unit: str, run: str) -> str:
             return f"{show('right')} to the right and {show('left')} to the left"
         case _:
             return f"not the same in all directions ({values['amount']:+.3f}{unit})"
+
+
+@dataclass(frozen=True)
+class RunPattern:
+    """How the amounts of runs vary: `kind` by_run (`run` has `amount`, the others `other`), or over_day, a swing of
+    `amount` about `other` with a period (s) and a phase (rad) at time 0 of the logs."""
+
+    kind: str
+    amount: float
+    other: float
+    run: int = 0
+    period_s: float = 0.0
+    phase: float = 0.0
+
+
+def list_run_starts(logs: Sequence[Log]) -> Array:
+    """The time (s) of the first used row of every log."""
+    return np.array([float(log.time_s[log.used][0]) if log.used.any() else 0.0 for log in logs])
+
+
+def find_run_pattern(amounts: Array, sigmas: Array, starts_s: Array) -> RunPattern:
+    """The simplest pattern that describes the amounts (r,) of runs that began at `starts_s` (r,).
+
+    A swing needs FEWEST_FOR_SWING runs at different times; it is taken where it describes them better than one odd run,
+    by the Bayesian information criterion.
+    """
+    odd, misfit = _find_odd_run(amounts, sigmas)
+    span = float(np.ptp(starts_s))
+    if len(amounts) < FEWEST_FOR_SWING or span <= 0.0 or len(np.unique(starts_s)) < FEWEST_FOR_SWING:
+        return odd
+    fits = [_fit_swing(amounts, sigmas, starts_s, share * span) for share in PERIODS]
+    swing, swing_misfit = min(fits, key=lambda one: one[1])
+    more_numbers = 2.0 * math.log(len(amounts))
+    return swing if swing_misfit + more_numbers < misfit else odd
+
+
+def _find_odd_run(amounts: Array, sigmas: Array) -> tuple[RunPattern, float]:
+    """The run whose own value leaves the least misfit of the others' mean, and that misfit."""
+    weights = 1.0 / (sigmas * sigmas)
+    found: list[tuple[float, int, float]] = []
+    for run in range(len(amounts)):
+        others = np.arange(len(amounts)) != run
+        mean = float(np.average(amounts[others], weights=weights[others]))
+        found.append((float((weights[others] * (amounts[others] - mean) ** 2).sum()), run, mean))
+    misfit, run, mean = min(found)
+    return RunPattern("by_run", float(amounts[run]), mean, run), misfit
+
+
+def _fit_swing(amounts: Array, sigmas: Array, starts_s: Array, period_s: float) -> tuple[RunPattern, float]:
+    angle = 2.0 * math.pi * starts_s / period_s
+    columns = np.stack([np.ones(len(amounts)), np.sin(angle), np.cos(angle)], axis=1) / sigmas[:, None]
+    numbers = np.linalg.lstsq(columns, amounts / sigmas, rcond=None)[0]
+    misfit = float(((columns @ numbers - amounts / sigmas) ** 2).sum())
+    size, phase = math.hypot(numbers[1], numbers[2]), math.atan2(numbers[2], numbers[1])
+    return RunPattern("over_day", size, float(numbers[0]), 0, period_s, phase), misfit
+
+
+def compute_value_correlations(problem: Problem, fit: Fit) -> ParameterCorrelations | None:
+    """The correlations of the values of all hypotheses of a fit but nuisances, which are free; None for fewer than two.
+
+    A hypothesis with a law is named by effect and law, as ``steering_offset:by_speed``.
+    """
+    widths = collect_widths(fit.model)
+    covariance = np.linalg.pinv(fit.curvature, hermitian=True) * np.outer(widths, widths)
+    names: list[tuple[str, str]] = []
+    rows = [np.empty((0, len(widths)))]
+    for hypothesis in fit.model:
+        if not hypothesis.is_nuisance:
+            own, slopes = _list_value_slopes(problem, hypothesis, fit.get_amounts(hypothesis))
+            block = np.zeros((len(own), len(widths)))
+            block[:, fit.locate(hypothesis)] = slopes
+            label = hypothesis.id if hypothesis.law in (CONSTANT, "by_place") else f"{hypothesis.id}:{hypothesis.law}"
+            names += [(label, name) for name in own]
+            rows.append(block)
+    slopes = np.concatenate(rows)
+    of_values = slopes @ covariance @ slopes.T
+    spread = np.sqrt(np.maximum(np.diag(of_values), 0.0))
+    known = spread > 0.0
+    if known.sum() < FEWEST_VALUES:
+        return None
+    matrix = of_values[np.ix_(known, known)] / np.outer(spread[known], spread[known])
+    kept = tuple(name for name, is_known in zip(names, known, strict=True) if is_known)
+    return ParameterCorrelations(kept, np.clip(matrix, -1.0, 1.0))
+
+
+def _list_value_slopes(problem: Problem, hypothesis: Hypothesis, amounts: Array) -> tuple[list[str], Array]:
+    """The names of the values of a hypothesis, and the change of each (rows) per amount (columns)."""
+    columns = []
+    names: list[str] = []
+    for place, coordinate in enumerate(hypothesis.coordinates):
+        step = np.zeros(hypothesis.size)
+        step[place] = RELATIVE_STEP * coordinate.width
+        after, before = (
+            compute_values(hypothesis, amounts + sign * step, problem.data, problem.rig.tractor) for sign in (1.0, -1.0)
+        )
+        names = list(after)
+        changes = np.array([after[name] - before[name] for name in names]) / (2.0 * step[place])
+        columns.append(np.where(np.isfinite(changes), changes, 0.0))
+    return names, np.stack(columns, axis=1)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vehicle.identification.diagnosis.circles import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.grammar import (
     BY_RUN,
     CONSTANT,
@@ -19,6 +18,7 @@ from vehicle.identification.diagnosis.grammar import (
     scale_parameter,
     split_amounts,
 )
+from vehicle.identification.diagnosis.linear_response import build_patch, find_middle_circle
 from vehicle.identification.diagnosis.linearisation import Linearisation
 from vehicle.identification.diagnosis.model_fit import CHANNELS, FIT_STEP, Fit, Problem
 from vehicle.identification.diagnosis.results import EQUIVALENT, LIKELY, NAMED
