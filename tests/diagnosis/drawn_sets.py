@@ -3,19 +3,21 @@
 A seed of the second has 80 sets: each effect alone at a clear size, at half and at a third of it; pairs of effects from
 every two of the four blocks; triples from every three; and sets with nothing hidden. Tractors take turns from set to
 set and from seed to seed, so that two seeds in a row show every set on both. The first has each effect alone at a clear
-size and at a third of it, and nothing hidden, on one tractor. Sizes are drawn up to a quarter above the share of the
+size and at a third of it, and nothing hidden, on one tractor; causes outside of the catalogue; drives that go one way
+only; and logs at two rates with uneven steps and gaps. Sizes are drawn up to a quarter above the share of the
 clear size, signs and places wherever there are any.
 """
 
 from __future__ import annotations
 
-from itertools import combinations, combinations_with_replacement
+from dataclasses import replace
+from itertools import combinations, combinations_with_replacement, product
 from zlib import crc32
 
 import numpy as np
 
 from tests.truth.cases import TruthCase
-from tests.truth.effects import CLEAR_SIZES, NEUTRAL
+from tests.truth.effects import CLEAR_SIZES, NEUTRAL, OUTSIDE
 from tests.truth.effects import scaled as scale_effect
 
 SIZES = {"clear": 1.0, "half": 0.5, "third": 1.0 / 3.0}
@@ -31,6 +33,13 @@ BLOCKS = {
 EITHER_WAY = ("steering_offset", "steering_gain", "steering_asymmetry", "implement_side_draft", "antenna_forward",
               "antenna_right", "heading_bias", "grip_drift")  # fmt: skip
 MOST_ABOVE, SPREAD_M, EMPTY_SETS = 1.25, 6.0, 3
+ONE_WAY = ("steering_offset", "implement_side_draft", "cross_slope_drift", "heading_bias")
+UNEVEN = ("steering_offset", "steering_dead_time", "implement_slip", "gnss_latency", "cross_slope_drift")
+HINT_WORDS = {
+    "steering_temperature": ("time",), "steering_wobble": ("time",), "speed_pull": ("speed",),
+    "wind_drift": ("direction of travel",),
+}  # fmt: skip
+"""What a hint should say; a relaxing tyre is below the noise of these drives: nothing need be said of it."""
 What = tuple[tuple[str, ...], str]
 """Names of effects and one of SIZES."""
 
@@ -38,6 +47,22 @@ What = tuple[tuple[str, ...], str]
 def list_single_effects(sizes: tuple[str, ...]) -> list[What]:
     """Each effect alone at each of the sizes, and nothing."""
     return [((name,), size) for size in sizes for name in CLEAR_SIZES] + [((), "clear")] * EMPTY_SETS
+
+
+def list_special_cases(seed: int) -> list[TruthCase]:
+    """Causes outside of the catalogue, drives of one way only, and logs at low and uneven rates."""
+    cases = [
+        TruthCase("outside", seed, outside={name: values}, hint_words=HINT_WORDS.get(name, ()), programme="default")
+        for name, values in OUTSIDE.items()
+    ]
+    for name in ONE_WAY:
+        drawn = make_drawn_case(((name,), "clear"), seed, "one way")
+        allowed = drawn.allowed | frozenset(ONE_WAY)
+        cases.append(replace(drawn, kind="one_sided", programme="one_way", allowed=allowed))
+    for name, rate_hz in product(UNEVEN, (5.0, 10.0)):
+        drawn = make_drawn_case(((name,), "clear"), seed, f"{rate_hz:g} Hz")
+        cases.append(replace(drawn, rate_hz=rate_hz, programme="uneven"))
+    return cases
 
 
 def list_combined_effects(seed: int) -> list[What]:

@@ -17,11 +17,11 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tests.diagnosis.drawn_sets import list_combined_effects, list_single_effects, make_drawn_case
+from tests.diagnosis.drawn_sets import list_combined_effects, list_single_effects, list_special_cases, make_drawn_case
 from tests.diagnosis.mixups import MIXUPS, mix_up
 from tests.truth.body import Ground
 from tests.truth.cases import ColumnClock, TruthCase
-from tests.truth.drives import default_programme, reversing, three_speeds_programme
+from tests.truth.drives import default_programme, one_way_programme, reversing, three_speeds_programme
 from tests.truth.effects import NEUTRAL
 from tests.truth.fifth import make_fifth_logs
 from tests.truth.fifth_cases import draw_fifth_cases
@@ -123,10 +123,12 @@ def list_sets(
 
 
 def draw_first(seed: int) -> list[LogSet]:
-    """Single effects, clear and faint, and nothing."""
+    """Single effects, clear and faint, nothing, and special cases."""
     what = list_single_effects(("clear", "third"))
     labels = [f"{size} {place}" for place, (_, size) in enumerate(what)]
-    return [LogSet("first", make_drawn_case(one, seed, label), label) for one, label in zip(what, labels, strict=True)]
+    cases = [make_drawn_case(one, seed, label) for one, label in zip(what, labels, strict=True)]
+    single = [LogSet("first", case, label) for case, label in zip(cases, labels, strict=True)]
+    return [*single, *(LogSet("first", case) for case in list_special_cases(seed))]
 
 
 def draw_second(seed: int) -> list[LogSet]:
@@ -216,12 +218,26 @@ def make_frames(one: LogSet) -> Frames:
         return make_demo_frames(one)
     if one.reference == "real":
         return split_real_frames(one.label)[0]
-    drives = [drive.mirrored() if case.seed // 2 % 2 else drive for drive in three_speeds_programme()]
     if one.reference == "first":
-        return make_first_logs(case.effects, case.seed, drives, rate_hz=case.rate_hz)
-    return make_second_logs(
-        {name: dict(values) for name, values in case.effects.items()}, case.seed, drives, one.tractor
-    )
+        return make_first_frames(case)
+    drives = [drive.mirrored() if is_mirrored(case) else drive for drive in three_speeds_programme()]
+    effects = {name: dict(values) for name, values in case.effects.items()}
+    return make_second_logs(effects, case.seed, drives, one.tractor)
+
+
+def is_mirrored(case: TruthCase) -> bool:
+    """Whether drives are mirrored, as those of every other pair of seeds are."""
+    return case.seed // 2 % 2 == 1
+
+
+def make_first_frames(case: TruthCase) -> Frames:
+    """Logs of the first reference; those of an uneven programme are far from the origin and have gaps."""
+    programmes = {"three_speeds": three_speeds_programme, "one_way": one_way_programme}
+    drives = programmes.get(case.programme, default_programme)()
+    drives = [drive.mirrored() if is_mirrored(case) else drive for drive in drives]
+    uneven: dict[str, object] = {"origin": (536000.0, 4769000.0), "uneven": 0.5, "gaps": 1}
+    conditions = uneven if case.programme == "uneven" else {}
+    return make_first_logs({**case.effects, **case.outside}, case.seed, drives, rate_hz=case.rate_hz, **conditions)
 
 
 def make_unseen_frames(one: LogSet) -> Frames:

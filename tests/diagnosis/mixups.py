@@ -194,7 +194,10 @@ def judge_reading(mixup: Mixup, reading: Reading, right: Sequence[Log]) -> str |
     """The outcome of reading, by the logs as they are without the mix-up; None where only a diagnosis can tell."""
     if reading.logs is None:
         return WRONG if reading.fixes else REMARKED
-    differing = {name for log, other in zip(reading.logs, right, strict=True) for name in list_differing(log, other)}
+    read = {log.name: log for log in reading.logs}
+    if set(read) != {log.name for log in right}:  # what is left out is told
+        return WRONG if reading.fixes else REMARKED
+    differing = {name for log in right for name in list_differing(read[log.name], log)}
     if not differing and not mixup.clocks:
         return RIGHT
     if reading.fixes:

@@ -83,9 +83,10 @@ BETTER, UNSAVED_WORSE = (
     Measure("worse on unseen runs, saved or not"),
 )
 LOSSES = Measure("names lost when recorded again")
+REST = Measure("sets with all effects named: nothing unexplained")
 ALSO = (MIXED_TOLD, MIXED_SILENT, ERRORS, TOLD_TRUE, REFUTED_TRUE, EQUIVALENT_FALSE, FAULT_FALSE, FAULT_FOUND,
         COLUMN_FOUND, COLUMN_FALSE, LAW_RIGHT, HINT, EXPLAINED, CLEAN_CHANGED, BETTER, UNSAVED_WORSE,
-        LOSSES)  # fmt: skip
+        LOSSES, REST)  # fmt: skip
 CPU_S, MEMORY_MB = (5.0, 15.0), 500.0  # median and most of 10 minutes of log in 8 runs
 
 
@@ -192,6 +193,8 @@ def count_effects(tally: Tally, record: Record) -> None:
             tally.add(CLEAR, record, right, name)
         if not right:
             tally.complain(record, f"{name} is {status or 'not said'} {describe_said(find_said(record, name))}")
+    if record["wanted"] and set(record["wanted"]) <= set(record["named"]):
+        tally.add(REST, record, record["unexplained"] == 0.0)
     for name in set(record["hidden"]) & set(record["allowed"]) if not record["wanted"] else ():
         tally.add(FAINT, record, find_said(record, name)["status"] in (NAMED, LIKELY), name)
 

@@ -46,6 +46,7 @@ def test_outcomes_of_reading_by_hand(right: list[Log]) -> None:
     assert list_differing(off[0], right[0]) == ["speed_mps"] and not list_differing(none[0], right[0])
     assert judge_reading(mixup, Reading(None, (), "refused"), right) == "remarked"
     assert judge_reading(mixup, Reading(None, ("time-ms",), "refused"), right) == "wrong"
+    assert judge_reading(mixup, Reading(right[1:], (), "left out"), right) == "remarked"
     assert judge_reading(mixup, Reading(right, ("speed-kmh",), ""), right) == "right"
     assert judge_reading(mixup, Reading(off, ("speed-kmh",), ""), right) == "wrong"
     assert judge_reading(mixup, Reading(off, (), "speed_mps reads high"), right) == "remarked"

@@ -7,9 +7,12 @@ import math
 
 import pytest
 
-from tests.diagnosis.hiding import brief_programme, diagnosed, hidden, judge
+from tests.diagnosis.hiding import brief_programme, diagnosed, eg105, hidden
 from tests.examples import draw_seed, seldom
 from tests.truth.drives import one_way_programme
+from vehicle.identification.diagnosis.demo_logs import simulate_demo_logs
+from vehicle.identification.diagnosis.diagnose import diagnose_logs
+from vehicle.identification.diagnosis.results import EQUIVALENT
 
 RATE_HZ = 10.0
 """Of logs whose effect is so large that half of the rows show it too."""
@@ -37,8 +40,12 @@ def test_nothing_hidden_nothing_named(seed: int) -> None:
 )
 def test_the_hidden_effect_is_named(name: str, seed: int) -> None:
     found = diagnosed(hidden([name]), seed, brief_programme())
-    verdict = judge(found, hidden([name]))
-    assert verdict.found and not verdict.wrong and verdict.close, f"seed {seed}: {verdict.text}"
+    assert found.named == (name,), f"seed {seed}: {found.named}"
+    (said,) = (one for one in found.findings if one.id == name)
+    assert said.value is not None and said.interval is not None
+    for key, truth in hidden([name])[name].items():
+        low, high = said.interval[key]
+        assert said.value[key] == pytest.approx(truth, rel=0.15) or low <= truth <= high, f"seed {seed}: {said}"
     assert set(found.tractor.effects) == set(found.named)
     assert found.tractor.effects[name].logs == found.names
     assert found.after[5.0].cross_cm <= found.before[5.0].cross_cm * 1.02
@@ -67,7 +74,23 @@ def test_a_one_way_drive_names_neither_an_offset_nor_a_draft(seed: int) -> None:
     assert all(one.status != "refuted" for one in pair), f"seed {seed}: {[one.status for one in pair]}"
 
 
+@pytest.mark.matrix
+@pytest.mark.parametrize("name", ["steering_offset", "implement_side_draft", "cross_slope_drift", "heading_bias"])
+def test_one_way_drives_leave_a_set_and_the_drive_that_decides(name: str, seed: int) -> None:
+    found = diagnosed(hidden([name]), seed, one_way_programme())
+    assert not found.named and found.next_drive is not None, f"seed {seed}: {found.named}"
+    assert name in {one.id for one in found.findings if one.status == EQUIVALENT}
+
+
 @pytest.mark.parametrize("fixed", seldom(503, 506))
 def test_a_simplification_of_the_simulator_is_no_cause(fixed: int) -> None:
     """Seeds in which the end of a steering movement, which the simulator simplifies, once passed for a fault."""
     assert not diagnosed({}, fixed, brief_programme()).named
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate_hz", [pytest.param(5.0, marks=pytest.mark.matrix), 2.0])
+def test_nothing_is_claimed_that_lies_between_two_rows(rate_hz: float) -> None:
+    found = diagnose_logs(simulate_demo_logs(None, eg105(), "soil", 41, rate_hz=rate_hz), eg105(), "soil")
+    assert not found.named and found.unexplained_share == 0.0
+    assert not any(one.named for one in found.tractor.effects.values())

@@ -11,6 +11,7 @@ adds up to, its headings are 0.9 degrees to the left, and it turns 0.08 s after 
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ pytestmark = pytest.mark.slow
 
 DATA = Path(__file__).parent / "data"
 LOG, TRACK_LOG = DATA / "rav4.csv", DATA / "track_car.csv"
+CAR_LOGS = os.environ.get("HEADLAND_CAR_LOGS", "")
 LARGEST_FAILING = {"speed_scale": 0.036, "heading_bias": 0.9, "steering_dead_time": 0.08}  # by the regressions
 Columns = dict[str, NDArray[np.float64]]
 
@@ -159,3 +161,16 @@ def test_a_tractor_file_of_no_vehicle_is_refused_in_one_sentence() -> None:
     car = file.model_copy(update={"front_axle_m": 0.029, "rear_axle_m": 0.033})
     with pytest.raises(VehicleError, match="track car spins"):
         diagnose_logs(read_logs([TRACK_LOG], wheelbase_m=car.wheelbase_m), car, "asphalt")
+
+
+@pytest.mark.skipif(not CAR_LOGS, reason="HEADLAND_CAR_LOGS does not name the folder of the logs of a 1:10 car")
+def test_the_error_is_halved_and_the_two_grounds_are_told_apart() -> None:
+    car = load_tractor(DATA / "dart.toml")
+    files = sorted(str(path) for path in Path(CAR_LOGS).glob("*.csv"))
+    found = diagnose_logs(read_logs(files, wheelbase_m=car.wheelbase_m), car, "asphalt")
+    for kind in ("cross_cm", "along_cm", "heading_deg"):
+        assert getattr(found.after[1.0], kind) < 0.5 * getattr(found.before[1.0], kind)
+    assert found.named == ("side_slip",)
+    rubber, tape = found.grounds
+    assert tape.value["limit_g"] < 0.6 * rubber.value["limit_g"]
+    assert all("tape" in run for run in tape.runs) and not any("tape" in run for run in rubber.runs)
