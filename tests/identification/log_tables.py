@@ -11,7 +11,7 @@ import pytest
 from tests.truth.model import make_logs
 from vehicle.errors import VehicleError
 from vehicle.identification.errors import LogError
-from vehicle.identification.logs.readings import LogConvention
+from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention
 
 HOME = (141.3545, 43.0686)  # longitude and latitude of a field in Sapporo
 
@@ -83,9 +83,14 @@ SPOIL: dict[LogConvention, Callable[[pd.DataFrame], pd.DataFrame]] = {
     LogConvention.EAST_NORTH_SWAPPED: swapped,
     LogConvention.POSITION_DEGREES: to_degrees,
     LogConvention.POSITION_KM: in_unit(0.001, "easting_m", "northing_m"),
-    LogConvention.SPEED_KMH: in_unit(3.6, "speed_mps", "speed_command_mps"),
-    LogConvention.SPEED_MEASURED_KMH: in_unit(3.6, "speed_mps"),
-    LogConvention.SPEED_COMMAND_KMH: in_unit(3.6, "speed_command_mps"),
+    LogConvention.POSITION_FEET: in_unit(1.0 / 0.3048, "easting_m", "northing_m"),
+    **{
+        fix: in_unit(factor, *columns)
+        for factor, fixes in zip((3.6, 3600.0 / 1609.344, 3600.0 / 1852.0), SPEED_UNITS, strict=True)
+        for fix, columns in zip(
+            fixes, (("speed_mps", "speed_command_mps"), ("speed_mps",), ("speed_command_mps",)), strict=True
+        )
+    },
     LogConvention.HEADING_RADIANS: in_unit(np.pi / 180.0, "heading_deg"),
     LogConvention.HEADING_CCW_EAST: lambda frame: frame.assign(heading_deg=(90.0 - frame.heading_deg) % 360.0),
     LogConvention.HEADING_CCW_NORTH: lambda frame: frame.assign(heading_deg=-frame.heading_deg % 360.0),

@@ -21,7 +21,7 @@ from vehicle.identification.logs.conventions import find_convention_errors
 from vehicle.identification.logs.gating import find_jumps, gate_rows
 from vehicle.identification.logs.motion import compute_path_chords
 from vehicle.identification.logs.reader import build_log, count_rows_left_out, read_log, read_logs
-from vehicle.identification.logs.readings import LogConvention, convert_columns
+from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, convert_columns
 from vehicle.identification.logs.schema import COLUMNS, GatedRows, Log, number_segments
 from vehicle.identification.logs.series import find_decreasing_entries
 from vehicle.identification.logs.table import read_table
@@ -322,13 +322,16 @@ def test_fewer_columns_are_enough(name: str, drop: tuple[str, ...]) -> None:
     # What is found instead of the spoiling when these columns do not tell.
     found_instead = {
         "heading_deg": {LogConvention.EAST_NORTH_SWAPPED: LogConvention.STEERING_LEFT},
-        "speed_mps": {LogConvention.SPEED_COMMAND_KMH: LogConvention.SPEED_KMH, LogConvention.SPEED_MEASURED_KMH: None},
-    }
+        "speed_mps": {fix: found for both, measured, command in SPEED_UNITS
+                      for fix, found in ((command, both), (measured, None))},
+    }  # fmt: skip
     for fix, spoil in SPOIL.items():
         frame = spoil(runs()[name]).drop(columns=list(drop))
         expected = found_instead.get(drop[0], {}).get(fix, fix)
         if ("heading_deg" in drop and fix.startswith("heading")) or (len(drop) == 2 and fix.startswith("speed")):
             expected = None
+        if len(drop) == 2 and fix is LogConvention.POSITION_FEET:
+            expected = None  # nothing says how far it was driven
         assert [one.fix for one in find_convention_errors(build_log(frame, name, check=False))] == [expected] * (
             expected is not None
         ), fix

@@ -14,9 +14,16 @@ BY_HAND = {
     LogConvention.TIME_US: ("time_s", 2.5e6, 2.5),
     LogConvention.TIME_NS: ("time_s", 3.5e9, 3.5),
     LogConvention.POSITION_KM: ("easting_m", 0.25, 250.0),
+    LogConvention.POSITION_FEET: ("easting_m", 100.0, 30.48),
     LogConvention.SPEED_KMH: ("speed_mps", 18.0, 5.0),
     LogConvention.SPEED_MEASURED_KMH: ("speed_mps", 18.0, 5.0),
     LogConvention.SPEED_COMMAND_KMH: ("speed_command_mps", 18.0, 5.0),
+    LogConvention.SPEED_MPH: ("speed_mps", 10.0, 4.4704),
+    LogConvention.SPEED_MEASURED_MPH: ("speed_mps", 10.0, 4.4704),
+    LogConvention.SPEED_COMMAND_MPH: ("speed_command_mps", 10.0, 4.4704),
+    LogConvention.SPEED_KNOTS: ("speed_mps", 9.0, 4.63),
+    LogConvention.SPEED_MEASURED_KNOTS: ("speed_mps", 9.0, 4.63),
+    LogConvention.SPEED_COMMAND_KNOTS: ("speed_command_mps", 9.0, 4.63),
     LogConvention.HEADING_RADIANS: ("heading_deg", math.pi / 2, 90.0),
     LogConvention.HEADING_CCW_EAST: ("heading_deg", 30.0, 60.0),
     LogConvention.HEADING_CCW_NORTH: ("heading_deg", 30.0, 330.0),
@@ -32,7 +39,7 @@ BY_HAND = {
 def test_one_number_by_hand(fix: LogConvention) -> None:
     column, given, meant = BY_HAND[fix]
     columns = {"roll_deg": np.array([3.0]), "pitch_deg": np.array([2.0]), column: np.array([given])}
-    if fix is LogConvention.POSITION_KM:
+    if column == "easting_m":
         columns["northing_m"] = np.array([1.0])
     result = convert_columns(columns, frozenset({fix}))
     assert result[column] == pytest.approx([meant]) and result["pitch_deg"] == [2.0]

@@ -14,7 +14,7 @@ from vehicle.identification.logs.directions import (
     find_direction_errors,
 )
 from vehicle.identification.logs.motion import PathChords, compute_bends, compute_path_chords, find_largest_steering
-from vehicle.identification.logs.readings import LogConvention, Suspicion, convert_log
+from vehicle.identification.logs.readings import SPEED_UNITS, LogConvention, Suspicion, convert_log
 from vehicle.identification.logs.schema import SHORTEST_SEGMENT_S, Array, Log
 from vehicle.identification.logs.series import measure_spread
 
@@ -29,6 +29,7 @@ _WRAP_RAD = 3.0
 # Nothing in radians changes by more than a circle; a share of wild rows is left to receivers.
 _LARGEST_CHANGE_RAD, _MOST_LARGER_SHARE = 7.0, 0.05
 _LEAST_TURN_DEG2 = 20 * 5.0**2  # chosen: 20 chords that turn by 5 degrees, where noise turns them by 1
+_ALIKE_SHARES = (0.75, 1.67)  # of a commanded speed to the measured one in the same unit
 _FEWEST_BENDS = 8  # chords, each half overlapping the next: four observations for two numbers
 
 
@@ -58,7 +59,7 @@ def _check_time(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]
 def _check_positions(
     log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]
 ) -> list[tuple[LogConvention, str]]:
-    """Check for kilometres (the path is 1000 times too short) and degrees (100,000 times too short)."""
+    """Check for kilometres (the path is 1000 times too short), degrees (100,000 times), and feet (3.3 too long)."""
     rows = log.used
     stated = log.speed_command_mps if log.speed_mps is None else log.speed_mps
     extent = float(np.hypot(np.ptp(log.easting_m[rows]), np.ptp(log.northing_m[rows])))
@@ -75,6 +76,11 @@ def _check_positions(
     if LogConvention.POSITION_DEGREES.explains(share) and max(east, north) <= 180.0 and min(east, north) <= 90.0:
         swapped = [(LogConvention.EAST_NORTH_SWAPPED, f"northing_m reaches {north:.5g}, and a latitude is at most 90")]
         return [*(swapped if north > 90.0 else []), (LogConvention.POSITION_DEGREES, why)]
+    if LogConvention.POSITION_FEET.explains(share):
+        speeds = [one for one in (log.speed_mps, log.speed_command_mps) if one is not None]
+        shares = [path_length / max(_integrate_distance(log, one), 1e-9) for one in speeds]
+        is_agreed = bool(shares) and all(map(LogConvention.POSITION_FEET.explains, shares))
+        return [(LogConvention.POSITION_FEET, why)] if is_agreed else []
     return [(LogConvention.POSITION_KM, why)] if LogConvention.POSITION_KM.explains(share) else []
 
 
@@ -86,21 +92,33 @@ def _integrate_distance(log: Log, speed: Array) -> float:
 
 
 def _check_speed(log: Log, _wheelbase_m: float | None, _other_logs: Sequence[Log]) -> list[tuple[LogConvention, str]]:
-    """Check for km/h: 3.6 is far more than slip can explain. Each column is compared with the path."""
+    """Check for other units: 2 to 4 times is far more than slip can explain. Each column is compared with the path."""
     chords = compute_path_chords(log)
     if chords is None or float(np.mean(chords.speed)) < 0.1:
         return []
-    measured = _explain_kmh("speed_mps", log, chords, LogConvention.SPEED_MEASURED_KMH)
-    command = _explain_kmh("speed_command_mps", log, chords, LogConvention.SPEED_COMMAND_KMH)
-    if measured and (command or log.speed_command_mps is None):
-        return [(LogConvention.SPEED_KMH, measured)]
-    if command:
-        return [(LogConvention.SPEED_KMH if log.speed_mps is None else LogConvention.SPEED_COMMAND_KMH, command)]
-    return [(LogConvention.SPEED_MEASURED_KMH, measured)] if measured else []
+    suspicions = []
+    for both, only_measured, only_command in SPEED_UNITS:
+        measured = _explain_speed("speed_mps", log, chords, only_measured)
+        command = _explain_speed("speed_command_mps", log, chords, only_command)
+        if measured and _is_commanded_alike(log, chords):
+            suspicions.append((both, measured))
+        elif command:
+            suspicions.append((both if log.speed_mps is None else only_command, command))
+        elif measured:
+            suspicions.append((only_measured, measured))
+    return suspicions
 
 
-def _explain_kmh(name: str, log: Log, chords: PathChords, unit: LogConvention) -> str:
-    """Why a column is in km/h; empty when it is not.
+def _is_commanded_alike(log: Log, chords: PathChords) -> bool:
+    """Whether the commanded speed is in the unit of the measured one, if there is one; it may not be reached."""
+    if log.speed_command_mps is None or log.speed_mps is None:
+        return True
+    command, measured = (float(np.mean(one[chords.row])) for one in (log.speed_command_mps, log.speed_mps))
+    return _ALIKE_SHARES[0] <= command / max(measured, 1e-9) < _ALIKE_SHARES[1]
+
+
+def _explain_speed(name: str, log: Log, chords: PathChords, unit: LogConvention) -> str:
+    """Why a column is in a unit; empty when it is not.
 
     Also compared over the faster half, without starts. Logs of a few seconds may be all start and are not judged.
     """

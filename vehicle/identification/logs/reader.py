@@ -33,7 +33,13 @@ from vehicle.identification.logs.column_quality import (
 from vehicle.identification.logs.conventions import find_convention_errors
 from vehicle.identification.logs.directions import HEADING_FLIPPED, drop_course_heading, find_flipped_headings
 from vehicle.identification.logs.gating import RowRules, gate_rows
-from vehicle.identification.logs.readings import LogConvention, Suspicion, convert_columns, find_first_place
+from vehicle.identification.logs.readings import (
+    SPEED_UNITS,
+    LogConvention,
+    Suspicion,
+    convert_columns,
+    find_first_place,
+)
 from vehicle.identification.logs.schema import (
     COLUMNS,
     SHORTEST_SEGMENT_S,
@@ -167,7 +173,7 @@ _MOST_EMPTY_SHARE = 0.1  # chosen: fewer empty commands cost less as rows than a
 _MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
 _SHOWN_RULES = 4
 _POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
-_SPEED_FIXES = (LogConvention.SPEED_KMH, LogConvention.SPEED_MEASURED_KMH, LogConvention.SPEED_COMMAND_KMH)
+_SPEED_FIXES = [{fix for both, *one in SPEED_UNITS for fix in (both, one[place])} for place in (0, 1)]
 
 
 def read_log(
@@ -305,8 +311,9 @@ def parse_conventions(
         given = frozenset(LogConvention(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))  # type: ignore[call-arg]
     except ValueError as error:
         raise LogError(f"{error}; the fixes are: {', '.join(LogConvention)}.", parameter="fixes") from error
-    speeds = [str(fix) for fix in _SPEED_FIXES if fix in given]
-    if len(speeds) > 1:
+    converted = ([str(fix) for fix in LogConvention if fix in fixes & given] for fixes in _SPEED_FIXES)
+    speeds = next((names for names in converted if len(names) > 1), [])
+    if speeds:
         raise LogError(
             f"The fixes {' and '.join(speeds)} convert the same speed; give only one of them.",
             parameter="fixes",

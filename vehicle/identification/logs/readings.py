@@ -24,7 +24,8 @@ Conversion = Callable[[Columns, Place | None], Columns]
 Band = tuple[float, float]
 
 _EARTH_M, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # WGS 84
-_POSITIONS = ("easting_m", "northing_m")
+_POSITIONS, _SPEEDS = ("easting_m", "northing_m"), ("speed_mps", "speed_command_mps")
+MPH, KNOTS = 3600.0 / 1609.344, 3600.0 / 1852.0  # per m/s
 
 
 def _convert_each(convert: Callable[[Array], Array], *names: str) -> Conversion:
@@ -70,8 +71,8 @@ def _convert_to_local_metres(columns: Columns, reference: Place | None) -> Colum
     return {"easting_m": east, "northing_m": np.radians(columns["northing_m"] - latitude) * meridian}
 
 
-def _convert_from_kmh(values: Array) -> Array:
-    return values / 3.6
+def _convert_speeds(units_per_mps: float, *names: str) -> Conversion:
+    return _convert_each(lambda values: values / units_per_mps, *names)
 
 
 class LogConvention(StrEnum):
@@ -103,16 +104,33 @@ class LogConvention(StrEnum):
         "position-km", "easting_m and northing_m are in kilometres",
         _convert_each(lambda metres: metres * 1000.0, *_POSITIONS), (1e-4, 6e-3),
     )  # fmt: skip
-    # Of a speed to that of the path: 3.6, with slip. A command may not be reached for long.
-    SPEED_KMH = (
-        "speed-kmh", "speeds are in km/h", _convert_each(_convert_from_kmh, "speed_mps", "speed_command_mps"),
+    POSITION_FEET = (
+        "position-feet", "easting_m and northing_m are in feet",
+        _convert_each(lambda feet: feet * 0.3048, *_POSITIONS), (2.9, 3.7),
     )  # fmt: skip
+    # Of a speed to that of the path: 3.6, with slip. A command may not be reached for long; where it is in another unit
+    # than km/h it must be near.
+    SPEED_KMH = "speed-kmh", "speeds are in km/h", _convert_speeds(3.6, *_SPEEDS)
     SPEED_MEASURED_KMH = (
-        "speed-measured-kmh", "speed_mps is in km/h", _convert_each(_convert_from_kmh, "speed_mps"), (2.7, 4.8),
+        "speed-measured-kmh", "speed_mps is in km/h", _convert_speeds(3.6, "speed_mps"), (2.7, 4.8),
     )  # fmt: skip
     SPEED_COMMAND_KMH = (
-        "speed-command-kmh", "speed_command_mps is in km/h", _convert_each(_convert_from_kmh, "speed_command_mps"),
-        (2.7, 6.0),
+        "speed-command-kmh", "speed_command_mps is in km/h", _convert_speeds(3.6, "speed_command_mps"), (2.7, 6.0),
+    )  # fmt: skip
+    SPEED_MPH = "speed-mph", "speeds are in mph", _convert_speeds(MPH, *_SPEEDS)
+    SPEED_MEASURED_MPH = (
+        "speed-measured-mph", "speed_mps is in mph", _convert_speeds(MPH, "speed_mps"), (2.1, 2.7),
+    )  # fmt: skip
+    SPEED_COMMAND_MPH = (
+        "speed-command-mph", "speed_command_mps is in mph", _convert_speeds(MPH, "speed_command_mps"), (2.13, 2.4),
+    )  # fmt: skip
+    SPEED_KNOTS = "speed-knots", "speeds are in knots", _convert_speeds(KNOTS, *_SPEEDS)
+    SPEED_MEASURED_KNOTS = (
+        "speed-measured-knots", "speed_mps is in knots", _convert_speeds(KNOTS, "speed_mps"), (1.85, 2.1),
+    )  # fmt: skip
+    SPEED_COMMAND_KNOTS = (
+        "speed-command-knots", "speed_command_mps is in knots", _convert_speeds(KNOTS, "speed_command_mps"),
+        (1.87, 2.07),
     )  # fmt: skip
     # Of turns of the heading to those of the path: a degree is 0.017; a frozen heading turns by 0.
     HEADING_RADIANS = (
@@ -153,6 +171,14 @@ class LogConvention(StrEnum):
     def explains(self, ratio: float) -> bool:
         """Whether a ratio is one that only this unit explains."""
         return self.ratios[0] <= ratio < self.ratios[1]
+
+
+SPEED_UNITS = (
+    (LogConvention.SPEED_KMH, LogConvention.SPEED_MEASURED_KMH, LogConvention.SPEED_COMMAND_KMH),
+    (LogConvention.SPEED_MPH, LogConvention.SPEED_MEASURED_MPH, LogConvention.SPEED_COMMAND_MPH),
+    (LogConvention.SPEED_KNOTS, LogConvention.SPEED_MEASURED_KNOTS, LogConvention.SPEED_COMMAND_KNOTS),
+)
+"""Units of both speeds, of the measured and of the commanded one alone."""
 
 
 def convert_columns(columns: Columns, fixes: frozenset[LogConvention], reference: Place | None = None) -> Columns:
