@@ -290,3 +290,8 @@ def test_a_slow_drive_moves() -> None:
     frame = runs()["steps"]
     slow = frame.assign(time_s=frame.time_s * 5.0).drop(columns=["speed_mps", "speed_command_mps"])
     assert isinstance(build_log(slow, "slow"), Log)
+
+
+def test_positions_that_jump_in_most_rows_are_no_matter_of_the_clock() -> None:
+    message = refusal(lambda: build_log(in_unit(100.0, "easting_m", "northing_m")(runs()["speed_steps"]), "run"))
+    assert "position jumps faster than 20 m/s" in message and "give positions in metres" in message

@@ -172,6 +172,11 @@ _REFUSED_SHARE = 0.5  # of the rows: if one rule excludes more, the column is wr
 _MOST_EMPTY_SHARE = 0.1  # chosen: fewer empty commands cost less as rows than as a column
 _MOST_HELD_S = 0.55  # between messages of commands: at 2 Hz; after longer gaps nothing is said of them
 _SHOWN_RULES = 4
+# What to do where a rule excludes most rows, by a word of the rule.
+_ADVICE = {
+    "missing": "fill the column, or remove it if it is optional",
+    "position jumps": "give positions in metres and times in seconds",
+}
 _POSITION_FIXES = (LogConvention.POSITION_DEGREES, LogConvention.POSITION_KM)
 _SPEED_FIXES = [{fix for both, *one in SPEED_UNITS for fix in (both, one[place])} for place in (0, 1)]
 
@@ -362,18 +367,13 @@ def _refuse_unusable_rows(columns: Columns, rules: RowRules, name: str) -> None:
             f"{name}: time_s does not increase in {backwards.rows} of {len(rules.used)} rows (first in line "
             f"{backwards.first_line}); {'log times with enough decimals' if stands else 'sort the rows by time'}."
         )
-    lost_rows = next(
-        (
-            gated_rows
-            for gated_rows in rules.gated
-            if gated_rows.rows > _REFUSED_SHARE * len(rules.used) and "missing" in gated_rows.rule
-        ),
-        None,
-    )
-    if lost_rows is not None and np.count_nonzero(rules.used) >= 2:
+    lost = [(one, advice) for one in rules.gated for word, advice in _ADVICE.items()
+            if word in one.rule and one.rows > _REFUSED_SHARE * len(rules.used)]  # fmt: skip
+    if lost and np.count_nonzero(rules.used) >= 2:
+        rows, advice = lost[0]
         raise LogError(
-            f"{name}: {lost_rows.rows} of {len(rules.used)} rows are unusable: {lost_rows.rule} (first in line "
-            f"{lost_rows.first_line}); fill the column, or remove it if it is optional."
+            f"{name}: {rows.rows} of {len(rules.used)} rows are unusable: {rows.rule} (first in line "
+            f"{rows.first_line}); {advice}."
         )
     if np.count_nonzero(rules.used) < 2:
         largest = sorted(rules.gated, key=lambda gated_rows: -gated_rows.rows)[:_SHOWN_RULES]
