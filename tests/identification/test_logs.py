@@ -479,3 +479,18 @@ def test_a_jump_back_in_time_is_told_by_its_line_and_a_lost_half_by_its_run() ->
     )
     counts = count_rows_left_out([build_log(circle(0.03, 20.0), "whole"), jumped], jumped.rows_used + 200)
     assert counts == {"time not increasing, in jumped 40 % of all rows": 81}
+
+
+def test_commands_hold_until_the_next_message() -> None:
+    """Messages at 5 Hz in rows at 10 Hz: the cells between are what was commanded last; a longer gap stays open."""
+    frame = runs()["speed_steps"]
+    sparse = frame.copy()
+    sparse.loc[sparse.index % 2 == 1, ["speed_command_mps", "steering_command_deg"]] = np.nan
+    log = build_log(sparse, "sparse", check=False)
+    for name in ("speed_command_mps", "steering_command_deg"):
+        expected = np.repeat(frame[name].to_numpy(float)[::2], 2)[: len(frame)]
+        assert getattr(log, name) == pytest.approx(expected), name
+    paused = frame.copy()
+    paused.loc[100:109, "speed_command_mps"] = np.nan
+    log = build_log(paused, "paused", check=False)
+    assert log.speed_command_mps is not None and log.rows_used == len(frame) - 10

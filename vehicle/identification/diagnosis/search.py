@@ -205,7 +205,7 @@ class Searcher:
             comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
             self.step()
             comparisons.append(comparison)
-            if _takes_over(comparison, gain.hypothesis, hypothesis) and self._may_become(start):
+            if takes_over(comparison, gain.hypothesis, hypothesis) and self._may_become(start):
                 return start, comparisons
         return None, comparisons
 
@@ -275,7 +275,7 @@ def _is_worth(gain: Gain) -> bool:
     return float(np.linalg.norm(gain.amounts)) > gain.hypothesis.finest and gain.nats > -PENALTIES["place"]
 
 
-def _takes_over(comparison: Comparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
+def takes_over(comparison: Comparison, competitor: Hypothesis, hypothesis: Hypothesis) -> bool:
     """Whether a competitor takes the place of a hypothesis: a law of the same effect only where it predicts clearly
     more than the constant that it varies, as it must more than nothing."""
     is_better = comparison.nats + competitor.penalty - hypothesis.penalty < -BETTER_NATS
