@@ -5,14 +5,17 @@ More effects are named in test_second_reference.py, in fewer runs of another ref
 
 import math
 
+import numpy as np
 import pytest
 
 from tests.diagnosis.hiding import brief_programme, diagnosed, eg105, hidden
 from tests.examples import draw_seed, seldom
-from tests.truth.drives import one_way_programme
+from tests.truth.drives import default_programme, one_way_programme
+from tests.truth.model import Truth
 from vehicle.identification.diagnosis.demo_logs import simulate_demo_logs
 from vehicle.identification.diagnosis.diagnose import diagnose_logs
 from vehicle.identification.diagnosis.results import EQUIVALENT
+from vehicle.identification.logs.reader import build_log
 
 RATE_HZ = 10.0
 """Of logs whose effect is so large that half of the rows show it too."""
@@ -94,3 +97,17 @@ def test_nothing_is_claimed_that_lies_between_two_rows(rate_hz: float) -> None:
     found = diagnose_logs(simulate_demo_logs(None, eg105(), "soil", 41, rate_hz=rate_hz), eg105(), "soil")
     assert not found.named and found.unexplained_share == 0.0
     assert not any(one.named for one in found.tractor.effects.values())
+
+
+@pytest.mark.slow
+def test_scatter_between_runs_does_not_hide_what_they_have_in_common() -> None:
+    """8 % of slip, 0.3 % more or less from run to run: a value per run predicts more, the cause is the common one."""
+    scatter, logs = np.random.default_rng(5), []
+    for number, drive in enumerate(default_programme()):
+        slip = {"wheel_slip": {"ratio": 0.08 + 0.003 * float(scatter.standard_normal())}}
+        frame = Truth(slip, 11).log(drive, number)
+        logs.append(build_log(frame, frame.attrs["name"]))
+    found = diagnose_logs(logs, eg105(), "soil")
+    assert found.named == ("wheel_slip",)
+    (slip,) = [one for one in found.findings if one.id == "wheel_slip"]
+    assert slip.value is not None and slip.value["ratio"] == pytest.approx(0.08, abs=0.005)

@@ -161,8 +161,11 @@ class Problem:
         own = next(one for one in model if str(one) == name[0])
         if own.basis == BY_RUN:
             constant = own.make_constant()
-            change = self._get_change((*model, constant), np.append(amounts, 0.0), residuals, len(amounts),
-                                      (str(constant), 0), step, near)  # fmt: skip
+            starts = np.cumsum([0, *(one.size for one in model)])
+            known = [int(start) for one, start in zip(model, starts, strict=False) if str(one) == str(constant)]
+            if not known:
+                model, amounts, known = (*model, constant), np.append(amounts, 0.0), [len(amounts)]
+            change = self._get_change(model, amounts, residuals, known[0], (str(constant), 0), step, near)
             inside = (self.data.window_runs == name[1])[:, None]
             return {channel: values * inside for channel, values in change.items()}
         widths = collect_widths(model)

@@ -14,6 +14,7 @@ import numpy as np
 
 from vehicle.identification.diagnosis.drive_data import Places
 from vehicle.identification.diagnosis.grammar import (
+    BY_RUN,
     CONSTANT,
     PENALTIES,
     Hypothesis,
@@ -141,9 +142,7 @@ class Searcher:
         tried = [one for one in gains[:MOST_TRIED] if one.nats > 0.0]
         fits = []
         for gain in tried:
-            model = (*fit.model, gain.hypothesis)
-            amounts = self.problem.search_lines(model, np.concatenate([fit.amounts, gain.amounts]))
-            fits.append(self.problem.refit(model, amounts, 6))
+            fits.append(self._fit_with(fit, gain))
             self.step()
         large = [one for one in fits if is_large(one, one.model[-1])]
         return max(large, key=lambda one: one.evidence, default=None)
@@ -188,26 +187,28 @@ class Searcher:
         self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
     ) -> tuple[Fit | None, list[Comparison]]:
         """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
-        gains = [
-            one
-            for one in self.scan(without, self.problem.list_channels(hypothesis))
-            if one.hypothesis.id != hypothesis.id
-            or (one.hypothesis.basis != hypothesis.basis and not hypothesis.id == one.hypothesis.id == "grip_patch")
-        ]
+        own_circles = "grip_patch" if hypothesis.id == "grip_patch" else ""  # another circle is no competitor of one
+        gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis))
+                 if one.hypothesis not in fit.model and one.hypothesis.id != own_circles]  # fmt: skip
         comparisons: list[Comparison] = []
         for gain in gains[:MOST_TRIED]:
             if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):
                 break
-            model = (*without.model, gain.hypothesis)
-            start = self.problem.refit(
-                model, self.problem.search_lines(model, np.concatenate([without.amounts, gain.amounts])), 6
-            )
+            start = self._fit_with(without, gain)
             comparison = self._compare(fit, predicted, start, gain.hypothesis, noise)
             self.step()
             comparisons.append(comparison)
             if takes_over(comparison, gain.hypothesis, hypothesis) and self._may_become(start):
                 return start, comparisons
         return None, comparisons
+
+    def _fit_with(self, fit: Fit, gain: Gain) -> Fit:
+        """The fit with a hypothesis; values of single runs are about a constant, which comes with them."""
+        law = gain.hypothesis
+        constants = [one for one in self.catalogue if one.id == law.id and law.law == BY_RUN and one not in fit.model]
+        model = (*fit.model, *constants, law)
+        amounts = np.concatenate([fit.amounts, np.zeros(sum(one.size for one in constants)), gain.amounts])
+        return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
 
     def _fit_without(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
         """The fit without a hypothesis; without a constant its laws go too, as they could take its place."""

@@ -313,9 +313,13 @@ def parse_conventions(
     Raises LogError for an unknown one and for two that contradict each other.
     """
     try:
-        given = frozenset(LogConvention(fix) for fix in ([fixes] if isinstance(fixes, str) else fixes))  # type: ignore[call-arg]
-    except ValueError as error:
-        raise LogError(f"{error}; the fixes are: {', '.join(LogConvention)}.", parameter="fixes") from error
+        names = [fixes] if isinstance(fixes, str) else list(fixes)
+        given = frozenset(LogConvention(fix) for fix in names)  # type: ignore[call-arg]
+    except ValueError:
+        unknown = next(str(name) for name in names if name not in set(LogConvention))
+        raise LogError(
+            f"{unknown!r} is no fix; the fixes are: {', '.join(LogConvention)}.", parameter="fixes"
+        ) from None
     converted = ([str(fix) for fix in LogConvention if fix in fixes & given] for fixes in _SPEED_FIXES)
     speeds = next((names for names in converted if len(names) > 1), [])
     if speeds:

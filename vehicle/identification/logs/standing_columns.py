@@ -292,7 +292,7 @@ STILL_READINGS = {
     ),
     "wheel": StillReading(WHEEL_SENSOR_FROZEN, "steering_deg repeats one value while the tractor steers on"),
 }  # fmt: skip
-"""A fault of a further column is one more entry."""
+"""A fault of a further column is one more entry, and what contradicts it one more case of RawMotion."""
 
 
 STEERING_LOOSE, STEERING_STUCK = "steering_loose", "steering_stuck"
