@@ -229,7 +229,7 @@ def test_a_plan_is_what_the_command_line_makes_of_the_same_file(
 
 
 def test_what_a_diagnosis_cannot_use_is_refused_when_it_is_asked_for() -> None:
-    for values, parameter in (({"fix": ["speed-mph"]}, "fixes"), ({"ground": "ice"}, "ground")):
+    for values, parameter in (({"fix": ["speed-furlongs"]}, "fixes"), ({"ground": "ice"}, "ground")):
         with pytest.raises(HeadlandError) as refused:
             check_diagnosis_request({"tractor": "eg105"} | values)
         assert refused.value.parameter == parameter
