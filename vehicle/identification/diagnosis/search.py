@@ -207,7 +207,8 @@ class Searcher:
         law = gain.hypothesis
         constants = [one for one in self.catalogue if one.id == law.id and law.law == BY_RUN and one not in fit.model]
         model = (*fit.model, *constants, law)
-        amounts = np.concatenate([fit.amounts, np.zeros(sum(one.size for one in constants)), gain.amounts])
+        common = np.repeat(gain.amounts.mean(), len(constants))
+        amounts = np.concatenate([fit.amounts, common, gain.amounts - common.sum()])
         return self.problem.refit(model, self.problem.search_lines(model, amounts), 6)
 
     def _fit_without(self, fit: Fit, hypothesis: Hypothesis) -> Fit:
