@@ -14,7 +14,6 @@ from tests.truth.drives import drive, stairs, steps, three_speeds_programme
 from tests.truth.joints import FRONT, JOINT, REAR, Jointed, drive_jointed
 from tests.truth.second import second_logs
 from vehicle.identification.diagnosis.log_notes import list_onset_faults
-from vehicle.identification.diagnosis.onset_evidence import STEP_S
 from vehicle.identification.diagnosis.onsets import LEAST_NATS, _find_likely_rows, find_onset_spans, mark_onset_faults
 from vehicle.identification.diagnosis.other_vehicles import (
     ARTICULATED,
@@ -22,6 +21,7 @@ from vehicle.identification.diagnosis.other_vehicles import (
     drop_course_headings,
     find_other_turning,
 )
+from vehicle.identification.faults.steering_evidence import STEP_S
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.reader import build_log
 from vehicle.identification.logs.schema import Log, LogFault

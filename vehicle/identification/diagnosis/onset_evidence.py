@@ -8,17 +8,15 @@ is beside what another instrument says: a path is bent only as far as heading an
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
 
+from vehicle.identification.faults.steering_evidence import STEP_S, follow_command, slide_minimum
 from vehicle.identification.logs.schema import Array, Log, Mask, Rows
-from vehicle.jit import compile_function
 
-STEP_S = 0.1  # of the grid
 # Late (s), rate (deg/s) and lag (s) of steerings between which any of the catalogue is; the first is the usual one.
 STEERINGS = ((0.1, 16.0, 0.15), (0.3, 9.0, 0.3), (0.6, 5.0, 0.6))
 EITHER_WAY_S = 0.6  # clocks of two columns are so far apart at most, with what stands still in them
@@ -140,27 +138,6 @@ def measure_swing(angle: Array) -> Array:
     """How far an angle (k, deg) moves within SWING_S about a step."""
     reach = round(0.5 * SWING_S / STEP_S)
     return -slide_minimum(-angle, reach) - slide_minimum(angle, reach)
-
-
-def follow_command(source: Array, late_s: float, rate_deg_per_s: float, lag_s: float, start_deg: float) -> Array:
-    """What follows commands (k, deg) so late, at such a rate (deg/s) and with such a time constant."""
-    out = np.full(len(source), start_deg)
-    share = 1.0 - math.exp(-STEP_S / lag_s)
-    _follow_steps(np.ascontiguousarray(source), round(late_s / STEP_S), rate_deg_per_s * STEP_S, share, out)
-    return out
-
-
-@compile_function
-def _follow_steps(source, late, most_step, share, out) -> None:  # type: ignore[no-untyped-def]
-    for k in range(1, len(source)):
-        step = share * (source[max(k - late, 0)] - out[k - 1])
-        out[k] = out[k - 1] + min(max(step, -most_step), most_step)
-
-
-def slide_minimum(values: Array, reach: int) -> Array:
-    """The least value (k,) within `reach` steps to both sides."""
-    padded = np.pad(values, reach, mode="edge")
-    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1))
 
 
 def shift(values: Array, steps: int) -> Array:

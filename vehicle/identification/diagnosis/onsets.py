@@ -19,7 +19,6 @@ from vehicle.identification.diagnosis.onset_evidence import (
     MOST_GAIN,
     OFFSET_DEG,
     SLIDING_MPS2,
-    STEP_S,
     BendScale,
     RunEvidence,
     build_run_evidence,
@@ -27,8 +26,8 @@ from vehicle.identification.diagnosis.onset_evidence import (
     list_holds,
     measure_swing,
     shift,
-    slide_minimum,
 )
+from vehicle.identification.faults.steering_evidence import STEP_S, slide_minimum
 from vehicle.identification.logs.column_faults import POSITION_LOST
 from vehicle.identification.logs.schema import FIRST_ROW_LINE, Array, GatedRows, Log, LogFault, Mask, number_segments
 from vehicle.identification.logs.standing_columns import (

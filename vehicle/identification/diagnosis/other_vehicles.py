@@ -19,14 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vehicle.identification.diagnosis.onset_evidence import (
-    STEP_S,
-    RunEvidence,
-    build_run_evidence,
-    fit_robustly,
-    follow_command,
-    shift,
-)
+from vehicle.identification.diagnosis.onset_evidence import RunEvidence, build_run_evidence, fit_robustly, shift
+from vehicle.identification.faults.steering_evidence import STEP_S, follow_command
 from vehicle.identification.logs.directions import COURSE_HEADING
 from vehicle.identification.logs.schema import Array, Log, Rows
 from vehicle.model.effects import CATALOGUE, PATH, POSITION, STEERING

@@ -187,9 +187,8 @@ class Searcher:
         self, fit: Fit, predicted: dict[str, Array], without: Fit, hypothesis: Hypothesis, noise: dict[str, Array]
     ) -> tuple[Fit | None, list[Comparison]]:
         """Comparisons with what could take the place of a hypothesis, or the fit with one that predicts better."""
-        own_circles = "grip_patch" if hypothesis.id == "grip_patch" else ""  # another circle is no competitor of one
         gains = [one for one in self.scan(without, self.problem.list_channels(hypothesis))
-                 if one.hypothesis not in fit.model and one.hypothesis.id != own_circles]  # fmt: skip
+                 if one.hypothesis not in fit.model and not (hypothesis.place and one.hypothesis.place)]  # fmt: skip
         comparisons: list[Comparison] = []
         for gain in gains[:MOST_TRIED]:
             if gain.nats < NEAR_SHARE * max(gains[0].nats, 1.0):

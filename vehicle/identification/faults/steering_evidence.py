@@ -138,7 +138,7 @@ def _build_segment(log: Log, rows: Rows, locks: tuple[float, float], hold_s: flo
     course_curvature, heading_error = _compare_heading_and_course(log, rows, time)
     return SteeringEvidence(
         time, pace, curvature, command, wheel,
-        _slide_minimum(allowed.min(axis=0), reach), -_slide_minimum(-allowed.max(axis=0), reach),
+        slide_minimum(allowed.min(axis=0), reach), -slide_minimum(-allowed.max(axis=0), reach),
         usual, hold_s, log.heading_deg is not None, course_curvature, heading_error,
     )  # fmt: skip
 
@@ -231,7 +231,7 @@ def follow_command(
     return out
 
 
-def _slide_minimum(values: Array, reach: int) -> Array:
+def slide_minimum(values: Array, reach: int) -> Array:
     """Return the least value (k,) within `reach` steps to both sides."""
     padded = np.pad(values, reach, mode="edge")
     least: Array = np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1).min(axis=1)

@@ -41,10 +41,10 @@ from vehicle.model.tractor import (
     get_log_corrections,
     remove_log_corrections,
 )
-from vehicle.records import DT_S, GRAVITY_MPS2, STATE
+from vehicle.records import DT_S, STATE
 from vehicle.sim.calibration import build_steering_tables
 from vehicle.sim.compile import build_ground_records, build_model_record
-from vehicle.sim.dynamics import step_body, step_speed_control
+from vehicle.sim.dynamics import compute_rolling_resistance, step_body, step_speed_control
 from vehicle.sim.effect_terms import compute_affected_tangent, compute_draft_crab, compute_ground_drift
 
 X_COLUMN, Y_COLUMN, ANGLE_COLUMN, STEERING_COLUMN, FORWARD_COLUMN = range(5)
@@ -76,7 +76,7 @@ def drive_segment(  # type: ignore[no-untyped-def]
     for i in range(len(wheel_angle)):
         if is_speed_known:
             forward = speed[i]
-            drive = ground.rolling * model.mass * GRAVITY_MPS2 * forward / (abs(forward) + 0.05)
+            drive = compute_rolling_resistance(forward, model, ground)
         else:
             state.working, state.target_speed = working[i], target[i]
             drive = step_speed_control(state, model, ground, forward, dt)
