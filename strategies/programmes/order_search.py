@@ -1,0 +1,397 @@
+"""Which tractor works which lines, in which order and direction: one search for all strategies and counts of tractors.
+
+Work lines are numbered; node 2 i is line i driven forward, node 2 i + 1 backward. The cost of a programme, in seconds, is
+
+    (1 - SUM_SHARE) * the longest tour + SUM_SHARE * the sum of all tours + the value of the lines left,
+
+for one tractor its tour and the lines left. A tour is the way from the entrance, moves, work and the way home; a
+tractor without lines takes no time. Where no move leads NO_MOVE_S is charged, far more than all lines are worth: such a
+line is left. Every descent in stage adds `stage_s`.
+
+Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two runs of
+lines change places or some lines are left to be inserted anew, and what follows from it is kept if it costs no more
+(iterated local search, Lourenco, Martin and Stutzle 2003).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from fields.errors import HeadlandError
+from strategies.programmes.order_building import insert_lines
+from strategies.programmes.order_moves import (
+    BEGIN,
+    FIRST,
+    FOURTH,
+    MIN_GAIN_S,
+    NO_MOVE_S,
+    NO_ROW,
+    ONWARD,
+    PIECES,
+    POSSIBLE_S,
+    SECOND,
+    SIDE_A,
+    SIDE_B,
+    SUM_SHARE,
+    THIRD,
+    OrderTables,
+    borrow_tables,
+    borrow_tours,
+    can_make_move,
+    create_tours,
+    improve_tours,
+    make_best_move,
+    note_move,
+    push_line,
+    set_piece,
+    sum_rows,
+    try_transfer,
+    update_row,
+    weigh_tours,
+)
+from vehicle.copying import copy_row
+from vehicle.jit import compile_function
+from vehicle.model.gnss import draw_uniform
+
+Floats = npt.NDArray[np.float64]
+Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
+
+NEIGHBOURS = 12  # nodes that may follow or precede a node by a move that is considered
+STAGE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
+MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
+DRAWS = 6  # random numbers of a perturbation
+
+
+@dataclass(frozen=True, eq=False)
+class OrderProblem:
+    """What is to be put in order: n lines, k tractors.
+
+    `move_s` (2 n, 2 n) are the seconds from the end of node u to the begin of node v, infinite (or 1e6 and more) where no
+    move leads; `work_s` (n,) those of working a line, `value_s` (n,) what leaving it costs. `begin_s` and `end_s` (k, 2 n)
+    are the seconds of a tractor from its entrance to the begin of a node and from its end home. `allowed` (k, n) tells
+    which lines a tractor may work, `stage` (n,) that in a tour lines of a lower stage come before those of a higher one.
+    Raises HeadlandError where shapes or values do not fit.
+    """
+
+    move_s: Floats
+    work_s: Floats
+    value_s: Floats
+    begin_s: Floats
+    end_s: Floats
+    allowed: Bools
+    stage: Ints
+    stage_s: float = STAGE_S
+
+    def __post_init__(self) -> None:
+        n, k = len(self.work_s), len(self.begin_s)
+        shapes = {"move_s": (2 * n, 2 * n), "value_s": (n,), "begin_s": (k, 2 * n), "end_s": (k, 2 * n)}
+        for name, shape in {**shapes, "allowed": (k, n), "stage": (n,)}.items():
+            found = getattr(self, name).shape
+            if found != shape:
+                raise HeadlandError(f"{name} has the shape {found}; for {n} lines and {k} tractors give {shape}.")
+        if k < 1:
+            raise HeadlandError("There is no tractor; give begin_s and end_s a row for each.")
+        for name in ("move_s", "work_s", "value_s", "begin_s", "end_s"):
+            values = getattr(self, name)
+            if np.isnan(values).any() or (values < 0.0).any():
+                raise HeadlandError(f"{name} holds {np.nanmin(values)} or no number; give seconds of 0 and more.")
+        limit_s = SUM_SHARE * NO_MOVE_S
+        if not self.work_s.sum() + self.value_s.sum() < limit_s:
+            raise HeadlandError(f"Work and value of all lines add up to {limit_s:.0e} s or more; give less.")
+
+    @classmethod
+    def from_moves(
+        cls, move_s: Floats, work_s: Floats, value_s: Floats, begin_s: Floats | None = None, end_s: Floats | None = None,
+        *, tractors: int = 1, allowed: Bools | None = None, stage: Ints | None = None, stage_s: float = STAGE_S,
+    ) -> OrderProblem:  # fmt: skip
+        """A problem where what is not given is free: ways in and home take no time, every line may be worked by any
+        tractor at any time."""
+        n = len(work_s)
+        return cls(
+            move_s=np.asarray(move_s, float),
+            work_s=np.asarray(work_s, float),
+            value_s=np.asarray(value_s, float),
+            begin_s=np.zeros((tractors, 2 * n)) if begin_s is None else np.asarray(begin_s, float),
+            end_s=np.zeros((tractors, 2 * n)) if end_s is None else np.asarray(end_s, float),
+            allowed=np.ones((tractors, n), bool) if allowed is None else np.asarray(allowed, bool),
+            stage=np.zeros(n, np.int64) if stage is None else np.asarray(stage, np.int64),
+            stage_s=stage_s,
+        )
+
+    def tabulate_moves(self) -> tuple[Floats, Floats, Floats]:
+        """Seconds of moves, ways in and ways home as they are charged: NO_MOVE_S where there is none, and stages."""
+        charged = [np.where(given < POSSIBLE_S, given, NO_MOVE_S) for given in (self.move_s, self.begin_s, self.end_s)]
+        stage = np.repeat(self.stage, 2)
+        if len(stage) and stage.min() < stage.max():
+            charged[0] += self.stage_s * (stage[:, None] > stage[None, :])
+        return charged[0], charged[1], charged[2]
+
+
+def compute_cost_s(problem: OrderProblem, tours: list[list[int]]) -> float:
+    """The cost of tours, node by node: what the search makes small."""
+
+    def charge_s(seconds: float) -> float:
+        return float(seconds) if seconds < POSSIBLE_S else NO_MOVE_S
+
+    finish_s = []
+    for tractor, tour in enumerate(tours):
+        seconds = sum(float(problem.work_s[node // 2]) for node in tour)
+        if tour:
+            seconds += charge_s(problem.begin_s[tractor, tour[0]]) + charge_s(problem.end_s[tractor, tour[-1]])
+        for before, after in pairwise(tour):
+            seconds += charge_s(problem.move_s[before, after])
+            if problem.stage[before // 2] > problem.stage[after // 2]:
+                seconds += problem.stage_s
+        finish_s.append(seconds)
+    worked = {node // 2 for tour in tours for node in tour}
+    left_s = sum(float(value) for line, value in enumerate(problem.value_s) if line not in worked)
+    return (1.0 - SUM_SHARE) * max(finish_s) + SUM_SHARE * sum(finish_s) + left_s
+
+
+def search_programmes(
+    problem: OrderProblem, kicks: int, seed: int, start: list[list[int]] | None = None
+) -> list[list[int]]:
+    """The nodes of each tractor's tour, at low cost; lines that are in none are left. The same for the same input.
+
+    Improves `start` if it is given, which costs no less than what is returned. Raises HeadlandError if a line is twice
+    in it, or with a tractor that may not work it.
+    """
+    n, k = len(problem.work_s), len(problem.begin_s)
+    if n == 0:
+        return [[] for _ in range(k)]
+    given = np.full((k, n), -1, dtype=np.int64)
+    if start is not None:
+        _check_start(problem, start)
+        for tractor, tour in enumerate(start):
+            given[tractor, : len(tour)] = tour
+    move_s, begin_s, end_s = (np.ascontiguousarray(table) for table in problem.tabulate_moves())
+    after, before = _find_neighbours(move_s, min(NEIGHBOURS, 2 * n - 2))
+    work_s, value_s = (np.ascontiguousarray(values, np.float64) for values in (problem.work_s, problem.value_s))
+    allowed = np.ascontiguousarray(problem.allowed, np.bool_)
+    tables = OrderTables(move_s, begin_s, end_s, work_s, value_s, allowed, after, before)
+    found = _search_tours(tuple(tables), create_tours(k, n), given, start is not None, kicks, seed)
+    return [[int(node) for node in tour if node >= 0] for tour in found]
+
+
+def _check_start(problem: OrderProblem, start: list[list[int]]) -> None:
+    """Refuse tours that cannot be a programme of the problem."""
+    n, k = len(problem.work_s), len(problem.begin_s)
+    if len(start) != k:
+        raise HeadlandError(f"The start has {len(start)} tours; give one for each of {k} tractors.")
+    nodes = [node for tour in start for node in tour]
+    if any(not 0 <= node < 2 * n for node in nodes) or len({node // 2 for node in nodes}) < len(nodes):
+        raise HeadlandError(
+            f"The start has a line twice or one that does not exist; give nodes of {n} lines, each once."
+        )
+    for tractor, tour in enumerate(start):
+        for node in tour:
+            if not problem.allowed[tractor, node // 2]:
+                raise HeadlandError(f"In the start tractor {tractor + 1} works line {node // 2}, which it may not.")
+
+
+@compile_function
+def _find_neighbours(move_s, count):  # type: ignore[no-untyped-def]
+    """The `count` nodes of other lines that most cheaply follow each node, and those that precede it, nearest first."""
+    n = len(move_s)
+    lists = np.zeros((2, n, count), np.int64)
+    for side in range(2):
+        seconds = np.full((n, count + 1), np.inf)
+        nearest = np.zeros((n, count + 1), np.int64)
+        for u in range(n):
+            for v in range(n):
+                one, other = (u, v) if side == 0 else (v, u)
+                at = count
+                if u // 2 == v // 2 or move_s[u, v] >= seconds[one, count - 1]:
+                    continue
+                while at > 0 and seconds[one, at - 1] > move_s[u, v]:
+                    seconds[one, at], nearest[one, at] = seconds[one, at - 1], nearest[one, at - 1]
+                    at -= 1
+                seconds[one, at], nearest[one, at] = move_s[u, v], other
+        lists[side] = nearest[:, :count]
+    return lists[0], lists[1]
+
+
+@compile_function
+def _time_run(tours, tables, row, low, high) -> float:  # type: ignore[no-untyped-def]
+    """Seconds by which a tour is shorter without its places low..high."""
+    nodes, end = tours.nodes[row], tours.lengths[row] - 1
+    seconds = tours.onward_s[row, high] - tours.onward_s[row, low] + tables.work_s[nodes[low] // 2]
+    seconds += tables.begin_s[row, nodes[low]] if low == 0 else tables.move_s[nodes[low - 1], nodes[low]]
+    seconds += tables.end_s[row, nodes[high]] if high == end else tables.move_s[nodes[high], nodes[high + 1]]
+    if low > 0 and high < end:
+        seconds -= tables.move_s[nodes[low - 1], nodes[high + 1]]
+    elif low > 0:
+        seconds -= tables.end_s[row, nodes[low - 1]]
+    elif high < end:
+        seconds -= tables.begin_s[row, nodes[high + 1]]
+    return seconds  # type: ignore[no-any-return]
+
+
+@compile_function
+def _drop_runs(tours, tables) -> None:  # type: ignore[no-untyped-def]
+    """Leave runs of lines of any length that cost more than they are worth, among them all that no move reaches."""
+    left, row = len(tours.seconds) - 1, BEGIN
+    while row < left:
+        cost = tours.best_cost[0] = weigh_tours(tours)
+        for low in range(tours.lengths[row]):
+            worth_s = 0.0
+            for high in range(low, tours.lengths[row]):
+                worth_s += tables.value_s[tours.nodes[row, high] // 2]
+                if _time_run(tours, tables, row, low, high) - worth_s > cost - tours.best_cost[0]:
+                    try_transfer(tours, tables, row, low, high, ONWARD, left, tours.lengths[left])
+        if tours.best_cost[0] < cost:
+            make_best_move(tours, tables)
+        else:
+            row += 1
+
+
+@compile_function
+def _improve_and_drop(tours, tables) -> float:  # type: ignore[no-untyped-def]
+    """Moves and runs that are dropped, until neither helps; returns the cost of the tours then."""
+    cost = improve_tours(tours, tables)
+    while True:
+        _drop_runs(tours, tables)
+        new_cost = improve_tours(tours, tables)
+        if new_cost > cost - MIN_GAIN_S:
+            return new_cost  # type: ignore[no-any-return]
+        cost = new_cost
+
+
+@compile_function
+def _clear_pieces(tours) -> None:  # type: ignore[no-untyped-def]
+    """Make a move of nothing."""
+    for side in range(2):
+        for number in range(PIECES):
+            set_piece(tours, side, number, BEGIN, SIDE_B, BEGIN, ONWARD)
+
+
+@compile_function
+def _swap_runs(tours, a, i, j, b, p, q) -> None:  # type: ignore[no-untyped-def]
+    """Let the places i..j of row a and p..q of row b (behind them, or of another row) change places."""
+    end_a, end_b = tours.lengths[a] - 1, tours.lengths[b] - 1
+    _clear_pieces(tours)
+    set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
+    set_piece(tours, SIDE_A, SECOND, b, p, q, ONWARD)
+    if a == b:
+        set_piece(tours, SIDE_A, THIRD, a, i, j, ONWARD)
+        set_piece(tours, SIDE_A, FOURTH, a, q + 1, end_a, ONWARD)
+        note_move(tours, a, NO_ROW, 0.0)
+        return
+    set_piece(tours, SIDE_A, THIRD, a, j + 1, end_a, ONWARD)
+    set_piece(tours, SIDE_B, FIRST, b, BEGIN, p - 1, ONWARD)
+    set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
+    set_piece(tours, SIDE_B, THIRD, b, q + 1, end_b, ONWARD)
+    note_move(tours, a, b, 0.0)
+
+
+@compile_function
+def _leave_run(tours, a, i, j) -> None:  # type: ignore[no-untyped-def]
+    """Leave the places i..j of row a, to be inserted anew."""
+    left = len(tours.seconds) - 1
+    _clear_pieces(tours)
+    set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
+    set_piece(tours, SIDE_A, SECOND, a, j + 1, tours.lengths[a] - 1, ONWARD)
+    set_piece(tours, SIDE_B, FIRST, left, BEGIN, tours.lengths[left] - 1, ONWARD)
+    set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
+    note_move(tours, a, left, 0.0)
+    for place in range(i, j + 1):
+        push_line(tours, tours.nodes[a, place] // 2)
+
+
+@compile_function
+def _perturb_tours(tours, tables, seed, kick) -> None:  # type: ignore[no-untyped-def]
+    """Swap two runs, next to one another or of two tractors near one another, or leave one, in turn."""
+    left, n = len(tours.seconds) - 1, len(tours.row_of)
+    draws = np.empty(DRAWS)
+    for number in range(DRAWS):
+        draws[number] = draw_uniform(seed, DRAWS * kick + number)
+    line = int(draws[0] * n)
+    while tours.row_of[line] == left:
+        line = (line + 1) % n
+    a, i = tours.row_of[line], tours.place_of[line]
+    length = tours.lengths[a]
+    j = i + int(draws[1] * min(MAX_RUN_LINES, length - i))
+    near = tables.after[tours.nodes[a, i], int(draws[2] * tables.after.shape[1])]
+    b, p = tours.row_of[near // 2], tours.place_of[near // 2]
+    if kick % 3 == 1 and b != left and b != a:
+        q = p + int(draws[3] * min(MAX_RUN_LINES, tours.lengths[b] - p))
+        _swap_runs(tours, a, i, j, b, p, q)
+        if can_make_move(tours, tables, a, b):
+            make_best_move(tours, tables)
+            return
+    if kick % 3 == 2 or j + 1 >= length:
+        _leave_run(tours, a, i, j)
+    else:
+        q = j + 1 + int(draws[3] * min(MAX_RUN_LINES, length - j - 1))
+        _swap_runs(tours, a, i, j, a, j + 1, q)
+    make_best_move(tours, tables)
+
+
+@compile_function
+def _keep_or_restore(tours, tables, nodes, lengths, is_better) -> None:  # type: ignore[no-untyped-def]
+    """Copy the rows that have changed to the tours that are kept, or back from there."""
+    for row in range(len(lengths)):
+        if not tours.touched[row]:
+            continue
+        if is_better:
+            lengths[row] = tours.lengths[row]
+            copy_row(tours.nodes[row, : lengths[row]], nodes[row])
+        else:
+            tours.lengths[row] = lengths[row]
+            copy_row(nodes[row, : lengths[row]], tours.nodes[row])
+            update_row(tours, tables, row)
+        tours.touched[row] = False
+    sum_rows(tours)
+
+
+@compile_function
+def _load_start(tours, tables, given) -> None:  # type: ignore[no-untyped-def]
+    """Take over tours (k, n), each ended by -1."""
+    left, n = len(tours.lengths) - 1, len(tours.row_of)
+    is_worked = np.zeros(n, np.bool_)
+    for row in range(left):
+        while tours.lengths[row] < n and given[row, tours.lengths[row]] >= 0:
+            node = given[row, tours.lengths[row]]
+            tours.nodes[row, tours.lengths[row]] = node
+            is_worked[node // 2] = True
+            tours.lengths[row] += 1
+        update_row(tours, tables, row)
+    tours.lengths[left] = 0
+    for line in range(n):
+        if not is_worked[line]:
+            tours.nodes[left, tours.lengths[left]] = 2 * line
+            tours.lengths[left] += 1
+    update_row(tours, tables, left)
+    sum_rows(tours)
+
+
+@compile_function
+def _search_tours(table_arrays, tour_arrays, given, is_started, kicks, seed):  # type: ignore[no-untyped-def]
+    """Tours (k, n), each ended by -1, from those given or from none."""
+    k, n = given.shape
+    tables, tours = borrow_tables(table_arrays), borrow_tours(tour_arrays)
+    _load_start(tours, tables, given)
+    if not is_started:
+        insert_lines(tours, tables)
+    for line in range(n):
+        push_line(tours, line)
+    best_cost = _improve_and_drop(tours, tables)
+    nodes, lengths = tours.nodes.copy(), tours.lengths.copy()
+    tours.touched[:] = False
+    for kick in range(kicks):
+        if lengths[k] == n or n < 2:
+            break
+        _perturb_tours(tours, tables, seed, kick)
+        cost = improve_tours(tours, tables)
+        _keep_or_restore(tours, tables, nodes, lengths, cost <= best_cost)
+        best_cost = min(best_cost, cost)
+    _improve_and_drop(tours, tables)
+    found = np.full((k, n), NO_ROW)
+    for row in range(k):
+        copy_row(tours.nodes[row, : tours.lengths[row]], found[row])
+    return found
