@@ -29,6 +29,7 @@ PLANS = f"""{UNCOLLECTED}{ROUTES}
 import sys
 from planner.cli.main import main
 from planner.pipeline.worker_tasks import warm_up_simulation
+from strategies.programmes.order_search import OrderProblem, search_programmes
 from strategies.sequencing.directed_bounds import bound_by_pass_prices
 from vehicle.missions.plan import Leg, Mission
 from vehicle.model.tractor import Implement, load_tractor
@@ -41,6 +42,7 @@ RobotTractor(mission, load_tractor("eg105"), Implement()).advance(1.0)
 run_experiments(("fixed", "zigzag"))
 seconds = np.ones((12, 12))
 bound_by_pass_prices(seconds, seconds[0], seconds[0], 1e9)
+search_programmes(OrderProblem.from_moves(seconds, seconds[0, :6], seconds[0, :6]), 1, 1)
 routes.connect(begin, end)
 onward.connect((2.0, 30.0, np.pi), (88.0, 30.0, 0.0))
 routes._find_lattice_route(begin, end)

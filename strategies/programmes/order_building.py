@@ -1,4 +1,4 @@
-"""First programmes by insertion: the line that would lose most by waiting comes next (regret; Potvin and Rousseau 1993)."""
+"""First programmes by insertion: the line that loses most by waiting comes next (regret; Potvin and Rousseau 1993)."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from strategies.programmes.order_moves import POSSIBLE_S, SUM_SHARE, sum_rows, update_row
+from strategies.programmes.order_tours import POSSIBLE_S, SUM_SHARE, sum_rows, update_row
 from vehicle.jit import compile_function
 
 NO_GAP: Any = np.int64(-1)
@@ -95,7 +95,7 @@ def _choose_insertion(insertions, tours, tables):  # type: ignore[no-untyped-def
 
 @compile_function
 def insert_lines(tours, tables) -> None:  # type: ignore[no-untyped-def]
-    """Insert every line that a move reaches, whether it is worth that or not: together lines may be worth a long way."""
+    """Insert every line that a move reaches, worth it or not: together lines may be worth a long way."""
     left, n = len(tours.lengths) - 1, len(tours.row_of)
     insertions = Insertions(
         np.full((left, n, 2), np.inf), np.full((left, n, 2), NO_GAP), np.zeros((left, n, 2), np.int64)

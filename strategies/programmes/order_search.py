@@ -1,6 +1,6 @@
 """Which tractor works which lines, in which order and direction: one search for all strategies and counts of tractors.
 
-Work lines are numbered; node 2 i is line i driven forward, node 2 i + 1 backward. The cost of a programme, in seconds, is
+Work lines are numbered; node 2 i is line i driven forward, 2 i + 1 backward. The cost of a programme, in seconds, is
 
     (1 - SUM_SHARE) * the longest tour + SUM_SHARE * the sum of all tours + the value of the lines left,
 
@@ -8,9 +8,9 @@ for one tractor its tour and the lines left. A tour is the way from the entrance
 tractor without lines takes no time. Where no move leads NO_MOVE_S is charged, far more than all lines are worth: such a
 line is left. Every descent in stage adds `stage_s`.
 
-Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two runs of
-lines change places or some lines are left to be inserted anew, and what follows from it is kept if it costs no more
-(iterated local search, Lourenco, Martin and Stutzle 2003).
+Lines are inserted by regret, then moved by what order_moves considers until nothing helps. Perturbations follow: two
+runs of lines change places, or some lines are left to be inserted anew, and what follows from it is kept if it costs no
+more (iterated local search, Lourenco, Martin and Stutzle 2003).
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ import numpy.typing as npt
 
 from fields.errors import HeadlandError
 from strategies.programmes.order_building import insert_lines
-from strategies.programmes.order_moves import (
+from strategies.programmes.order_moves import improve_tours, try_transfer
+from strategies.programmes.order_tours import (
     BEGIN,
     FIRST,
     FOURTH,
@@ -43,13 +44,11 @@ from strategies.programmes.order_moves import (
     borrow_tours,
     can_make_move,
     create_tours,
-    improve_tours,
     make_best_move,
     note_move,
     push_line,
     set_piece,
     sum_rows,
-    try_transfer,
     update_row,
     weigh_tours,
 )
@@ -64,17 +63,18 @@ Bools = npt.NDArray[np.bool_]
 NEIGHBOURS = 12  # nodes that may follow or precede a node by a move that is considered
 STAGE_S = 1e6  # a hard rule: dearer than any line is worth, cheaper than a move that does not exist
 MAX_RUN_LINES = 10  # in each of the runs that change places, and in a run that is left
-DRAWS = 6  # random numbers of a perturbation
+DRAWS = 5  # random numbers of a perturbation
 
 
 @dataclass(frozen=True, eq=False)
 class OrderProblem:
     """What is to be put in order: n lines, k tractors.
 
-    `move_s` (2 n, 2 n) are the seconds from the end of node u to the begin of node v, infinite (or 1e6 and more) where no
-    move leads; `work_s` (n,) those of working a line, `value_s` (n,) what leaving it costs. `begin_s` and `end_s` (k, 2 n)
-    are the seconds of a tractor from its entrance to the begin of a node and from its end home. `allowed` (k, n) tells
-    which lines a tractor may work, `stage` (n,) that in a tour lines of a lower stage come before those of a higher one.
+    `move_s` (2 n, 2 n) are the seconds from the end of node u to the begin of node v, infinite (or 1e6 and more) where
+    no move leads; `work_s` (n,) those of working a line, `value_s` (n,) what leaving it costs. `begin_s` and `end_s`
+    (k, 2 n) are the seconds of a tractor from its entrance to the begin of a node and from its end home; zeros where it
+    may begin and end anywhere. `allowed` (k, n) tells which lines a tractor may work. `stage` (n,) puts lines of a lower
+    stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
     Raises HeadlandError where shapes or values do not fit.
     """
 
@@ -106,8 +106,9 @@ class OrderProblem:
 
     @classmethod
     def from_moves(
-        cls, move_s: Floats, work_s: Floats, value_s: Floats, begin_s: Floats | None = None, end_s: Floats | None = None,
-        *, tractors: int = 1, allowed: Bools | None = None, stage: Ints | None = None, stage_s: float = STAGE_S,
+        cls, move_s: Floats, work_s: Floats, value_s: Floats, begin_s: Floats | None = None,
+        end_s: Floats | None = None, *, tractors: int = 1, allowed: Bools | None = None, stage: Ints | None = None,
+        stage_s: float = STAGE_S,
     ) -> OrderProblem:  # fmt: skip
         """A problem where what is not given is free: ways in and home take no time, every line may be worked by any
         tractor at any time."""
@@ -170,7 +171,8 @@ def search_programmes(
         for tractor, tour in enumerate(start):
             given[tractor, : len(tour)] = tour
     move_s, begin_s, end_s = (np.ascontiguousarray(table) for table in problem.tabulate_moves())
-    after, before = _find_neighbours(move_s, min(NEIGHBOURS, 2 * n - 2))
+    count = min(NEIGHBOURS, 2 * n - 2)
+    after, before = (np.ascontiguousarray(nodes[:, :count]) for nodes in _find_neighbours(move_s, count))
     work_s, value_s = (np.ascontiguousarray(values, np.float64) for values in (problem.work_s, problem.value_s))
     allowed = np.ascontiguousarray(problem.allowed, np.bool_)
     tables = OrderTables(move_s, begin_s, end_s, work_s, value_s, allowed, after, before)
@@ -196,23 +198,23 @@ def _check_start(problem: OrderProblem, start: list[list[int]]) -> None:
 
 @compile_function
 def _find_neighbours(move_s, count):  # type: ignore[no-untyped-def]
-    """The `count` nodes of other lines that most cheaply follow each node, and those that precede it, nearest first."""
+    """Nodes of other lines that most cheaply follow each node (2 n, count + 1), and those that precede it.
+
+    The nearest come first; the last column is used up in sorting.
+    """
     n = len(move_s)
-    lists = np.zeros((2, n, count), np.int64)
-    for side in range(2):
-        seconds = np.full((n, count + 1), np.inf)
-        nearest = np.zeros((n, count + 1), np.int64)
-        for u in range(n):
-            for v in range(n):
-                one, other = (u, v) if side == 0 else (v, u)
+    lists, seconds = np.zeros((2, n, count + 1), np.int64), np.full((2, n, count + 1), np.inf)
+    for u in range(n):
+        for v in range(n):
+            if u // 2 == v // 2:
+                continue
+            for side in range(2):
+                row, nearest = (seconds[0, u], lists[0, u]) if side == 0 else (seconds[1, v], lists[1, v])
                 at = count
-                if u // 2 == v // 2 or move_s[u, v] >= seconds[one, count - 1]:
-                    continue
-                while at > 0 and seconds[one, at - 1] > move_s[u, v]:
-                    seconds[one, at], nearest[one, at] = seconds[one, at - 1], nearest[one, at - 1]
+                while at > 0 and row[at - 1] > move_s[u, v]:
+                    row[at], nearest[at] = row[at - 1], nearest[at - 1]
                     at -= 1
-                seconds[one, at], nearest[one, at] = move_s[u, v], other
-        lists[side] = nearest[:, :count]
+                row[at], nearest[at] = move_s[u, v], v if side == 0 else u
     return lists[0], lists[1]
 
 
@@ -258,7 +260,7 @@ def _improve_and_drop(tours, tables) -> float:  # type: ignore[no-untyped-def]
         _drop_runs(tours, tables)
         new_cost = improve_tours(tours, tables)
         if new_cost > cost - MIN_GAIN_S:
-            return new_cost  # type: ignore[no-any-return]
+            return new_cost
         cost = new_cost
 
 
@@ -290,22 +292,27 @@ def _swap_runs(tours, a, i, j, b, p, q) -> None:  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def _leave_run(tours, a, i, j) -> None:  # type: ignore[no-untyped-def]
-    """Leave the places i..j of row a, to be inserted anew."""
+def _leave_run(tours, tables, a, i, j) -> None:  # type: ignore[no-untyped-def]
+    """Leave the places i..j of row a, to be inserted anew after lines near them that were left before."""
     left = len(tours.seconds) - 1
+    for number in range(tables.after.shape[1]):
+        near = tables.after[tours.nodes[a, j], number] // 2
+        if tours.row_of[near] == left:
+            push_line(tours, near)
+    for place in range(i, j + 1):
+        push_line(tours, tours.nodes[a, place] // 2)
     _clear_pieces(tours)
     set_piece(tours, SIDE_A, FIRST, a, BEGIN, i - 1, ONWARD)
     set_piece(tours, SIDE_A, SECOND, a, j + 1, tours.lengths[a] - 1, ONWARD)
     set_piece(tours, SIDE_B, FIRST, left, BEGIN, tours.lengths[left] - 1, ONWARD)
     set_piece(tours, SIDE_B, SECOND, a, i, j, ONWARD)
     note_move(tours, a, left, 0.0)
-    for place in range(i, j + 1):
-        push_line(tours, tours.nodes[a, place] // 2)
+    make_best_move(tours, tables)
 
 
 @compile_function
 def _perturb_tours(tours, tables, seed, kick) -> None:  # type: ignore[no-untyped-def]
-    """Swap two runs, next to one another or of two tractors near one another, or leave one, in turn."""
+    """In turn: two runs next to one another change places, two of different tractors do, and both of these are left."""
     left, n = len(tours.seconds) - 1, len(tours.row_of)
     draws = np.empty(DRAWS)
     for number in range(DRAWS):
@@ -314,22 +321,28 @@ def _perturb_tours(tours, tables, seed, kick) -> None:  # type: ignore[no-untype
     while tours.row_of[line] == left:
         line = (line + 1) % n
     a, i = tours.row_of[line], tours.place_of[line]
-    length = tours.lengths[a]
-    j = i + int(draws[1] * min(MAX_RUN_LINES, length - i))
-    near = tables.after[tours.nodes[a, i], int(draws[2] * tables.after.shape[1])]
-    b, p = tours.row_of[near // 2], tours.place_of[near // 2]
-    if kick % 3 == 1 and b != left and b != a:
+    end_a = tours.lengths[a] - 1
+    j = i + int(draws[1] * min(MAX_RUN_LINES, end_a - i + 1))
+    near = tables.after[tours.nodes[a, i], int(draws[2] * tables.after.shape[1])] // 2
+    b, p = tours.row_of[near], tours.place_of[near]
+    are_two = b != a and b != left
+    if are_two:
         q = p + int(draws[3] * min(MAX_RUN_LINES, tours.lengths[b] - p))
-        _swap_runs(tours, a, i, j, b, p, q)
-        if can_make_move(tours, tables, a, b):
-            make_best_move(tours, tables)
-            return
-    if kick % 3 == 2 or j + 1 >= length:
-        _leave_run(tours, a, i, j)
+        if kick % 3 == 1:
+            _swap_runs(tours, a, i, j, b, p, q)
+            if can_make_move(tours, tables, a, b):
+                make_best_move(tours, tables)
+                return
+    if kick % 3 == 2 or j == end_a:
+        if are_two and draws[4] < 0.5:
+            _leave_run(tours, tables, b, p, q)
+        _leave_run(tours, tables, a, i, j)
+        if are_two and draws[4] >= 0.5:
+            _leave_run(tours, tables, b, p, q)
     else:
-        q = j + 1 + int(draws[3] * min(MAX_RUN_LINES, length - j - 1))
+        q = j + 1 + int(draws[3] * min(MAX_RUN_LINES, end_a - j))
         _swap_runs(tours, a, i, j, a, j + 1, q)
-    make_best_move(tours, tables)
+        make_best_move(tours, tables)
 
 
 @compile_function
@@ -382,7 +395,8 @@ def _search_tours(table_arrays, tour_arrays, given, is_started, kicks, seed):  #
         push_line(tours, line)
     best_cost = _improve_and_drop(tours, tables)
     nodes, lengths = tours.nodes.copy(), tours.lengths.copy()
-    tours.touched[:] = False
+    for row in range(k + 1):
+        tours.touched[row] = False
     for kick in range(kicks):
         if lengths[k] == n or n < 2:
             break
