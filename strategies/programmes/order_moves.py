@@ -12,7 +12,6 @@ from strategies.programmes.order_tours import (
     FOURTH,
     NO_ROW,
     ONWARD,
-    POSSIBLE_S,
     REVERSED,
     SECOND,
     SIDE_A,
@@ -102,11 +101,18 @@ def _time_step(tours, tables, a, p) -> float:  # type: ignore[no-untyped-def]
 
 
 @compile_function
-def _is_promising(tours, tables, a, step_a, b, step_b, new_s) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a new step is cheaper than one of two that it could replace, or shortens the longest tour."""
+def _get_slack_s(tours, a, b) -> float:  # type: ignore[no-untyped-def]
+    """Seconds that a move between two tours may add to their sum and still shorten the longest of all."""
     if a != b and (a == tours.longest[0] or b == tours.longest[0]):
-        return new_s < POSSIBLE_S  # type: ignore[no-any-return]
-    return new_s < _time_step(tours, tables, a, step_a) + _time_step(tours, tables, b, step_b)  # type: ignore[no-any-return]
+        return abs(tours.seconds[a] - tours.seconds[b])  # type: ignore[no-any-return]
+    return 0.0
+
+
+@compile_function
+def _is_promising(tours, tables, a, step_a, b, step_b, new_s) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a new step is cheaper than the two that it could replace, with what the longest tour may gain."""
+    old_s = _time_step(tours, tables, a, step_a) + _time_step(tours, tables, b, step_b)
+    return new_s < old_s + _get_slack_s(tours, a, b)  # type: ignore[no-any-return]
 
 
 @compile_function
@@ -192,20 +198,20 @@ def _try_ends(tours, tables, a, p) -> None:  # type: ignore[no-untyped-def]
     left, length, u = len(tours.seconds) - 1, tours.lengths[a], tours.nodes[a, p]
     steps_s = _time_step(tours, tables, a, p) + _time_step(tours, tables, a, p + 1)
     for b in range(left):
-        is_urgent, end_b = b != a and a == tours.longest[0], tours.lengths[b]
+        end_b, limit_s = tours.lengths[b], steps_s + _get_slack_s(tours, a, b)
         for more in range(1 - MAX_SEGMENT_LINES, MAX_SEGMENT_LINES):
             low, high = min(p, p + more), max(p, p + more)
             if low < 0 or high >= length:
                 continue
-            if low == p and (is_urgent or tables.begin_s[b, u] < steps_s):
+            if low == p and tables.begin_s[b, u] < limit_s:
                 try_transfer(tours, tables, a, low, high, ONWARD, b, BEGIN)
-            if high == p and (is_urgent or tables.begin_s[b, u ^ 1] < steps_s):
+            if high == p and tables.begin_s[b, u ^ 1] < limit_s:
                 try_transfer(tours, tables, a, low, high, REVERSED, b, BEGIN)
-            if high == p and (is_urgent or tables.end_s[b, u] < steps_s):
+            if high == p and tables.end_s[b, u] < limit_s:
                 try_transfer(tours, tables, a, low, high, ONWARD, b, end_b)
-            if low == p and (is_urgent or tables.end_s[b, u ^ 1] < steps_s):
+            if low == p and tables.end_s[b, u ^ 1] < limit_s:
                 try_transfer(tours, tables, a, low, high, REVERSED, b, end_b)
-        if is_urgent:
+        if b != a and a == tours.longest[0]:
             for is_reversed in (ONWARD, REVERSED):
                 try_tails(tours, tables, a, p, b, end_b, is_reversed)
                 try_tails(tours, tables, a, p + 1, b, BEGIN, is_reversed)

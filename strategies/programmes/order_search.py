@@ -73,7 +73,7 @@ class OrderProblem:
     `move_s` (2 n, 2 n) are the seconds from the end of node u to the begin of node v, infinite (or 1e6 and more) where
     no move leads; `work_s` (n,) those of working a line, `value_s` (n,) what leaving it costs. `begin_s` and `end_s`
     (k, 2 n) are the seconds of a tractor from its entrance to the begin of a node and from its end home; zeros where it
-    may begin and end anywhere. `allowed` (k, n) tells which lines a tractor may work. `stage` (n,) puts lines of a lower
+    may begin and end anywhere. `allowed` (k, n): which lines a tractor may work. `stage` (n,) puts lines of a lower
     stage before those of a higher one in a tour, at `stage_s` seconds for every descent, which the default forbids.
     Raises HeadlandError where shapes or values do not fit.
     """

@@ -51,7 +51,7 @@ class Tours(NamedTuple):
     `onward_s` and `backward_s` (k + 1, n): seconds from the begin of a tour up to the end of a place, and those of the
     same lines driven the other way round. `seconds` (k + 1,): those of the tours; last the value of the lines left.
     `longest` (3,): the tractors that finish last. `total_s` (1,): the sum of all. `row_of` and `place_of` (n,): where a
-    line is. `queue` (n,): a ring of lines near changes, `queue_state` (2,) its begin and length, `queued` (n,) which are
+    line is. `queue` (n,): a ring of lines near changes, `queue_state` (2,) its begin and length, `queued` (n,) what is
     in it. `pieces` (2, PIECES, 4): the move that is weighed, for either row its segments: row, low, high, whether
     reversed. `best_pieces`: the best so far, for `best_rows` (2,), at `best_cost` (1,). `touched` (k + 1,): rows that
     have changed.

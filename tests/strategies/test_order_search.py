@@ -27,7 +27,7 @@ from strategies.programmes.order_tours import (
 from vehicle.jit import compile_function
 
 SEEDS = range(200)
-KICKS = 100
+KICKS, FEW_KICKS = 100, 10  # for few lines, and for many
 
 
 def make_problem(seed: int, n: int, k: int, *, no_move_share: float = 0.0, stages: int = 1) -> OrderProblem:
@@ -81,6 +81,7 @@ def find_least_cost_s(problem: OrderProblem) -> float:
     return float(least_s)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("no_move_share", [0.0, 0.4])
 def test_few_lines_are_nearly_always_in_the_best_order(no_move_share: float) -> None:
     best_count = 0
@@ -173,17 +174,17 @@ def test_lines_that_no_move_reaches_are_left_whatever_they_are_worth() -> None:
 
 
 def test_no_move_is_used_that_does_not_exist() -> None:
-    for seed in range(20):
+    for seed in range(9):
         problem = make_problem(seed, 40, 1 + seed % 3, no_move_share=0.7)
-        tours = search_programmes(problem, KICKS, seed)
+        tours = search_programmes(problem, FEW_KICKS, seed)
         assert all(np.isfinite(problem.move_s[a, b]) for tour in tours for a, b in pairwise(tour))
         assert sum(map(len, tours)) > 15
 
 
 def test_lines_of_a_lower_stage_come_first() -> None:
-    for seed in range(20):
+    for seed in range(9):
         problem = make_problem(seed, 30, 1 + seed % 3, stages=3)
-        tours = search_programmes(problem, KICKS, seed)
+        tours = search_programmes(problem, FEW_KICKS, seed)
         assert sum(map(len, tours)) > 15
         for tour in tours:
             stages = [problem.stage[node // 2] for node in tour]
@@ -191,7 +192,7 @@ def test_lines_of_a_lower_stage_come_first() -> None:
 
 
 def test_a_start_is_improved_after_moves_were_struck() -> None:
-    for seed in range(10):
+    for seed in range(4):
         problem = make_problem(seed, 40, 2)
         tours = search_programmes(problem, KICKS, seed)
         assert compute_cost_s(problem, search_programmes(problem, 0, 0, start=tours)) <= compute_cost_s(problem, tours)
@@ -218,11 +219,11 @@ problems = st.builds(
 
 @given(problems, st.integers(0, 2**40))
 def test_programmes_are_lawful_and_repeat(problem: OrderProblem, seed: int) -> None:
-    tours = search_programmes(problem, KICKS, seed)
+    tours = search_programmes(problem, FEW_KICKS, seed)
     lines = [node // 2 for tour in tours for node in tour]
     assert len(lines) == len(set(lines))
     assert all(problem.allowed[tractor, node // 2] for tractor, tour in enumerate(tours) for node in tour)
-    assert search_programmes(problem, KICKS, seed) == tours
+    assert search_programmes(problem, FEW_KICKS, seed) == tours
     nothing_s = float(problem.value_s.sum())
     assert compute_cost_s(problem, tours) <= nothing_s + 1e-6
 
