@@ -16,6 +16,7 @@ import resource
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -133,7 +134,7 @@ def plan_apart(job: Job, checkout: Path, limit_s: float = LIMIT_S) -> Answer:
 
     `refused` is then None and `crash` says that there was no answer. Output of the planner is dropped.
     """
-    command = [sys.executable, "-P", __file__, str(checkout)]
+    command = [sys.executable, "-P", __file__, str(checkout), str(os.getpid())]
     process = subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=checkout, text=True,
         env=_build_environment(checkout), start_new_session=True,
@@ -197,11 +198,19 @@ def _end_session(process: subprocess.Popen[str]) -> None:
         process.communicate()
 
 
+def _end_with_starter(starter: int) -> None:
+    """End this process and its workers, which are of its group, when the process that started it is no more."""
+    while os.getppid() == starter:
+        time.sleep(POLL_S)
+    os.killpg(os.getpgid(0), signal.SIGKILL)
+
+
 def main() -> None:
-    """Answer the job of standard input on standard output, with the checkout that is named."""
+    """Answer the job of standard input on standard output, with the checkout named, for the process of this number."""
     import planner
 
-    checkout = Path(sys.argv[1]).resolve()
+    checkout, starter = Path(sys.argv[1]).resolve(), int(sys.argv[2])
+    threading.Thread(target=_end_with_starter, args=(starter,), daemon=True).start()
     if checkout not in Path(planner.__file__).resolve().parents:
         raise SystemExit(f"planner is imported from {planner.__file__}, not from {checkout}.")
     print(f"\n{json.dumps(answer_job(json.load(sys.stdin)))}")

@@ -2,8 +2,13 @@
 
 import json
 import math
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 import shapely
@@ -24,9 +29,16 @@ from tests.benchmarks.drawn_jobs import (
 )
 from tests.benchmarks.growth import build_outline, build_sized_job, choose_sizes, draw_points, fit_exponent
 from tests.benchmarks.machine_fields import measure_fit
-from tests.benchmarks.planned_jobs import build_field, build_lost_answer, build_tractor, plan_apart
+from tests.benchmarks.planned_jobs import (
+    build_field,
+    build_lost_answer,
+    build_tractor,
+    measure_session_cpu_s,
+    plan_apart,
+)
 from tests.examples import count_examples
 
+T = TypeVar("T")
 POND_HOLE = shapely.box(40.0, 30.0, 52.0, 44.0)
 PARCELS = (
     Field("p2", shapely.box(0.0, 0.0, 210.0, 120.0).difference(POND_HOLE)),
@@ -129,6 +141,26 @@ def test_a_job_that_takes_too_long_is_ended_and_one_of_another_checkout_is_not_t
     """A checkout without sources cannot answer: nothing but its own `planner` is used."""
     assert plan_apart(draw_job(1, PARCELS), ROOT, limit_s=0.01)["crash"] == "no answer in 0 s of CPU"
     assert "planner" in plan_apart(draw_job(1, PARCELS), tmp_path)["crash"]
+
+
+def test_a_job_ends_with_the_process_that_started_it() -> None:
+    """Also where that is killed and can tidy nothing up."""
+    code = "from tests.benchmarks import growth as g; g.plan_apart(g.build_sized_job('hectares', 500, (1, 2)), g.ROOT)"
+    starter = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, env=os.environ | {"PYTHONPATH": str(ROOT)})
+    children = Path(f"/proc/{starter.pid}/task/{starter.pid}/children")
+    started = wait_for(lambda: [int(pid) for pid in children.read_text().split()])
+    assert len(started) == 1 and wait_for(lambda: measure_session_cpu_s(started[0]) > 1.0)
+    starter.kill()
+    starter.wait()
+    assert wait_for(lambda: measure_session_cpu_s(started[0]) == 0.0)
+
+
+def wait_for(find: Callable[[], T], longest_s: float = 60.0) -> T:
+    """What a function finds as soon as it finds something; what it found last after so many seconds."""
+    begun = time.monotonic()
+    while not (found := find()) and time.monotonic() - begun < longest_s:
+        time.sleep(0.1)
+    return found
 
 
 def test_exponents_are_those_of_the_upper_half() -> None:
