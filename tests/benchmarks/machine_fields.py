@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 import random
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,10 @@ OBSTACLE_COUNTS = (0, 1, 5, 20)
 OPEN, ENTRANCE, FENCE_PART, FENCE = "open", "entrance", "fence-part", "fence"
 EDGES = (OPEN, ENTRANCE, FENCE_PART, FENCE)
 """The outline: open, with an entrance, fenced on the longer half, or fenced all round with an entrance as its gate."""
+KINDS: Mapping[str, int] = {"pole": 50, "tree": 25, "pond": 15, "hedge": 10}
+"""Percent of the obstacles that are of each kind."""
 APART_M = 1.0  # between two obstacles
+GROUP_TREES, GROUP_M = 5, 8.0  # in a group of trees, and how far from its middle they stand at most
 MAX_TRIES = 2000
 POND_SHARE = 0.12  # of the width of the parcel at most, so that ponds leave a field
 MITRE_LIMIT = 3.0  # corners down to 40 degrees count as reachable: the implement is driven straight into them
@@ -100,10 +103,12 @@ def build_field(parcel: Field, condition: Condition, seed: int) -> Field:
     return replace(parcel, obstacles=obstacles, fences=fences, entrance=entrance)
 
 
-def draw_obstacles(rng: random.Random, boundary: shapely.Polygon, count: int) -> Iterator[Obstacle]:
-    """Poles, trees, hedges and ponds at random places within the outline, at least APART_M from each other.
+def draw_obstacles(
+    rng: random.Random, boundary: shapely.Polygon, count: int, kinds: Mapping[str, int] = KINDS
+) -> Iterator[Obstacle]:
+    """Obstacles at random places within the outline, at least APART_M from each other; of each kind by its weight.
 
-    As many as there is room for, at most `count`.
+    Kinds are poles, trees, groups of trees, ponds and hedges. As many as there is room for, at most `count`.
     """
     across_m = math.sqrt(float(boundary.area))
     west, south, east, north = boundary.bounds
@@ -112,21 +117,28 @@ def draw_obstacles(rng: random.Random, boundary: shapely.Polygon, count: int) ->
         if len(taken) == count:
             return
         place = (rng.uniform(west, east), rng.uniform(south, north))
-        obstacle = _draw_obstacle(rng, place, across_m, f"{len(taken) + 1}")
+        obstacle = _draw_obstacle(rng, place, across_m, f"{len(taken) + 1}", kinds)
         shape = obstacle.shape
         if boundary.contains(shape) and all(shape.distance(other) >= APART_M for other in taken):
             taken.append(shape)
             yield obstacle
 
 
-def _draw_obstacle(rng: random.Random, place: tuple[float, float], across_m: float, name: str) -> Obstacle:
-    """One obstacle: half of them are poles, a quarter trees, the others ponds and hedges."""
-    kind = rng.choices(("pole", "tree", "pond", "hedge"), (50, 25, 15, 10))[0]
+def _draw_obstacle(
+    rng: random.Random, place: tuple[float, float], across_m: float, name: str, kinds: Mapping[str, int]
+) -> Obstacle:
+    """One obstacle of a kind drawn by the weights; ponds and hedges are longer on larger parcels."""
+    kind = rng.choices(tuple(kinds), tuple(kinds.values()))[0]
     turn_deg, long_share, wide_share = rng.uniform(0.0, 180.0), rng.uniform(0.4, 1.0), rng.uniform(0.5, 1.0)
     if kind == "pole":
         return Obstacle(kind, shapely.Point(place), 0.25, name)
     if kind == "tree":
         return Obstacle(kind, shapely.Point(place), 1.0 + 1.5 * wide_share, name)
+    if kind == "trees":
+        reach_m = long_share * GROUP_M
+        stems = [[at + rng.uniform(-reach_m, reach_m) for at in place] for _ in range(GROUP_TREES)]
+        crowns = shapely.multipoints(stems).buffer(1.0 + 1.5 * wide_share, quad_segs=4)
+        return Obstacle(kind, shapely.convex_hull(crowns), name=name)
     long_m = long_share * POND_SHARE * across_m
     if kind == "pond":
         ellipse = affinity.scale(shapely.Point(place).buffer(1.0, quad_segs=6), long_m, wide_share * long_m)
