@@ -37,6 +37,16 @@ def format_minutes(seconds: float | None) -> str:
     return ("-" if seconds <= -0.5 else "") + f"{whole_s // 60}:{whole_s % 60:02d}"
 
 
+def format_time_span(seconds: float) -> str:
+    """Seconds in words: ``22 s``, ``4 min``, ``1 h 5 min``."""
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    if seconds < 30.0:
+        return translate("{seconds} s", seconds=round(seconds))
+    if not hours:
+        return translate("{minutes} min", minutes=minutes)
+    return translate("{hours} h {minutes} min", hours=hours, minutes=minutes)
+
+
 def round_seconds(seconds: float) -> int:
     """Whole seconds, halves up."""
     return math.floor(seconds + 0.5)
