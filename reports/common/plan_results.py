@@ -244,8 +244,8 @@ def get_ranked_s(plan: PlanResult) -> float:
 
 def get_ranked_cost(plan: PlanResult) -> float:
     """The cost that feasible plans are compared by: the stated one with the unworked ground finished as well."""
-    late_loss = 0.0 if plan.expected_cost is None else plan.expected_cost - (plan.cost or 0.0)
-    return get_finished_field_cost(plan) + late_loss
+    delay_cost = 0.0 if plan.expected_cost is None else plan.expected_cost - (plan.cost or 0.0)
+    return get_finished_field_cost(plan) + delay_cost
 
 
 def get_finishing_s(plan: PlanResult) -> float:
