@@ -343,7 +343,7 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
             criteria.settings.samples,
             plan.expected_cost_error or 0.0,
             plan.finish_probability_interval,
-            plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh,
+            _compute_finished_energy(plan),
             plan.energy_kwh is not None,
             get_finishing_s(plan),
             get_finishing_cost(plan),
@@ -352,6 +352,12 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
         )
         for plan in plans
     ]
+
+
+def _compute_finished_energy(plan: PlanResult) -> float | None:
+    """Litres or kilowatt-hours with the unworked ground finished at the plan's own rate; None where not known."""
+    energy = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
+    return energy if energy is None or not plan.time_s else energy * (1.0 + get_finishing_s(plan) / plan.time_s)
 
 
 def check_best_plan(

@@ -24,9 +24,9 @@ class PlanFigures:
     """The figures of a feasible plan: cost, times (s), and the probability of being in time (None: no limit).
 
     `paid` is the mean cost, `expected` adds late ground and has the standard error `expected_error`. The probability is
-    from `samples` samples and has the 95 % `interval`. `energy` is in litres, or with
-    `is_electric` in kilowatt-hours, None where not known. `finishing_s` and `finishing_cost` are what the unworked
-    ground takes besides; `quality` is the key of `build_quality_key` for plans that take as long.
+    from `samples` samples and has the 95 % `interval`. `finishing_s` and `finishing_cost` are what the unworked ground
+    takes besides; `energy`, with that ground, is in litres, or with `is_electric` in kilowatt-hours, None where not
+    known. `quality` is the key of `build_quality_key` for plans that take as long.
     """
 
     strategy: str
@@ -314,7 +314,7 @@ def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str
 
 def _describe_cost_change(plan: PlanFigures, chosen: PlanFigures, unit: str, *, mention_equal: bool) -> str:
     """The change of the expected cost, such as "+9.40 EUR"."""
-    change = format_price_change(plan.ranked_cost, chosen.ranked_cost)
+    change = format_price_change(plan.expected, chosen.expected, plan.finishing_cost - chosen.finishing_cost)
     if change is None:
         return "same cost"
     equal_remark = ABOUT_EQUAL if mention_equal and has_same_cost(plan, chosen) else ""

@@ -279,9 +279,8 @@ def format_cost_change(ranking: PlanRanking, plan: PlanResult, best: PlanResult)
 
 def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
     """The difference as printed, with its sign; None where it is none or not known."""
-    if get_stated_cost(plan) is None or get_stated_cost(best) is None:
-        return None
-    return format_price_change(get_ranked_cost(plan), get_ranked_cost(best))
+    more_ground = get_finishing_cost(plan) - get_finishing_cost(best)
+    return format_price_change(get_stated_cost(plan), get_stated_cost(best), more_ground)
 
 
 def _add_currency(ranking: PlanRanking, money: str) -> str:

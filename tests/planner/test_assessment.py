@@ -158,7 +158,8 @@ class TestRanking:
         whole = replace(self.plans[0], worked_pct=99.8)
         leaving = replace(result(2, 35.0, 0.97, 110.0, 8.8), strategy="interleaved", worked_pct=60.0,
                           finished_s=3900.0, finished_cost=170.0, works_enough=True)  # fmt: skip
-        for objective in ("fastest", "cheapest"):
+        whole, leaving = replace(whole, fuel_l=30.0), replace(leaving, fuel_l=20.0)  # 20 l * 3,900 s / 2,100 s = 37 l
+        for objective in ("fastest", "cheapest", "fuel"):
             ranking = PlanRanking("f", 1.0, 1, (leaving, whole))
             told = add_ranking_advice(ranking, build_decision_criteria(scenario(objective=objective)))
             assert told.best is whole, objective

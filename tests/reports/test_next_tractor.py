@@ -8,6 +8,7 @@ import pytest
 
 from reports.common.language import use_language
 from reports.common.plan_results import PlanRanking, PlanResult, Shortfall
+from reports.common.wording import format_price_change
 from reports.plan.answer import write_answer
 
 
@@ -80,6 +81,23 @@ def test_a_plan_that_works_too_little_is_no_alternative() -> None:
     assert "a second" in write_alternatives(
         replace(none[0], finished_s=1.0), none[1], shortfalls=(Shortfall("worked", "Too little."),)
     )
+
+
+@pytest.mark.parametrize(
+    ("price", "reference", "added", "change"),
+    [
+        (139.4, 143.4, -0.1, "-4"),
+        (139.4, 143.4, 9.0, "+5"),
+        (143.0, 143.0, 0.4, None),
+        (143.0, 143.0, 0.6, "+1"),
+        (5.0, 5.0, 0.5, "+0.50"),
+        (None, 5.0, 1.0, None),
+    ],
+)
+def test_cost_changes_are_those_printed_with_that_of_the_ground(
+    price: float | None, reference: float, added: float, change: str | None
+) -> None:
+    assert format_price_change(price, reference, added) == change
 
 
 def test_it_is_said_in_every_language() -> None:
