@@ -101,7 +101,9 @@ Whole = npt.NDArray[np.int64]
 
 @dataclass(frozen=True, eq=False)
 class FieldTime:
-    """The quickest plan of a fleet on a field; `graph` is None if there is no plan, for the reason in `reason`.
+    """The quickest plan of a fleet on a field, within what counts as equally quick the one that works more.
+
+    `graph` is None if there is no plan, for the reason in `reason`.
 
     If the implement has a load, `refills` is the number of service stops; a plan begins with full tanks, or with empty
     ones if it collects. `shortfall` says that the plan works too little of the field. `is_lasting` is False for a

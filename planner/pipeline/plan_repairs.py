@@ -22,7 +22,8 @@ from planner.pipeline.worker_tasks import Progress, TaskOutcome, iter_outcomes, 
 from planner.request.option_texts import MPS_PER_KMH
 from planner.request.parameter_names import strip_unit
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanDrive, PlanResult, build_merit_sort_key
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import PlanResult, choose_by_count
 from strategies.path_planning.turns import TurnReach
 from vehicle.missions.plan import Plan
 
@@ -43,7 +44,10 @@ RESTRICTIONS = (
 
 @dataclass(eq=False)
 class CandidateEvaluations:
-    """Candidates and what came of them: results, pictures, plans, and the packed context each was planned in."""
+    """Candidates and what came of them: results, pictures, plans, and the packed context each was planned in.
+
+    `driven` holds the outcomes, with their runs, of the plans to take with every number of tractors.
+    """
 
     request: PlanRequest
     candidates: Sequence[Candidate]
@@ -54,7 +58,7 @@ class CandidateEvaluations:
     pictures: dict[int, PlanDrive] = field(default_factory=dict)
     plans: dict[int, Plan] = field(default_factory=dict)
     contexts: dict[int, tuple[PlanningContext, bytes]] = field(default_factory=dict)
-    best: TaskOutcome | None = None
+    driven: dict[int, TaskOutcome] = field(default_factory=dict)
 
     def evaluate_wave(self, context: PlanningContext, packed_context: bytes, wave: Sequence[int]) -> list[TaskOutcome]:
         """Evaluate candidates in a context; of one evaluated before, the first result stays unless this one works."""
@@ -84,7 +88,10 @@ class CandidateEvaluations:
             self.pictures[index] = outcome.picture
         if outcome.run is not None:
             self.plans[index] = outcome.run.plan
-            self.best = _choose_better(self.best, outcome, self.request.time_limit_s)
+            count = outcome.result.tractors
+            alike = [one for one in self.results.values() if one.feasible and one.tractors == count]
+            if choose_by_count(alike).get(count) is outcome.result:
+                self.driven[count] = outcome
 
     def refuse_rest(self, context: PlanningContext, packed_context: bytes) -> None:
         """Refuse the candidates that nothing came of in the time there was."""
@@ -105,14 +112,6 @@ class CandidateEvaluations:
             index for index, result in self.results.items() if result.tractors not in feasible_counts and result.faults
         ]
         return sorted(refused, key=lambda index: (self.candidates[index].tractors, index))
-
-
-def _choose_better(best: TaskOutcome | None, outcome: TaskOutcome, time_limit_s: float | None) -> TaskOutcome:
-    """The outcome of more merit; the earlier one if they are equal."""
-    if best is None:
-        return outcome
-    keys = [build_merit_sort_key(each.result, time_limit_s) for each in (outcome, best)]
-    return outcome if keys[0] < keys[1] else best
 
 
 def repair_refused(evaluations: CandidateEvaluations, prepare: Prepare) -> LayoutRepairs:

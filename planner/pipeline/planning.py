@@ -30,7 +30,8 @@ from planner.risk.assessment import check_best_plan, describe_check
 from planner.risk.costs import CostTerms
 from reports.common.language import mark_text
 from reports.common.notebook import ResultView, ShownResult
-from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanRanking
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import FieldPartPlan, PlanRanking
 from reports.plan.map_figure import draw_plan_map, render_png
 from reports.plan.notebook import build_answer_view
 from reports.plan.ranking_export import format_ranking_csv
@@ -259,12 +260,13 @@ def _build_result(
     cost_terms: CostTerms | None,
 ) -> PlanningResult:
     """The answer from the outcomes of all candidates; the context is that of the best plan."""
-    candidates, results = evaluations.candidates, evaluations.results
-    if evaluations.best is not None:
-        best_key = evaluations.best.result.strategy, evaluations.best.result.tractors
-        context = evaluations.get_context(best_key)[0]
-    ranking = add_machine_names(rank_plans(context, [results[index] for index in range(len(candidates))]), cost_terms)
-    ranking = replace(ranking, changes=tuple(changes))
+    candidates = evaluations.candidates
+    results = [evaluations.results[index] for index in range(len(candidates))]
+    ranking = rank_plans(context, results)
+    if ranking.best is not None:
+        best_context = evaluations.get_context((ranking.best.strategy, ranking.best.tractors))[0]
+        ranking = ranking if best_context is context else rank_plans(best_context, results)
+    ranking = replace(add_machine_names(ranking, cost_terms), changes=tuple(changes))
     keys = [(candidate.strategy, candidate.tractors) for candidate in candidates]
     pictures_by_plan = {keys[index]: evaluations.pictures[index] for index in sorted(evaluations.pictures)}
     plans_by_key = {keys[index]: evaluations.plans[index] for index in sorted(evaluations.plans)}
@@ -304,9 +306,12 @@ def add_machine_names(ranking: PlanRanking, cost_terms: CostTerms | None) -> Pla
 
 def _find_best_outcome(ranking: PlanRanking, evaluations: CandidateEvaluations) -> TaskOutcome | None:
     """The outcome of the best plan; simulated again if only the final comparison has made it the best."""
-    plan, best = ranking.best, evaluations.best
-    if plan is None or best is None or (best.result.strategy, best.result.tractors) == (plan.strategy, plan.tractors):
-        return best
+    plan = ranking.best
+    if plan is None:
+        return None
+    driven = evaluations.driven.get(plan.tractors)
+    if driven is not None and driven.result.strategy == plan.strategy:
+        return driven
     best_candidate = next(
         each for each in evaluations.candidates if (each.strategy, each.tractors) == (plan.strategy, plan.tractors)
     )

@@ -22,7 +22,8 @@ from planner.evaluation.context import PlanningContext
 from planner.pipeline.executors import iter_completed
 from planner.pipeline.outputs.pictures import build_run_picture
 from planner.traffic.precedence import TrafficRules, schedule_plan
-from reports.common.plan_results import PlanDrive, PlanResult
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import PlanResult
 from vehicle.missions.plan import FollowOrder, Leg, LegGate, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.model.tractor import Implement, Tractor, load_tractor

@@ -25,7 +25,15 @@ from planner.risk.monte_carlo import (
 from planner.risk.plan_choice import PlanFigures, choose_best, format_percent, write_advice
 from planner.risk.planned_order import enforce_planned_order
 from planner.risk.rain import RainForecast, parse_rain
-from reports.common.plan_results import PlanRanking, PlanResult, Shortfall, get_stated_end_s
+from reports.common.plan_results import (
+    PlanRanking,
+    PlanResult,
+    Shortfall,
+    build_quality_key,
+    get_finishing_cost,
+    get_finishing_s,
+    get_stated_end_s,
+)
 from reports.common.wording import format_duration, format_price
 from reports.plan.plan_wording import has_late_ground_loss
 from vehicle.missions.plan import Leg, Mission, Plan
@@ -260,7 +268,7 @@ def add_ranking_advice(ranking: PlanRanking, criteria: DecisionCriteria | None) 
     best_key = None if best_of_all is None else (best_of_all.strategy, best_of_all.tractors)
     figures = _build_figures(plans, criteria)
     if shortfall is not None and shortfall.kind == "budget":  # which limits what is paid
-        figures = [replace(one, expected=one.paid) for one in figures]
+        figures = [replace(one, expected=one.paid, finishing_cost=0.0) for one in figures]
     sentence = write_advice(figures, criteria.limit_text, objective, best_key, criteria.budget, currency)
     return replace(
         updated, advice=sentence or None, money_sentences=_describe_costs(criteria, has_late_ground_loss(updated))
@@ -335,11 +343,21 @@ def _build_figures(plans: Iterable[PlanResult], criteria: DecisionCriteria) -> l
             criteria.settings.samples,
             plan.expected_cost_error or 0.0,
             plan.finish_probability_interval,
-            plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh,
+            _compute_finished_energy(plan),
             plan.energy_kwh is not None,
+            get_finishing_s(plan),
+            get_finishing_cost(plan),
+            plan.worked_pct,
+            build_quality_key(plan),
         )
         for plan in plans
     ]
+
+
+def _compute_finished_energy(plan: PlanResult) -> float | None:
+    """Litres or kilowatt-hours with the unworked ground finished at the plan's own rate; None where not known."""
+    energy = plan.fuel_l if plan.energy_kwh is None else plan.energy_kwh
+    return energy if energy is None or not plan.time_s else energy * (1.0 + get_finishing_s(plan) / plan.time_s)
 
 
 def check_best_plan(

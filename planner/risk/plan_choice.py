@@ -1,6 +1,7 @@
 """The choice between plans by an objective, and the advice: what fewer or more tractors would change.
 
-Plans that differ by less than the errors of samples and model count as equal; then fewer tractors win.
+Plans that differ by less than the errors of samples and model count as equal; then fewer tractors win. Plans are
+compared with the ground that they leave finished as well, and described as they are driven.
 """
 
 from __future__ import annotations
@@ -11,10 +12,10 @@ from dataclasses import dataclass
 
 from planner.errors import RequestError, mark_parameter, suggest_name
 from planner.request.plan_request import CHEAPEST, FASTEST, LEAST_FUEL, OBJECTIVES, SUREST
+from reports.common.plan_results import MODEL_ERROR_SHARE, is_share_different
 from reports.common.wording import format_price, format_price_change
 from reports.plan.plan_wording import is_interval_wide
 
-MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
 STANDARD_ERROR_FACTOR = 2.0  # two plans must differ by this many standard errors
 
 
@@ -23,8 +24,9 @@ class PlanFigures:
     """The figures of a feasible plan: cost, times (s), and the probability of being in time (None: no limit).
 
     `paid` is the mean cost, `expected` adds late ground and has the standard error `expected_error`. The probability is
-    from `samples` samples and has the 95 % `interval`. `energy` is in litres, or with
-    `is_electric` in kilowatt-hours, None where not known.
+    from `samples` samples and has the 95 % `interval`. `finishing_s` and `finishing_cost` are what the unworked ground
+    takes besides; `energy`, with that ground, is in litres, or with `is_electric` in kilowatt-hours, None where not
+    known. `quality` is the key of `build_quality_key` for plans that take as long.
     """
 
     strategy: str
@@ -39,6 +41,25 @@ class PlanFigures:
     interval: tuple[float, float] | None = None
     energy: float | None = None
     is_electric: bool = False
+    finishing_s: float = 0.0
+    finishing_cost: float = 0.0
+    worked_pct: float | None = None
+    quality: tuple[float, ...] = ()
+
+    @property
+    def ranked_s(self) -> float:
+        """The median time with the unworked ground finished."""
+        return self.p50_s + self.finishing_s
+
+    @property
+    def ranked_late_s(self) -> float:
+        """The 95th percentile of the time, with the unworked ground finished."""
+        return self.p95_s + self.finishing_s
+
+    @property
+    def ranked_cost(self) -> float:
+        """The expected cost with the unworked ground finished."""
+        return self.expected + self.finishing_cost
 
     @property
     def _probability_error(self) -> float:
@@ -61,23 +82,30 @@ def choose_best(plans: Sequence[PlanFigures], objective: str = CHEAPEST) -> Plan
 
     Cheapest means the lowest expected cost; of plans equal in cost, those clearly less sure than another are excluded.
     Surest means the highest probability, or without a limit the earliest 95th percentile. The objective fuel means the
-    least energy as simulated; plans whose energy is not known are left out if that of others is.
+    least energy as simulated; plans whose energy is not known are left out if that of others is. Of equal plans with
+    as many tractors that take as long the one of better `quality` is taken.
     """
     check_objective(objective)
     if objective == CHEAPEST:
         equal = select_surest(
-            _select_equally_good_plans(plans, lambda plan: plan.expected, lambda plan: plan.expected_error)
+            _select_equally_good_plans(plans, lambda plan: plan.ranked_cost, lambda plan: plan.expected_error)
         )
     elif objective == FASTEST:
-        equal = _select_equally_good_plans(plans, lambda plan: plan.p50_s, lambda plan: 0.0)
+        equal = _select_equally_good_plans(plans, lambda plan: plan.ranked_s, lambda plan: 0.0)
     elif objective == LEAST_FUEL:
         metered = [plan for plan in plans if plan.energy is not None] or plans
         equal = _select_equally_good_plans(metered, lambda plan: plan.energy or 0.0, lambda plan: 0.0)
     elif any(plan.probability is None for plan in plans):
-        equal = _select_equally_good_plans(plans, lambda plan: plan.p95_s, lambda plan: 0.0)
+        equal = _select_equally_good_plans(plans, lambda plan: plan.ranked_late_s, lambda plan: 0.0)
     else:
         equal = select_surest(plans)
-    return min(equal, key=_build_preference_key)
+    preferred = min(equal, key=_build_preference_key)
+    as_long = [
+        plan
+        for plan in equal
+        if plan.tractors == preferred.tractors and is_same_time(plan.ranked_s, preferred.ranked_s)
+    ]
+    return min(as_long, key=lambda plan: (plan.quality, _build_preference_key(plan)))
 
 
 def choose_best_by_count(plans: Sequence[PlanFigures], objective: str = CHEAPEST) -> dict[int, PlanFigures]:
@@ -103,7 +131,9 @@ def is_clearly_less_sure(plan: PlanFigures, reference: PlanFigures) -> bool:
 
 def has_same_cost(plan: PlanFigures, reference: PlanFigures) -> bool:
     """Whether the expected costs of two plans are equal within their errors."""
-    return _is_too_near(plan.expected, reference.expected, math.hypot(plan.expected_error, reference.expected_error))
+    return _is_too_near(
+        plan.ranked_cost, reference.ranked_cost, math.hypot(plan.expected_error, reference.expected_error)
+    )
 
 
 def has_indistinct_probability(plan: PlanFigures, reference: PlanFigures) -> bool:
@@ -153,10 +183,10 @@ def _build_preference_key(plan: PlanFigures) -> tuple[int, float, float, float, 
     """
     return (
         plan.tractors,
-        round(plan.expected, 2),
-        round(plan.p50_s, 1),
+        round(plan.ranked_cost, 2),
+        round(plan.ranked_s, 1),
         -round(plan.probability or 0.0, 6),
-        round(plan.p95_s, 1),
+        round(plan.ranked_late_s, 1),
         round(plan.paid, 2),
         plan.strategy,
         repr(plan),
@@ -198,6 +228,8 @@ def write_advice(
         changes.append(_describe_cost_change(alternative, chosen, unit, mention_equal=objective == CHEAPEST))
         if budget is not None and alternative.paid > budget:
             changes.append("over the budget")
+        if is_share_different(alternative.worked_pct, chosen.worked_pct):
+            changes.append(f"{alternative.worked_pct:.1f} % worked")
         sentences.append(f"{_format_tractors(alternative.tractors)}: {', '.join(changes)}.")
     return " ".join(sentences)
 
@@ -270,7 +302,9 @@ def _describe_energy_change(energy: float, reference: float, name: str) -> str:
 
 def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str) -> str:
     """The change of the median time, or of the 95th percentile with the objective surest."""
-    time_s, reference_s = (plan.p95_s, chosen.p95_s) if objective == SUREST else (plan.p50_s, chosen.p50_s)
+    time_s, reference_s = (
+        (plan.ranked_late_s, chosen.ranked_late_s) if objective == SUREST else (plan.ranked_s, chosen.ranked_s)
+    )
     difference_s = time_s - reference_s
     if abs(difference_s) < 0.5 * MINUTE_S:
         return "equally fast"
@@ -280,7 +314,7 @@ def _describe_time_change(plan: PlanFigures, chosen: PlanFigures, objective: str
 
 def _describe_cost_change(plan: PlanFigures, chosen: PlanFigures, unit: str, *, mention_equal: bool) -> str:
     """The change of the expected cost, such as "+9.40 EUR"."""
-    change = format_price_change(plan.expected, chosen.expected)
+    change = format_price_change(plan.expected, chosen.expected, plan.finishing_cost - chosen.finishing_cost)
     if change is None:
         return "same cost"
     equal_remark = ABOUT_EQUAL if mention_equal and has_same_cost(plan, chosen) else ""

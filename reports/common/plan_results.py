@@ -1,9 +1,11 @@
-"""Results of plans and drives, as the planner hands them to the reports: plain frozen data."""
+"""Results of plans, as the planner hands them to the reports: plain frozen data, and which plan of them to take."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,9 @@ from reports.common.shortfalls import PullFigures as PullFigures
 from reports.common.shortfalls import Shortfall as Shortfall
 
 Points = npt.NDArray[np.float64]
+MODEL_ERROR_SHARE = 0.02  # of cost, time and probability: the error of simulated plans, however many samples there are
+LEAST_SHARE_DIFFERENCE_PCT = 0.3  # of the field: less is not told of another plan
+WORTHWHILE_SHARE = 0.5  # of what an even split of the work saves: with less the next tractor mostly waits and turns
 
 
 @dataclass(frozen=True)
@@ -237,6 +242,22 @@ def get_ranked_s(plan: PlanResult) -> float:
     return get_finished_field_s(plan) + delay_s
 
 
+def get_ranked_cost(plan: PlanResult) -> float:
+    """The cost that feasible plans are compared by: the stated one with the unworked ground finished as well."""
+    delay_cost = 0.0 if plan.expected_cost is None else plan.expected_cost - (plan.cost or 0.0)
+    return get_finished_field_cost(plan) + delay_cost
+
+
+def get_finishing_s(plan: PlanResult) -> float:
+    """Seconds that finishing the unworked ground would take, at the plan's own rate."""
+    return get_finished_field_s(plan) - (plan.time_s or 0.0)
+
+
+def get_finishing_cost(plan: PlanResult) -> float:
+    """What finishing the unworked ground would cost, at the plan's own rate."""
+    return get_finished_field_cost(plan) - (plan.cost or 0.0)
+
+
 def build_time_sort_key(plan: PlanResult) -> tuple[float, int, str]:
     """Sort key of feasible plans: time to finish the field to the millisecond, then tractors, then name.
 
@@ -245,14 +266,86 @@ def build_time_sort_key(plan: PlanResult) -> tuple[float, int, str]:
     return round(get_ranked_s(plan), 3), plan.tractors, plan.strategy
 
 
-def build_merit_sort_key(plan: PlanResult, allowed_s: float | None = None) -> tuple[bool, int, float, float, int, str]:
-    """Sort key for the best of feasible plans: those that work enough, of them those in time by cost, late by time.
+def build_quality_key(plan: PlanResult) -> tuple[float, float, int, float]:
+    """Sort key of plans that take as long: what works more, then keeps more distance, reverses less and waits less.
 
-    A plan that could finish the field within `allowed_s` comes before one that is in time but leaves ground.
+    Shares and distances count as they are printed: less is no difference.
     """
-    late = 2 if not plan.meets_deadline else int(allowed_s is not None and get_stated_finished_end_s(plan) > allowed_s)
-    cost = 0.0 if late == 2 else get_finished_field_cost(plan)
-    return not plan.works_enough, late, cost, *build_time_sort_key(plan)
+    clearance_m = math.inf if plan.min_clearance_m is None else plan.min_clearance_m
+    worked_pct = 100.0 if plan.worked_pct is None else plan.worked_pct
+    return -round(worked_pct, 1), -round(clearance_m, 1), plan.reversals or 0, round(plan.waiting_s or 0.0)
+
+
+def is_dearer(plan: PlanResult, reference: PlanResult) -> bool:
+    """Whether a plan costs more than another by more than the error of the model."""
+    cost = get_ranked_cost(reference)
+    return get_ranked_cost(plan) > cost + MODEL_ERROR_SHARE * abs(cost)
+
+
+def is_share_different(worked_pct: float | None, reference_pct: float | None) -> bool:
+    """Whether the shares that two plans work differ by so much, as printed, that it is told."""
+    if worked_pct is None or reference_pct is None:
+        return False
+    return round(abs(round(worked_pct, 1) - round(reference_pct, 1)), 1) >= LEAST_SHARE_DIFFERENCE_PCT
+
+
+def choose_by_count(
+    plans: Sequence[PlanResult], get_value: Callable[[PlanResult], float] = get_ranked_s
+) -> dict[int, PlanResult]:
+    """The plan to take with every number of tractors, fewest first: that of the least value, which is time or cost.
+
+    Of those that are as good and take as long, within the error of the model, it is the first by `build_quality_key`.
+    """
+    chosen = {}
+    for count in sorted({plan.tractors for plan in plans}):
+        alike = [plan for plan in plans if plan.tractors == count]
+        least = min(alike, key=lambda plan: (get_value(plan), build_time_sort_key(plan)))
+        limits = [(get, get(least) + MODEL_ERROR_SHARE * abs(get(least))) for get in (get_value, get_ranked_s)]
+        equal = [plan for plan in alike if plan is least or all(get(plan) <= limit for get, limit in limits)]
+        chosen[count] = min(equal, key=lambda plan: (build_quality_key(plan), build_time_sort_key(plan)))
+    return chosen
+
+
+def choose_plan(plans: Sequence[PlanResult], allowed_s: float | None = None, is_priced: bool = False) -> PlanResult:
+    """The plan to take of some feasible ones, at least one: of those that work enough, if any do.
+
+    With a deadline it is the cheapest in time, and the quickest if none is; plans that could finish the whole field
+    within `allowed_s` come before those that are in time but leave ground. Without one it is that of the knee.
+    """
+    lacks = [_rate_lack(plan, allowed_s) for plan in plans]
+    by_count = choose_by_count([plan for plan, lack in zip(plans, lacks, strict=True) if lack == min(lacks)])
+    in_time = next(iter(by_count.values())).meets_deadline
+    if in_time is False:
+        return min(by_count.values(), key=build_time_sort_key)
+    return _find_cheapest(by_count) if in_time else find_knee(by_count, is_priced)
+
+
+def _rate_lack(plan: PlanResult, allowed_s: float | None) -> tuple[bool, int]:
+    """What a plan lacks of what was asked for, less first: it works too little; it is late, or so with all ground."""
+    is_late = plan.meets_deadline is False
+    late_with_all = allowed_s is not None and get_stated_finished_end_s(plan) > allowed_s
+    return not plan.works_enough, 2 if is_late else int(late_with_all)
+
+
+def find_knee(by_count: Mapping[int, PlanResult], is_priced: bool) -> PlanResult:
+    """The plan with the number of tractors from which one more does not pay; `by_count` begins with the fewest.
+
+    Where prices are known that is the cheapest: time saved has no price of its own. Where none are, the next tractor
+    has to save a share of an even split of the work, WORTHWHILE_SHARE: of T seconds with n tractors, T / (n + 1).
+    """
+    if is_priced:
+        return _find_cheapest(by_count)
+    for (count, plan), (more, next_plan) in pairwise(by_count.items()):
+        even_split_s = get_ranked_s(plan) * (more - count) / more
+        if get_ranked_s(plan) - get_ranked_s(next_plan) < WORTHWHILE_SHARE * even_split_s:
+            return plan
+    return list(by_count.values())[-1]
+
+
+def _find_cheapest(by_count: Mapping[int, PlanResult]) -> PlanResult:
+    """The cheapest plan, of those that cost as much within the error of the model that with the fewest tractors."""
+    least = min(by_count.values(), key=get_ranked_cost)
+    return next(plan for plan in by_count.values() if not is_dearer(plan, least))
 
 
 @dataclass(frozen=True)
@@ -325,14 +418,22 @@ class PlanRanking(ShownResult):
 
     @property
     def best(self) -> PlanResult | None:
-        """The `chosen` plan, else the one that finishes first; with a deadline the cheapest in time.
-
-        Plans that could finish the whole field by the deadline come first.
-        """
+        """The `chosen` plan, else that of `choose_plan`; None where no plan is feasible."""
         plans = [plan for plan in self.plans if plan.feasible]
         if self.chosen is not None:
             return next((plan for plan in plans if (plan.strategy, plan.tractors) == self.chosen), None)
-        return min(plans, key=lambda plan: build_merit_sort_key(plan, self.allowed_s), default=None)
+        return choose_plan(plans, self.allowed_s, self.is_priced) if plans else None
+
+    @property
+    def is_priced(self) -> bool:
+        """Whether somebody gave the prices of the costs."""
+        return not self.prices_assumed and any(plan.cost for plan in self.plans)
+
+    @property
+    def has_knee(self) -> bool:
+        """Whether the best plan has so many tractors because one more does not pay: nothing else decides."""
+        best = self.best
+        return self.chosen is None and best is not None and best.meets_deadline is None
 
     @property
     def is_recommended(self) -> bool:
@@ -352,136 +453,3 @@ class PlanRanking(ShownResult):
         if best is None or best.time_s is None or self.allowed_s is None or best.meets_deadline:
             return None
         return get_stated_end_s(best) - self.allowed_s
-
-
-@dataclass(frozen=True)
-class DriverLeg:
-    """One leg of a tractor: a row of the list for its driver.
-
-    Attributes:
-        kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the next
-            track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "drive", "refill-way" (to the
-            service point), "refill" (of `amount`, below 0 where a tank is emptied), or "charge" or "change" (of a
-            battery, `amount` in kWh).
-        number: of the track or headland pass, from 1; turns and ways have those of their goal.
-        part: piece of a track ("a", "b", ...) or side of a pass ("1", "2", ...), "" where there is only one.
-        is_headland_pass: whether `number` counts headland passes.
-        continues: whether it continues after a wait.
-        from_s, seconds, length_m: begin, duration and length.
-        bearing_deg: direction worked in, clockwise from north.
-        over_swaths, shape: of a turn, how many tracks it leads over, and "u", "omega", "switch-back" or "".
-        for_tractors: numbers, from 1, of the tractors that are waited for.
-        reversing_m: metres of it in reverse.
-        over_finished: names of the tracks, and "headland", of finished ground that it leads over; `over_finished_m`:
-            metres on it.
-        x_m, y_m: the place half way along it.
-        fuel_l, energy_kwh: used on it; None where not known.
-        slope_along_pct, slope_across_pct: the steepest on it, positive uphill and where the ground
-            falls to the right; None without heights.
-    """
-
-    kind: str
-    number: int | None
-    part: str
-    from_s: float
-    seconds: float
-    length_m: float
-    x_m: float
-    y_m: float
-    is_headland_pass: bool = False
-    continues: bool = False
-    bearing_deg: float | None = None
-    over_swaths: int | None = None
-    shape: str = ""
-    for_tractors: tuple[int, ...] = ()
-    amount: float | None = None
-    reversing_m: float = 0.0
-    over_finished: tuple[str, ...] = ()
-    over_finished_m: float = 0.0
-    fuel_l: float | None = None
-    energy_kwh: float | None = None
-    slope_along_pct: float | None = None
-    slope_across_pct: float | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class HeadlandPassLine:
-    """A headland pass: its number from 1 and its centre line (n, 2) in metres, closed if the first is repeated."""
-
-    number: int
-    points: Points
-
-
-@dataclass(frozen=True, eq=False)
-class CellOutline:
-    """A cell of the field: number from 1, bearing of its tracks, rings (n, 2) and a place inside, metres."""
-
-    number: int
-    bearing_deg: float
-    rings: tuple[Points, ...]
-    x_m: float
-    y_m: float
-
-
-@dataclass(frozen=True, eq=False)
-class Relief:
-    """Heights of a field to draw.
-
-    `shade` (rows from south to north, columns from west to east) is the brightness from 0 to 1 of pixels that cover
-    west, south, east and north `bounds_m`; `contours` are heights and lines (n, 2) in metres, `interval_m` apart.
-    """
-
-    shade: Points
-    bounds_m: tuple[float, float, float, float]
-    contours: tuple[tuple[float, Points], ...]
-    interval_m: float
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class PlanDrive(ShownResult):
-    """The drive of all tractors of one plan, for pictures. Metres, rings and lines (n, 2).
-
-    Attributes:
-        boundary, holes: rings.
-        swaths: centre lines (n, 2) each; `swath_names`: their names, by default their places from 1.
-        xy, status: per tractor the guided point (t, 2) and its status (t,) every `step_s`: 0 finished, 1 working,
-            2 turning, 3 waiting, 4 reversing, 5 refilling.
-        seconds: per state (working, turning, waiting, reversing, and refilling where there is any) one value per
-            tractor.
-        unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
-        headland_passes: those that are worked.
-        cells: of a field that has several.
-        obstacles, fences: rings, and lines along the outline.
-        steps: the legs of each tractor, in order.
-        cut_off: pieces of ground that obstacles cut off.
-        worked_pct: share of the field that is worked.
-        fault_places: places (x, y) where plans cannot be driven.
-        crs, origin_m: system and origin of the metres on the earth; None for local metres.
-        relief: heights; None for level ground.
-    """
-
-    title: str
-    boundary: Points
-    holes: tuple[Points, ...]
-    swaths: Sequence[Points]
-    width_m: float
-    step_s: float
-    xy: tuple[Points, ...]
-    status: tuple[npt.NDArray[np.int64], ...]
-    finish_s: tuple[float, ...]
-    seconds: dict[str, tuple[float, ...]]
-    entrance: tuple[float, float] | None = None
-    unworked: tuple[Points, ...] = ()
-    largest_missed: UnworkedPiece | None = None
-    swath_names: tuple[str, ...] = ()
-    headland_passes: tuple[HeadlandPassLine, ...] = ()
-    cells: tuple[CellOutline, ...] = ()
-    obstacles: tuple[Points, ...] = ()
-    fences: tuple[Points, ...] = ()
-    steps: tuple[tuple[DriverLeg, ...], ...] = ()
-    cut_off: tuple[UnworkedPiece, ...] = ()
-    worked_pct: float | None = None
-    fault_places: tuple[tuple[float, float], ...] = ()
-    crs: str | None = None
-    origin_m: tuple[float, float] = (0.0, 0.0)
-    relief: Relief | None = None

@@ -37,6 +37,16 @@ def format_minutes(seconds: float | None) -> str:
     return ("-" if seconds <= -0.5 else "") + f"{whole_s // 60}:{whole_s % 60:02d}"
 
 
+def format_time_span(seconds: float) -> str:
+    """Seconds in words: ``22 s``, ``4 min``, ``1 h 5 min``."""
+    hours, minutes = divmod(round(seconds / 60.0), 60)
+    if seconds < 30.0:
+        return translate("{seconds} s", seconds=round(seconds))
+    if not hours:
+        return translate("{minutes} min", minutes=minutes)
+    return translate("{hours} h {minutes} min", hours=hours, minutes=minutes)
+
+
 def round_seconds(seconds: float) -> int:
     """Whole seconds, halves up."""
     return math.floor(seconds + 0.5)
@@ -60,13 +70,17 @@ def format_price(value: float | None) -> str:
     return format_number(value, 2 if value is None or abs(value) < LEAST_WHOLE_PRICE else 0)
 
 
-def format_price_change(price: float | None, reference: float | None) -> str | None:
-    """The difference of two costs as they are printed, with its sign; None where they are printed alike."""
+def format_price_change(price: float | None, reference: float | None, added: float = 0.0) -> str | None:
+    """The difference of two costs as they are printed, with its sign; None where it is printed as none.
+
+    `added` is what the first costs more besides, which is not part of the costs that are printed.
+    """
     printed = [format_price(value) for value in (price, reference)]
-    if NO_VALUE in printed or printed[0] == printed[1]:
+    if NO_VALUE in printed:
         return None
     decimals = max(len(text.partition(".")[2]) for text in printed)
-    return f"{float(printed[0]) - float(printed[1]):+.{decimals}f}"
+    change = f"{float(printed[0]) - float(printed[1]) + added:+.{decimals}f}"
+    return change if float(change) else None
 
 
 def format_percent(share: float | None) -> str:

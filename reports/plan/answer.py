@@ -7,14 +7,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from reports.common.language import translate, translate_count, translate_sentence
+from reports.common.language import mark_text, translate, translate_count, translate_sentence
 from reports.common.plan_results import (
+    MODEL_ERROR_SHARE,
     PlanRanking,
     PlanResult,
+    choose_by_count,
+    get_finishing_cost,
+    get_finishing_s,
+    get_ranked_cost,
+    get_ranked_s,
     get_stated_cost,
     get_stated_end_s,
     get_stated_finished_end_s,
     get_stated_late_end_s,
+    is_share_different,
 )
 from reports.common.wording import (
     LEAST_COST,
@@ -27,6 +34,7 @@ from reports.common.wording import (
     format_percent,
     format_price,
     format_price_change,
+    format_time_span,
     format_tractor_count,
     parse_start_time,
 )
@@ -34,12 +42,19 @@ from reports.plan.energy_wording import format_energy
 from reports.plan.plan_wording import (
     describe_changes,
     explain_no_plan,
+    format_unworked,
     is_interval_wide,
     list_feasible,
 )
 from reports.plan.shortfall_wording import list_shortfall_sentences, question_pull
 
 SURE_SHARE = 0.995  # from here on it is not said again of an alternative
+LEAST_SPAN_S = 1.0  # less time is none
+NEXT_TRACTORS = (
+    mark_text("a second"), mark_text("a third"), mark_text("a fourth"), mark_text("a fifth"), mark_text("a sixth"),
+    mark_text("a seventh"), mark_text("an eighth"), mark_text("a ninth"), mark_text("a tenth"),
+)  # fmt: skip
+"""What one more tractor is, from the second on."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +66,8 @@ class Answer:
         decision: the plan to take, when it is done and what it costs; where none works what would help.
         work: how much of the field is worked, and the end that is nearly sure.
         certainty: how sure that is, and what late ground may cost.
-        alternatives: the plans with fewer and with more tractors.
+        alternatives: the plans with fewer and with more tractors, the latter as what one more tractor saves where that
+            decides their number.
         faults: what is wrong with the plan to take.
         question: what of the request should be checked: whether the tractor can pull the implement.
     """
@@ -124,7 +140,7 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     """``98.4 % worked, 95 % sure by 15:02, 2 refills.``"""
     parts = []
     if plan.worked_pct is not None:
-        parts.append(translate("{share} % worked", share=format_number(plan.worked_pct, 1)))
+        parts.append(_describe_share(plan) + _describe_rest(ranking, plan))
     if (late_s := get_stated_late_end_s(plan)) is not None:
         late = format_stated_end(ranking, late_s)
         has_start = parse_start_time(ranking.start) is not None
@@ -136,6 +152,18 @@ def _describe_work(ranking: PlanRanking, plan: PlanResult) -> str:
     if plan.charges:
         parts.append(translate_count("{count} stop to charge", "{count} stops to charge", plan.charges))
     return f"{', '.join(parts)}." if parts else ""
+
+
+def _describe_share(plan: PlanResult) -> str:
+    return translate("{share} % worked", share=format_number(plan.worked_pct, 1))
+
+
+def _describe_rest(ranking: PlanRanking, plan: PlanResult) -> str:
+    """What the rest of the ground takes: `` (the rest: 12 min, 9 EUR)``; "" where that is within the model's error."""
+    if format_unworked(plan) is None or get_finishing_s(plan) < MODEL_ERROR_SHARE * (plan.time_s or 0.0):
+        return ""
+    money = format_money(ranking, get_finishing_cost(plan))
+    return translate(" (the rest: {time}, {money})", time=format_time_span(get_finishing_s(plan)), money=money)
 
 
 def _describe_end(ranking: PlanRanking, plan: PlanResult) -> str:
@@ -186,49 +214,77 @@ def _format_limit(ranking: PlanRanking) -> str:
 
 
 def choose_alternatives(ranking: PlanRanking) -> list[PlanResult]:
-    """The best plan with the next smaller and the next larger number of tractors."""
+    """The plans to take with the next smaller and the next larger number of tractors.
+
+    They are the cheapest where samples decide, else the quickest; those that work too little only where the best does.
+    """
     best = ranking.best
     if best is None:
         return []
-    by_count: dict[int, PlanResult] = {}
-    for plan in sorted(list_feasible(ranking), key=lambda plan: _build_alternative_key(plan, best)):
-        by_count.setdefault(plan.tractors, plan)
+    plans = [plan for plan in list_feasible(ranking) if plan.works_enough or not best.works_enough]
+    by_count = choose_by_count(plans, get_ranked_s if best.expected_cost is None else get_ranked_cost)
     fewer = max((count for count in by_count if count < best.tractors), default=None)
     more = min((count for count in by_count if count > best.tractors), default=None)
     return [by_count[count] for count in (fewer, more) if count is not None]
 
 
-def _build_alternative_key(plan: PlanResult, best: PlanResult) -> tuple[float, int]:
-    """Cheapest first where samples decide, else as they are ranked."""
-    cost = plan.expected_cost if best.expected_cost is not None else None
-    return (0.0 if cost is None else cost), plan.rank or 0
-
-
 def _describe_alternatives(ranking: PlanRanking, best: PlanResult) -> str:
-    others = [_describe_alternative(ranking, plan, best) for plan in choose_alternatives(ranking)]
-    if not others:
-        return ""
-    return translate("Or {alternatives}.", alternatives="; ".join(others))
+    others = choose_alternatives(ranking)
+    sentences = []
+    if others and ranking.has_knee and others[-1].tractors > best.tractors:
+        sentences.append(_describe_next(ranking, others.pop(), best))
+    if others:
+        alternatives = "; ".join(_describe_alternative(ranking, plan, best) for plan in others)
+        sentences.append(translate("Or {alternatives}.", alternatives=alternatives))
+    return " ".join(sentences)
+
+
+def _describe_next(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
+    """What more tractors than the recommended ones would save: ``3 tractors; a fourth saves 4 min for 9 EUR.``"""
+    count = plan.tractors
+    is_named = count == best.tractors + 1 and count < len(NEXT_TRACTORS) + 2
+    more = translate(NEXT_TRACTORS[count - 2]) if is_named else translate("a fleet of {count}", count=count)
+    saved_s, change = get_ranked_s(best) - get_ranked_s(plan), _compute_cost_change(plan, best)
+    values = {"tractors": format_tractor_count(best.tractors), "more": more, "worked": ""}
+    if is_share_different(plan.worked_pct, best.worked_pct):
+        values["worked"] = f", {_describe_share(plan)}"
+    if saved_s < LEAST_SPAN_S:
+        return translate("{tractors}; {more} saves no time{worked}.", **values)
+    values["time"] = format_time_span(saved_s)
+    if change is None:
+        return translate("{tractors}; {more} saves {time} at the same cost{worked}.", **values)
+    values["money"] = _add_currency(ranking, change[1:])
+    if change.startswith("-"):
+        return translate("{tractors}; {more} saves {time} and {money}{worked}.", **values)
+    return translate("{tractors}; {more} saves {time} for {money}{worked}.", **values)
 
 
 def _describe_alternative(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
-    values = {
-        "tractors": format_tractor_count(plan.tractors),
-        "time": format_stated_end(ranking, get_stated_end_s(plan)),
-        "change": format_cost_change(ranking, plan, best),
-    }
-    if plan.finish_probability is None or min(plan.finish_probability, best.finish_probability or 0.0) >= SURE_SHARE:
-        return translate("{tractors}: {time}, {change}", **values)
-    share = format_percent(plan.finish_probability)
-    return translate("{tractors}: {time}, {share} % sure, {change}", share=share, **values)
+    figures = [format_stated_end(ranking, get_stated_end_s(plan))]
+    if plan.finish_probability is not None and (
+        min(plan.finish_probability, best.finish_probability or 0.0) < SURE_SHARE
+    ):
+        figures.append(translate("{share} % sure", share=format_percent(plan.finish_probability)))
+    figures.append(format_cost_change(ranking, plan, best))
+    if is_share_different(plan.worked_pct, best.worked_pct):
+        figures.append(_describe_share(plan))
+    return translate("{plan}: {figures}", plan=format_tractor_count(plan.tractors), figures=", ".join(figures))
 
 
 def format_cost_change(ranking: PlanRanking, plan: PlanResult, best: PlanResult) -> str:
-    """The difference of the stated costs as they are printed: ``+2 EUR``; ``same cost`` where there is none."""
-    change = format_price_change(get_stated_cost(plan), get_stated_cost(best))
-    if change is None:
-        return translate("same cost")
-    return change if ranking.currency is None else f"{change} {ranking.currency}"
+    """The difference of the costs that plans are compared by: ``+2 EUR``; ``same cost`` where there is none."""
+    change = _compute_cost_change(plan, best)
+    return translate("same cost") if change is None else _add_currency(ranking, change)
+
+
+def _compute_cost_change(plan: PlanResult, best: PlanResult) -> str | None:
+    """The difference as printed, with its sign; None where it is none or not known."""
+    more_ground = get_finishing_cost(plan) - get_finishing_cost(best)
+    return format_price_change(get_stated_cost(plan), get_stated_cost(best), more_ground)
+
+
+def _add_currency(ranking: PlanRanking, money: str) -> str:
+    return money if ranking.currency is None else f"{money} {ranking.currency}"
 
 
 def _list_faults(ranking: PlanRanking, best: PlanResult) -> list[str]:

@@ -16,7 +16,7 @@ from reports.common.plan_results import (
     FieldPartPlan,
     PlanResult,
     UnworkedPiece,
-    get_finished_field_cost,
+    get_ranked_cost,
     get_stated_cost,
     get_stated_end_s,
     get_stated_s,
@@ -67,7 +67,7 @@ class ComparedPlan:
     def charged_cost(self) -> float:
         """The stated cost with missed ground finished at the plan's own rate."""
         assert self.plan is not None
-        return (get_stated_cost(self.plan) or 0.0) + get_finished_field_cost(self.plan) - (self.plan.cost or 0.0)
+        return get_ranked_cost(self.plan)
 
     @property
     def cut_off_m2(self) -> float:

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from reports.common.plan_results import DriverLeg
+from reports.common.plan_drives import DriverLeg
 from reports.common.rendering import make_json_safe
 from reports.common.text_tables import FittedTable, TableColumn, format_sentence, format_title
 from reports.common.wording import format_clock_at, format_duration, format_minutes, format_number, join_list

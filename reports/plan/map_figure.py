@@ -14,7 +14,8 @@ import numpy as np
 import shapely
 
 from reports.common import palette
-from reports.common.plan_results import PlanDrive, Points
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import Points
 from reports.common.wording import format_area, format_duration, format_tractor_count
 from reports.plan.drive_geometry import (
     REVERSING,

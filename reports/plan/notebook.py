@@ -16,8 +16,8 @@ from reports.common.notebook import (
     encode_picture,
     render_fragment,
 )
+from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
-    PlanDrive,
     PlanRanking,
     PlanResult,
     get_ranked_s,

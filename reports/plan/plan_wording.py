@@ -15,12 +15,13 @@ from reports.common.plan_results import (
     PlanRanking,
     PlanResult,
     UnworkedPiece,
-    get_finished_field_cost,
+    get_ranked_cost,
     get_ranked_s,
     get_stated_cost,
     get_stated_end_s,
     get_stated_finished_end_s,
     get_stated_s,
+    is_dearer,
 )
 from reports.common.units import format_area, format_width
 from reports.common.wording import (
@@ -199,8 +200,8 @@ def describe_ranking(ranking: PlanRanking) -> list[str]:
     if best is None:
         return [" ".join(filter(None, (explain_no_plan(ranking), describe_changes(ranking))))]
     priced = [plan for plan in list_feasible(ranking) if plan.cost is not None]
-    cheapest = min(priced, key=_get_compared_cost, default=None)
-    best_is_cheapest = cheapest is not None and _get_compared_cost(cheapest) == _get_compared_cost(best)
+    cheapest = min(priced, key=get_ranked_cost, default=None)
+    best_is_cheapest = cheapest is not None and get_ranked_cost(cheapest) == get_ranked_cost(best)
     result = _describe_plan_result(ranking, best)
     details = [*ranking.day_sentences, *_describe_unworked(ranking, best)]
     if ranking.shortfalls:
@@ -252,11 +253,6 @@ def _describe_other_plans(
     if ranking.shortfalls:
         return [*sentences, translate("This plan is also the cheapest.")]
     return [*sentences, translate("The best plan is also the cheapest.")]
-
-
-def _get_compared_cost(plan: PlanResult) -> float:
-    """The cost that plans are compared by: the expected one, without samples that of the finished field."""
-    return get_finished_field_cost(plan) if plan.expected_cost is None else plan.expected_cost
 
 
 def _list_advice(ranking: PlanRanking) -> list[str]:
@@ -443,7 +439,7 @@ def _describe_deadline(ranking: PlanRanking, best: PlanResult, best_is_cheapest:
     text = "{name} can be met with {tractors}{missed}; the best plan is the cheapest of them."
     if ranking.chosen is not None:
         text = "{name} can be met with {tractors}{missed}, in half of the samples or more."
-    elif get_finished_field_cost(best) > min(get_finished_field_cost(plan) for plan in judged if plan.meets_deadline):
+    elif is_dearer(best, min((plan for plan in judged if plan.meets_deadline), key=get_ranked_cost)):
         text = (
             "{name} can be met with {tractors}{missed}; the best plan is the cheapest that could finish the field by "
             "then."

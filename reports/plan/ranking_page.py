@@ -9,8 +9,8 @@ from typing import Any
 
 from reports.common import palette
 from reports.common.palette import TRACTOR_COLOURS
+from reports.common.plan_drives import PlanDrive
 from reports.common.plan_results import (
-    PlanDrive,
     PlanRanking,
     PlanResult,
     SlopePlace,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from reports.common import palette
-from reports.common.plan_results import Relief
+from reports.common.plan_drives import Relief
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

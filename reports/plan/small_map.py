@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from reports.common.palette import TRACTOR_COLOURS
-from reports.common.plan_results import PlanDrive, Points
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import Points
 from reports.plan.drive_geometry import (
     WORKING,
     build_swath_outline,

@@ -144,10 +144,25 @@ class TestRanking:
         assert told.best is late[2] and told.missed_by_s == pytest.approx(2200.0)
         assert told.advice is not None and told.advice.startswith("3 tractors")
 
-    def test_without_a_limit_or_preference_the_quickest_stays_the_best(self) -> None:
-        ranking = PlanRanking("f", 1.0, 1, tuple(replace(each, meets_deadline=None) for each in self.plans))
+    def test_without_a_limit_or_preference_the_knee_is_the_best(self) -> None:
+        """Of 59 minutes with one tractor a second saves 19 of 29.5, a third 10 of 13.3."""
+        plans = tuple(replace(each, meets_deadline=None) for each in self.plans)
+        ranking = PlanRanking("f", 1.0, 1, plans, prices_assumed=True)
         told = add_ranking_advice(ranking, build_decision_criteria(scenario()))
         assert told.best is told.plans[2] and told.advice is not None and told.advice.startswith("3 tractors")
+        priced = add_ranking_advice(replace(ranking, prices_assumed=False), build_decision_criteria(scenario()))
+        assert priced.best is priced.plans[1] and priced.advice is not None and priced.advice.startswith("1 tractor:")
+
+    def test_ground_that_is_left_counts_where_the_objective_chooses(self) -> None:
+        """Half an hour and 60 to finish the rest make the quicker and cheaper plan the worse one."""
+        whole = replace(self.plans[0], worked_pct=99.8)
+        leaving = replace(result(2, 35.0, 0.97, 110.0, 8.8), strategy="interleaved", worked_pct=60.0,
+                          finished_s=3900.0, finished_cost=170.0, works_enough=True)  # fmt: skip
+        whole, leaving = replace(whole, fuel_l=30.0), replace(leaving, fuel_l=20.0)  # 20 l * 3,900 s / 2,100 s = 37 l
+        for objective in ("fastest", "cheapest", "fuel"):
+            ranking = PlanRanking("f", 1.0, 1, (leaving, whole))
+            told = add_ranking_advice(ranking, build_decision_criteria(scenario(objective=objective)))
+            assert told.best is whole, objective
         assert add_ranking_advice(ranking, None) is ranking
 
 

@@ -92,8 +92,10 @@ class TestBest:
     def ranking(self, *plans: PlanResult) -> PlanRanking:
         return PlanRanking("f", 1.0, 1, plans)
 
-    def test_with_a_deadline_it_is_the_cheapest_that_meets_it(self) -> None:
-        assert self.ranking(*self.PLANS).best == self.PLANS[1]
+    def test_with_a_deadline_it_is_the_cheapest_that_meets_it_and_has_the_fewest_tractors(self) -> None:
+        assert self.ranking(*self.PLANS).best == self.PLANS[2]
+        dearer = replace(self.PLANS[2], cost=44.9)  # 2 % of 44 is 0.88
+        assert self.ranking(*self.PLANS[:2], dearer).best == self.PLANS[1]
 
     def test_when_none_meets_it_it_is_the_quickest_and_late(self) -> None:
         late = [result(2, 500.0 + i, rank=i + 1, cost=9.0 - i, meets_deadline=False) for i in range(3)]
@@ -105,10 +107,6 @@ class TestBest:
         assert replace(self.ranking(*self.PLANS), allowed_s=450.0).missed_by_s is None
         assert self.ranking(*self.PLANS[3:]).missed_by_s is None
         assert replace(self.ranking(refused("x", 1)), allowed_s=450.0).missed_by_s is None
-
-    def test_without_a_deadline_it_is_the_quickest(self) -> None:
-        plain = [result(6, 300.0, rank=1, cost=50.0), result(1, 900.0, rank=2, cost=20.0)]
-        assert self.ranking(*plain).best == plain[0]
 
     def test_an_infeasible_plan_is_never_best(self) -> None:
         assert self.ranking(refused("x", 1)).best is None

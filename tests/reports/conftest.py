@@ -8,15 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from reports.common.plan_results import (
-    CellOutline,
-    DriverLeg,
-    HeadlandPassLine,
-    PlanDrive,
-    PlanRanking,
-    PlanResult,
-    UnworkedPiece,
-)
+from reports.common.plan_drives import CellOutline, DriverLeg, HeadlandPassLine, PlanDrive
+from reports.common.plan_results import PlanRanking, PlanResult, UnworkedPiece
 from reports.common.study_results import FleetStudy, ThesisClaim, ThesisTableRow
 
 STEP_S = 0.5

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, sync_playwright
 
-from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import PlanRanking
 from reports.plan.ranking_page import render_plan_page
 from reports.trials.report import render_trials_page
 from vehicle.trials.sheets.sheet import ExperimentSheet, TextTable, ThesisComparison

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from reports.common.language import Reader, use_reader
-from reports.common.plan_results import DriverLeg, PlanDrive, Relief
+from reports.common.plan_drives import DriverLeg, PlanDrive, Relief
 from reports.plan.answer import write_answer
 from reports.plan.energy_wording import describe_energy, describe_physics, format_energy, format_rate
 from reports.plan.first_screen import build_answer_table, choose_first_plans

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from reports.common.plan_results import FieldPartPlan, PlanDrive, PlanResult, UnworkedPiece
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import FieldPartPlan, PlanResult, UnworkedPiece
 from reports.plan.headland_comparison import (
     ComparedPlan,
     HeadlandChoice,

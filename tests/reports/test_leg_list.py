@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from reports.common.plan_results import DriverLeg
+from reports.common.plan_drives import DriverLeg
 from reports.plan.leg_list import (
     build_leg_tables,
     describe_leg,

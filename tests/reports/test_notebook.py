@@ -21,7 +21,8 @@ import reports.diagnosis.notebook
 import reports.plan.notebook  # noqa: F401
 from planner.pipeline.diagnosis import TractorDiagnosis
 from reports.common.notebook import PICTURE_DPIS, ShownResult, encode_picture
-from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import PlanRanking
 from reports.common.rendering import ReportError
 from reports.common.study_results import FleetStudy
 from reports.diagnosis.tables import build_diagnosis_dict

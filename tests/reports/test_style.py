@@ -6,7 +6,8 @@ import re
 
 import pytest
 
-from reports.common.plan_results import PlanDrive, PlanRanking
+from reports.common.plan_drives import PlanDrive
+from reports.common.plan_results import PlanRanking
 from reports.common.rendering import render_template
 from reports.diagnosis.page import render_diagnosis_page
 from reports.diagnosis.replay import build_replay_table, format_replay_json, render_replay_page

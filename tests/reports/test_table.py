@@ -173,7 +173,7 @@ def test_only_the_best_are_shown_when_asked(ranking: PlanRanking) -> None:
 def test_the_front_and_the_best_plan_are_shown_however_slow(ranking: PlanRanking) -> None:
     quick, slow = ranking.plans[1], ranking.plans[4]
     plans = [replace(quick, rank=rank, time_s=1000.0 + rank) for rank in range(1, 26)]
-    plans += [replace(slow, rank=26), replace(quick, rank=27, time_s=3500.0, cost=0.01)]
+    plans += [replace(slow, rank=26), replace(quick, tractors=4, rank=27, time_s=3500.0, cost=0.01)]
     plans += [replace(slow, rank=28, on_pareto_front=False)]
     crowded = replace(ranking, plans=tuple(plans))
     assert crowded.best is plans[26]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reports.common.plan_results import PlanDrive
+from reports.common.plan_drives import PlanDrive
 from reports.plan.map_data import PATH_TOLERANCE_M, thin_paths
 
 STEP_M = 1.4

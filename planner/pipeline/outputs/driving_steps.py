@@ -16,7 +16,7 @@ import numpy.typing as npt
 import shapely
 
 from planner.pipeline.outputs.step_measures import NO_MEASURES, StepMeasures
-from reports.common.plan_results import DriverLeg
+from reports.common.plan_drives import DriverLeg
 from vehicle.missions.plan import (
     DRIVE,
     DRIVE_IN,

@@ -24,16 +24,8 @@ from planner.evaluation.ground.unworked_area import MIN_AREA_M2, UnworkedArea, b
 from planner.pipeline.outputs.driving_steps import list_steps, name_swaths
 from planner.pipeline.outputs.slope_facts import describe_slopes
 from planner.pipeline.outputs.step_measures import measure_steps
-from reports.common.plan_results import (
-    CellOutline,
-    HeadlandPassLine,
-    PlanDrive,
-    PlanRanking,
-    PlanResult,
-    Points,
-    Relief,
-    UnworkedPiece,
-)
+from reports.common.plan_drives import CellOutline, HeadlandPassLine, PlanDrive, Relief
+from reports.common.plan_results import PlanRanking, PlanResult, Points, UnworkedPiece
 from strategies.path_planning.connector import Connector
 from strategies.path_planning.paths import Pose
 from strategies.program.field_job import SwathPass

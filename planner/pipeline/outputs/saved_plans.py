@@ -19,13 +19,8 @@ from planner.pipeline.outputs.saved_physics import PHYSICS_KEY, export_physics, 
 from planner.pipeline.outputs.step_measures import measure_steps
 from planner.request.plan_request import PlanRequest
 from planner.request.service_points import add_coordinates
-from reports.common.plan_results import (
-    DriverLeg,
-    PlanRanking,
-    get_stated_cost,
-    get_stated_end_s,
-    get_stated_late_end_s,
-)
+from reports.common.plan_drives import DriverLeg
+from reports.common.plan_results import PlanRanking, get_stated_cost, get_stated_end_s, get_stated_late_end_s
 from vehicle.errors import MissionError
 from vehicle.missions.plan import Plan
 from vehicle.missions.plan_file import SavedPlan, format_plan, parse_saved_plan

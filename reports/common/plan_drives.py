@@ -1,0 +1,147 @@
+"""Drives of plans, as the planner hands them to the reports for pictures and lists of legs: plain frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from reports.common.notebook import ShownResult
+from reports.common.plan_results import UnworkedPiece
+
+Points = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DriverLeg:
+    """One leg of a tractor: a row of the list for its driver.
+
+    Attributes:
+        kind: "track", "round" (one side of a headland pass), "corner" (between two sides), "turn" or "way" (to the next
+            track or pass), "enter" (from the entrance), "leave" (back to it), "wait", "drive", "refill-way" (to the
+            service point), "refill" (of `amount`, below 0 where a tank is emptied), or "charge" or "change" (of a
+            battery, `amount` in kWh).
+        number: of the track or headland pass, from 1; turns and ways have those of their goal.
+        part: piece of a track ("a", "b", ...) or side of a pass ("1", "2", ...), "" where there is only one.
+        is_headland_pass: whether `number` counts headland passes.
+        continues: whether it continues after a wait.
+        from_s, seconds, length_m: begin, duration and length.
+        bearing_deg: direction worked in, clockwise from north.
+        over_swaths, shape: of a turn, how many tracks it leads over, and "u", "omega", "switch-back" or "".
+        for_tractors: numbers, from 1, of the tractors that are waited for.
+        reversing_m: metres of it in reverse.
+        over_finished: names of the tracks, and "headland", of finished ground that it leads over; `over_finished_m`:
+            metres on it.
+        x_m, y_m: the place half way along it.
+        fuel_l, energy_kwh: used on it; None where not known.
+        slope_along_pct, slope_across_pct: the steepest on it, positive uphill and where the ground
+            falls to the right; None without heights.
+    """
+
+    kind: str
+    number: int | None
+    part: str
+    from_s: float
+    seconds: float
+    length_m: float
+    x_m: float
+    y_m: float
+    is_headland_pass: bool = False
+    continues: bool = False
+    bearing_deg: float | None = None
+    over_swaths: int | None = None
+    shape: str = ""
+    for_tractors: tuple[int, ...] = ()
+    amount: float | None = None
+    reversing_m: float = 0.0
+    over_finished: tuple[str, ...] = ()
+    over_finished_m: float = 0.0
+    fuel_l: float | None = None
+    energy_kwh: float | None = None
+    slope_along_pct: float | None = None
+    slope_across_pct: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class HeadlandPassLine:
+    """A headland pass: its number from 1 and its centre line (n, 2) in metres, closed if the first is repeated."""
+
+    number: int
+    points: Points
+
+
+@dataclass(frozen=True, eq=False)
+class CellOutline:
+    """A cell of the field: number from 1, bearing of its tracks, rings (n, 2) and a place inside, metres."""
+
+    number: int
+    bearing_deg: float
+    rings: tuple[Points, ...]
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class Relief:
+    """Heights of a field to draw.
+
+    `shade` (rows from south to north, columns from west to east) is the brightness from 0 to 1 of pixels that cover
+    west, south, east and north `bounds_m`; `contours` are heights and lines (n, 2) in metres, `interval_m` apart.
+    """
+
+    shade: Points
+    bounds_m: tuple[float, float, float, float]
+    contours: tuple[tuple[float, Points], ...]
+    interval_m: float
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PlanDrive(ShownResult):
+    """The drive of all tractors of one plan, for pictures. Metres, rings and lines (n, 2).
+
+    Attributes:
+        boundary, holes: rings.
+        swaths: centre lines (n, 2) each; `swath_names`: their names, by default their places from 1.
+        xy, status: per tractor the guided point (t, 2) and its status (t,) every `step_s`: 0 finished, 1 working,
+            2 turning, 3 waiting, 4 reversing, 5 refilling.
+        seconds: per state (working, turning, waiting, reversing, and refilling where there is any) one value per
+            tractor.
+        unworked: rings around unworked ground, counter-clockwise, and clockwise around worked ground inside it.
+        headland_passes: those that are worked.
+        cells: of a field that has several.
+        obstacles, fences: rings, and lines along the outline.
+        steps: the legs of each tractor, in order.
+        cut_off: pieces of ground that obstacles cut off.
+        worked_pct: share of the field that is worked.
+        fault_places: places (x, y) where plans cannot be driven.
+        crs, origin_m: system and origin of the metres on the earth; None for local metres.
+        relief: heights; None for level ground.
+    """
+
+    title: str
+    boundary: Points
+    holes: tuple[Points, ...]
+    swaths: Sequence[Points]
+    width_m: float
+    step_s: float
+    xy: tuple[Points, ...]
+    status: tuple[npt.NDArray[np.int64], ...]
+    finish_s: tuple[float, ...]
+    seconds: dict[str, tuple[float, ...]]
+    entrance: tuple[float, float] | None = None
+    unworked: tuple[Points, ...] = ()
+    largest_missed: UnworkedPiece | None = None
+    swath_names: tuple[str, ...] = ()
+    headland_passes: tuple[HeadlandPassLine, ...] = ()
+    cells: tuple[CellOutline, ...] = ()
+    obstacles: tuple[Points, ...] = ()
+    fences: tuple[Points, ...] = ()
+    steps: tuple[tuple[DriverLeg, ...], ...] = ()
+    cut_off: tuple[UnworkedPiece, ...] = ()
+    worked_pct: float | None = None
+    fault_places: tuple[tuple[float, float], ...] = ()
+    crs: str | None = None
+    origin_m: tuple[float, float] = (0.0, 0.0)
+    relief: Relief | None = None

@@ -1,0 +1,108 @@
+"""The sentence on one more tractor, the other plans, and the ground that a plan leaves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from reports.common.language import use_language
+from reports.common.plan_results import PlanRanking, PlanResult, Shortfall
+from reports.common.wording import format_price_change
+from reports.plan.answer import write_answer
+
+
+def build_plan(tractors: int, minutes: float, cost: float, worked_pct: float = 98.4) -> PlanResult:
+    """A plan that leaves nothing to be charged, unless it is replaced."""
+    return PlanResult(
+        "split-field", tractors, "u", True, time_s=60.0 * minutes, cost=cost, finished_s=60.0 * minutes,
+        finished_cost=cost, worked_pct=worked_pct,
+    )  # fmt: skip
+
+
+def write_alternatives(*plans: PlanResult, **more: object) -> str:
+    values: dict[str, object] = {"currency": "EUR", "prices_assumed": True, **more}
+    return write_answer(PlanRanking("f", 1.0, 1, plans, **values)).alternatives  # type: ignore[arg-type]
+
+
+def test_a_fourth_saves_four_minutes() -> None:
+    plans = build_plan(2, 90.0, 120.0), build_plan(3, 60.0, 120.0), build_plan(4, 56.0, 129.0)
+    assert (
+        write_alternatives(*plans) == "3 tractors; a fourth saves 4 min for 9 EUR. Or 2 tractors: 1:30:00, same cost."
+    )
+
+
+@pytest.mark.parametrize(
+    ("plans", "sentence"),
+    [
+        ((build_plan(1, 60.0, 50.0), build_plan(2, 59.7, 61.0)), "1 tractor; a second saves 18 s for 11 EUR."),
+        ((build_plan(1, 600.0, 50.0), build_plan(2, 520.0, 61.0)), "1 tractor; a second saves 1 h 20 min for 11 EUR."),
+        ((build_plan(9, 60.0, 50.0), build_plan(10, 59.0, 50.0)), "9 tractors; a tenth saves 1 min at the same cost."),
+        ((build_plan(10, 60.0, 50.0), build_plan(11, 59.0, 45.0)), "10 tractors; a fleet of 11 saves 1 min and 5 EUR."),
+        ((build_plan(2, 60.0, 50.0), build_plan(4, 50.0, 55.0)), "2 tractors; a fleet of 4 saves 10 min for 5 EUR."),
+        ((build_plan(7, 60.0, 50.0), build_plan(8, 61.0, 55.0)), "7 tractors; an eighth saves no time."),
+        (
+            (build_plan(1, 60.0, 50.0, 98.1), build_plan(2, 50.0, 55.0)),
+            "1 tractor; a second saves 10 min for 5 EUR, 98.4 % worked.",
+        ),
+        (
+            (build_plan(1, 60.0, 50.0, 98.2), build_plan(2, 50.0, 55.0)),
+            "1 tractor; a second saves 10 min for 5 EUR.",
+        ),
+    ],
+)
+def test_what_more_tractors_save(plans: tuple[PlanResult, ...], sentence: str) -> None:
+    assert write_alternatives(*plans) == sentence
+
+
+def test_what_is_saved_and_paid_counts_the_ground_that_is_left() -> None:
+    """Driven 10 minutes quicker for 5 less, but its rest takes 8 minutes and 12: 2 minutes for 7."""
+    left = replace(build_plan(2, 50.0, 45.0, 86.2), finished_s=3480.0, finished_cost=57.0, missed_m2=1400.0)
+    whole = build_plan(1, 60.0, 50.0, 99.8)
+    assert write_alternatives(whole, left) == "1 tractor; a second saves 2 min for 7 EUR, 86.2 % worked."
+    shown = replace(PlanRanking("f", 1.0, 1, (left,)), currency="EUR")
+    assert write_answer(shown).work == "86.2 % worked (the rest: 8 min, 12 EUR)."
+    little = replace(left, finished_s=3059.0)  # 59 s of 50 min are less than 2 %
+    assert write_answer(replace(shown, plans=(little,))).work == "86.2 % worked."
+
+
+def test_with_a_deadline_both_neighbours_tell_their_time_and_their_share() -> None:
+    plans = [replace(build_plan(count, 120.0 / count, 40.0 + 5.0 * count), meets_deadline=True) for count in (1, 2, 3)]
+    plans[2] = replace(plans[2], worked_pct=99.8)
+    said = write_alternatives(*plans, allowed_s=9000.0, chosen=("split-field", 2))
+    assert said == "Or 1 tractor: 2:00:00, -5 EUR; 3 tractors: 0:40:00, +5 EUR, 99.8 % worked."
+
+
+def test_a_plan_that_works_too_little_is_no_alternative() -> None:
+    little = replace(build_plan(2, 30.0, 40.0, 60.0), works_enough=False)
+    whole = build_plan(1, 60.0, 50.0)
+    assert write_alternatives(whole, little) == ""
+    none = [replace(plan, works_enough=False) for plan in (whole, little)]
+    assert "a second" in write_alternatives(
+        replace(none[0], finished_s=1.0), none[1], shortfalls=(Shortfall("worked", "Too little."),)
+    )
+
+
+@pytest.mark.parametrize(
+    ("price", "reference", "added", "change"),
+    [
+        (139.4, 143.4, -0.1, "-4"),
+        (139.4, 143.4, 9.0, "+5"),
+        (143.0, 143.0, 0.4, None),
+        (143.0, 143.0, 0.6, "+1"),
+        (5.0, 5.0, 0.5, "+0.50"),
+        (None, 5.0, 1.0, None),
+    ],
+)
+def test_cost_changes_are_those_printed_with_that_of_the_ground(
+    price: float | None, reference: float, added: float, change: str | None
+) -> None:
+    assert format_price_change(price, reference, added) == change
+
+
+def test_it_is_said_in_every_language() -> None:
+    plans = build_plan(3, 60.0, 120.0), build_plan(4, 56.0, 129.0)
+    with use_language("de"):
+        assert write_alternatives(*plans) == "3 Traktoren; ein vierter spart 4 min für 9 EUR."
+    with use_language("fr"):
+        assert write_alternatives(*plans) == "3 tracteurs ; un quatrième fait gagner 4 min pour 9 EUR."
