@@ -106,6 +106,17 @@ def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
     assert all(np.array_equal(a.points, b.points) for a, b in zip(far, farther, strict=True))
 
 
+def test_open_edges_lift_the_limit_of_planned_paths(lay: Any) -> None:
+    """Paths are those of an overhang that nothing reaches; those of half a metre are others."""
+    options: tuple[dict[str, Any], ...] = ({"overhang_m": 80.0}, {"open_edges": True}, {})
+    wide, opened, closed = (list_legs(lay(corners="square", **one).build_job(1)) for one in options)
+    assert len(wide) == len(opened)
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(wide, opened, strict=True))
+    assert len(closed) != len(wide) or any(
+        not np.array_equal(a.points, b.points) for a, b in zip(wide, closed, strict=True)
+    )
+
+
 @pytest.mark.slow
 def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
     site = lay(shapely.Polygon([(0, 0), (150, 0), (0, 60)]), corners="square", overhang_m=9.0)
