@@ -18,7 +18,7 @@ from fields.geometry.coordinates import MIN_FIELD_AREA_M2
 from fields.geometry.field_lines import GuidanceLine, HeadlandEdge, check_fence_opening
 from fields.geometry.geodesy import project
 from fields.geometry.obstacles import Obstacle, WorkableGround, compute_workable_ground
-from fields.geometry.open_edges import EdgeOverhang, compute_overhang_region
+from fields.geometry.open_edges import MAX_OVERHANG_M, EdgeOverhang, compute_overhang_region
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -143,6 +143,13 @@ class Field:
         """The ground over which parts of machines may reach: `overhang_m` beyond open edges, or what they allow."""
         outline = self.original_boundary or self.boundary
         return compute_overhang_region(outline, self.fences, self.edge_overhangs, overhang_m)
+
+    def open_edges(self) -> Field:
+        """The field with MAX_OVERHANG_M, farther than machines reach, over edges without an overhang of their own."""
+        outline = shapely.LineString((self.original_boundary or self.boundary).exterior.coords)
+        everywhere = EdgeOverhang(outline, MAX_OVERHANG_M)
+        is_open = everywhere in self.edge_overhangs
+        return self if is_open else replace(self, edge_overhangs=(everywhere, *self.edge_overhangs))
 
     @property
     def obstacle_names(self) -> tuple[str, ...]:

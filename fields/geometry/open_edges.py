@@ -70,15 +70,28 @@ def compute_overhang_region(
 ) -> shapely.Geometry:
     """The ground over which parts of machines may reach: the field, and beyond its open edges what is allowed there.
 
-    `overhang_m` holds where `overhangs` say nothing else; nothing may reach over fences.
+    `overhang_m` holds where `overhangs` say nothing else; nothing may reach over fences. Ground behind an edge is
+    limited by that edge, however much its neighbours allow.
     """
-    outside = shapely.LineString(outline.exterior.coords)
-    parts: list[tuple[shapely.Geometry, float]] = [(outside, overhang_m)]
+    ground = shapely.Polygon(outline.exterior)
+    parts: list[tuple[shapely.Geometry, float]] = [(shapely.LineString(outline.exterior.coords), overhang_m)]
     for one in overhangs:
         here = one.part.buffer(FENCE_WIDTH_M)
         parts = [(shapely.difference(part, here), metres) for part, metres in parts] + [(one.part, one.overhang_m)]
-    fenced = shapely.union_all(list(fences)).buffer(FENCE_WIDTH_M)
-    strips = [
-        shapely.difference(part, fenced).buffer(metres, quad_segs=ARC_SEGMENTS) for part, metres in parts if metres > 0
-    ]
-    return shapely.union_all([shapely.Polygon(outline.exterior), *strips])
+    fenced = shapely.union_all(list(fences))
+    fence_strip = fenced.buffer(FENCE_WIDTH_M)
+    parts = [(shapely.difference(part, fence_strip), metres) for part, metres in parts] + [(fenced, 0.0)]
+    strips = [ground]
+    for part, metres in parts:
+        behind = [_find_ground_behind(other, metres, ground) for other, less in parts if less < metres]
+        strip = part.buffer(metres, quad_segs=ARC_SEGMENTS)
+        strips.append(shapely.difference(strip, shapely.union_all(behind)))
+    return shapely.union_all(strips)
+
+
+def _find_ground_behind(part: shapely.Geometry, depth_m: float, ground: shapely.Polygon) -> shapely.Geometry:
+    """The ground outside up to a distance from a part of the outline, and square to it."""
+    pieces = shapely.get_parts(shapely.difference(part.buffer(depth_m, cap_style="flat"), ground))
+    # What lies beyond the other side of a narrow field does not touch the part.
+    along_m2 = shapely.area(shapely.intersection(pieces, part.buffer(FENCE_WIDTH_M)))
+    return shapely.union_all(pieces[along_m2 > FENCE_WIDTH_M**2])

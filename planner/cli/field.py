@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 FIELD_OPTIONS = (
-    "width", "headland", "headland_passes", "bearing", "cell_bearing", "corners", "overhang", "no_headland", "margin",
-    "entrance", "obstacle", "ignore", "tractor", "farm", "implement", "local", "crs", "swap_axes", "guidance_line",
-    "elevation", "elevation_crs", "swaths",
+    "width", "headland", "headland_passes", "bearing", "cell_bearing", "corners", "overhang", "open_edges",
+    "no_headland", "margin", "entrance", "obstacle", "ignore", "tractor", "farm", "implement", "local", "crs",
+    "swap_axes", "guidance_line", "elevation", "elevation_crs", "swaths",
 )  # fmt: skip
 """Options of a plan that say how a field is laid out."""
 HEIGHTS = "heights"

@@ -40,7 +40,7 @@ def fill_in_default_names(
 
 
 def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
-    """The field of the request or the one that replaces it, with the entrance and obstacles of the request."""
+    """The field of the request or the one that replaces it, with the entrance, obstacles and edges of the request."""
     if not isinstance(field, Field):
         where = request.field if field is None else field
         field = read_field(where, local=request.local, crs=request.crs, swap_axes=request.swap_axes)
@@ -48,7 +48,7 @@ def read_requested_field(request: PlanRequest, field: FieldChoice) -> Field:
         field = set_entrance(field, request.entrance)
     field = add_obstacles(leave_out_obstacles(field, request.ignored), request.obstacles)
     _check_ground_zones(field)
-    return field
+    return field.open_edges() if request.open_edges else field
 
 
 def resolve_guidance_line(request: PlanRequest, field: Field) -> PlanRequest:

@@ -94,6 +94,7 @@ _RAIN_HELP = (
 _LENGTH = partial(NumberLimits, unit="m", above=True, high=MAX_LENGTH_M)
 _SPEED = partial(NumberLimits, unit="km/h", low=MIN_SPEED_KMH, high=MAX_SPEED_KMH, scale=MPS_PER_KMH)
 _PRICE = NumberLimits(high=MAX_PRICE)
+_SECTIONS = NumberLimits("number of sections", low=1, high=144)  # a boom of 36 m with valves 25 cm apart
 
 
 @raise_request_errors
@@ -102,26 +103,25 @@ class PlanRequest:
     """A field, a fleet and a question. Lengths in metres, speeds in m/s, clock times in seconds of the day.
 
     Clock times may be given as `datetime.time` or "13:00", and speeds in km/h: `speed_kmh` sets `speed_mps`, and so on.
-
     `field` and `tractor` are names or files; a field may be a GeoDataFrame, a shapely polygon or anything else with a
     `__geo_interface__`, kept as a text. Planning decides what is None: the headland by the turn that must fit it, the
     bearing by the least driving, the radius by full lock, the turn speed by `effective_turn_speed_mps`. A deadline that
     is earlier than the start is on the next day. The clearance is between machines with their implements; on
     neighbouring swaths they have what the swaths leave. The margin is to obstacles and holes of the field. Machines may
-    reach over its open edges by `overhang_m`, or by what an edge allows. With `no_headland` the headland is left as
-    room for turning, else it is worked in passes, `headland_passes` of them or as many as `headland_m` takes.
-    `cell_bearings` are pairs of a cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a
-    field in local metres) replaces that of the field. `obstacles` are places "lon,lat" or "lon,lat,radius in metres" to
-    avoid besides those of the field, `ignored` names or numbers of obstacles of the field that are left out.
+    reach over its open edges by `overhang_m`, or by what an edge allows; with `open_edges` only the latter limits them.
+    The `sections` of an implement are equally wide; one is none. With `no_headland` the headland is left as room for
+    turning, else it is worked in passes, `headland_passes` of them or as many as `headland_m` takes. `cell_bearings`
+    are pairs of a cell's number and its bearing. `entrance` (longitude and latitude, or x and y of a field in local
+    metres) replaces that of the field. `obstacles` are places "lon,lat" or "lon,lat,radius in metres" to avoid besides
+    those of the field, `ignored` names or numbers of obstacles of the field that are left out.
 
     `elevation` holds heights of the field, `soil` is a name or file of vehicle.model.soil, and `moisture_pct` chooses
     between its rows; without them the ground is level and pulls at nothing. With `swaths` "contour" tracks follow
     contours of these heights. Without a moisture, `rain_mm` of the last days and their `et0_mm` estimate it. `draft`
-    names the implement in the table of drafts (vehicle.energy.draft).
-
-    `samples` is None for as many as usual where there is a deadline, rain, an objective or a budget, else for none;
-    `rain` says when it begins (planner.risk.rain). `refill` is "headland", "tender", or a place in degrees "lon,lat"
-    (metres "x,y" for a field in local metres); None: at the place of the field file, else on the headland.
+    names the implement in the table of drafts (vehicle.energy.draft). `samples` is None for as many as usual where
+    there is a deadline, rain, an objective or a budget, else for none; `rain` says when it begins (planner.risk.rain).
+    `refill` is "headland", "tender", or a place in degrees "lon,lat" (metres "x,y" for a field in local metres); None:
+    at the place of the field file, else on the headland.
 
     Raises RequestError for values and combinations that cannot be planned.
     """
@@ -412,6 +412,8 @@ class PlanRequest:
             "Tracks: straight, or contour (curved along the contours of {elevation}).", FIELD, choices=SWATH_FORMS
         ),
     ] = STRAIGHT
+    open_edges: Annotated[bool, OptionHelp("Let machines swing freely over edges that are not fenced.", FIELD)] = False
+    sections: Annotated[Count, OptionHelp("Sections that switch off over worked ground.", MACHINES), _SECTIONS] = 1
 
     def __post_init__(self) -> None:
         check_option_limits(self)

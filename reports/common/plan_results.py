@@ -81,10 +81,8 @@ class PlanResult(ShownResult):
         over_finished_m, over_finished_m2: metres driven with the implement up over ground worked for the last time,
             headland passes included, and the ground under wheels there. `over_finished_charged`: whether that ground
             counts as missed in `finished_s` and `finished_cost`, as it does when sowing and spraying.
-        outside_m, excursion_m: length of the guided path outside the boundary, and its largest distance from it.
-        outside_outline_m: length driven with some part of tractor or implement outside.
-        overhang_m, beyond_overhang_m: the farthest that tractor or implement reach over an open edge, and the length
-            driven with more than is allowed.
+        outside_m, outside_along_m: the farthest that tractor or implement, lifted or not, reach beyond the outline of
+            the field outside the gate of its entrance, and the length driven with more than is allowed.
         order_gap_pct: how much less driving between tracks another order can take at most; None where the strategy
             gives the order.
         formation_pct: share of the length of all tracks that tractors drive side by side; None without a formation.
@@ -135,8 +133,7 @@ class PlanResult(ShownResult):
     over_finished_m2: float | None = None
     over_finished_charged: bool = False
     outside_m: float | None = None
-    excursion_m: float | None = None
-    outside_outline_m: float | None = None
+    outside_along_m: float | None = None
     turning_s: float | None = None
     waiting_s: float | None = None
     reversals: int | None = None
@@ -165,8 +162,6 @@ class PlanResult(ShownResult):
     refills: int | None = None
     refilling_s: float | None = None
     faults: tuple[PlanFault, ...] = ()
-    overhang_m: float | None = None
-    beyond_overhang_m: float | None = None
     p50_done_s: float | None = None
     p95_done_s: float | None = None
     fuel_l: float | None = None

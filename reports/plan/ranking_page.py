@@ -66,7 +66,6 @@ _SOFT_HYPHENATION = {
     "Tractors": "Trac|tors",
     "Clearance": "Clear|ance",
     "Unworked": "Un|worked",
-    "Farthest": "Farth|est",
 }
 """Where headings may be broken on narrow paper."""
 _PAGE_COLUMN_HELP = {
@@ -82,8 +81,8 @@ _PAGE_COLUMN_HELP = {
     "As simulated": "time without late starts, stops and breakdowns",
     "Reversals": "how often a tractor changes between forwards and backwards",
     "To finish": "time with the unworked ground finished too, at the plan's own rate",
-    "Outside m": "length of the guided path outside the boundary",
-    "Farthest out m": "how far the guided path goes outside the boundary",
+    "Outside m": "the farthest that tractor or implement reach beyond the outline",
+    "Outside along m": "driven with tractor or implement farther beyond the outline than allowed",
     "Collisions": "how often tractors touch each other",
     "Pareto front": "no plan with as few tractors is faster",
     "Order gap %": "how much quicker another order of the tracks can be at most; - where the strategy gives the order",
@@ -134,7 +133,7 @@ _EXTRA_COLUMNS = (
     _PageColumn("Unworked", lambda p: p.missed_m2, lambda p: format_area_or_dash(p.missed_m2)),
     _PageColumn("To finish", lambda p: p.finished_s, lambda p: format_duration(p.finished_s)),
     _PageColumn("Outside m", lambda p: p.outside_m, lambda p: format_number(p.outside_m, 1)),
-    _PageColumn("Farthest out m", lambda p: p.excursion_m, lambda p: format_number(p.excursion_m, 2)),
+    _PageColumn("Outside along m", lambda p: p.outside_along_m, lambda p: format_number(p.outside_along_m, 0)),
     _PageColumn("Clearance m", get_clearance_m, lambda p: format_number(get_clearance_m(p), 2)),
     _PageColumn("Collisions", lambda p: p.collisions, lambda p: format_number(p.collisions, 0)),
     _PageColumn("Order gap %", lambda p: p.order_gap_pct, lambda p: format_number(p.order_gap_pct, 1)),
@@ -397,7 +396,7 @@ def _list_plan_facts(ranking: PlanRanking, best: PlanResult | None) -> list[tupl
         ("Overlap", _format_with_unit(best.overlap_pct, 1, "%")),
         ("Driven over when finished", _format_with_unit(get_charged_traffic_m2(best), 0, "m2")),
         ("Wheel traffic", _format_with_unit(best.wheel_traffic_m2, 0, "m2")),
-        ("Partly outside", _format_with_unit(best.outside_outline_m, 0, "m")),
+        ("Farthest outside", _format_with_unit(best.outside_m, 1, "m")),
         ("Closest approach", _format_with_unit(get_clearance_m(best), 2, "m")),
         (
             "Order of tracks",

@@ -5,7 +5,8 @@
 GeoJSON files (also those ending in .json) and outlines in WKT (degrees) are taken from the folder and below it. No
 candidate is pruned by a bound, so feasible means driven to the end. A row has the
 hectares, feasible plans of those tried per strategy (short names in the heading), the same per number of tractors, and
-of the quickest plan worked (%), missed (m2), path outside (m), outline outside (m), wheel traffic (m2), clearance (m).
+of the quickest plan worked (%), missed (m2), farthest outside (m), driven beyond the overhang (m), wheel traffic (m2),
+clearance (m).
 The smallest come first; the last lines sum up.
 """
 
@@ -109,7 +110,7 @@ def line(row: Row, scenario: PlanRequest) -> str:
     if best is None:
         return " ".join([*parts, row.refused[:100] or "no feasible plan"])
     gap = "    -" if best.min_clearance_m is None else f"{best.min_clearance_m:5.2f}"
-    figures = (best.missed_m2, best.outside_m, best.outside_outline_m, best.wheel_traffic_m2)
+    figures = (best.missed_m2, best.outside_m, best.outside_along_m, best.wheel_traffic_m2)
     cells = " ".join(f"{value or 0.0:7.1f}" for value in figures)
     return " ".join([*parts, f"{best.worked_pct or 0.0:6.2f} {cells} {gap} {best.tractors} {best.strategy}"])
 
@@ -135,7 +136,8 @@ def totals(rows: list[Row], scenario: PlanRequest) -> Iterator[str]:
     for name in scenario.strategies:
         shares = [f"{_planned(rows, name, count)} for {count}" for count in scenario.tractors if count > 1]
         yield f"{name}: feasible on {', '.join(shares)}"
-    yield f"outside by path {_sum(best, 'outside_m'):.1f} m, by outline {_sum(best, 'outside_outline_m'):.0f} m"
+    farthest_m = max(((one.outside_m or 0.0) for one in best if one), default=0.0)
+    yield f"outside by {farthest_m:.1f} m at most, {_sum(best, 'outside_along_m'):.0f} m of driving beyond the overhang"
     yield f"wheel traffic {_sum(best, 'wheel_traffic_m2'):.0f} m2, missed {_sum(best, 'missed_m2'):.0f} m2"
     plans = [one for row in rows for one in row.plans]
     yield f"plans: {sum(one.feasible for one in plans)} of {len(plans)} feasible"

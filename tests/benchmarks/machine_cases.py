@@ -14,6 +14,7 @@ from planner.errors import HeadlandError
 from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.context_inputs import RADIUS_FACTOR
+from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import PlanningResult, plan
 from planner.request.option_texts import MPS_PER_KMH
@@ -186,10 +187,10 @@ def _plan_row(row: Row, field: Field, machine: Machine, with_formation: bool) ->
     result, context, run = answer.ranking.plans[0], answer.context, answer.run
     row.feasible, row.reason, row.remark = result.feasible, result.reason, result.remark
     row.changes = answer.ranking.changes
-    row.worked_pct, row.time_s, row.excursion_m = result.worked_pct, result.time_s, result.excursion_m
+    row.worked_pct, row.time_s = result.worked_pct, result.time_s
     if run is not None:
         row.driven_km, row.longest_reverse_m = measure_driven_km(run), measure_longest_reverse_m(run)
-        row.overhang_m = measure_overhang_m(run, context)
+        row.excursion_m, row.overhang_m = measure_excursion_m(run, context), measure_overhang_m(run, context)
     else:
         row.where = _locate_faults(context, SOLO, 1)
     if with_formation:

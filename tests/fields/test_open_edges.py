@@ -45,6 +45,36 @@ def test_the_later_of_two_holds() -> None:
     assert region.covers(shapely.Point(100, 102.9))
 
 
+def test_ground_behind_an_edge_is_limited_by_that_edge() -> None:
+    """The field is 200 m by 100 m; 30 m over the east edge, half a metre over all others, nothing over the fence."""
+    east, north = shapely.LineString([(200, 0), (200, 100)]), shapely.LineString([(0, 100), (200, 100)])
+    region = compute_overhang_region(BOX, (north,), (EdgeOverhang(east, 30.0),), 0.5)
+    strips_m2 = 30 * 100 + 0.5 * (200 + 100) + QUARTER_M2 * 0.25
+    corners_m2 = 2 * QUARTER_M2 * 30**2  # beyond the ends of the east edge, up to what is square to its neighbours
+    # Two quarters of a circle, each of four chords: 2 % less than round.
+    assert region.area == pytest.approx(200 * 100 + strips_m2 + 0.9745 * corners_m2, abs=1.0)
+    places = [(215, -15), (199, -0.4), (215, 115), (199, -1), (190, -20), (199, 100.3), (-1, 50)]
+    assert [region.intersects(shapely.Point(place)) for place in places] == [True, True, True, *[False] * 4]
+
+
+def test_edges_are_opened_once_but_for_their_own_overhang_and_fences() -> None:
+    ditch = EdgeOverhang(SOUTH, 0.0)
+    west = shapely.LineString([(0, 0), (0, 100)])
+    field = Field("square", BOX, fences=(west,), edge_overhangs=(ditch,))
+    opened = field.open_edges()
+    assert opened.open_edges() == opened != field
+    region = opened.compute_overhang_region(0.5)
+    places = [(100, 199), (299, 50), (100, -0.1), (-0.1, 50)]
+    assert [region.intersects(shapely.Point(place)) for place in places] == [True, True, False, False]
+
+
+def test_the_far_side_of_a_narrow_field_is_not_behind_an_edge() -> None:
+    """Over the north edge 3 m are allowed where 0 are over the south one, 2 m away."""
+    strip = shapely.box(0, 0, 200, 2)
+    region = compute_overhang_region(strip, (SOUTH,), (), 3.0)
+    assert region.intersects(shapely.Point(100, 4.9)) and not region.intersects(shapely.Point(100, -0.1))
+
+
 @given(less=st.floats(0, 3), more=st.floats(0, 3))
 def test_more_overhang_never_takes_ground(less: float, more: float) -> None:
     less, more = sorted((less, more))

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from planner import farm as farm_room
-from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures
+from planner.evaluation.candidates.evaluate import Candidate, compute_candidate_figures, simulate_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.evaluation.repair.turn_repair import replace_turns
 from planner.farm.inventory import load_farm
 from planner.pipeline.farm_inputs import complete_request_by_farm
@@ -42,9 +43,9 @@ def test_turns_too_tight_to_follow_are_driven_another_way() -> None:
     wanted = PlanRequest(field="netherlands", tractors=(2,), strategies=("split-field",))
     found = complete_request_by_farm(wanted, farm, ("field", "tractors", "strategies"), implement_name="drill")
     site = prepare_context(found.request, tractor=found.tractor, implement=found.implement)
-    result = compute_candidate_figures(site, Candidate("split-field", 2))
-    assert result.feasible, result.reason
-    assert result.excursion_m is not None and result.excursion_m < 0.5
+    evaluation = simulate_candidate(site, Candidate("split-field", 2))
+    assert evaluation.result.feasible and evaluation.run is not None, evaluation.result.reason
+    assert measure_excursion_m(evaluation.run, site) < 0.5
 
 
 def leg(metres: float, *gates: LegGate, wait: bool = False) -> Leg:

@@ -12,16 +12,17 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from fields import Field
+from fields.geometry.open_edges import EdgeOverhang
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground import overlays
 from planner.evaluation.ground.coverage import (
     compute_guided_path,
     count_reversals,
     measure_coverage,
-    measure_excursion,
-    measure_outline_excursion_m,
+    measure_excursion_m,
     replace_infinite,
 )
+from planner.evaluation.ground.overhang import TOLERANCE_M, Overhang, measure_overhang
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.evaluation.ground.wheel_traffic import (
     SHORT_SPAN_ROWS,
@@ -32,7 +33,7 @@ from planner.evaluation.ground.wheel_traffic import (
     measure_wheel_traffic_m2,
 )
 from tests.examples import count_examples
-from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegTask, Mission, Plan
+from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH, TURN, Leg, LegTask, Mission, Plan
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.compile import compute_contact_boxes
 
@@ -371,29 +372,64 @@ class TestOverFinished:
         assert compute_charged_s(run, small_site) == pytest.approx(seconds, rel=1e-6)
 
 
-class TestOutlineOutside:
-    def test_nothing_in_the_middle(self, small_site: Any) -> None:
-        assert measure_outline_excursion_m(run_of(small_site, pass_north(18.0, 20.0, 60.0)), small_site) == 0.0
+@pytest.fixture(scope="module")
+def gated_site(place: Any) -> PlanningContext:
+    """90 m by 80 m with an entrance in the middle of its west side."""
+    site: PlanningContext = place(shapely.box(0, 0, 90, 80), (0.0, 40.0), no_headland=False)
+    return site
 
-    @pytest.mark.parametrize(("x", "length"), [(1.3, 40.0), (1.4, 0.0), (34.6, 0.0), (34.7, 40.0)])
-    def test_along_the_side_by_half_the_frame(self, small_site: Any, x: float, length: float) -> None:
+
+class TestOutside:
+    """Tractor and implement beyond the outline; by default they may reach out by 0.5 m."""
+
+    def test_nothing_in_the_middle(self, small_site: Any) -> None:
+        assert measure_overhang(run_of(small_site, pass_north(18.0, 20.0, 60.0)), small_site) == Overhang(0.0, 0.0)
+
+    @pytest.mark.parametrize("lowered", [True, False])
+    @pytest.mark.parametrize(("x", "farthest_m", "along_m"), [
+        (1.4, 0.0, 0.0), (0.95, 0.4, 0.0), (0.75, 0.6, 40.0), (35.6, 0.95, 40.0), (-9.0, 10.35, 40.0),
+    ])  # fmt: skip
+    def test_along_the_side_by_half_the_frame(
+        self, small_site: Any, x: float, farthest_m: float, along_m: float, lowered: bool
+    ) -> None:
         # The frame is a tenth narrower than the swath of 3 m: it reaches 1.35 m to either side.
-        run = run_of(small_site, pass_north(x, 20.0, 60.0))
-        assert measure_outline_excursion_m(run, small_site) == pytest.approx(length)
+        poses = [(*pose[:3], lowered) for pose in pass_north(x, 20.0, 60.0)]
+        found = measure_overhang(run_of(small_site, poses), small_site)
+        assert (found.farthest_m, found.beyond_m) == (pytest.approx(farthest_m), pytest.approx(along_m))
 
     def test_over_the_end_with_the_nose(self, small_site: Any) -> None:
         nose = compute_contact_boxes(small_site.tractor, small_site.implement)["nose"]
         bar_to_nose = nose + small_site.tractor.rear_axle_m + small_site.implement.hitch_m
         run = run_of(small_site, [(18.0, 60.0 + 0.02 * k, NORTH, True) for k in range(801)])
-        assert measure_outline_excursion_m(run, small_site) == pytest.approx(76.0 - (80.0 - bar_to_nose), abs=0.11)
+        found = measure_overhang(run, small_site)
+        assert found.farthest_m == pytest.approx(76.0 + bar_to_nose - 80.0)
+        assert found.beyond_m == pytest.approx(found.farthest_m - 0.5 - TOLERANCE_M, abs=0.05)
 
-    def test_over_a_post_that_no_corner_touches(self, small_site: Any) -> None:
-        site = on_field(small_site, shapely.box(0, 0, 36, 80).difference(shapely.box(17.9, 39.9, 18.1, 40.1)))
-        boxes = compute_contact_boxes(site.tractor, site.implement)
-        along = boxes["nose"] - boxes["tail"] + boxes["tool_front"] - boxes["tool_tail"]
-        run = run_of(site, [(18.0, 20.0 + 0.02 * k, NORTH, True) for k in range(2001)])
-        # The post is as long again as the gap of 0.11 m between the boxes leaves of it.
-        assert measure_outline_excursion_m(run, site) == pytest.approx(along + 0.2 + 0.11, abs=0.15)
+    def test_the_farthest_of_all_tractors_and_the_driving_of_each(self, small_site: Any) -> None:
+        run = run_of(small_site, pass_north(0.0, 20.0, 60.0), pass_north(36.0, 10.0, 60.0))
+        found = measure_overhang(run, small_site)
+        assert (found.farthest_m, found.beyond_m) == (pytest.approx(1.35), pytest.approx(90.0))
+
+    @pytest.mark.parametrize(("kind", "is_outside"), [(ENTER, False), (LEAVE, False), (TURN, True), (SWATH, True)])
+    def test_the_gate_is_ground_on_the_way_in_and_out_only(
+        self, gated_site: PlanningContext, kind: str, is_outside: bool
+    ) -> None:
+        run = run_of(gated_site, pass_north(0.0, 41.0, 42.0), kind=kind)
+        found = measure_overhang(run, gated_site)
+        told = (1.35, 1.0) if is_outside else (0.0, 0.0)
+        assert (found.farthest_m, found.beyond_m) == pytest.approx(told)
+
+    def test_open_edges_allow_what_fences_and_edges_of_their_own_do_not(self, small_site: Any) -> None:
+        """The west edge is open, at the east one 0.2 m are allowed: 0.3 m less than over edges in general."""
+        east = EdgeOverhang(shapely.LineString([(36, 0), (36, 80)]), 0.2)
+        field = Field("drawn", shapely.box(0, 0, 36, 80), edge_overhangs=(east,))
+        run = run_of(small_site, pass_north(-9.0, 20.0, 60.0), pass_north(35.0, 20.0, 60.0))
+        told = [
+            measure_overhang(run, replace(small_site, layout=replace(small_site.layout, field=one)))
+            for one in (field, field.open_edges())
+        ]
+        assert [one.farthest_m for one in told] == [pytest.approx(10.35)] * 2
+        assert [one.beyond_m for one in told] == [pytest.approx(80.0), pytest.approx(40.0)]
 
 
 class TestExcursion:
@@ -415,29 +451,22 @@ class TestExcursion:
         assert np.allclose(path, [pose[:2] for pose in poses])
 
     def test_nothing_outside(self, small_site: Any) -> None:
-        outside = measure_excursion(self.antenna_run(small_site, pass_north(10.0, 5.0, 75.0)), small_site)
-        assert (outside.length_m, outside.depth_m) == (0.0, 0.0)
+        assert measure_excursion_m(self.antenna_run(small_site, pass_north(10.0, 5.0, 75.0)), small_site) == 0.0
 
     def test_out_over_the_end_by_a_known_distance(self, small_site: Any) -> None:
         poses = [(10.0, 0.1 * k + 0.05, NORTH, True) for k in range(700, 830)]
-        outside = measure_excursion(self.antenna_run(small_site, poses), small_site)
-        assert outside.depth_m == pytest.approx(2.95, abs=1e-6)
-        assert outside.length_m == pytest.approx(2.95, abs=0.1)  # within one step of the record
+        assert measure_excursion_m(self.antenna_run(small_site, poses), small_site) == pytest.approx(2.95, abs=1e-6)
 
     def test_along_the_side(self, small_site: Any) -> None:
         poses = [(-0.4, float(y), NORTH, True) for y in range(10, 51)]
-        outside = measure_excursion(self.antenna_run(small_site, poses), small_site)
-        assert outside.length_m == pytest.approx(40.0)
-        assert outside.depth_m == pytest.approx(0.4)
+        assert measure_excursion_m(self.antenna_run(small_site, poses), small_site) == pytest.approx(0.4)
 
     def test_both_tractors_count(self, small_site: Any) -> None:
         one = [(-0.4, float(y), NORTH, True) for y in range(10, 51)]
         other = [(36.7, float(y), NORTH, True) for y in range(10, 51)]
         bar_to_antenna = small_site.implement.hitch_m + small_site.tractor.antenna_forward_m
         run = self.shifted(small_site, run_of(small_site, one, other), -bar_to_antenna)
-        outside = measure_excursion(run, small_site)
-        assert outside.length_m == pytest.approx(80.0)
-        assert outside.depth_m == pytest.approx(0.7)
+        assert measure_excursion_m(run, small_site) == pytest.approx(0.7)
 
 
 def test_reversals_are_gear_changes(small_site: Any) -> None:

@@ -16,6 +16,7 @@ from fields import Field
 from planner.errors import RequestError
 from planner.evaluation.candidates.evaluate import Candidate, CandidateEvaluation, simulate_candidate
 from planner.evaluation.context import PlanningContext, prepare_context
+from planner.evaluation.ground.coverage import measure_excursion_m
 from planner.pipeline.executors import SerialExecutor
 from planner.pipeline.planning import plan
 from planner.request.plan_request import PlanRequest
@@ -89,7 +90,7 @@ def test_every_strategy_works_the_headland(rectangle: Any, name: str, tractors: 
     worked = sum(leg.length_m for mission in run.plan.missions for leg in mission.legs if leg.task.kind == SWATH)
     assert worked == pytest.approx(site.layout.total_length_m, abs=0.01)
     assert (result.worked_pct or 0.0) > 98.5
-    assert (result.excursion_m or 0.0) < 0.5
+    assert measure_excursion_m(run, site) < 0.5
     assert result.headland_s is not None and 0.0 < result.headland_s < (result.time_s or 0.0)
 
 
@@ -142,9 +143,9 @@ def test_tracks_only_leaves_the_headland(place: Any) -> None:
 ])  # fmt: skip
 def test_samples_are_worked_whole(name: str, tractors: int) -> None:
     site = prepare_context(PlanRequest(field=name, no_headland=False, corners="square", overhang_m=5.0))
-    result = of(site, "split-field", tractors).result
-    assert result.feasible, result.reason
-    assert (result.worked_pct or 0.0) > 99.0 and (result.excursion_m or 0.0) < 0.5
+    evaluation = of(site, "split-field", tractors)
+    assert evaluation.result.feasible and evaluation.run is not None, evaluation.result.reason
+    assert (evaluation.result.worked_pct or 0.0) > 99.0 and measure_excursion_m(evaluation.run, site) < 0.5
 
 
 @pytest.mark.parametrize(

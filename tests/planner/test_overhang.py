@@ -95,8 +95,8 @@ def test_the_charge_is_that_of_the_plan(lay: Any) -> None:
 def test_nothing_reaches_farther_than_asked(lay: Any, corners: str) -> None:
     """As planned and driven; the guidance errs by some centimetres."""
     loose, tight = (work(lay(corners=corners, overhang_m=metres)) for metres in (5.0, 0.5))
-    assert tight.feasible and (tight.overhang_m or 0.0) <= 0.7 and (tight.beyond_overhang_m or 0.0) < 2.0
-    assert (loose.overhang_m or 0.0) > 1.0 and loose.beyond_overhang_m == 0.0
+    assert tight.feasible and (tight.outside_m or 0.0) <= 0.7 and (tight.outside_along_m or 0.0) < 2.0
+    assert (loose.outside_m or 0.0) > 1.0 and loose.outside_along_m == 0.0
 
 
 def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
@@ -106,15 +106,26 @@ def test_a_wide_overhang_changes_nothing(lay: Any) -> None:
     assert all(np.array_equal(a.points, b.points) for a, b in zip(far, farther, strict=True))
 
 
+def test_open_edges_lift_the_limit_of_planned_paths(lay: Any) -> None:
+    """Paths are those of an overhang that nothing reaches; those of half a metre are others."""
+    options: tuple[dict[str, Any], ...] = ({"overhang_m": 80.0}, {"open_edges": True}, {})
+    wide, opened, closed = (list_legs(lay(corners="square", **one).build_job(1)) for one in options)
+    assert len(wide) == len(opened)
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(wide, opened, strict=True))
+    assert len(closed) != len(wide) or any(
+        not np.array_equal(a.points, b.points) for a, b in zip(wide, closed, strict=True)
+    )
+
+
 @pytest.mark.slow
 def test_a_remark_says_what_reaches_too_far(lay: Any) -> None:
     site = lay(shapely.Polygon([(0, 0), (150, 0), (0, 60)]), corners="square", overhang_m=9.0)
     evaluation = simulate_candidate(site, Candidate("split-field", 1))
-    assert "open edge" not in (evaluation.result.remark or "") and evaluation.run is not None
+    assert "beyond the outline" not in (evaluation.result.remark or "") and evaluation.run is not None
     strict = replace(site, request=replace(site.request, overhang_m=0.2))
     result = measure_candidate(strict, "split-field", 1, CandidateRun(evaluation.run, None, "none", None))
-    assert (result.beyond_overhang_m or 0.0) > 1.0
-    assert f"reach up to {result.overhang_m:.1f} m over an open edge" in (result.remark or "")
+    assert (result.outside_along_m or 0.0) > 1.0
+    assert f"reach up to {result.outside_m:.1f} m beyond the outline" in (result.remark or "")
 
 
 def drive_straight(site: PlanningContext, from_x: float, to_x: float, y: float) -> Plan:
@@ -162,4 +173,4 @@ def test_samples_at_ordinary_speeds(name: str, width_m: float, speed_kmh: float)
     others_s = [one.finished_s for one in (square, rounded) if one.feasible and one.finished_s]
     auto_s, misses_less = auto.finished_s or math.inf, auto.worked_pct > rounded.worked_pct + 0.2
     assert auto_s <= 1.005 * (max(others_s) if misses_less else min(others_s))
-    assert (auto.beyond_overhang_m or 0.0) < 20.0
+    assert (auto.outside_along_m or 0.0) < 20.0

@@ -26,7 +26,7 @@ from planner.evaluation.candidates.evaluate import (
     simulate_candidate,
 )
 from planner.evaluation.context import PlanningContext, prepare_context
-from planner.evaluation.ground.coverage import measure_coverage, measure_excursion
+from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area
 from planner.pipeline.outputs.saved_plans import read_request, rerun_plan
 from planner.request.plan_request import PlanRequest
@@ -142,7 +142,7 @@ def test_a_saved_plan_is_feasible_by_its_own_rules_and_takes_as_long(name: str, 
     again = rerun_plan(saved, read_request(saved))
     assert again.outcome == DONE and again.contacts == ()
     assert again.duration_s == one.run.duration_s and np.array_equal(again.record, one.run.record)
-    assert measure_excursion(again, site).depth_m < 0.5
+    assert measure_excursion_m(again, site) < 0.5
     # Nobody comes nearer than the scenario allows: a world that stops there is not stopped.
     kept = World(saved.plan, site.tractor, site.implement).run(
         stop_clearance_m=site.request.clearance_m, beside_clearance_m=compute_parallel_clearance_m(site)

@@ -87,7 +87,7 @@ def _plan(rank: int, strategy: str, count: int, turn: str, time_s: float, **more
         "worked_pct": 98.7,
         "overlap_pct": 1.254,
         "outside_m": 0.0,
-        "excursion_m": 0.0,
+        "outside_along_m": 0.0,
         "turning_s": 61.0 * count,
         "waiting_s": 12.5 * (count - 1),
         "reversals": 3 * count,
@@ -137,7 +137,8 @@ def leaving(ranking: PlanRanking) -> PlanRanking:
             finished_s=(plan.time_s or 0.0) / share,
             finished_cost=(plan.cost or 0.0) / share,
             wheel_traffic_m2=12.4,
-            outside_outline_m=31.2,
+            outside_m=1.2,
+            outside_along_m=31.2,
         )
         if plan.feasible and (share := 0.8 if plan.tractors == 5 else 0.9)
         else plan

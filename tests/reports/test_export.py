@@ -37,8 +37,7 @@ CONTRACT = [
     "finished_cost",
     "wheel_traffic_m2",
     "outside_m",
-    "excursion_m",
-    "outside_outline_m",
+    "outside_along_m",
     "turning_s",
     "waiting_s",
     "reversals",
@@ -67,8 +66,6 @@ CONTRACT = [
     "refilling_s",
     "over_finished_m",
     "over_finished_m2",
-    "overhang_m",
-    "beyond_overhang_m",
     "p50_done_s",
     "p95_done_s",
     "fuel_l",
@@ -247,7 +244,7 @@ def test_what_is_left_open_has_a_place(leaving: PlanRanking) -> None:
             assert entry["largest_missed"] == piece and list(entry["largest_missed"]) == list(piece)
             assert [float(row[key]) for key in PIECE] == list(piece.values())
             assert entry["missed_m2"] == pytest.approx(18_900 * (1 - entry["worked_pct"] / 100))
-            assert (entry["wheel_traffic_m2"], entry["outside_outline_m"]) == (12.4, 31.2)
+            assert (entry["wheel_traffic_m2"], entry["outside_m"], entry["outside_along_m"]) == (12.4, 1.2, 31.2)
         else:
             assert entry["largest_missed"] is None and {row[key] for key in PIECE} == {""}
 

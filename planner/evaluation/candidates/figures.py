@@ -14,8 +14,6 @@ from planner.evaluation.ground.coverage import (
     Coverage,
     count_reversals,
     measure_coverage,
-    measure_excursion,
-    measure_outline_excursion_m,
     replace_infinite,
 )
 from planner.evaluation.ground.overhang import Overhang, measure_overhang
@@ -49,7 +47,6 @@ def measure_candidate(
 ) -> PlanResult:
     """The figures of a candidate's last run."""
     run, reason, turn_names = candidate_run.run, candidate_run.reason, candidate_run.turns
-    excursion = measure_excursion(run, context)
     if run.outcome != DONE:
         return PlanResult(
             strategy,
@@ -89,11 +86,8 @@ def measure_candidate(
         over_finished_m=traffic.length_m,
         over_finished_m2=traffic.area_m2,
         over_finished_charged=is_charged,
-        outside_m=excursion.length_m,
-        excursion_m=excursion.depth_m,
-        outside_outline_m=measure_outline_excursion_m(run, context),
-        overhang_m=overhang.farthest_m,
-        beyond_overhang_m=overhang.beyond_m,
+        outside_m=overhang.farthest_m,
+        outside_along_m=overhang.beyond_m,
         turning_s=float(shares["turning"].sum() + shares["reversing"].sum()),
         waiting_s=float(shares["waiting"].sum()),
         reversals=count_reversals(run),
@@ -114,11 +108,11 @@ def measure_candidate(
 
 
 def _join_overhang_remark(remark: str | None, overhang: Overhang, context: PlanningContext) -> str | None:
-    """A remark, with a sentence on machines that reach farther over open edges than allowed for a while."""
+    """A remark, with a sentence on machines that reach farther beyond the outline than allowed for a while."""
     if overhang.beyond_m < MIN_BEYOND_M:
         return remark
     edge_remark = (
-        f"tractor or implement reach up to {overhang.farthest_m:.1f} m over an open edge, and farther than allowed "
+        f"tractor or implement reach up to {overhang.farthest_m:.1f} m beyond the outline, and farther than allowed "
         f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
     )
     return f"{remark}; {edge_remark}" if remark else edge_remark

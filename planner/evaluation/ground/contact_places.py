@@ -19,7 +19,7 @@ from planner.evaluation.ground.contact_checks import (
     find_poses_within_reach,
     place_boxes_at,
 )
-from planner.evaluation.ground.coverage import measure_excursion, measure_outside_m
+from planner.evaluation.ground.coverage import measure_excursion_m, measure_outside_m
 from reports.common.plan_results import FENCE, OBSTACLE, OUTLINE, PlanFault
 from vehicle.missions.run import SimulationRun
 
@@ -64,7 +64,7 @@ class ContactPlace:
 
 def find_contact_places(run: SimulationRun, context: PlanningContext) -> tuple[ContactPlace, ...]:
     """All places of a run where it leaves the field, crosses a fence or touches an obstacle, in this order."""
-    outline = () if measure_excursion(run, context).depth_m < MAX_OUTSIDE_M else _iter_outline_places(run, context)
+    outline = () if measure_excursion_m(run, context) < MAX_OUTSIDE_M else _iter_outline_places(run, context)
     return (*outline, *_iter_fence_places(run, context), *_iter_obstacle_places(run, context))
 
 

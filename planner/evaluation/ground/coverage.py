@@ -1,4 +1,4 @@
-"""Figures of merit of a run: coverage, excursions of antenna and outline, reversals.
+"""Figures of merit of a run: coverage, excursions of the antenna, reversals.
 
 A table of cells that surely lie inside an area saves exact predicates, which decide only near edges.
 """
@@ -27,7 +27,6 @@ from planner.evaluation.ground.swept_area import SweptArea, compute_swept_area
 from reports.common.plan_results import UnworkedPiece
 from vehicle.jit import compile_function
 from vehicle.missions.run import SimulationRun
-from vehicle.sim.compile import compute_contact_boxes
 
 TABLE_CELLS = 20_000
 MIN_CELL_M = 1.0
@@ -65,7 +64,6 @@ class InteriorCellTable:
         return np.flatnonzero(_find_outside_table(points, *self._origin, self._cell, self._inner))
 
 
-OUTLINE_ROW_STEP = 5  # rows of the 10 Hz record between checks of the outline: under a metre of driving
 MIN_PIECE_WIDTH_M = 0.2  # narrower missed ground counts, but is no piece that anybody would go back for
 TOUCHING_M = 1e-3
 MITRE_LIMIT = 2.0
@@ -199,87 +197,24 @@ def _build_piece_sort_key(piece: shapely.Polygon) -> tuple[float, tuple[float, .
     return -piece.area, piece.bounds
 
 
-@dataclass(frozen=True)
-class Excursion:
-    """Path length outside the boundary and the greatest distance from it, metres."""
-
-    length_m: float
-    depth_m: float
-
-
-def measure_excursion(run: SimulationRun, context: PlanningContext) -> Excursion:
-    """How much of the guided points' paths lies outside the field."""
+def measure_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
+    """The farthest (m) that the guided points' paths go outside the field; 0 where they stay inside."""
     boundary = context.layout.field.region_without_obstacles
     shapely.prepare(boundary)
     inside = InteriorCellTable(boundary, abs(_get_antenna_offset_m(context)))
-    length = depth = 0.0
+    farthest_m = 0.0
     for tractor in range(run.plan.tractors):
         poses = run.get_poses(tractor)
-        uncertain = inside.find_uncertain(poses)
-        path = locate_antenna(poses[uncertain], context)
-        outside = ~shapely.contains_xy(boundary, path[:, 0], path[:, 1])
-        uncertain, path = uncertain[outside], path[outside]
-        if len(uncertain):
-            steps = np.hypot(*np.diff(path, axis=0).T)
-            length += float(steps[np.diff(uncertain) == 1].sum())
-            depth = max(depth, float(shapely.distance(shapely.points(path), boundary).max()))
-    return Excursion(length, depth)
+        path = locate_antenna(poses[inside.find_uncertain(poses)], context)
+        outside = path[~shapely.contains_xy(boundary, path[:, 0], path[:, 1])]
+        farthest_m = max(farthest_m, float(np.max(shapely.distance(shapely.points(outside), boundary), initial=0.0)))
+    return farthest_m
 
 
 def measure_outside_m(poses: Points, context: PlanningContext) -> Points:
     """How far (t,) the guided point is outside the field at poses (t, 3) of the centre of mass; 0 inside."""
     boundary = context.layout.field.region_without_obstacles
     return np.asarray(shapely.distance(shapely.points(locate_antenna(poses, context)), boundary))
-
-
-def measure_outline_excursion_m(run: SimulationRun, context: PlanningContext) -> float:
-    """Metres driven with some part of a tractor or its implement outside the field, or over an obstacle."""
-    boxes = compute_contact_boxes(context.tractor, context.implement)
-    corners = _list_body_corners(boxes)
-    reach = float(np.hypot(*corners.T).max())
-    boundary = context.layout.field.region_without_obstacles
-    inner = boundary.buffer(-1.01 * reach)
-    shapely.prepare([boundary, inner])
-    inner_table = InteriorCellTable(inner, 0.0)
-    posts = shapely.STRtree(shapely.points(shapely.get_coordinates(boundary)))
-    length = 0.0
-    for tractor in range(run.plan.tractors):
-        poses = run.get_poses(tractor)
-        poses = poses[np.append(np.arange(0, len(poses) - 1, OUTLINE_ROW_STEP), len(poses) - 1)]
-        uncertain = inner_table.find_uncertain(poses)
-        uncertain = uncertain[~shapely.contains_xy(inner, poses[uncertain, :2])]
-        outside = np.zeros(len(poses))
-        x, y = _place_corners(corners, poses[uncertain])
-        outside[uncertain] = ~shapely.intersects_xy(boundary, x, y).all(axis=1)
-        outside[uncertain[_find_posts_inside(poses[uncertain], posts, boxes, reach)]] = 1.0
-        steps = np.hypot(*np.diff(poses[:, :2], axis=0).T)
-        length += float(steps @ (0.5 * (outside[1:] + outside[:-1])))
-    return length
-
-
-def _list_body_corners(boxes: dict[str, float]) -> Points:
-    """Corners (8, 2), forward and left of the centre of mass, of the boxes of tractor and implement."""
-    ends = [("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")]
-    return np.array([(boxes[end], side * boxes[half]) for *both, half in ends for end in both for side in (-1, 1)])
-
-
-def _place_corners(corners: Points, poses: Points) -> tuple[Points, Points]:
-    """x and y, each (t, 8), of the corners at poses (t, 3)."""
-    (forward, left), (x, y, angle) = corners.T, poses.T[:, :, None]
-    cosine, sine = np.cos(angle), np.sin(angle)
-    return x + forward * cosine - left * sine, y + forward * sine + left * cosine
-
-
-def _find_posts_inside(poses: Points, posts: shapely.STRtree, boxes: dict[str, float], reach: float) -> Points:
-    """Indices of the poses (t, 3) at which a corner of the field or of an obstacle lies in a box."""
-    pose, post = posts.query(shapely.points(poses[:, :2]), predicate="dwithin", distance=reach)
-    off = shapely.get_coordinates(posts.geometries[post]) - poses[pose, :2]
-    cosine, sine = np.cos(poses[pose, 2]), np.sin(poses[pose, 2])
-    forward, left = off[:, 0] * cosine + off[:, 1] * sine, off[:, 1] * cosine - off[:, 0] * sine
-    inside = np.zeros(len(pose), dtype=bool)
-    for low, high, half in (("tail", "nose", "half_width"), ("tool_tail", "tool_front", "tool_half_width")):
-        inside |= (boxes[low] < forward) & (forward < boxes[high]) & (np.abs(left) < boxes[half])
-    return np.asarray(pose[inside])
 
 
 def count_reversals(run: SimulationRun) -> int:

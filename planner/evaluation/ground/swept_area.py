@@ -9,18 +9,16 @@ from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
-import shapely
 
 from planner.evaluation.context import PlanningContext
-from planner.evaluation.ground.overlays import Areas, extract_polygons
+from planner.evaluation.ground.overlays import Areas
+from planner.evaluation.ground.sections import STILL_M, SweptPart, build_swept_polygons, switch_sections, take_share
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import SimulationRun
 
 SWATH_ROW_STEP = 3  # rows of the 10 Hz record between corners of a polygon: under half a metre of driving
 BEND_RAD = math.radians(20.0)  # a polygon ends where the bar has turned this far, so that neither side crosses itself
-SIMPLIFY_M = 0.003  # tolerance of the sides: a bend loses two thirds of it at its outer end
 MIN_SWEPT_M = 0.1
-STILL_M = 1e-9
 Points = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int64]
 
@@ -30,7 +28,8 @@ class SweptArea:
     """What the lowered implements passed over.
 
     `ground` (n,) polygons; for each the `tractor`, the rows `first` and `last` of the record between which it was
-    swept, and whether that was on a headland pass.
+    swept, whether that was on a headland pass, and the `share` (n, 2) of the bar that swept it, from 0 at its left end
+    to 1 at its right one.
     """
 
     ground: Areas
@@ -38,26 +37,45 @@ class SweptArea:
     first: Rows
     last: Rows
     on_headland_pass: npt.NDArray[np.bool_]
+    share: Points
 
 
 def compute_swept_area(run: SimulationRun, context: PlanningContext) -> SweptArea:
-    """Every polygon that an implement swept; a segment of work that bends is split, edge to edge."""
+    """Every polygon that an implement swept; a segment of work that bends is split, edge to edge.
+
+    An implement with sections sweeps only what these leave on (`switch_sections`).
+    """
     pieces = [piece for tractor in range(run.plan.tractors) for piece in _find_swept_pieces(run, context, tractor)]
-    table = np.array([mark for mark, _ in pieces], dtype=np.int64).reshape(-1, 4)
-    tractor, first, last, on_pass = table.T
-    return SweptArea(_build_polygons([ends for _, ends in pieces]), tractor, first, last, on_pass.astype(bool))
+    ends = [one for _, one in pieces]
+    marks = np.array([mark for mark, _ in pieces], dtype=np.int64).reshape(-1, 4)
+    share = np.tile([0.0, 1.0], (len(pieces), 1))
+    ground = build_swept_polygons(ends)
+    if context.request.sections > 1:
+        order = np.lexsort((marks[:, 0], marks[:, 1])).tolist()
+        region = context.layout.field.region_without_obstacles
+        parts = list(switch_sections([ends[one] for one in order], ground[order], region, context.request.sections))
+        marks = np.array([_cut_mark(marks[order[part.piece]], part) for part in parts], dtype=np.int64).reshape(-1, 4)
+        share = np.array([part.share for part in parts]).reshape(-1, 2)
+        ground = np.array([part.ground for part in parts], dtype=np.object_)
+    tractor, first, last, on_pass = marks.T
+    return SweptArea(ground, tractor, first, last, on_pass.astype(bool), share)
+
+
+def _cut_mark(mark: Rows, part: SweptPart) -> tuple[int, int, int, int]:
+    """The mark (tractor, first and last row, on a headland pass) of a part of a piece."""
+    tractor, first, last, on_pass = mark.tolist()
+    begin, end = (first + SWATH_ROW_STEP * place for place in (math.floor(part.begin), math.ceil(part.end)))
+    return tractor, begin, min(end, last), on_pass
 
 
 def compute_swept_between_rows(
-    run: SimulationRun, context: PlanningContext, pieces: list[tuple[int, int, int]]
+    run: SimulationRun, context: PlanningContext, pieces: list[tuple[int, int, int]], share: Points
 ) -> Areas:
-    """What tractors swept between two rows: pieces are (tractor, first row, last row)."""
-    return _build_polygons(
-        [
-            locate_implement_ends(run.get_poses(tractor)[_list_rows(first, row)], context)
-            for tractor, first, row in pieces
-        ]
-    )
+    """What shares (n, 2) of the bar swept between two rows: pieces are (tractor, first row, last row)."""
+    ends = [
+        locate_implement_ends(run.get_poses(tractor)[_list_rows(first, row)], context) for tractor, first, row in pieces
+    ]
+    return build_swept_polygons([take_share(one, *part) for one, part in zip(ends, share.tolist(), strict=True)])
 
 
 def locate_implement_ends(poses: Points, context: PlanningContext) -> Points:
@@ -125,26 +143,3 @@ def _split_by_bend(angle: Points, direction: npt.NDArray[np.int8]) -> Iterator[t
         last = first + max(1, steps if direction[first] else 1)
         yield first, last
         first = last
-
-
-def _build_polygons(ends: list[Points]) -> Areas:
-    """The area between the paths of the left and right end of a bar, one polygon per pair (2, t, 2)."""
-    if not ends:
-        return np.empty(0, dtype=np.object_)
-    sides = [_simplify_lines([pair[side] for pair in ends]) for side in (0, 1)]
-    places, owners = zip(*sides, strict=True)
-    owner = np.concatenate([owners[0], owners[1][::-1]])
-    order = np.argsort(owner, kind="stable")
-    rings = shapely.linearrings(np.concatenate([places[0], places[1][::-1]])[order], indices=owner[order])
-    areas = shapely.polygons(rings)
-    crossed = ~shapely.is_valid(areas)
-    areas[crossed] = [extract_polygons(area) for area in shapely.make_valid(areas[crossed])]
-    return np.asarray(areas, dtype=np.object_)
-
-
-def _simplify_lines(lines: list[Points]) -> tuple[Points, Rows]:
-    """Points of polylines simplified to SIMPLIFY_M, and the line number of each."""
-    owner = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
-    lines_m = shapely.linestrings(np.concatenate(lines), indices=owner)
-    plain = shapely.simplify(lines_m, SIMPLIFY_M, preserve_topology=False)
-    return shapely.get_coordinates(plain, return_index=True)  # type: ignore[no-any-return]

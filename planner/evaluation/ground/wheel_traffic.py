@@ -164,7 +164,7 @@ def _compute_swept_before(
     pieces = zip(
         swept.tractor[swept_index].tolist(), swept.first[swept_index].tolist(), row[under_way].tolist(), strict=True
     )
-    parts[under_way] = compute_swept_between_rows(run, context, list(pieces))
+    parts[under_way] = compute_swept_between_rows(run, context, list(pieces), swept.share[swept_index])
     return parts
 
 

@@ -39,7 +39,7 @@ EARLIER_NAMES = {
     "tracks_only": "no_headland",
 }
 """Parameters of a request by their names in plans that version 0.1 saved, and the fleets made of them."""
-LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm")
+LATER_PARAMETERS = ("draft", "depth_cm", "rain_mm", "et0_mm", "open_edges", "sections")
 """Parameters that plans without them do not name, so that an older Headland can read those."""
 
 
@@ -177,7 +177,8 @@ def write_saved_plan(context: PlanningContext, plan: Plan, ranking: PlanRanking 
 
 def _export_request(request: PlanRequest) -> dict[str, Any]:
     """The values of a request by name; later parameters only where they are given."""
-    return {name: value for name, value in asdict(request).items() if value is not None or name not in LATER_PARAMETERS}
+    defaults = {one.name: one.default for one in fields(request) if one.name in LATER_PARAMETERS}
+    return {name: value for name, value in asdict(request).items() if name not in defaults or value != defaults[name]}
 
 
 @dataclass(frozen=True)

@@ -17,11 +17,11 @@ export const MORE = [
   ["Machines", [
     ["draft", { hint: "Such as plough or disk-harrow; by default a cultivator or a drill. The guide lists them under implements." }], ["depth_cm", num("By default the usual one.")],
     ["min_speed_kmh", num("By default that of the farm.")], ["max_speed_kmh", num("By default that of the farm.")], ["turn_speed_kmh", num("By default as at work.")],
-    ["turn", { choices: ["auto", "u", "omega", "switch-back"], words: { auto: "each as is quicker", u: "U-turn", omega: "loop (omega)", "switch-back": "with reversing (switch-back)" } }], ["radius", num("By default that of the tractor.")], ["clearance", num("By default 0.5.")],
+    ["turn", { choices: ["auto", "u", "omega", "switch-back"], words: { auto: "each as is quicker", u: "U-turn", omega: "loop (omega)", "switch-back": "with reversing (switch-back)" } }], ["radius", num("By default that of the tractor.")], ["clearance", num("By default 0.5.")], ["sections", num("By default 1: without sections.")],
   ]],
   ["Field", [
     ["headland", num("Instead of passes.")], ["bearing", num("By default the best.")], ["cell_bearing", { many: true, hint: "Such as 2=45; several with ; between." }],
-    ["overhang", num("By default 0.5.")], ["margin", num("By default 0.3.")], ["part", num("1 is the largest.")],
+    ["overhang", num("By default 0.5.")], ["open_edges", { check: true }], ["margin", num("By default 0.3.")], ["part", num("1 is the largest.")],
     ["entrance", { hint: "Longitude,latitude; by default that of the file." }], ["refill", { hint: "headland, tender, or longitude,latitude." }], ["obstacle", { many: true, hint: "Longitude,latitude,radius in metres; several with ; between." }],
   ]],
   ["Ground", [
