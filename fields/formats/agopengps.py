@@ -25,8 +25,8 @@ from fields.formats.guidance import (
     DegreePoints,
     FileContents,
     GuidanceFormat,
+    GuidedLine,
     PlanGuidance,
-    WorkLine,
     build_folder_name,
     simplify_to_ascii,
 )
@@ -337,7 +337,7 @@ def _is_within(point: DegreePoints, ring: DegreePoints) -> bool:
     return int((cuts > x).sum()) % 2 == 1
 
 
-def _format_line(plane: LocalPlane, line: WorkLine) -> list[str]:
+def _format_line(plane: LocalPlane, line: GuidedLine) -> list[str]:
     """Name, heading in radians, A, B, nudge, mode, visible, and the points of a curve with their headings."""
     ends = _convert_to_metres(plane, line.points)
     name = simplify_to_ascii(line.name)

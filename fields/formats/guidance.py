@@ -22,7 +22,7 @@ SWATH, HEADLAND_PASS = "track", "round"
 
 
 @dataclass(frozen=True, eq=False)
-class WorkLine:
+class GuidedLine:
     """A line that a tractor drives with its implement down, from its first point to its last.
 
     `order` counts the lines of a tractor in driving order from 1. `kind` is SWATH or HEADLAND_PASS, `description` says
@@ -64,7 +64,7 @@ class TractorLines:
 
     number: int
     colour: str
-    lines: tuple[WorkLine, ...]
+    lines: tuple[GuidedLine, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ class PlanGuidance:
     left_out: tuple[tuple[str, int], ...] = ()
 
     @property
-    def lines(self) -> tuple[WorkLine, ...]:
+    def lines(self) -> tuple[GuidedLine, ...]:
         """All lines, by tractor and in driving order."""
         return tuple(line for each in self.tractors for line in each.lines)
 
@@ -116,7 +116,7 @@ def cut_curves_into_segments(guidance: PlanGuidance) -> PlanGuidance:
     return replace(guidance, tractors=tractors)
 
 
-def _cut_curve_into_segments(line: WorkLine) -> tuple[WorkLine, ...]:
+def _cut_curve_into_segments(line: GuidedLine) -> tuple[GuidedLine, ...]:
     """A straight line itself, the segments of a curve, or nothing for a curve with too many."""
     if line.is_straight:
         return (line,)

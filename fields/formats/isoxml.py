@@ -33,8 +33,8 @@ from fields.formats.guidance import (
     FileContents,
     GuidanceArea,
     GuidanceFormat,
+    GuidedLine,
     PlanGuidance,
-    WorkLine,
     build_designator,
 )
 from fields.formats.markup import add_child, parse_root, serialise_xml
@@ -421,7 +421,7 @@ def _add_ring(polygon: Element, kind: str, ring: DegreePoints) -> None:
         _add_point(line, PNT_OTHER, longitude, latitude)
 
 
-def _add_pattern(group: Element, key: str, line: WorkLine) -> None:
+def _add_pattern(group: Element, key: str, line: GuidedLine) -> None:
     pattern = add_child(
         group,
         "GPN",
@@ -436,7 +436,7 @@ def _add_pattern(group: Element, key: str, line: WorkLine) -> None:
     _add_line(pattern, line, (PNT_A, PNT_BETWEEN, PNT_B))
 
 
-def _add_line(parent: Element, line: WorkLine, kinds: tuple[str, str, str], **attributes: str) -> None:
+def _add_line(parent: Element, line: GuidedLine, kinds: tuple[str, str, str], **attributes: str) -> None:
     """A line with these kinds of its first point, intermediate points and last point."""
     element = add_child(parent, "LSG", A=LSG_GUIDANCE, **attributes)
     last = len(line.points) - 1

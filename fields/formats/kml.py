@@ -14,7 +14,7 @@ from fields.errors import FieldError
 from fields.formats.archive import ArchiveMembers, is_archive
 from fields.formats.features import build_document
 from fields.formats.gdal import KML_DRIVERS, WGS84, name_guidance_lines, read_layers
-from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, PlanGuidance, WorkLine
+from fields.formats.guidance import DegreePoints, FileContents, GuidanceArea, GuidanceFormat, GuidedLine, PlanGuidance
 from fields.formats.markup import add_child, check_xml_root, serialise_xml
 from fields.raw_document import FieldDocument, FieldFormat
 from fields.text_files import read_bytes
@@ -120,7 +120,7 @@ def _add_polygon(folder: Element, name: str, role: str, area: GuidanceArea) -> N
         _add_positions(add_child(inside, "LinearRing"), _close_ring(ring))
 
 
-def _add_line(folder: Element, line: WorkLine) -> None:
+def _add_line(folder: Element, line: GuidedLine) -> None:
     values = {"tractor": str(line.tractor), "order": str(line.order), "what": line.description}
     mark = _add_placemark(folder, line.name, f"T{line.tractor}", role="guidance", **values)
     _add_positions(add_child(mark, "LineString"), line.points)

@@ -17,8 +17,8 @@ from fields.formats.guidance import (
     MAX_SEGMENTS,
     FileContents,
     GuidanceFormat,
+    GuidedLine,
     PlanGuidance,
-    WorkLine,
     cut_curves_into_segments,
     simplify_to_ascii,
 )
@@ -42,9 +42,9 @@ class GuidanceFiles:
 
     format: GuidanceFormat
     files: FileContents
-    lines: tuple[WorkLine, ...]
-    unwritten_curves: tuple[WorkLine, ...]
-    cut_lines: tuple[WorkLine, ...] = ()
+    lines: tuple[GuidedLine, ...]
+    unwritten_curves: tuple[GuidedLine, ...]
+    cut_lines: tuple[GuidedLine, ...] = ()
 
     @property
     def curve_count(self) -> int:
@@ -137,7 +137,7 @@ def list_content_for_newer_terminals(written: GuidanceFiles) -> list[dict[str, A
     return _list_curves(curves, OLDER_REASON.format(title=older.title, name=older.name))
 
 
-def _list_curves(curves: Sequence[WorkLine], reason: str) -> list[dict[str, Any]]:
+def _list_curves(curves: Sequence[GuidedLine], reason: str) -> list[dict[str, Any]]:
     """An entry for curves, if there are any."""
     if not curves:
         return []
@@ -229,7 +229,7 @@ def export_json(guidance: PlanGuidance, written: GuidanceFiles, files: Sequence[
     return json.dumps(content, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def _build_line_entry(line: WorkLine, is_written: bool) -> dict[str, Any]:
+def _build_line_entry(line: GuidedLine, is_written: bool) -> dict[str, Any]:
     return {
         "name": line.name,
         "tractor": line.tractor,

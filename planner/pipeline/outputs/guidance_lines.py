@@ -19,9 +19,9 @@ from fields.formats.guidance import (
     DegreePoints,
     GuidanceArea,
     GuidanceFormat,
+    GuidedLine,
     PlanGuidance,
     TractorLines,
-    WorkLine,
 )
 from fields.geometry.geodesy import LocalPlane, project
 from planner.errors import RequestError, mark_parameter, suggest_name
@@ -121,14 +121,14 @@ def _name_lines(plan: Plan) -> dict[tuple[str, int, int], str]:
 
 def _iter_lines(
     plan: Plan, number: int, line_names: dict[tuple[str, int, int], str], frame: _PlanCoordinates
-) -> Iterator[WorkLine]:
+) -> Iterator[GuidedLine]:
     """The lines of a tractor in driving order."""
     segments = list(_iter_worked_segments(plan.missions[number - 1].legs))
     digits = max(ORDER_DIGITS, len(str(len(segments))))
     for order, (task, points_m) in enumerate(segments, start=1):
         line_name = line_names[task.kind, task.number or 0, task.piece]
         points = frame.convert_to_degrees(points_m)
-        yield WorkLine(
+        yield GuidedLine(
             name=f"T{number} {order:0{digits}d} {line_name}",
             tractor=number,
             order=order,

@@ -1,0 +1,84 @@
+"""The site of a planning context: its ground, machine and drive, as programmes take them."""
+
+from __future__ import annotations
+
+import shapely
+
+from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
+from planner.evaluation.context import GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M, PlanningContext
+from planner.evaluation.machine_outlines import build_body
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from strategies.path_planning.paths import shift_pose_ahead
+from strategies.site.ground import build_body_outline, build_ground
+from strategies.site.site import Site
+from vehicle.missions.plan import Plan
+from vehicle.missions.run import SimulationRun
+from vehicle.sim.world import World
+
+ROOM_BEYOND_M = 1.0  # distances are known a little beyond what a body reaches
+TOLERANCE_M = 0.05  # a drive may reach so far beyond what a plan may
+LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
+MOST_DRIVE_S = 4e4
+WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
+
+
+def build_site(context: PlanningContext) -> Site:
+    """The site of a context; edges, obstacles and fences as its request asks."""
+    body = build_body_outline(build_body(context.tractor, context.implement))
+    cap_m = body.reach_m + ROOM_BEYOND_M
+    spare_m = min(GUIDANCE_MARGIN_SHARE * max(context.request.margin_m, MIN_FENCE_MARGIN_M), MAX_GUIDANCE_MARGIN_M)
+    field, operation = context.layout.field, context.request.operation
+    is_kept = operation in KEPT_GROUND_OPERATIONS or operation in STANDING_CROP_OPERATIONS
+    return Site(
+        layout=context.layout,
+        headland_passes=context.headland_passes,
+        rules=context.driving_rules,
+        costs=context.costs,
+        body=body,
+        ground=build_ground(_compute_allowed(context, 0.0, spare_m), cap_m),
+        proof_ground=build_ground(_compute_allowed(context, TOLERANCE_M, FENCE_HALF_WIDTH_M), cap_m),
+        kept=build_ground(shapely.intersection(context.layout.inner_region, field.boundary), ROOM_BEYOND_M),
+        wheels_s_per_m=KEPT_WHEELS_S_PER_M if is_kept else WHEELS_S_PER_M,
+        axle_m=context.tractor.rear_axle_m,
+        bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
+        turn_kinds=context.turn_kinds,
+        lane=context.gateway,
+        drive=_Drive(context),
+    )
+
+
+def _compute_allowed(context: PlanningContext, tolerance_m: float, spare_m: float) -> shapely.Geometry:
+    """What bodies may touch: up to the overhang beyond edges, but `spare_m` off obstacles and fences."""
+    field = context.layout.field
+    gate = shapely.Polygon()
+    if context.gateway is not None:
+        gate = shapely.Point(context.gateway.edge_pose[:2]).buffer(context.gate_half_width_m)
+    fences = shapely.difference(shapely.union_all(field.fences), gate)
+    edges = field.compute_overhang_region(context.request.overhang_m)
+    outside = shapely.union(edges, _build_lane_ground(context)).buffer(tolerance_m, join_style="mitre")
+    blocked = shapely.union_all([*field.solid_obstacles, fences]).buffer(spare_m)
+    return shapely.difference(outside, blocked)
+
+
+def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
+    """The strip through the entrance on which a machine comes in from outside; empty without an entrance."""
+    lane = context.gateway
+    if lane is None:
+        return shapely.Polygon()
+    reach_m = build_body(context.tractor, context.implement).reach_m
+    ends = [shift_pose_ahead(lane.edge_pose, distance_m)[:2] for distance_m in (-reach_m, lane.lead_m)]
+    half_m = 0.5 * max(context.implement.contact_width_m, context.tractor.width_m) + LANE_SPARE_M
+    return shapely.buffer(shapely.LineString(ends), half_m, cap_style="flat")
+
+
+class _Drive:
+    """Drives a plan of one tractor on the ground of a context, without errors of position."""
+
+    def __init__(self, context: PlanningContext) -> None:
+        self._context = context
+
+    def __call__(self, plan: Plan) -> SimulationRun:
+        context = self._context
+        physics = context.physics
+        world = World(plan, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
+        return world.run(max_time_s=MOST_DRIVE_S)

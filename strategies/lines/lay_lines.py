@@ -1,0 +1,269 @@
+"""The work lines of a site: swaths and headland sides, cut to where the body has room, without those that others cover.
+
+A line is pulled back from an edge or an obstacle as far as the body needs, first by stations on its path, then by a
+drive where room is scarce: no move can repair a line that leaves the ground itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+
+from fields.layout.headland_passes import HeadlandPass, HeadlandPassSide
+from strategies.lines.work_line import (
+    Floats,
+    WorkLine,
+    cut_line,
+    extend_line,
+    locate_at,
+    measure_along,
+    measure_station_rooms,
+)
+from strategies.site.ground import measure_rooms
+from strategies.site.site import Site
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, Leg, LegTask, Mission, Plan
+
+STATION_M = 0.25  # between the places on a line where the body's room is measured
+LINE_MARGIN_M = 0.12  # room kept on lines: a little more than on moves, which begin and end on them
+SCARCE_M = 0.6  # a line with less room is driven on its own before it is believed
+PROOF_ROOM_M = 0.02
+PULL_BACK_M = 0.3  # beyond the place where a drive touches
+MIN_PIECE_M = 3.0
+MOST_MITRE = 1.5  # half widths by which a side is drawn out into a corner
+EXTENSION_STEP_M, BAR_POINTS = 0.5, 9  # places on the bar where it is asked what is covered
+MOST_EXTENSION_WIDTHS = 6.0  # beyond the end of a swath
+WORTH_SHARE = 0.3  # of the bar over uncovered ground: there a swath goes on
+LEFTOVER = "left"  # group of lines on ground that sides and swaths leave
+MIN_LEFT_WIDTH_M, MIN_LEFT_AREA_WIDTHS = (
+    0.5,
+    0.5,
+)  # half of the least width of such ground, and its area in widths squared
+LAST_WIDTH_SHARE = 0.25  # a piece this much wider than its lines gets no further one
+MIN_OWN_SHARE = 0.12  # of its strip: a line that alone covers less is not driven
+Span = tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class LineDraft:
+    """A line before the body is asked: where the implement's middle is to go (n, 2), and what it belongs to."""
+
+    kind: str
+    number: int
+    group: tuple[str, int]
+    points: Floats
+
+
+def lay_lines(site: Site) -> list[WorkLine]:
+    """The lines worth driving, each with the ground that it alone covers.
+
+    Headland sides come first; swaths go on beyond their ends as long as they cover what no side does, and lines of
+    their own follow the ground that is still left.
+    """
+    lines = _settle_all(site, _list_headland_sides(site))
+    covered = _unite_strips(site, lines)
+    lines += _settle_all(site, _list_swaths(site, covered))
+    lines += _settle_all(site, _list_leftover(site, lines))
+    return keep_uncovered(site, lines)
+
+
+def _settle_all(site: Site, drafts: Iterable[LineDraft]) -> list[WorkLine]:
+    """The pieces of lines on which the body has room, settled by a drive where that is scarce."""
+    pieces = (piece for draft in drafts for piece in _cut_to_room(site, draft))
+    return [line for line in (_settle(site, piece) for piece in pieces) if line is not None]
+
+
+def _unite_strips(site: Site, lines: Sequence[WorkLine]) -> shapely.Geometry:
+    return shapely.union_all([line.build_strip(site.width_m) for line in lines])
+
+
+def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
+    number = 0
+    for ring, headland_pass in enumerate(site.headland_passes):
+        for side in headland_pass.sides:
+            yield LineDraft(HEADLAND_PASS, number, (HEADLAND_PASS, ring), _draw_into_corners(site, headland_pass, side))
+            number += 1
+
+
+def _list_swaths(site: Site, covered: shapely.Geometry) -> Iterator[LineDraft]:
+    """The swaths, drawn out beyond their ends as long as they cover ground that headland sides do not."""
+    uncovered = shapely.difference(site.work_ground, covered)
+    shapely.prepare(uncovered)
+    for swath in site.layout.swaths:
+        points = swath.points_m
+        more = [_measure_extension_m(site, points[::-1], uncovered), _measure_extension_m(site, points, uncovered)]
+        yield LineDraft(SWATH, swath.line, (SWATH, swath.line), extend_line(points, *more))
+
+
+def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry) -> float:
+    """How far a line is drawn out beyond its last point: to the last place where it covers enough that is uncovered."""
+    if site.layout.headland_passes == 0:
+        return 0.0  # the headland is left for turning
+    ahead = (points[-1] - points[-2]) / math.dist(points[-1], points[-2])
+    aside = np.array([-ahead[1], ahead[0]])
+    steps_m = np.arange(0.5 * EXTENSION_STEP_M, MOST_EXTENSION_WIDTHS * site.width_m, EXTENSION_STEP_M)
+    across_m = site.width_m * (np.arange(BAR_POINTS) + 0.5 - 0.5 * BAR_POINTS) / BAR_POINTS
+    places = points[-1] + steps_m[:, None, None] * ahead + across_m[None, :, None] * aside
+    shares = shapely.contains_xy(uncovered, places.reshape(-1, 2)).reshape(len(steps_m), BAR_POINTS).mean(axis=1)
+    worth = np.flatnonzero(shares >= WORTH_SHARE)
+    ends = worth[(np.cumsum(shares)[worth] / (worth + 1.0)) >= WORTH_SHARE]
+    return float(EXTENSION_STEP_M * (ends[-1] + 1)) if len(ends) else 0.0
+
+
+def _list_leftover(site: Site, lines: Sequence[WorkLine]) -> Iterator[LineDraft]:
+    """A line along the middle of every piece of ground that no line covers and that is worth one."""
+    if site.layout.headland_passes == 0:
+        return
+    left = shapely.difference(site.work_ground, _unite_strips(site, lines))
+    opened = left.buffer(-MIN_LEFT_WIDTH_M).buffer(MIN_LEFT_WIDTH_M)
+    number = 1 + max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=-1)
+    for piece in shapely.get_parts(opened).tolist():
+        if piece.geom_type == "Polygon" and piece.area >= MIN_LEFT_AREA_WIDTHS * site.width_m**2:
+            for line in _draw_middles(site, piece):
+                yield LineDraft(HEADLAND_PASS, number, (LEFTOVER, number), line)
+                number += 1
+
+
+def _draw_middles(site: Site, piece: shapely.Polygon) -> Iterator[Floats]:
+    """Parallel lines a width apart along the longer side of the smallest rectangle round a piece."""
+    corners = np.asarray(shapely.minimum_rotated_rectangle(piece).exterior.coords)[:4]
+    if math.dist(corners[0], corners[1]) < math.dist(corners[1], corners[2]):
+        corners = np.roll(corners, -1, axis=0)
+    across = corners[3] - corners[0]
+    count = max(1, math.ceil(float(np.hypot(*across)) / site.width_m - LAST_WIDTH_SHARE))
+    for number in range(count):
+        middle = across * (number + 0.5) / count
+        if math.dist(corners[0], corners[1]) > MIN_PIECE_M:
+            yield np.array([corners[0] + middle, corners[1] + middle])
+
+
+def _draw_into_corners(site: Site, headland_pass: HeadlandPass, side: HeadlandPassSide) -> Floats:
+    """A side drawn out so that its strip and that of the next cover their corner; an open one up to the edge."""
+    half_m = 0.5 * site.width_m
+    turns = (side.start_turn_rad, side.end_turn_rad)
+    if not headland_pass.is_closed:
+        return extend_line(side.points, half_m, half_m)
+    return extend_line(side.points, *(half_m * min(MOST_MITRE, math.tan(0.5 * min(abs(t), 3.0))) for t in turns))
+
+
+def _cut_to_room(site: Site, draft: LineDraft) -> Iterator[WorkLine]:
+    """The pieces of a line on which the body has room, in either direction."""
+    tool_m = site.rules.tool_m
+    length_m = float(measure_along(draft.points)[-1])
+    drawn = [extend_line(points, 0.0, tool_m + 1.0) for points in (draft.points, draft.points[::-1])]
+    spans = [_find_spans(site, path, length_m) for path in drawn]
+    pieces: list[tuple[Span | None, Span | None]]
+    pieces = [(ahead, _pick_opposite(ahead, spans[1], length_m)) for ahead in spans[0]]
+    taken = {back for _, back in pieces if back is not None}
+    pieces += [(None, back) for back in spans[1] if back not in taken]
+    for number, (ahead, back) in enumerate(pieces):
+        paths = [
+            None if span is None else cut_line(path, span[0] + tool_m, span[1] + tool_m)
+            for path, span in zip(drawn, (ahead, back), strict=True)
+        ]
+        known = [path for path in paths if path is not None]
+        yield WorkLine(
+            LegTask(draft.kind, draft.number, number),
+            draft.group,
+            (known[0], known[-1]),
+            tool_m,
+            both_ways=len(known) == 2,
+        )
+
+
+def _find_spans(site: Site, path: Floats, length_m: float) -> list[Span]:
+    """From where to where on a path of the bar the body has room (m), in its direction."""
+    along = measure_along(path)
+    stations = np.linspace(0.0, length_m, max(2, math.ceil(length_m / STATION_M) + 1))
+    places = (locate_at(path, along, stations), locate_at(path, along, stations + site.rules.tool_m))
+    rooms = _measure_rooms_at(site, *places)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], (rooms >= LINE_MARGIN_M).astype(int), [0]])))
+    spans = [(float(stations[first]), float(stations[end - 1])) for first, end in edges.reshape(-1, 2)]
+    return [span for span in spans if span[1] - span[0] >= MIN_PIECE_M]
+
+
+def _measure_rooms_at(site: Site, bars: Floats, guided: Floats) -> Floats:
+    body, ground = site.body, site.ground
+    tables = body.points, body.reach_m, ground.grid, ground.frame
+    return measure_station_rooms(bars, guided, body.guide_m, *tables, SCARCE_M)  # type: ignore[no-any-return]
+
+
+def _pick_opposite(span: Span, others: Sequence[Span], length_m: float) -> Span | None:
+    """The span of the opposite direction that shares most ground with one; None if they share too little."""
+
+    def measure_shared_m(other: Span) -> float:
+        return min(span[1], length_m - other[0]) - max(span[0], length_m - other[1])
+
+    best = max(others, key=measure_shared_m, default=None)
+    return best if best is not None and measure_shared_m(best) >= MIN_PIECE_M else None
+
+
+def _settle(site: Site, line: WorkLine) -> WorkLine | None:
+    """The line pulled back from where a drive of it alone leaves the ground; None if little is left."""
+    for direction in (0, 1) if line.both_ways else (0,):
+        path = line.paths[direction]
+        if _has_ample_room(site, path):
+            continue
+        kept = _find_driven_span(site, line, direction)
+        if kept is None:
+            return None
+        path = cut_line(path, *kept)
+        line = line.replace_path(direction, path) if line.both_ways else replace(line, paths=(path, path))
+    return line
+
+
+def _has_ample_room(site: Site, path: Floats) -> bool:
+    along = measure_along(path)
+    stations = np.arange(0.0, along[-1], 4.0 * STATION_M)
+    ahead = locate_at(path, along, np.minimum(stations + 0.5, along[-1]))
+    behind = locate_at(path, along, np.maximum(np.minimum(stations, along[-1] - 0.5), 0.0))
+    return len(path) == 2 and bool((_measure_rooms_at(site, behind, ahead) >= SCARCE_M).all())
+
+
+def _find_driven_span(site: Site, line: WorkLine, direction: int) -> Span | None:
+    """The longest stretch of a path on which a drive of the line alone has room."""
+    path = line.paths[direction]
+    leg = Leg(path, site.rules.work_speed_mps, 1, True, task=line.task)
+    poses = site.drive(Plan((Mission((leg,)),))).get_poses(0)
+    rooms = measure_proof_rooms(site, poses)
+    driven = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    length_m = float(measure_along(path)[-1])
+    touches = np.minimum(driven[rooms < PROOF_ROOM_M], length_m)
+    borders = np.concatenate([[-PULL_BACK_M], touches, [length_m + PULL_BACK_M]])
+    longest = int(np.argmax(np.diff(borders)))
+    first, last = borders[longest] + PULL_BACK_M, borders[longest + 1] - PULL_BACK_M
+    return (float(first), float(last)) if last - first >= MIN_PIECE_M else None
+
+
+def measure_proof_rooms(site: Site, poses: Floats) -> Floats:
+    """Room (t,) of the body on the proof ground at poses (t, 3) of the centre of mass (m)."""
+    body, ground = site.body, site.proof_ground
+    return measure_rooms(poses, site.axle_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M)  # type: ignore[no-any-return]
+
+
+def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:
+    """The lines without those whose strip others cover nearly all of; the least needed goes first."""
+    if not lines:
+        return []
+    strips = shapely.intersection([line.build_strip(site.width_m) for line in lines], site.work_ground)
+    tree, is_kept = shapely.STRtree(strips), np.ones(len(lines), bool)
+    near = [[int(k) for k in tree.query(strip) if k != number] for number, strip in enumerate(strips)]
+    full_m2 = np.array([site.width_m * line.length_m for line in lines])
+
+    def measure_own_m2(number: int) -> float:
+        others = shapely.union_all([strips[k] for k in near[number] if is_kept[k]])
+        return float(shapely.difference(strips[number], others).area)
+
+    own_m2 = np.array([measure_own_m2(number) for number in range(len(lines))])
+    while True:
+        shares = np.where(is_kept, own_m2 / full_m2, np.inf)
+        least = int(np.argmin(np.round(shares, 9)))
+        if shares[least] > MIN_OWN_SHARE:
+            break
+        is_kept[least] = False
+        for k in near[least]:
+            own_m2[k] = measure_own_m2(k)
+    return [replace(line, own_m2=float(own_m2[k])) for k, line in enumerate(lines) if is_kept[k]]

@@ -1,0 +1,123 @@
+"""A work line: where a machine works, either way, and where it may begin and end there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from strategies.path_planning.paths import Pose
+from strategies.site.ground import get_distance, measure_body_room
+from vehicle.jit import compile_function
+from vehicle.missions.plan import LegTask
+
+Floats = npt.NDArray[np.float64]
+
+SAME_POINT_M = 1e-6
+JOINT_M = 0.05  # points of a line this close to a cut are left out
+
+
+def measure_along(points: Floats) -> Floats:
+    """Distance (n,) of the points (n, 2) of a polyline from its begin, along it (m)."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+
+
+def locate_at(points: Floats, along: Floats, distances_m: Any) -> Floats:
+    """Places (k, 2) on a polyline at distances along it, given those of its points."""
+    return np.column_stack([np.interp(distances_m, along, points[:, axis]) for axis in (0, 1)])
+
+
+def cut_line(points: Floats, first_m: float, last_m: float) -> Floats:
+    """The part of a polyline (n, 2) between two distances along it."""
+    along = measure_along(points)
+    inner = points[(along > first_m + JOINT_M) & (along < last_m - JOINT_M)]
+    return np.vstack([locate_at(points, along, [first_m]), inner, locate_at(points, along, [last_m])])
+
+
+def extend_line(points: Floats, before_m: float, after_m: float) -> Floats:
+    """A polyline (n, 2) drawn out straight at its ends, without points that coincide."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    points = points[np.concatenate([[True], steps > SAME_POINT_M])]
+    first, last = points[0] - points[1], points[-1] - points[-2]
+    begin = points[0] + before_m / np.hypot(*first) * first
+    end = points[-1] + after_m / np.hypot(*last) * last
+    return np.vstack([begin, points[1:-1], end])
+
+
+@dataclass(frozen=True, eq=False)
+class WorkLine:
+    """A piece of a swath or a headland side.
+
+    Attributes:
+        task: what its legs are for.
+        group: lines of one swath, or of one headland pass, have the same: the implement may stay down between them.
+        paths: for either direction the path (n, 2) of the guided point from where the implement is lowered to where it
+            is lifted.
+        tool_m: how far the implement works behind the guided point.
+        own_m2: the ground that no other line covers.
+        both_ways: whether it may be driven in either direction, or in the first alone.
+    """
+
+    task: LegTask
+    group: tuple[str, int]
+    paths: tuple[Floats, Floats]
+    tool_m: float
+    own_m2: float = 0.0
+    both_ways: bool = True
+
+    @cached_property
+    def alongs(self) -> tuple[Floats, Floats]:
+        """For either direction the distances of the points of its path, along it (m)."""
+        return measure_along(self.paths[0]), measure_along(self.paths[1])
+
+    @property
+    def length_m(self) -> float:
+        """Length in metres, as driven."""
+        return max(self.measure_path_m(0), self.measure_path_m(1))
+
+    def get_begin(self, direction: int) -> Pose:
+        """Pose of the guided point where the implement is lowered."""
+        return self.get_pose(direction, 0.0)
+
+    def get_end(self, direction: int) -> Pose:
+        """Pose of the guided point where it is lifted."""
+        return self.get_pose(direction, math.inf)
+
+    def get_pose(self, direction: int, distance_m: float) -> Pose:
+        """Pose of the guided point at a distance along the path."""
+        path, along = self.paths[direction], self.alongs[direction]
+        k = min(max(int(np.searchsorted(along, distance_m, side="right")) - 1, 0), len(path) - 2)
+        x, y = locate_at(path, along, [min(distance_m, float(along[-1]))])[0].tolist()
+        ahead = path[k + 1] - path[k]
+        return x, y, math.atan2(ahead[1], ahead[0])
+
+    def measure_path_m(self, direction: int) -> float:
+        """Length of the path in a direction (m)."""
+        return float(self.alongs[direction][-1])
+
+    def replace_path(self, direction: int, path: Floats) -> WorkLine:
+        """The line with another path in a direction."""
+        return replace(self, paths=(self.paths[0], path) if direction else (path, self.paths[1]))
+
+    def build_strip(self, width_m: float) -> shapely.Geometry:
+        """The ground that the implement passes over in the first direction."""
+        bar = cut_line(extend_line(self.paths[0], self.tool_m, 0.0), 0.0, self.measure_path_m(0))
+        return shapely.buffer(shapely.LineString(bar), 0.5 * width_m, cap_style="flat", join_style="mitre")
+
+
+@compile_function
+def measure_station_rooms(bars, guided, guide, points, reach, grid, frame, enough):  # type: ignore[no-untyped-def]
+    """Room (n,) of a body at stations where its bar and its guided point are at places (n, 2), exact below `enough`."""
+    rooms = np.empty(len(bars))
+    for k in range(len(bars)):
+        heading = math.atan2(guided[k, 1] - bars[k, 1], guided[k, 0] - bars[k, 0])
+        x, y = guided[k, 0] - guide * math.cos(heading), guided[k, 1] - guide * math.sin(heading)
+        rooms[k] = get_distance(x, y, grid, frame) - reach
+        if rooms[k] < enough:
+            rooms[k] = measure_body_room(x, y, heading, points, len(points), grid, frame, -np.inf)
+    return rooms

@@ -1,0 +1,180 @@
+"""Moves in closed form, compiled: the quickest from pose to pose, and of these those on which the body has room.
+
+A closed form is straight on (or back), a primitive of Dubins or Reeds and Shepp, and straight on into the next line (or
+back and forth into it); or straight, one arc and straight. It is a table of ROWS segments (length m, curvature 1/m,
+gear) with zero lengths where it has fewer.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.path_planning.primitives import (
+    MAX_PIECES,
+    MAX_PRIMITIVES,
+    ROUTE,
+    SWITCH_BACK,
+    U,
+    add_forward_primitives,
+    add_reverse_arc_primitives,
+    add_reverse_straight_primitives,
+    compute_drive_time_s,
+    wrap_angle,
+)
+from strategies.site.ground import FAR_POINTS, has_room_on_path, measure_length_inside
+from vehicle.copying import copy_table
+from vehicle.jit import compile_function
+
+Floats = npt.NDArray[np.float64]
+
+ROWS = MAX_PIECES + 2
+LEADS_OUT_M = np.array([0.0, 2.0, 5.0, 10.0, -3.0, -7.0])  # straight on before the first arc, or back
+LEADS_IN_M = np.array([2.5, 0.0, 5.0, 10.0, -4.0, -8.0])  # straight before the next line, or back into it
+SHORT_LEAD_M, SHORT_LEAD_S = 2.0, 4.0  # a line begun right out of an arc is begun out of place: charged so much
+LONG_REVERSE_M, LONG_REVERSE_S_PER_M = 15.0, 3.0  # drivers turn rather than reverse farther: charged so much
+SAME_S = 0.02  # candidates that take as long as this are one path, built twice
+FARTHEST_M = 60.0  # straights of a plain corner are no longer
+KEPT_DEPTH_M = 0.5  # ground of swaths counts as driven on from so far inside
+CURVED_REVERSE_S = 20.0  # in reverse the rear axle leads, so that an arc falls short: charged so much
+LEAST_TURN = 0.1  # sine of the angle between two lines that one arc joins
+
+
+@compile_function
+def _write_row(rows, number, length, curvature, gear) -> None:  # type: ignore[no-untyped-def]
+    rows[number, 0], rows[number, 1], rows[number, 2] = length, curvature, gear
+
+
+@compile_function
+def _clear_rows(rows) -> None:  # type: ignore[no-untyped-def]
+    for number in range(len(rows)):
+        _write_row(rows, number, 0.0, 0.0, 1.0)
+
+
+@compile_function
+def _add_plain_corners(b, radius, forms, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """Add straight, arc, straight from the origin to pose b, forwards and with the arc in reverse; the new count."""
+    turn, sine = wrap_angle(b[2]), math.sin(b[2])
+    if abs(sine) <= LEAST_TURN:
+        return count  # type: ignore[no-any-return]
+    before, after = b[0] - b[1] * math.cos(b[2]) / sine, b[1] / sine  # to where the two lines meet
+    hand, tangent = (1.0 if turn > 0.0 else -1.0), radius * math.tan(0.5 * abs(turn))
+    for gear in (1.0, -1.0):
+        first, last = before - gear * tangent, after - gear * tangent
+        if abs(first) < FARTHEST_M and abs(last) < FARTHEST_M:
+            _clear_rows(forms[count])
+            _write_row(forms[count], 0, abs(first), 0.0, 1.0 if first >= 0.0 else -1.0)
+            _write_row(forms[count], 1, radius * abs(turn), gear * hand / radius, gear)
+            _write_row(forms[count], ROWS - 1, abs(last), 0.0, 1.0 if last >= 0.0 else -1.0)
+            is_forward = first >= 0.0 and last >= 0.0 and gear > 0.0
+            kinds[count] = (U if abs(turn) >= 0.5 * math.pi else ROUTE) if is_forward else SWITCH_BACK
+            count += 1
+    return count  # type: ignore[no-any-return]
+
+
+@compile_function
+def _add_primitives(b, lead_out, lead_in, radius, forms, kinds, count) -> int:  # type: ignore[no-untyped-def]
+    """Add lead out, a primitive and lead in from the origin to pose b, forwards and in reverse; the new count."""
+    primitives, primitive_kinds = np.zeros((MAX_PRIMITIVES, MAX_PIECES, 3)), np.zeros(MAX_PRIMITIVES, np.int64)
+    start, goal = np.zeros(3), np.empty(3)
+    start[0] = lead_out
+    goal[0], goal[1], goal[2] = b[0] - lead_in * math.cos(b[2]), b[1] - lead_in * math.sin(b[2]), b[2]
+    for gear in (1.0, -1.0):
+        if gear < 0.0:
+            if lead_out < 0.0 or lead_in < 0.0:
+                break
+            start[2], goal[2] = math.pi, b[2] + math.pi
+        found = add_forward_primitives(start, goal, radius, primitives, primitive_kinds, 0)
+        if gear > 0.0 and lead_out >= 0.0 and lead_in >= 0.0:
+            found = add_reverse_arc_primitives(start, goal, radius, primitives, primitive_kinds, found)
+            found = add_reverse_straight_primitives(start, goal, radius, primitives, primitive_kinds, found)
+        for k in range(found):
+            _clear_rows(forms[count])
+            _write_row(forms[count], 0, abs(lead_out), 0.0, 1.0 if lead_out >= 0.0 else -1.0)
+            for piece in range(MAX_PIECES):
+                bend, way = gear * primitives[k, piece, 1], gear * primitives[k, piece, 2]
+                _write_row(forms[count], 1 + piece, primitives[k, piece, 0], bend, way)
+            _write_row(forms[count], ROWS - 1, abs(lead_in), 0.0, 1.0 if lead_in >= 0.0 else -1.0)
+            is_forward = gear > 0.0 and lead_out >= 0.0 and lead_in >= 0.0
+            kinds[count] = primitive_kinds[k] if is_forward else SWITCH_BACK
+            count += 1
+    return count  # type: ignore[no-any-return]
+
+
+@compile_function
+def compute_awkward_s(rows) -> float:  # type: ignore[no-untyped-def]
+    """Charge (s) of rows (n, 3) for reversing far or on an arc, and for beginning a line right out of an arc."""
+    back, last, bends_back = 0.0, 0, 0.0
+    for k in range(len(rows)):
+        if rows[k, 2] < 0.0:
+            back += rows[k, 0]
+            if rows[k, 0] > 0.0 and rows[k, 1] != 0.0:
+                bends_back = CURVED_REVERSE_S
+        if rows[k, 0] > 0.0:
+            last = k
+    seconds = bends_back + LONG_REVERSE_S_PER_M * max(0.0, back - LONG_REVERSE_M)
+    if rows[last, 2] > 0.0 and (rows[last, 1] != 0.0 or rows[last, 0] < SHORT_LEAD_M):
+        seconds += SHORT_LEAD_S
+    return seconds
+
+
+@compile_function
+def list_closed_forms(b, radii, costs, leads_out, leads_in, allowed_kinds, most):  # type: ignore[no-untyped-def]
+    """The quickest closed forms (k <= most, ROWS, 3) from the origin to pose b (3,), quickest first, and their seconds.
+
+    `radii` (r,) are tried in turn; `allowed_kinds` (4,) says which kinds of primitives may be driven; kinds (k,) come
+    third.
+    """
+    size = len(radii) * (2 + 2 * MAX_PRIMITIVES * len(leads_out) * len(leads_in))
+    forms, kinds, seconds = np.empty((size, ROWS, 3)), np.zeros(size, np.int64), np.empty(size)
+    count = 0
+    for r in range(len(radii)):
+        count = _add_plain_corners(b, radii[r], forms, kinds, count)
+        for i in range(len(leads_out)):
+            for j in range(len(leads_in)):
+                count = _add_primitives(b, leads_out[i], leads_in[j], radii[r], forms, kinds, count)
+    for k in range(count):
+        seconds[k] = np.inf
+        if allowed_kinds[kinds[k]]:
+            seconds[k] = compute_drive_time_s(forms[k], costs) + compute_awkward_s(forms[k])
+    order = np.argsort(seconds[:count])
+    kept, kept_s, kept_kinds = np.empty((most, ROWS, 3)), np.empty(most), np.empty(most, np.int64)
+    found, last = 0, -1.0
+    for k in order:
+        if found == most or seconds[k] == np.inf:
+            break
+        if seconds[k] - last < SAME_S:
+            continue
+        copy_table(forms[k], kept[found])
+        kept_s[found] = last = seconds[k]
+        kept_kinds[found] = kinds[k]
+        found += 1
+    return kept[:found], kept_s[:found], kept_kinds[:found]
+
+
+@compile_function
+def pick_with_room(a, forms, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+    """Numbers of the first `most` of the forms (k, ROWS, 3) from pose a (3,) on which the body keeps `margin`."""
+    numbers, found, few = np.empty(most, np.int64), 0, min(FAR_POINTS, len(points))
+    for k in range(len(forms)):
+        if not has_room_on_path(a, forms[k], guide, points, few, reach, grid, frame, margin):
+            continue
+        if has_room_on_path(a, forms[k], guide, points, len(points), reach, grid, frame, margin):
+            numbers[found] = k
+            found += 1
+            if found == most:
+                break
+    return numbers[:found]
+
+
+@compile_function
+def weigh_forms(a, forms, numbers, costs, kept_grid, kept_frame, wheels_s_per_m):  # type: ignore[no-untyped-def]
+    """Seconds (k,) of some of the forms (n, m, 3) from pose a (3,), and their charges, wheels on kept ground too."""
+    seconds, charges = np.empty(len(numbers)), np.empty(len(numbers))
+    for place, k in enumerate(numbers):
+        seconds[place] = compute_drive_time_s(forms[k], costs)
+        wheels = measure_length_inside(a, forms[k], kept_grid, kept_frame, KEPT_DEPTH_M)
+        charges[place] = compute_awkward_s(forms[k]) + wheels_s_per_m * wheels
+    return seconds, charges

@@ -1,0 +1,241 @@
+"""A move where no closed form has room: hybrid A* with the body in it, compiled.
+
+From every pose short arcs to either side and a short straight lead on, forwards and in reverse. Poses keep their exact
+place and heading; one per cell, sector of headings and gear is followed further. The way that remains is measured over
+the grid of the ground, so that the search goes round obstacles at once. A closed form ends it as soon as one has room.
+
+Source: D. Dolgov, S. Thrun, M. Montemerlo, J. Diebel, "Practical search techniques in path planning for autonomous
+driving", STAIR workshop at AAAI (2008).
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.moves.closed_forms import list_closed_forms, pick_with_room
+from strategies.path_planning.primitives import TAU, advance_pose
+from strategies.site.ground import has_room_on_path
+from vehicle.copying import copy_table
+from vehicle.jit import compile_function
+
+Floats = npt.NDArray[np.float64]
+
+COARSE = 3  # cells of the ground to a cell of the way that remains
+STEP_M = 1.25  # of the search, longer than a cell
+SEARCH_CELL_M = 0.8
+SECTORS = 36  # of headings
+GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
+MORE_ROOM_M, TIGHT_FACTOR = 0.25, 2.0  # a step with less room beyond the margin takes so much longer: drives err
+BEND_S = 0.6  # charge for another curvature: wheels take time to turn
+SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 4, 25  # how often closed forms are tried, near the goal and far from it
+SHOT_FORMS = 12
+SHOT_OUT_M, SHOT_IN_M = np.array([0.0]), np.array([2.5, 0.0, -4.0])
+
+
+@compile_function
+def measure_remaining_m(x, y, half, grid, frame):  # type: ignore[no-untyped-def]
+    """Metres (ny, nx) to a place over coarse cells whose middle has at least `half` metres of room; else infinite."""
+    rows, columns = grid.shape[0] // COARSE, grid.shape[1] // COARSE
+    cell = COARSE * frame[2]
+    remaining = np.full((rows, columns), np.inf)
+    j, i = int((y - frame[1]) / cell), int((x - frame[0]) / cell)
+    if j < 0 or i < 0 or j >= rows or i >= columns:
+        return remaining
+    remaining[j, i] = 0.0
+    heap = [(0.0, j, i)]
+    while len(heap) > 0:
+        distance, j, i = heapq.heappop(heap)
+        if distance > remaining[j, i]:
+            continue
+        for dj in range(-1, 2):
+            for di in range(-1, 2):
+                q, p = j + dj, i + di
+                if q < 0 or p < 0 or q >= rows or p >= columns:
+                    continue
+                if grid[COARSE * q + COARSE // 2, COARSE * p + COARSE // 2] < half:
+                    continue
+                longer = distance + cell * math.sqrt(float(di * di + dj * dj))
+                if longer < remaining[q, p] - 1e-9:
+                    remaining[q, p] = longer
+                    heapq.heappush(heap, (longer, q, p))
+    return remaining
+
+
+@compile_function
+def _get_remaining_m(x, y, remaining, frame) -> float:  # type: ignore[no-untyped-def]
+    """The least of the remaining metres about a place: close to an edge its own cell may have no room."""
+    cell = COARSE * frame[2]
+    j, i = int((y - frame[1]) / cell), int((x - frame[0]) / cell)
+    least = np.inf
+    for q in range(max(0, j - 1), min(remaining.shape[0], j + 2)):
+        for p in range(max(0, i - 1), min(remaining.shape[1], i + 2)):
+            least = min(least, remaining[q, p])
+    return least
+
+
+@compile_function
+def _find_shot(pose, b, radii, costs, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+    """The quickest closed form (ROWS, 3) from a pose to pose b with room, and its seconds; infinite for none."""
+    dx, dy, cosine, sine = b[0] - pose[0], b[1] - pose[1], math.cos(pose[2]), math.sin(pose[2])
+    goal = np.array([dx * cosine + dy * sine, dy * cosine - dx * sine, b[2] - pose[2]])
+    forms, seconds, _ = list_closed_forms(goal, radii, costs, SHOT_OUT_M, SHOT_IN_M, kinds, SHOT_FORMS)
+    numbers = pick_with_room(pose, forms, 1, guide, points, reach, grid, frame, margin)
+    if len(numbers) == 0:
+        return np.empty((0, 3)), np.inf
+    return forms[numbers[0]], seconds[numbers[0]]
+
+
+@compile_function
+def search_move(a, b, remaining, radii, costs, kinds, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+    """Rows (k, 3) of a path from pose a to pose b on which the body keeps `margin`, and its seconds; infinite for none.
+
+    `remaining` is the way that remains (measure_remaining_m), `most` the number of poses that may be expanded.
+    """
+    radius, gears = radii[0], 2 if kinds[3] else 1
+    forward, back = costs[0], costs[1]
+    slow = min(forward, math.sqrt(costs[4] * radius))
+    size = 6 * most + 8
+    poses, spent_s, came = np.empty((size, 3)), np.empty(size), np.empty(size, np.int64)
+    bends, ways = np.zeros(size), np.ones(size)
+    poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
+    spent_s[0], came[0] = 0.0, -1
+    count, expanded = 1, 0
+    best_s = {(np.int64(0), np.int64(0), np.int64(-1), np.int64(0)): 0.0}
+    heap, step = [(0.0, 0)], np.empty((1, 3))
+    while len(heap) > 0 and expanded < most:
+        _, node = heapq.heappop(heap)
+        x, y, heading = poses[node]
+        expanded += 1
+        near = math.hypot(x - b[0], y - b[1]) < SHOT_RADII * radius
+        if (near and expanded % SHOT_EVERY == 0) or expanded % FAR_SHOT_EVERY == 1:
+            link, link_s = _find_shot(poses[node], b, radii, costs, kinds, guide, points, reach, grid, frame, margin)
+            if link_s < np.inf:
+                return _trace_rows(node, came, bends, ways, link), spent_s[node] + link_s
+        for way in range(gears):
+            gear = 1.0 if way == 0 else -1.0
+            for side in range(-1, 2):
+                bend = side / radius
+                step[0, 0], step[0, 1], step[0, 2] = STEP_M, bend, gear
+                if not has_room_on_path(poses[node], step, guide, points, len(points), reach, grid, frame, margin):
+                    continue
+                u, v, after = advance_pose(x, y, heading, STEP_M, bend, gear)
+                left_m = _get_remaining_m(u, v, remaining, frame)
+                if left_m == np.inf:
+                    continue
+                step_s = STEP_M / (back if gear < 0.0 else slow if side else forward)
+                wide = margin + MORE_ROOM_M
+                if not has_room_on_path(poses[node], step, guide, points, len(points), reach, grid, frame, wide):
+                    step_s *= TIGHT_FACTOR
+                seconds = spent_s[node] + step_s
+                if gear != ways[node]:
+                    seconds += costs[2] + costs[3] * abs(bend - bends[node])
+                elif bend != bends[node]:
+                    seconds += BEND_S
+                key = (
+                    np.int64(math.floor(u / SEARCH_CELL_M)),
+                    np.int64(math.floor(v / SEARCH_CELL_M)),
+                    np.int64(math.floor((after % TAU) / TAU * SECTORS)),
+                    np.int64(way),
+                )
+                if key in best_s and best_s[key] <= seconds + 1e-9:
+                    continue
+                best_s[key] = seconds
+                poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after
+                spent_s[count], came[count], bends[count], ways[count] = seconds, node, bend, gear
+                off = abs((after - b[2] + math.pi) % TAU - math.pi) * radius
+                heapq.heappush(heap, (seconds + GREED * max(left_m, 0.5 * (left_m + off)) / forward, count))
+                count += 1
+    return np.empty((0, 3)), np.inf
+
+
+@compile_function
+def has_way_on(a, gears, radius, most, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+    """Whether at least `most` places are reached from pose a by arcs and straights in the gears given."""
+    size = 6 * most + 8
+    poses, seen = np.empty((size, 3)), {(np.int64(0), np.int64(0), np.int64(-1))}
+    poses[0, 0], poses[0, 1], poses[0, 2] = a[0], a[1], a[2]
+    count, at, step = 1, 0, np.empty((1, 3))
+    while at < count and count <= most:
+        for gear in gears:
+            for side in range(-1, 2):
+                step[0, 0], step[0, 1], step[0, 2] = STEP_M, side / radius, gear
+                if not has_room_on_path(poses[at], step, guide, points, len(points), reach, grid, frame, margin):
+                    continue
+                u, v, after = advance_pose(poses[at, 0], poses[at, 1], poses[at, 2], STEP_M, side / radius, gear)
+                key = (
+                    np.int64(math.floor(u / SEARCH_CELL_M)),
+                    np.int64(math.floor(v / SEARCH_CELL_M)),
+                    np.int64(math.floor((after % TAU) / TAU * SECTORS)),
+                )
+                if key not in seen:
+                    seen.add(key)
+                    poses[count, 0], poses[count, 1], poses[count, 2] = u, v, after
+                    count += 1
+        at += 1
+    return count > most
+
+
+@compile_function
+def _trace_rows(node, came, bends, ways, link):  # type: ignore[no-untyped-def]
+    """The steps that led to a node, and the closed form from there."""
+    steps, at = 0, node
+    while came[at] >= 0:
+        steps += 1
+        at = came[at]
+    rows, at = np.empty((steps + len(link), 3)), node
+    for k in range(steps - 1, -1, -1):
+        rows[k, 0], rows[k, 1], rows[k, 2] = STEP_M, bends[at], ways[at]
+        at = came[at]
+    copy_table(link, rows[steps:])
+    return rows
+
+
+@compile_function
+def shorten_rows(a, rows, radii, costs, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
+    """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that take less time, from the end.
+
+    From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
+    shortened the same way. What replaces a stretch has more room than the margin asks for.
+    """
+    margin = margin + MORE_ROOM_M
+    ends = np.empty((len(rows) + 1, 3))
+    ends[0, 0], ends[0, 1], ends[0, 2] = a[0], a[1], a[2]
+    for k in range(len(rows)):
+        u, v, after = advance_pose(ends[k, 0], ends[k, 1], ends[k, 2], rows[k, 0], rows[k, 1], rows[k, 2])
+        ends[k + 1, 0], ends[k + 1, 1], ends[k + 1, 2] = u, v, after
+    out, last = np.empty((0, 3)), len(rows)
+    while last > 0:
+        taken = last - 1
+        for eighth in range(8):
+            first = eighth * last // 8
+            if first >= last - 1:
+                break
+            link, link_s = _find_shot(
+                ends[first], ends[last], radii, costs, kinds, guide, points, reach, grid, frame, margin
+            )
+            if link_s < np.inf and link_s <= _measure_seconds(rows[first:last], costs):
+                out, taken = np.concatenate((link, out)), first
+                break
+        if taken == last - 1:
+            out = np.concatenate((rows[last - 1 : last], out))
+        last = taken
+    return out
+
+
+@compile_function
+def _measure_seconds(rows, costs) -> float:  # type: ignore[no-untyped-def]
+    """Seconds of steps at their speeds, with what bends and changes of direction cost in the search."""
+    seconds, bend, gear = 0.0, rows[0, 1], rows[0, 2]
+    for k in range(len(rows)):
+        speed = costs[1] if rows[k, 2] < 0.0 else costs[0]
+        seconds += rows[k, 0] / speed
+        if rows[k, 2] != gear:
+            seconds += costs[2]
+        elif rows[k, 1] != bend:
+            seconds += BEND_S
+        bend, gear = rows[k, 1], rows[k, 2]
+    return seconds

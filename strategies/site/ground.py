@@ -1,0 +1,239 @@
+"""What a body may touch, as a grid of signed distances, and how much room a body has on it, compiled.
+
+Distances are exact near the edges of the allowed ground and capped at `cap_m` away from them: a little more than a body
+reaches is all that matters. Between the points of the grid they are interpolated.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+
+from strategies.path_planning.collision_check import MachineBody
+from vehicle.jit import compile_function
+
+Floats = npt.NDArray[np.float64]
+
+CELL_M = 0.5  # of the grid: interpolated distances err by a few centimetres at corners
+BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
+POINT_STEP_M = 0.5  # between the points of an outline
+PATH_STEP_M = 0.4  # between the poses checked on a path
+FAR_POINTS = 8  # the farthest points of a body, which leave the ground first, are checked on the whole path first
+
+
+@compile_function
+def fill_distances(edges, west, south, cell, cap, grid) -> None:  # type: ignore[no-untyped-def]
+    """Lower the distances of a grid (ny, nx) to those from edges (n, 4) where these are nearer than `cap`."""
+    rows, columns = grid.shape
+    for k in range(len(edges)):
+        ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        dx, dy = bx - ax, by - ay
+        square = dx * dx + dy * dy
+        left = max(0, int((min(ax, bx) - cap - west) / cell))
+        right = min(columns - 1, int((max(ax, bx) + cap - west) / cell) + 1)
+        low = max(0, int((min(ay, by) - cap - south) / cell))
+        high = min(rows - 1, int((max(ay, by) + cap - south) / cell) + 1)
+        for j in range(low, high + 1):
+            for i in range(left, right + 1):
+                px, py = west + i * cell - ax, south + j * cell - ay
+                share = 0.0 if square == 0.0 else min(1.0, max(0.0, (px * dx + py * dy) / square))
+                apart = math.hypot(px - share * dx, py - share * dy)
+                if apart < grid[j, i]:
+                    grid[j, i] = apart
+
+
+@compile_function
+def negate_outside(edges, west, south, cell, grid) -> None:  # type: ignore[no-untyped-def]
+    """Make the distances of a grid negative outside the region whose boundary the edges (n, 4) are."""
+    rows, columns = grid.shape
+    crossings = np.zeros((rows, columns + 1), np.int8)  # parity of the boundaries crossed left of a point
+    for k in range(len(edges)):
+        ax, ay, bx, by = edges[k, 0], edges[k, 1], edges[k, 2], edges[k, 3]
+        if ay == by:
+            continue
+        first = max(0, math.ceil((min(ay, by) - south) / cell))
+        for j in range(first, rows):
+            y = south + j * cell
+            if y >= max(ay, by):
+                break
+            column = math.ceil((ax + (y - ay) / (by - ay) * (bx - ax) - west) / cell)
+            crossings[j, min(max(column, 0), columns)] ^= 1
+    for j in range(rows):
+        inside = 0
+        for i in range(columns):
+            inside ^= crossings[j, i]
+            if not inside:
+                grid[j, i] = -grid[j, i]
+
+
+@compile_function
+def get_distance(x, y, grid, frame) -> float:  # type: ignore[no-untyped-def]
+    """Signed distance (m, inside positive) at a place; beyond the grid minus its cap.
+
+    `frame` is west, south, cell and cap.
+    """
+    u, v = (x - frame[0]) / frame[2], (y - frame[1]) / frame[2]
+    i, j = math.floor(u), math.floor(v)
+    if i < 0 or j < 0 or i >= grid.shape[1] - 1 or j >= grid.shape[0] - 1:
+        return -frame[3]  # type: ignore[no-any-return]
+    u -= i
+    v -= j
+    low = (1.0 - u) * grid[j, i] + u * grid[j, i + 1]
+    high = (1.0 - u) * grid[j + 1, i] + u * grid[j + 1, i + 1]
+    return (1.0 - v) * low + v * high  # type: ignore[no-any-return]
+
+
+@compile_function
+def measure_body_room(x, y, heading, points, count, grid, frame, enough) -> float:  # type: ignore[no-untyped-def]
+    """Least signed distance (m) of the first `count` points (n, 2) of a body with its rear axle at a pose.
+
+    Below `enough` it stops at the first point that shows it.
+    """
+    least, cosine, sine = np.inf, math.cos(heading), math.sin(heading)
+    for k in range(count):
+        px, py = points[k, 0], points[k, 1]
+        distance = get_distance(x + px * cosine - py * sine, y + px * sine + py * cosine, grid, frame)
+        if distance < least:
+            least = distance
+            if least < enough:
+                return least
+    return least
+
+
+@compile_function
+def has_room_on_path(a, rows, guide, points, count, reach, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a body keeps `margin` (m) on a path of rows (n, 3: length, curvature, gear) of the guided point.
+
+    The guided point, `guide` ahead of the rear axle, begins at the pose a (3,). Forwards the axle trails it, in reverse
+    the body lies along the path.
+    """
+    px, py, heading = a[0], a[1], a[2]
+    x, y = px - guide * math.cos(heading), py - guide * math.sin(heading)
+    for k in range(len(rows)):
+        length, bend, gear = rows[k, 0], rows[k, 1], rows[k, 2]
+        if length <= 1e-9:
+            continue
+        steps = max(1, math.ceil(length / PATH_STEP_M))
+        fx, fy = px, py
+        for number in range(1, steps + 1):
+            run = gear * length * number / steps
+            half = 0.5 * bend * run
+            chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
+            nx, ny = fx + chord * math.cos(heading + half), fy + chord * math.sin(heading + half)
+            angle = math.atan2(py - ny, px - nx) if gear < 0.0 else math.atan2(ny - y, nx - x)
+            x, y = nx - guide * math.cos(angle), ny - guide * math.sin(angle)
+            is_far = get_distance(x, y, grid, frame) >= reach + margin
+            if not is_far and measure_body_room(x, y, angle, points, count, grid, frame, margin) < margin:
+                return False
+            px, py = nx, ny
+        heading += bend * gear * length
+    return True
+
+
+@compile_function
+def measure_rooms(poses, axle, points, reach, grid, frame, cap):  # type: ignore[no-untyped-def]
+    """Room (t,) of a body at poses (t, 3) of a point `axle` ahead of its rear axle, exact below `cap` (m)."""
+    rooms = np.empty(len(poses))
+    for k in range(len(poses)):
+        heading = poses[k, 2]
+        x, y = poses[k, 0] - axle * math.cos(heading), poses[k, 1] - axle * math.sin(heading)
+        rooms[k] = get_distance(x, y, grid, frame) - reach
+        if rooms[k] < cap:
+            rooms[k] = measure_body_room(x, y, heading, points, len(points), grid, frame, -np.inf)
+    return rooms
+
+
+@compile_function
+def measure_length_inside(a, rows, grid, frame, depth) -> float:  # type: ignore[no-untyped-def]
+    """Metres of a path of rows (n, 3) from a pose (3,) that lie deeper than `depth` (m) in the region of a grid."""
+    x, y, heading, inside = a[0], a[1], a[2], 0.0
+    for k in range(len(rows)):
+        length, bend, gear = rows[k, 0], rows[k, 1], rows[k, 2]
+        if length <= 1e-9:
+            continue
+        steps = max(1, math.ceil(length))
+        for number in range(steps):
+            run = gear * length * (number + 0.5) / steps
+            half = 0.5 * bend * run
+            chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
+            if (
+                get_distance(x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), grid, frame)
+                > depth
+            ):
+                inside += length / steps
+        run = gear * length
+        half = 0.5 * bend * run
+        chord = run * (math.sin(half) / half if half != 0.0 else 1.0)
+        x, y = x + chord * math.cos(heading + half), y + chord * math.sin(heading + half)
+        heading += 2.0 * half
+    return inside
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Ground that bodies may touch, with signed distances known up to a cap.
+
+    Attributes:
+        allowed: the ground.
+        grid: (ny, nx) signed distances, metres, positive inside.
+        frame: (4,) west and south end of the grid, its cell and the cap, metres.
+    """
+
+    allowed: shapely.Geometry
+    grid: npt.NDArray[np.float32]
+    frame: Floats
+
+
+def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:
+    """The ground of a region, with distances up to `cap_m`."""
+    west, south, east, north = allowed.bounds
+    west, south = west - BORDER_CELLS * CELL_M, south - BORDER_CELLS * CELL_M
+    columns, rows = (int(span / CELL_M) + 2 * BORDER_CELLS + 2 for span in (east - west, north - south))
+    edges = list_edges(allowed)
+    grid = np.full((rows, columns), cap_m, np.float32)
+    fill_distances(edges, west, south, CELL_M, cap_m, grid)
+    negate_outside(edges, west, south, CELL_M, grid)
+    return Ground(allowed, grid, np.array([west, south, CELL_M, cap_m]))
+
+
+def list_edges(region: shapely.Geometry) -> Floats:
+    """The straight pieces (n, 4) of the boundary of a region: x and y of both ends."""
+    points, owner = shapely.get_coordinates(shapely.get_parts(region.boundary), return_index=True)
+    inner = np.flatnonzero(owner[1:] == owner[:-1])
+    return np.ascontiguousarray(np.column_stack([points[inner], points[inner + 1]]))
+
+
+@dataclass(frozen=True, eq=False)
+class BodyOutline:
+    """The outline of a machine as points about its rear axle.
+
+    Attributes:
+        points: (n, 2) ahead of the axle and to its left, metres, the farthest first.
+        reach_m: distance of the farthest.
+        guide_m: how far the guided point is ahead of the axle, metres.
+    """
+
+    points: Floats
+    guide_m: float
+
+    @cached_property
+    def reach_m(self) -> float:
+        """Distance of the farthest point from the axle (m)."""
+        return float(np.hypot(*self.points[0]))
+
+
+def build_body_outline(body: MachineBody) -> BodyOutline:
+    """The outlines of the boxes of a machine as points at most POINT_STEP_M apart."""
+    points: list[tuple[float, float]] = []
+    for rear, front, half in body.boxes:
+        corners = [(rear, -half), (front, -half), (front, half), (rear, half)]
+        for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
+            pieces = max(1, math.ceil(math.hypot(bx - ax, by - ay) / POINT_STEP_M))
+            points += [(ax + (bx - ax) * k / pieces, ay + (by - ay) * k / pieces) for k in range(pieces)]
+    outline = np.array(points)
+    return BodyOutline(outline[np.argsort(-np.hypot(*outline.T), kind="stable")], body.guide_m)

@@ -1,0 +1,81 @@
+"""The site of a job: the ground as machines meet it, the machine, how it drives, and how a drive is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from fields.layout.headland_passes import HeadlandPass
+from fields.layout.swaths import Layout
+from strategies.path_planning.connector import TurnCosts
+from strategies.path_planning.paths import PATH_KINDS, EntranceLane
+from strategies.path_planning.turn_kinds import TURN_KINDS
+from strategies.program.field_job import DrivingRules
+from strategies.site.ground import BodyOutline, Floats, Ground
+from vehicle.missions.plan import Plan
+from vehicle.missions.run import SimulationRun
+
+Drive = Callable[[Plan], SimulationRun]
+"""Simulates a plan of one tractor on its own, without errors of position."""
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """Where and with what a job is done.
+
+    Attributes:
+        layout, headland_passes: what is to be worked.
+        rules, costs: how every tractor drives, and what its turns cost.
+        body: its outline with the implement.
+        ground: what the body may touch in plans.
+        proof_ground: what it may touch in a drive; a little more, as a drive errs.
+        kept: ground of swaths, where wheels are charged `wheels_s_per_m`.
+        axle_m: rear axle behind the centre of mass; `bar_m` implement behind it.
+        turn_kinds: kinds of turns that may be driven.
+        lane: through the entrance, None without one.
+        drive: simulates one tractor.
+    """
+
+    layout: Layout
+    headland_passes: tuple[HeadlandPass, ...]
+    rules: DrivingRules
+    costs: TurnCosts
+    body: BodyOutline
+    ground: Ground
+    proof_ground: Ground
+    kept: Ground
+    wheels_s_per_m: float
+    axle_m: float
+    bar_m: float
+    turn_kinds: tuple[str, ...]
+    lane: EntranceLane | None
+    drive: Drive
+
+    @property
+    def width_m(self) -> float:
+        """Working width (m)."""
+        return self.layout.width_m
+
+    @cached_property
+    def speeds(self) -> Floats:
+        """The costs of driving as compiled functions take them."""
+        return self.costs.speeds
+
+    @cached_property
+    def allowed_kinds(self) -> np.ndarray:
+        """Which kinds of primitives, in their order, may be driven; a route may always."""
+        return np.array([kind not in TURN_KINDS or kind in self.turn_kinds for kind in PATH_KINDS])
+
+    @cached_property
+    def work_ground(self) -> shapely.Geometry:
+        """The ground that is to be worked."""
+        return self.layout.field.region_without_obstacles
+
+    @property
+    def work_s_per_m2(self) -> float:
+        """Seconds to work a square metre (s/m2)."""
+        return 1.0 / (self.width_m * self.rules.work_speed_mps)

@@ -1,0 +1,106 @@
+"""Closed forms of moves: they lead where they should, the quickest first, and only where the body has room."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from strategies.moves.closed_forms import (
+    CURVED_REVERSE_S,
+    LEADS_IN_M,
+    LEADS_OUT_M,
+    SHORT_LEAD_S,
+    compute_awkward_s,
+    list_closed_forms,
+    pick_with_room,
+)
+from strategies.moves.search import has_way_on, measure_remaining_m, search_move, shorten_rows
+from strategies.path_planning.collision_check import MachineBody
+from strategies.path_planning.connector import TurnCosts
+from strategies.path_planning.primitives import advance_pose
+from strategies.site.ground import build_body_outline, build_ground, has_room_on_path
+
+RADIUS_M, MARGIN_M = 5.0, 0.1
+RADII, COSTS = np.array([RADIUS_M, 1.25 * RADIUS_M]), TurnCosts(2.0, 1.4, 4.0).speeds
+ALL_KINDS = np.array([True, True, True, True])
+BODY = build_body_outline(MachineBody(((-1.8, 3.0, 1.1), (-2.6, -1.8, 2.0)), 1.0))
+
+
+def drive(pose: tuple[float, float, float], rows: np.ndarray) -> tuple[float, float, float]:
+    for length, curvature, gear in rows:
+        pose = advance_pose(*pose, length, curvature, gear)
+    return pose
+
+
+@settings(max_examples=60, deadline=None)
+@given(x=st.floats(-40, 40), y=st.floats(-40, 40), heading=st.floats(-3.14, 3.14))
+def test_every_form_ends_at_its_goal(x: float, y: float, heading: float) -> None:
+    goal = np.array([x, y, heading])
+    forms, seconds, kinds = list_closed_forms(goal, RADII, COSTS, LEADS_OUT_M, LEADS_IN_M, ALL_KINDS, 40)
+    assert len(forms) == len(seconds) == len(kinds) > 0
+    assert (np.diff(seconds) >= 0.0).all()
+    for rows in forms:
+        u, v, after = drive((0.0, 0.0, 0.0), rows)
+        assert math.dist((u, v), (x, y)) < 1e-6
+        assert abs(math.remainder(after - heading, 2.0 * math.pi)) < 1e-6
+        assert (np.abs(rows[:, 1]) <= 1.0 / RADIUS_M + 1e-9).all()
+
+
+def test_kinds_that_may_not_be_driven_are_left_out() -> None:
+    goal, forward = np.array([0.0, 6.0, math.pi]), np.array([True, True, True, False])
+    forms, _, _ = list_closed_forms(goal, RADII, COSTS, LEADS_OUT_M, LEADS_IN_M, forward, 40)
+    assert len(forms)
+    assert (forms[:, :, 2][forms[:, :, 0] > 0.0] > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("rows", "charge_s"),
+    [
+        ([[5.0, 0.2, 1.0], [3.0, 0.0, 1.0]], 0.0),
+        ([[5.0, 0.2, 1.0], [1.0, 0.0, 1.0]], SHORT_LEAD_S),
+        ([[5.0, 0.2, 1.0]], SHORT_LEAD_S),
+        ([[5.0, 0.2, -1.0], [3.0, 0.0, 1.0]], CURVED_REVERSE_S),
+        ([[20.0, 0.0, -1.0]], 15.0),  # five metres too far in reverse, three seconds each
+    ],
+)
+def test_what_drivers_avoid_is_charged(rows: list[list[float]], charge_s: float) -> None:
+    assert compute_awkward_s(np.array(rows)) == pytest.approx(charge_s)
+
+
+def test_forms_without_room_are_passed_over() -> None:
+    wide, narrow = (build_ground(shapely.box(-20.0, -30.0, 40.0, top), 6.0) for top in (60.0, 12.0))
+    start, goal = np.array([0.0, 0.0, 0.0]), np.array([0.0, 8.0, math.pi])
+    forms, _, _ = list_closed_forms(goal, RADII, COSTS, LEADS_OUT_M, LEADS_IN_M, ALL_KINDS, 60)
+    tables = BODY.guide_m, BODY.points, BODY.reach_m
+    free, tight = (
+        pick_with_room(start, forms, 60, *tables, ground.grid, ground.frame, MARGIN_M) for ground in (wide, narrow)
+    )
+    assert set(tight.tolist()) < set(free.tolist())
+    assert len(tight)
+
+
+def test_a_search_leads_round_a_wall() -> None:
+    ground = build_ground(shapely.box(0.0, 0.0, 80.0, 60.0) - shapely.box(38.0, 0.0, 42.0, 40.0), 6.0)
+    start, goal = np.array([15.0, 15.0, 0.0]), np.array([65.0, 15.0, 0.0])
+    body = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
+    remaining = measure_remaining_m(65.0, 15.0, 1.1, ground.grid, ground.frame)
+    rows, seconds = search_move(start, goal, remaining, RADII[:1], COSTS, ALL_KINDS, 4000, *body)
+    assert math.isfinite(seconds)
+    shorter = shorten_rows(start, rows, RADII[:1], COSTS, ALL_KINDS, *body)
+    for path in (rows, shorter):
+        assert drive(tuple(start), path) == pytest.approx(tuple(goal), abs=1e-6)
+        assert has_room_on_path(start, path, *body[:2], len(BODY.points), *body[2:5], MARGIN_M - 1e-9)
+    assert shorter[:, 0].sum() <= rows[:, 0].sum() + 1e-9
+    assert rows[:, 0].sum() > 2.0 * math.hypot(25.0, 25.0)  # over the end of the wall
+
+
+def test_a_pocket_has_no_way_on() -> None:
+    pocket, field = shapely.box(0.0, 0.0, 9.0, 5.0), shapely.box(0.0, 20.0, 80.0, 80.0)
+    ground = build_ground(shapely.union(pocket, field), 6.0)
+    tables = BODY.guide_m, BODY.points, BODY.reach_m, ground.grid, ground.frame, MARGIN_M
+    gears = np.array([1.0, -1.0])
+    found = [has_way_on(np.array(pose), gears, RADIUS_M, 400, *tables) for pose in ((4.0, 2.5, 0.0), (40.0, 50.0, 0.0))]
+    assert found == [False, True]
