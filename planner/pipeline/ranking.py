@@ -316,6 +316,8 @@ def export_request(context: PlanningContext) -> dict[str, Any]:
         "corners": request.corners,
         "overhang_m": request.overhang_m,
         "no_headland": request.no_headland,
+        "open_edges": request.open_edges,
+        "sections": request.sections,
         "turn_speed_kmh": request.effective_turn_speed_mps / MPS_PER_KMH,
         "price_per_hour": get_price_per_hour(request.price_per_hour),
         "price_per_tractor": request.price_per_tractor,

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.candidates.line_programme import run_programme
 from planner.evaluation.candidates.pruning import (
     Incumbent,
     PrunedCandidate,
@@ -61,7 +63,7 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M
 from planner.risk.assessment import add_risk_estimate
 from planner.traffic.conflict_repair import Scheduler, resolve_conflicts
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from reports.common.plan_results import NO_PATH, PlanFault, PlanResult
+from reports.common.plan_results import NO_PATH, PlanFault, PlanResult, get_ranked_s
 from strategies.formations.grouping import StartCorner
 from strategies.formations.leftover import rank_start_corners
 from strategies.path_planning.errors import NoPathError, NoPathFromError, StrategyError
@@ -106,8 +108,22 @@ def simulate_candidate(
 ) -> CandidateEvaluation:
     """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason.
 
-    A candidate whose plans cannot beat the incumbent is not simulated.
+    A candidate whose plans cannot beat the incumbent is not simulated. Where the passes and turns of one tractor leave
+    much of the field or cannot be driven, its work lines are put in order one by one, and the better of both is taken.
     """
+    evaluation = _simulate_passes(context, candidate, incumbent)
+    is_whole = candidate.tractors == 1 and candidate.jump is None and get_strategy(candidate.strategy).takes_jump
+    driven = run_programme(context, evaluation.result) if is_whole else None
+    if driven is None:
+        return evaluation
+    choices = evaluation, _measure_run(context, candidate, driven)
+    return min(choices, key=lambda each: round(get_ranked_s(each.result), 3) if each.result.feasible else math.inf)
+
+
+def _simulate_passes(
+    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None
+) -> CandidateEvaluation:
+    """A candidate by the passes and turns of its strategy."""
     try:
         outcome = _run_unless_pruned(context, candidate, incumbent)
     except StrategyError as refusal:
@@ -120,11 +136,13 @@ def simulate_candidate(
         )
     if isinstance(outcome, PrunedCandidate):
         return CandidateEvaluation(build_pruned_result(outcome, context, candidate.strategy, candidate.tractors), None)
-    result, area_ha = (
-        measure_candidate(context, candidate.strategy, candidate.tractors, outcome),
-        context.layout.field.area_ha,
-    )
-    physics = context.physics
+    return _measure_run(context, candidate, outcome)
+
+
+def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> CandidateEvaluation:
+    """The figures of a run, with those of its samples."""
+    result = measure_candidate(context, candidate.strategy, candidate.tractors, outcome)
+    area_ha, physics = context.layout.field.area_ha, context.physics
     estimated = add_risk_estimate(
         result,
         outcome.run,
