@@ -17,6 +17,7 @@ from vehicle.sim.world import World
 
 ROOM_BEYOND_M = 1.0  # distances are known a little beyond what a body reaches
 TOLERANCE_M = 0.05  # a drive may reach so far beyond what a plan may
+LEAST_SEEN_M = 0.6  # half the size of an obstacle that no cell of the grid misses
 LANE_SPARE_M = 0.5  # beside a machine that comes in through the entrance
 MOST_DRIVE_S = 4e4
 WHEELS_S_PER_M, KEPT_WHEELS_S_PER_M = 0.3, 2.0  # charge for a metre on ground of swaths, and on a crop or a seedbed
@@ -54,10 +55,18 @@ def _compute_allowed(context: PlanningContext, tolerance_m: float, spare_m: floa
     if context.gateway is not None:
         gate = shapely.Point(context.gateway.edge_pose[:2]).buffer(context.gate_half_width_m)
     fences = shapely.difference(shapely.union_all(field.fences), gate)
-    edges = field.compute_overhang_region(context.request.overhang_m)
+    outline = field.original_boundary or field.boundary
+    near = shapely.Polygon(outline.exterior).buffer(context.request.overhang_m, join_style="mitre")
+    edges = shapely.intersection(field.compute_overhang_region(context.request.overhang_m), near)
     outside = shapely.union(edges, _build_lane_ground(context)).buffer(tolerance_m, join_style="mitre")
-    blocked = shapely.union_all([*field.solid_obstacles, fences]).buffer(spare_m)
-    return shapely.difference(outside, blocked)
+    blocked = [one.buffer(max(spare_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
+    return shapely.difference(outside, shapely.union_all([*blocked, fences.buffer(spare_m)]))
+
+
+def _measure_half_m(shape: shapely.Geometry) -> float:
+    """Half the shorter side of the box round a shape (m)."""
+    west, south, east, north = shape.bounds
+    return 0.5 * float(min(east - west, north - south))
 
 
 def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:

@@ -151,7 +151,7 @@ def list_closed_forms(b, radii, costs, leads_out, leads_in, allowed_kinds, most)
         kept_s[found] = last = seconds[k]
         kept_kinds[found] = kinds[k]
         found += 1
-    return kept[:found], kept_s[:found], kept_kinds[:found]
+    return kept[:found].copy(), kept_s[:found].copy(), kept_kinds[:found].copy()
 
 
 @compile_function

@@ -31,7 +31,7 @@ MOST_POSES = 4000  # expanded by a search
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
 KEPT_GOALS = 8
 HALF_BODY = 0.5  # of the working width or the tractor's: room that the way that remains needs at least
-SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or milliradian
+SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ class Move:
 
 
 def place_in_frame(a: Pose, b: Pose) -> tuple[float, float, float]:
-    """Pose b as seen from pose a, to a millimetre and a milliradian of a milliradian."""
+    """Pose b as seen from pose a, to a millimetre and a microradian."""
     dx, dy, cosine, sine = b[0] - a[0], b[1] - a[1], math.cos(a[2]), math.sin(a[2])
     turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
     x, y = dx * cosine + dy * sine, dy * cosine - dx * sine
@@ -119,10 +119,10 @@ class MoveFinder:
         return Move(a, rows, "route", float(costs[0][0]), float(costs[1][0]))
 
     def has_way_on(self, pose: Pose, *, backwards: bool) -> bool:
-        """Whether more than a pocket of ground can be reached from a pose, or from elsewhere the pose; kept."""
-        key = pose, backwards
+        """Whether more than a pocket of ground is reached from a pose, or `backwards` reaches it; kept."""
+        both = bool(self.site.allowed_kinds[3])
+        key = pose, backwards and not both
         if key not in self._ways:
-            both = self.site.allowed_kinds[3]
             gears = np.array([1.0, -1.0]) if both else np.array([-1.0 if backwards else 1.0])
             radius_m = float(self.radii[0])
             self._ways[key] = bool(has_way_on(np.array(pose), gears, radius_m, POCKET_POSES, *self._body))

@@ -19,6 +19,7 @@ from strategies.lines.work_line import WorkLine, cut_line
 from strategies.moves.move import Move, MoveFinder
 from strategies.path_planning.paths import DrivePath, Pose
 from strategies.program.legs import MIN_LEG_M, MIN_STEP_M, PATH_STEP_M
+from strategies.programmes.order_tours import POSSIBLE_S
 from strategies.programmes.work_moves import MISSED_FACTOR, list_work_moves
 from strategies.site.site import Site
 from vehicle.missions.plan import TURN, Leg, LegTask, Mission, Plan
@@ -26,7 +27,7 @@ from vehicle.missions.run import DONE
 
 Floats = npt.NDArray[np.float64]
 
-NO_MOVE_S = 1e6  # cost of a move that does not exist
+NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
 NEAR_LINES = 14  # lines whose moves from an end are found at once; those farther off when a programme uses them
 GUESS_S = 20.0  # of a move not yet found, beyond the way at turning speed
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
@@ -47,14 +48,12 @@ class MoveTable:
     Attributes:
         cost_s: (n + 1, n + 1) seconds from the end of a node to the begin of another, with charges; guesses where
             not yet found, NO_MOVE_S where there is none.
-        struck: how many moves a drive refused, by reason.
     """
 
     site: Site
     lines: Sequence[WorkLine]
     finder: MoveFinder = field(init=False)
     cost_s: Floats = field(init=False)
-    struck: dict[str, int] = field(default_factory=dict)
     _options: dict[tuple[int, int], list[Move]] = field(default_factory=dict)
     _searched: set[tuple[int, int]] = field(default_factory=set)
     _proven: set[tuple[int, int]] = field(default_factory=set)
@@ -198,11 +197,8 @@ class MoveTable:
         """
         options, driven = self._options[u, v], set[int]()
         while options and id(options[0]) not in driven:
-            fault, proven = self._drive(u, v, options[0])
-            options.pop(0)
-            if fault:
-                self.struck[fault] = self.struck.get(fault, 0) + 1
-            else:
+            proven = self._drive(u, v, options.pop(0))
+            if proven is not None:
                 driven.add(id(proven))
                 insort(options, proven, key=_get_cost_s)
         if options:
@@ -210,28 +206,28 @@ class MoveTable:
         self._update_cost(u, v)
         return bool(options)
 
-    def _drive(self, u: int, v: int, move: Move) -> tuple[str, Move]:
-        """Why a drive of a move is refused, "" if it is good, and the move with its time and deviation as driven."""
+    def _drive(self, u: int, v: int, move: Move) -> Move | None:
+        """A move with its time and deviation as driven; None if it is not, leaves the ground or loses its line."""
         legs = build_path_legs(self.site, move.path, LegTask(TURN), is_work=move.is_work)
         before = None if u == self.gate else self.build_work_leg(u, move.leave_m, last_m=SETTLE_M)
         after = None if v == self.gate else self.build_work_leg(v, 0.0, move.join_m, first_m=SETTLE_M)
         driven = [leg for leg in (before, *legs, after) if leg is not None]
         run = self.site.drive(Plan((Mission(tuple(driven)),)))
         if run.outcome != DONE:
-            return "not driven", move
+            return None
         poses, numbers = run.get_poses(0), run.get_leg_numbers(0)
         if measure_proof_rooms(self.site, poses).min() < -ROOM_TOLERANCE_M:
-            return "outside", move
+            return None
         if after is None:
-            return "", move
+            return move
         row, first = int(np.argmax(numbers == len(driven) - 1)), 0 if before is None else int(np.argmax(numbers > 0))
         off_m = self._measure_off_m(poses[row], self.lines[v // 2].get_pose(v % 2, move.join_m))
         if off_m > MOST_OFF_SHARE * self.site.width_m:
-            return "begins off its line", move
+            return None
         cut_s = (move.leave_m + move.join_m) / self.site.rules.work_speed_mps
         missed_s = MISSED_FACTOR * off_m * OFF_LENGTH_M * self.site.work_s_per_m2
         drive_s = float(run.time_s[row] - run.time_s[first]) - cut_s
-        return "", replace(move, drive_s=drive_s, charge_s=move.charge_s + missed_s)
+        return replace(move, drive_s=drive_s, charge_s=move.charge_s + missed_s)
 
     def _measure_off_m(self, pose: Floats, goal: Pose) -> float:
         """How far beside the line from a goal pose on the implement is, with the centre of mass at a pose (3,)."""

@@ -127,4 +127,7 @@ def _keep_connected(table: MoveTable, tour: Sequence[int]) -> list[int]:
         if parts[-1] and not table.is_proven(parts[-1][-1], node):
             parts.append([])
         parts[-1].append(node)
+    if table.site.lane is not None:
+        gate = table.gate
+        parts = [p for p in parts if p and table.is_proven(gate, p[0]) and table.is_proven(p[-1], gate)] or [[]]
     return max(parts, key=lambda part: sum(table.lines[node // 2].length_m for node in part))

@@ -179,18 +179,18 @@ class Ground:
     """Ground that bodies may touch, with signed distances known up to a cap.
 
     Attributes:
-        allowed: the ground.
         grid: (ny, nx) signed distances, metres, positive inside.
         frame: (4,) west and south end of the grid, its cell and the cap, metres.
     """
 
-    allowed: shapely.Geometry
     grid: npt.NDArray[np.float32]
     frame: Floats
 
 
 def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:
-    """The ground of a region, with distances up to `cap_m`."""
+    """The ground of a region, with distances up to `cap_m`; nowhere where the region is empty."""
+    if allowed.is_empty:
+        return Ground(np.full((2, 2), -cap_m, np.float32), np.array([0.0, 0.0, CELL_M, cap_m]))
     west, south, east, north = allowed.bounds
     west, south = west - BORDER_CELLS * CELL_M, south - BORDER_CELLS * CELL_M
     columns, rows = (int(span / CELL_M) + 2 * BORDER_CELLS + 2 for span in (east - west, north - south))
@@ -198,7 +198,7 @@ def build_ground(allowed: shapely.Geometry, cap_m: float) -> Ground:
     grid = np.full((rows, columns), cap_m, np.float32)
     fill_distances(edges, west, south, CELL_M, cap_m, grid)
     negate_outside(edges, west, south, CELL_M, grid)
-    return Ground(allowed, grid, np.array([west, south, CELL_M, cap_m]))
+    return Ground(grid, np.array([west, south, CELL_M, cap_m]))
 
 
 def list_edges(region: shapely.Geometry) -> Floats:

@@ -8,16 +8,22 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.candidates.evaluate import Candidate, _simulate_passes, simulate_candidate
+from planner.evaluation.candidates.evaluate import (
+    Candidate,
+    _check_programme,
+    _simulate_passes,
+    simulate_candidate,
+)
 from planner.evaluation.candidates.line_programme import describe_left, run_programme
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.site import build_site
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanResult
+from reports.common.plan_results import OBSTACLE, PlanResult
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
+from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
 from tests.benchmarks.planned_jobs import build_field, build_tractor
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, SWATH
@@ -83,6 +89,26 @@ def test_a_driver_goes_up_to_an_obstacle_and_on_behind_it() -> None:
     assert any(leg.implement and np.hypot(*(leg.points - (90.0, 45.0)).T).min() < 20.0 for leg in worked)
 
 
+@pytest.mark.parametrize("half_width_m", [0.05, 0.1, 0.25])
+@pytest.mark.parametrize("place", [(60.1, 40.0), (60.25, 40.25), (60.4, 40.1)])
+def test_no_pole_is_too_small_to_be_seen(half_width_m: float, place: tuple[float, float]) -> None:
+    pole = Obstacle("pole", shapely.Point(place), half_width_m, "pole")
+    ground = build_site(prepare(Field("with a pole", RECTANGLE, obstacles=(pole,)))).ground
+    assert get_distance(*place, ground.grid, ground.frame) < 0.0
+
+
+def test_what_no_machine_may_do_makes_a_programme_infeasible(context: PlanningContext) -> None:
+    """The same drive on a field with a mast where it works."""
+    driven = run_programme(context, REFUSED)
+    assert driven is not None
+    assert _check_programme(context, driven).reason is None
+    mast = Obstacle("mast", shapely.Point(90.0, 45.0), 1.0, "mast")
+    blocked = prepare(Field("with a mast", RECTANGLE, obstacles=(mast,)))
+    checked = _check_programme(blocked, driven)
+    assert checked.reason is not None
+    assert OBSTACLE in {fault.kind for fault in checked.faults}
+
+
 def test_tractors_come_in_and_leave_by_the_entrance() -> None:
     driven = run_programme(prepare(Field("gate", RECTANGLE, entrance=(90.0, 0.0))), REFUSED)
     assert driven is not None
@@ -99,11 +125,11 @@ def test_the_same_request_gives_the_same_drive_bit_for_bit(context: PlanningCont
     assert first.run.record.tobytes() == second.run.record.tobytes()
 
 
-def test_lines_that_are_left_are_in_the_remark(programme: Programme) -> None:
-    assert describe_left(programme) is None
+def test_lines_that_are_left_are_in_the_remark(context: PlanningContext, programme: Programme) -> None:
+    assert describe_left(programme, context) is None
     left = Programme(programme.table, ((),), (0, 1))
     area_m2 = sum(line.own_m2 for line in programme.table.lines[:2])
-    remark = describe_left(left)
+    remark = describe_left(left, context)
     assert remark is not None
     assert f"2 lines of work are left, {area_m2:.0f} m2 in all" in remark
 

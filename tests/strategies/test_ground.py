@@ -81,3 +81,8 @@ def test_length_inside_counts_what_is_deep_enough() -> None:
     rows = np.array([[20.0, 0.0, 1.0]])  # from 10 m outside to 10 m inside
     inside_m = measure_length_inside(np.array([-10.0, 20.0, 0.0]), rows, ground.grid, ground.frame, 2.0)
     assert inside_m == pytest.approx(8.0, abs=0.5)
+
+
+def test_empty_ground_is_nowhere() -> None:
+    ground = build_ground(shapely.Polygon(), CAP_M)
+    assert get_distance(0.1, 0.1, ground.grid, ground.frame) == pytest.approx(-CAP_M)

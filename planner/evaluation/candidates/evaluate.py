@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.energy_figures import find_flat_battery
-from planner.evaluation.candidates.figures import CandidateRun, measure_candidate
+from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
 from planner.evaluation.candidates.line_programme import run_programme
 from planner.evaluation.candidates.pruning import (
     Incumbent,
@@ -41,7 +40,7 @@ from planner.evaluation.candidates.variants import (
     list_service_variants,
 )
 from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
-from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place
+from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
 from planner.evaluation.ground.wheel_traffic import compute_charged_s
 from planner.evaluation.repair.path_deviation import (
@@ -63,7 +62,7 @@ from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M
 from planner.risk.assessment import add_risk_estimate
 from planner.traffic.conflict_repair import Scheduler, resolve_conflicts
 from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from reports.common.plan_results import NO_PATH, PlanFault, PlanResult, get_ranked_s
+from reports.common.plan_results import NO_PATH, PlanFault, PlanResult, choose_by_count
 from strategies.formations.grouping import StartCorner
 from strategies.formations.leftover import rank_start_corners
 from strategies.path_planning.errors import NoPathError, NoPathFromError, StrategyError
@@ -116,8 +115,18 @@ def simulate_candidate(
     driven = run_programme(context, evaluation.result) if is_whole else None
     if driven is None:
         return evaluation
-    choices = evaluation, _measure_run(context, candidate, driven)
-    return min(choices, key=lambda each: round(get_ranked_s(each.result), 3) if each.result.feasible else math.inf)
+    by_lines = _measure_run(context, candidate, _check_programme(context, driven))
+    best = choose_by_count([each.result for each in (evaluation, by_lines) if each.result.feasible])
+    return by_lines if best.get(candidate.tractors) is by_lines.result else evaluation
+
+
+def _check_programme(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
+    """The run of a programme with the reason why it is not feasible, and what else a reader would not expect of it."""
+    places = find_contact_places(driven.run, context)
+    reason = _find_fault(context, driven.run, places, None) or find_flat_battery(context, driven.run)
+    remarks = [] if reason else _list_remarks(context, driven.run, None)
+    remark, faults = join_remarks(driven.remark, *remarks), tuple(place.fault for place in places)
+    return replace(driven, reason=reason, remark=remark, faults=faults)
 
 
 def _simulate_passes(
@@ -216,7 +225,7 @@ def _run_first_drivable_order(
             refusal = refusal or error
             continue
         if isinstance(outcome, CandidateRun) and outcome.reason is None:
-            return replace(outcome, remark=_join_remarks(outcome.remark, OTHER_ORDER_REMARK)) if number else outcome
+            return replace(outcome, remark=join_remarks(outcome.remark, OTHER_ORDER_REMARK)) if number else outcome
         if isinstance(outcome, CandidateRun):
             first = first or outcome
         elif not number and not outcome.was_simulated:
@@ -269,7 +278,7 @@ def _run_job(
         build_speed_limits(context.tractor, context.implement, context.driving_rules.radius_m), solo_runs
     )
     refined, reachable = build_for_reachable_job(job, build, context.layout_repairs)
-    job, refined = reachable.job, replace(refined, remark=_join_remarks(refined.remark, reachable.remark))
+    job, refined = reachable.job, replace(refined, remark=join_remarks(refined.remark, reachable.remark))
     first: CandidateRun | None = None
     slower_pruned: PrunedCandidate | None = None
     simulated_plans: list[Plan] = []
@@ -363,14 +372,9 @@ def _run_plan(
         run,
         reason,
         _name_main_turns(job),
-        _join_remarks(refined.remark, *remarks),
+        join_remarks(refined.remark, *remarks),
         (*faults, *(place.fault for place in places)),
     )
-
-
-def _join_remarks(*remarks: str | None) -> str | None:
-    """Several remarks as one; None without any."""
-    return "; ".join(each for each in remarks if each) or None
 
 
 def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation: TurnDeviation | None) -> list[str]:

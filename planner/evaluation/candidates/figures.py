@@ -118,6 +118,11 @@ def _join_overhang_remark(remark: str | None, overhang: Overhang, context: Plann
     return f"{remark}; {edge_remark}" if remark else edge_remark
 
 
+def join_remarks(*remarks: str | None) -> str | None:
+    """Several remarks as one; None without any."""
+    return "; ".join(each for each in remarks if each) or None
+
+
 def _compute_cost(context: PlanningContext, run: SimulationRun, energy: RunEnergy | None) -> tuple[float, float]:
     """Cost of the work and of bringing the tractors: by the prices of a farm, or by the hourly price."""
     tractors, request = run.plan.tractors, context.request

@@ -7,9 +7,10 @@ from collections import Counter
 
 import numpy as np
 
-from planner.evaluation.candidates.figures import CandidateRun
+from planner.evaluation.candidates.figures import MIN_BEYOND_M, CandidateRun
 from planner.evaluation.candidates.solo_runs import compute_timeout_s
 from planner.evaluation.context import PlanningContext
+from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import build_site
 from planner.evaluation.time_share import NO_LIMIT
 from reports.common.plan_results import PlanResult
@@ -29,10 +30,11 @@ MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 def run_programme(context: PlanningContext, by_passes: PlanResult) -> CandidateRun | None:
     """The run of the best programme of one tractor; None where nothing can be worked so, or not to its end.
 
-    Not tried, so None, where passes and turns work the field well (`by_passes`), or with service stops, which
-    programmes do not have, or in a share of time.
+    Not tried, so None, where passes and turns work the field well and inside its edges (`by_passes`), or with service
+    stops, which programmes do not have, or in a share of time.
     """
-    works_well = by_passes.feasible and (by_passes.worked_pct or 0.0) >= WELL_WORKED_PCT
+    stays_inside = (by_passes.outside_along_m or 0.0) < MIN_BEYOND_M
+    works_well = by_passes.feasible and stays_inside and (by_passes.worked_pct or 0.0) >= WELL_WORKED_PCT
     if works_well or by_passes.bound_s is not None or context.supply or context.time_share is not NO_LIMIT:
         return None
     site = build_site(context)
@@ -55,7 +57,8 @@ def run_programme(context: PlanningContext, by_passes: PlanResult) -> CandidateR
         position_errors=context.position_errors,
     )
     run: SimulationRun = world.run(max_time_s=compute_timeout_s(plan))
-    return CandidateRun(run, None, _name_turns(programme), describe_left(programme)) if run.outcome == DONE else None
+    remark = describe_left(programme, context)
+    return CandidateRun(run, None, _name_turns(programme), remark) if run.outcome == DONE else None
 
 
 def _make_ordered(table: MoveTable, order: str) -> Programme:
@@ -67,12 +70,14 @@ def _make_ordered(table: MoveTable, order: str) -> Programme:
 
 def _measure_cost_s(programme: Programme) -> float:
     """Seconds of a programme with what its lines left would take, for comparing programmes."""
+    if not any(programme.tours):
+        return math.inf
     left_m2 = math.fsum(programme.table.lines[number].own_m2 for number in programme.left)
     worked_m2 = math.fsum(line.own_m2 for line in programme.table.lines) - left_m2
     return sum(programme.compute_tractor_s()) * (1.0 + left_m2 / max(worked_m2, 1.0))
 
 
-def describe_left(programme: Programme) -> str | None:
+def describe_left(programme: Programme, context: PlanningContext) -> str | None:
     """A remark on the lines that are left, with their area and the place of the largest; None without any to tell."""
     left = [programme.table.lines[number] for number in programme.left]
     area_m2 = math.fsum(line.own_m2 for line in left)
@@ -82,8 +87,8 @@ def describe_left(programme: Programme) -> str | None:
     x_m, y_m = np.mean(largest.paths[0], axis=0).tolist()
     count = "1 line of work is" if len(left) == 1 else f"{len(left)} lines of work are"
     return (
-        f"{count} left, {area_m2:.0f} m2 in all, the largest at ({x_m:.0f}, {y_m:.0f}) m: no way there is "
-        "worth it for this machine; a smaller turning radius or a narrower implement may help"
+        f"{count} left, {area_m2:.0f} m2 in all, the largest {describe_position(x_m, y_m, context)}: not worth the "
+        "drive for this machine; a smaller turning radius or a narrower implement may help"
     )
 
 
