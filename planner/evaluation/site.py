@@ -27,7 +27,8 @@ def build_site(context: PlanningContext) -> Site:
     """The site of a context; edges, obstacles and fences as its request asks."""
     body = build_body_outline(build_body(context.tractor, context.implement))
     cap_m = body.reach_m + ROOM_BEYOND_M
-    spare_m = min(GUIDANCE_MARGIN_SHARE * max(context.request.margin_m, MIN_FENCE_MARGIN_M), MAX_GUIDANCE_MARGIN_M)
+    margin_m = max(context.request.margin_m, MIN_FENCE_MARGIN_M)
+    spare_m = max(GUIDANCE_MARGIN_SHARE * min(margin_m, MAX_GUIDANCE_MARGIN_M), margin_m - MAX_GUIDANCE_MARGIN_M)
     field, operation = context.layout.field, context.request.operation
     is_kept = operation in KEPT_GROUND_OPERATIONS or operation in STANDING_CROP_OPERATIONS
     return Site(

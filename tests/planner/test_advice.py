@@ -60,9 +60,9 @@ LAID_OUT: list[tuple[Field, dict[str, Any]]] = [
 ]
 """Refused while the field is laid out."""
 DRIVEN: list[tuple[Field, dict[str, Any]]] = [
-    (SQUARE, {"turn": "u", "headland_passes": 1, "strategies": ("split-field",)}),
-    (STRIP, {"turn": "u", "width_m": 6.0, "headland_passes": 1, "strategies": ("split-field",)}),
-    (STRIP, {"turn": "omega", "radius_m": 9.0, "headland_passes": 1, "strategies": ("split-field",)}),
+    (SQUARE, {"turn": "u", "headland_passes": 1, "strategies": ("interleaved",)}),
+    (STRIP, {"turn": "u", "width_m": 6.0, "headland_passes": 1, "strategies": ("interleaved",)}),
+    (STRIP, {"turn": "omega", "radius_m": 9.0, "headland_passes": 1, "strategies": ("interleaved",)}),
     (GATE, {"turn": "u", "width_m": 6.0, "radius_m": 12.0, "strategies": ("split-field",)}),
     (SQUARE, {"tractors": (20,), "strategies": ("split-field",)}),
     (SQUARE, {"width_m": 6.0, "tractors": (4,), "strategies": ("row-by-row",)}),
