@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import shapely
 
 from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
@@ -45,7 +47,7 @@ def build_site(context: PlanningContext) -> Site:
         bar_m=context.tractor.rear_axle_m + context.implement.hitch_m,
         turn_kinds=context.turn_kinds,
         lane=context.gateway,
-        drive=_Drive(context),
+        drive=partial(_drive_alone, context),
     )
 
 
@@ -81,14 +83,8 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
     return shapely.buffer(shapely.LineString(ends), half_m, cap_style="flat")
 
 
-class _Drive:
-    """Drives a plan of one tractor on the ground of a context, without errors of position."""
-
-    def __init__(self, context: PlanningContext) -> None:
-        self._context = context
-
-    def __call__(self, plan: Plan) -> SimulationRun:
-        context = self._context
-        physics = context.physics
-        world = World(plan, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
-        return world.run(max_time_s=MOST_DRIVE_S)
+def _drive_alone(context: PlanningContext, plan: Plan) -> SimulationRun:
+    """Drive a plan of one tractor on the ground of a context, without errors of position."""
+    physics = context.physics
+    world = World(plan, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
+    return world.run(max_time_s=MOST_DRIVE_S)

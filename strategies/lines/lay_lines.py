@@ -21,7 +21,6 @@ from strategies.lines.work_line import (
     extend_line,
     locate_at,
     measure_along,
-    measure_station_rooms,
 )
 from strategies.site.ground import measure_rooms
 from strategies.site.site import Site
@@ -38,10 +37,8 @@ EXTENSION_STEP_M, BAR_POINTS = 0.5, 9  # places on the bar where it is asked wha
 MOST_EXTENSION_WIDTHS = 6.0  # beyond the end of a swath
 WORTH_SHARE = 0.3  # of the bar over uncovered ground: there a swath goes on
 LEFTOVER = "left"  # group of lines on ground that sides and swaths leave
-MIN_LEFT_WIDTH_M, MIN_LEFT_AREA_WIDTHS = (
-    0.5,
-    0.5,
-)  # half of the least width of such ground, and its area in widths squared
+MIN_LEFT_HALF_M = 0.5  # half of the least width of such ground
+MIN_LEFT_AREA_WIDTHS = 0.5  # its least area, in widths squared
 LAST_WIDTH_SHARE = 0.25  # a piece this much wider than its lines gets no further one
 MIN_OWN_SHARE = 0.12  # of its strip: a line that alone covers less is not driven
 Span = tuple[float, float]
@@ -61,12 +58,12 @@ def lay_lines(site: Site) -> list[WorkLine]:
     """The lines worth driving, each with the ground that it alone covers.
 
     Headland sides come first; swaths go on beyond their ends as long as they cover what no side does, and lines of
-    their own follow the ground that is still left.
+    their own follow the ground that is still left. A headland that is only room for turning counts as covered.
     """
     lines = _settle_all(site, _list_headland_sides(site))
-    covered = _unite_strips(site, lines)
-    lines += _settle_all(site, _list_swaths(site, covered))
-    lines += _settle_all(site, _list_leftover(site, lines))
+    due = site.work_ground if site.headland_passes else shapely.Polygon()
+    lines += _settle_all(site, _list_swaths(site, shapely.difference(due, _unite_strips(site, lines))))
+    lines += _settle_all(site, _list_leftover(site, shapely.difference(due, _unite_strips(site, lines)), lines))
     return keep_uncovered(site, lines)
 
 
@@ -88,9 +85,8 @@ def _list_headland_sides(site: Site) -> Iterator[LineDraft]:
             number += 1
 
 
-def _list_swaths(site: Site, covered: shapely.Geometry) -> Iterator[LineDraft]:
+def _list_swaths(site: Site, uncovered: shapely.Geometry) -> Iterator[LineDraft]:
     """The swaths, drawn out beyond their ends as long as they cover ground that headland sides do not."""
-    uncovered = shapely.difference(site.work_ground, covered)
     shapely.prepare(uncovered)
     for swath in site.layout.swaths:
         points = swath.points_m
@@ -100,8 +96,6 @@ def _list_swaths(site: Site, covered: shapely.Geometry) -> Iterator[LineDraft]:
 
 def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry) -> float:
     """How far a line is drawn out beyond its last point: to the last place where it covers enough that is uncovered."""
-    if site.layout.headland_passes == 0:
-        return 0.0  # the headland is left for turning
     ahead = (points[-1] - points[-2]) / math.dist(points[-1], points[-2])
     aside = np.array([-ahead[1], ahead[0]])
     steps_m = np.arange(0.5 * EXTENSION_STEP_M, MOST_EXTENSION_WIDTHS * site.width_m, EXTENSION_STEP_M)
@@ -113,12 +107,9 @@ def _measure_extension_m(site: Site, points: Floats, uncovered: shapely.Geometry
     return float(EXTENSION_STEP_M * (ends[-1] + 1)) if len(ends) else 0.0
 
 
-def _list_leftover(site: Site, lines: Sequence[WorkLine]) -> Iterator[LineDraft]:
+def _list_leftover(site: Site, left: shapely.Geometry, lines: Sequence[WorkLine]) -> Iterator[LineDraft]:
     """A line along the middle of every piece of ground that no line covers and that is worth one."""
-    if site.layout.headland_passes == 0:
-        return
-    left = shapely.difference(site.work_ground, _unite_strips(site, lines))
-    opened = left.buffer(-MIN_LEFT_WIDTH_M).buffer(MIN_LEFT_WIDTH_M)
+    opened = left.buffer(-MIN_LEFT_HALF_M).buffer(MIN_LEFT_HALF_M)
     number = 1 + max((line.task.number or 0 for line in lines if line.task.kind == HEADLAND_PASS), default=-1)
     for piece in shapely.get_parts(opened).tolist():
         if piece.geom_type == "Polygon" and piece.area >= MIN_LEFT_AREA_WIDTHS * site.width_m**2:
@@ -186,9 +177,10 @@ def _find_spans(site: Site, path: Floats, length_m: float) -> list[Span]:
 
 
 def _measure_rooms_at(site: Site, bars: Floats, guided: Floats) -> Floats:
-    body, ground = site.body, site.ground
-    tables = body.points, body.reach_m, ground.grid, ground.frame
-    return measure_station_rooms(bars, guided, body.guide_m, *tables, SCARCE_M)  # type: ignore[no-any-return]
+    """Room (n,) where the implement and the guided point are at places (n, 2), exact below SCARCE_M (m)."""
+    body, ground, ahead = site.body, site.ground, guided - bars
+    poses = np.column_stack([guided, np.arctan2(ahead[:, 1], ahead[:, 0])])
+    return measure_rooms(poses, body.guide_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M)  # type: ignore[no-any-return]
 
 
 def _pick_opposite(span: Span, others: Sequence[Span], length_m: float) -> Span | None:
@@ -240,8 +232,8 @@ def _find_driven_span(site: Site, line: WorkLine, direction: int) -> Span | None
 
 def measure_proof_rooms(site: Site, poses: Floats) -> Floats:
     """Room (t,) of the body on the proof ground at poses (t, 3) of the centre of mass (m)."""
-    body, ground = site.body, site.proof_ground
-    return measure_rooms(poses, site.axle_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M)  # type: ignore[no-any-return]
+    body, ground, places = site.body, site.proof_ground, np.ascontiguousarray(poses)
+    return measure_rooms(places, site.axle_m, body.points, body.reach_m, ground.grid, ground.frame, SCARCE_M)  # type: ignore[no-any-return]
 
 
 def keep_uncovered(site: Site, lines: Sequence[WorkLine]) -> list[WorkLine]:

@@ -12,8 +12,6 @@ import numpy.typing as npt
 import shapely
 
 from strategies.path_planning.paths import Pose
-from strategies.site.ground import get_distance, measure_body_room
-from vehicle.jit import compile_function
 from vehicle.missions.plan import LegTask
 
 Floats = npt.NDArray[np.float64]
@@ -108,16 +106,3 @@ class WorkLine:
         """The ground that the implement passes over in the first direction."""
         bar = cut_line(extend_line(self.paths[0], self.tool_m, 0.0), 0.0, self.measure_path_m(0))
         return shapely.buffer(shapely.LineString(bar), 0.5 * width_m, cap_style="flat", join_style="mitre")
-
-
-@compile_function
-def measure_station_rooms(bars, guided, guide, points, reach, grid, frame, enough):  # type: ignore[no-untyped-def]
-    """Room (n,) of a body at stations where its bar and its guided point are at places (n, 2), exact below `enough`."""
-    rooms = np.empty(len(bars))
-    for k in range(len(bars)):
-        heading = math.atan2(guided[k, 1] - bars[k, 1], guided[k, 0] - bars[k, 0])
-        x, y = guided[k, 0] - guide * math.cos(heading), guided[k, 1] - guide * math.sin(heading)
-        rooms[k] = get_distance(x, y, grid, frame) - reach
-        if rooms[k] < enough:
-            rooms[k] = measure_body_room(x, y, heading, points, len(points), grid, frame, -np.inf)
-    return rooms

@@ -30,7 +30,6 @@ MOST_FORMS, MOST_OPTIONS = 60, 6  # closed forms tried for a pair, and those wit
 MOST_POSES = 4000  # expanded by a search
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
 KEPT_GOALS = 8
-HALF_BODY = 0.5  # of the working width or the tractor's: room that the way that remains needs at least
 SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
 
 
@@ -134,12 +133,9 @@ class MoveFinder:
         if key not in self._remaining:
             while len(self._remaining) >= KEPT_GOALS:
                 del self._remaining[next(iter(self._remaining))]
-            self._remaining[key] = measure_remaining_m(*key, self._half_m, ground.grid, ground.frame)
+            least_m = min(half for _, _, half in self.site.rules.boxes)  # no machine gets through less
+            self._remaining[key] = measure_remaining_m(*key, least_m, ground.grid, ground.frame)
         return self._remaining[key]
-
-    @property
-    def _half_m(self) -> float:
-        return HALF_BODY * min(2.0 * half for _, _, half in self.site.rules.boxes)
 
     def _get_forms(self, place: tuple[float, float, float], leads: bool) -> tuple[Floats, npt.NDArray[np.int64]]:
         key = (*place, leads)

@@ -120,15 +120,19 @@ def search_move(a, b, remaining, radii, costs, kinds, most, guide, points, reach
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = STEP_M, bend, gear
-                if not has_room_on_path(poses[node], step, guide, points, len(points), reach, grid, frame, margin):
+                has_ample_room = has_room_on_path(
+                    poses[node], step, guide, points, len(points), reach, grid, frame, margin + MORE_ROOM_M
+                )
+                if not has_ample_room and not has_room_on_path(
+                    poses[node], step, guide, points, len(points), reach, grid, frame, margin
+                ):
                     continue
                 u, v, after = advance_pose(x, y, heading, STEP_M, bend, gear)
                 left_m = _get_remaining_m(u, v, remaining, frame)
                 if left_m == np.inf:
                     continue
                 step_s = STEP_M / (back if gear < 0.0 else slow if side else forward)
-                wide = margin + MORE_ROOM_M
-                if not has_room_on_path(poses[node], step, guide, points, len(points), reach, grid, frame, wide):
+                if not has_ample_room:
                     step_s *= TIGHT_FACTOR
                 seconds = spent_s[node] + step_s
                 if gear != ways[node]:

@@ -28,24 +28,19 @@ def build_plan(programme: Programme, **notes: Any) -> Plan:
 
 
 def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
-    legs = list(_build_way_in(table, tour[0]))
-    join_m = _get_cut(table, table.gate, tour[0], join=True)
+    legs = _build_way_in(table, tour[0])
+    join_m = 0.0
     for node, following in pairwise([*tour, table.gate]):
         is_last = following == table.gate
         move = None if is_last and table.site.lane is None else table.get_move(node, following)
         legs += split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)
         if move is not None and not is_last:
-            legs += _build_move(table, node, following, move)
+            legs += _build_move(table, following, move)
             join_m = move.join_m
     return make_mission([*legs, *_build_way_out(table, tour[-1])])
 
 
-def _get_cut(table: MoveTable, u: int, v: int, *, join: bool) -> float:
-    move = table.get_move(u, v)
-    return 0.0 if move is None else move.join_m if join else move.leave_m
-
-
-def _build_move(table: MoveTable, node: int, following: int, move: Move) -> list[Leg]:
+def _build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
     """The legs of a move between lines, named after the line that follows; places to wait where it is long."""
     task = table.lines[following // 2].task
     if move.is_work:
@@ -69,7 +64,7 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
 
 
 def _build_way_in(table: MoveTable, node: int) -> list[Leg]:
-    """From the entrance to the first line; without one straight on to where it begins."""
+    """From the entrance to the first line; nothing without one, as the tractor then stands where work begins."""
     lane, line = table.site.lane, table.lines[node // 2]
     if lane is None:
         return []

@@ -10,6 +10,7 @@ import math
 from bisect import insort
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -147,7 +148,7 @@ class MoveTable:
             plain_s = self._guess_plain_s(a, b)
             if min((one.cost_s for one in options), default=math.inf) > plain_s + DEAR_S:
                 options += self._list_cut_moves(u, v)
-        return sorted(options, key=_get_cost_s)
+        return sorted(options, key=attrgetter("cost_s"))
 
     def _guess_plain_s(self, a: Pose, b: Pose) -> float:
         turn = abs(math.remainder(b[2] - a[2], 2.0 * math.pi))
@@ -200,7 +201,7 @@ class MoveTable:
             proven = self._drive(u, v, options.pop(0))
             if proven is not None:
                 driven.add(id(proven))
-                insort(options, proven, key=_get_cost_s)
+                insort(options, proven, key=attrgetter("cost_s"))
         if options:
             self._proven.add((u, v))
         self._update_cost(u, v)
@@ -246,10 +247,6 @@ class MoveTable:
         x, y = points[len(points) // 2].tolist()
         ground = self.site.layout.field.find_ground_at(x, y)
         return Leg(points, self.site.rules.work_speed_mps, 1, True, ground, line.task)
-
-
-def _get_cost_s(move: Move) -> float:
-    return move.cost_s
 
 
 def build_path_legs(site: Site, path: DrivePath, task: LegTask, *, is_work: bool = False) -> list[Leg]:

@@ -16,8 +16,7 @@ Floats = npt.NDArray[np.float64]
 
 MISSED_LINE_S, MISSED_LINE_FACTOR = 150.0, 6.0  # to finish a line later: so long, and so often the time it takes now
 FIRST_KICKS, LATER_KICKS = 100, 20  # of the search at first, and after moves have changed
-OPEN_ROUNDS = 80  # in which moves that were not driven yet may be used
-MOST_ROUNDS = OPEN_ROUNDS + 1  # the last with moves that were driven well alone
+OPEN_ROUNDS = 80  # in which moves that were not driven yet may be used; the last one does with those driven well
 WORSE_S = 5.0  # a programme whose moves became dearer by more is searched again
 
 
@@ -71,7 +70,7 @@ def make_programme(
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     tours: list[list[int]] | None = None
-    for number in range(MOST_ROUNDS):
+    for number in range(OPEN_ROUNDS + 1):
         only_proven = number >= OPEN_ROUNDS
         problem = _pose_problem(table, stage, may, tractors, only_proven=only_proven)
         kicks = FIRST_KICKS if number < 2 else LATER_KICKS
@@ -104,9 +103,7 @@ def _pose_problem(
     speed = table.site.rules.work_speed_mps
     lengths_m = np.array([line.length_m for line in table.lines])
     own_s = np.array([line.own_m2 for line in table.lines]) * table.site.work_s_per_m2
-    costs = table.cost_s.copy()
-    if only_proven:
-        costs = np.where(table.get_proven_mask(), costs, NO_MOVE_S)
+    costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
     has_lane = table.site.lane is not None
     ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
     return OrderProblem(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.energy_figures import find_flat_battery
-from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate
+from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate, name_main_turns
 from planner.evaluation.candidates.line_programme import run_programme
 from planner.evaluation.candidates.pruning import (
     Incumbent,
@@ -371,7 +371,7 @@ def _run_plan(
     return CandidateRun(
         run,
         reason,
-        _name_main_turns(job),
+        name_main_turns(job.turn_counts),
         join_remarks(refined.remark, *remarks),
         (*faults, *(place.fault for place in places)),
     )
@@ -493,8 +493,3 @@ def _find_fault(
         start = _describe_offset_start(run, worst_deviation)
         return f"{start}, more than a working width: the tractor has lost its line"
     return None
-
-
-def _name_main_turns(job: FieldJob) -> str:
-    """The two most frequent kinds of turns, the most frequent first."""
-    return "+".join(sorted(job.turn_counts, key=lambda kind: (-job.turn_counts[kind], kind))[:2]) or "none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,6 +117,11 @@ def _join_overhang_remark(remark: str | None, overhang: Overhang, context: Plann
         f"along {overhang.beyond_m:.0f} m of driving (the overhang asked for is {context.request.overhang_m:g} m)"
     )
     return f"{remark}; {edge_remark}" if remark else edge_remark
+
+
+def name_main_turns(counts: Mapping[str, int]) -> str:
+    """The two most frequent kinds of turns, the most frequent first."""
+    return "+".join(sorted(counts, key=lambda kind: (-counts[kind], kind))[:2]) or "none"
 
 
 def join_remarks(*remarks: str | None) -> str | None:

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from planner.evaluation.candidates.figures import MIN_BEYOND_M, CandidateRun
+from planner.evaluation.candidates.figures import MIN_BEYOND_M, CandidateRun, name_main_turns
 from planner.evaluation.candidates.solo_runs import compute_timeout_s
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
@@ -57,8 +57,11 @@ def run_programme(context: PlanningContext, by_passes: PlanResult) -> CandidateR
         position_errors=context.position_errors,
     )
     run: SimulationRun = world.run(max_time_s=compute_timeout_s(plan))
-    remark = describe_left(programme, context)
-    return CandidateRun(run, None, _name_turns(programme), remark) if run.outcome == DONE else None
+    if run.outcome != DONE:
+        return None
+    moves = (table.get_move(u, v) for u, v in programme.list_pairs())
+    turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
+    return CandidateRun(run, None, name_main_turns(turns), describe_left(programme, context))
 
 
 def _make_ordered(table: MoveTable, order: str) -> Programme:
@@ -90,10 +93,3 @@ def describe_left(programme: Programme, context: PlanningContext) -> str | None:
         f"{count} left, {area_m2:.0f} m2 in all, the largest {describe_position(x_m, y_m, context)}: not worth the "
         "drive for this machine; a smaller turning radius or a narrower implement may help"
     )
-
-
-def _name_turns(programme: Programme) -> str:
-    """The two most frequent kinds of moves, the most frequent first."""
-    moves = (programme.table.get_move(u, v) for u, v in programme.list_pairs())
-    kinds = Counter(move.kind for move in moves if move is not None and not move.is_work)
-    return "+".join(sorted(kinds, key=lambda kind: (-kinds[kind], kind))[:2]) or "none"
