@@ -11,8 +11,9 @@ from strategies.lines.work_line import cut_line
 from strategies.moves.move import Move
 from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
-from strategies.programmes.move_table import MoveTable, build_path_legs
+from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme
+from strategies.programmes.site_moves import build_path_legs
 from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, ROUTE, TURN, Leg, LegTask, Mission, Plan
 
 HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
@@ -52,7 +53,7 @@ def _build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
 
 def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> list[Leg]:
     """The legs that work a node: places to wait along a headland side, and before the last part of any line."""
-    whole = table.build_work_leg(node, leave_m, join_m)
+    whole = table.moves.build_work_leg(node, leave_m, join_m)
     length_m, back_m = whole.length_m, table.site.rules.hold_back_m
     hold_m = max(length_m - back_m, 0.5 * length_m)
     parts = max(1, round(hold_m / HEADLAND_WAIT_M)) if whole.task.kind == HEADLAND_PASS else 1

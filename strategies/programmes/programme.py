@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,14 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
-from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
 
 Floats = npt.NDArray[np.float64]
 
 MISSED_LINE_S, MISSED_LINE_FACTOR = 150.0, 6.0  # to finish a line later: so long, and so often the time it takes now
 FIRST_KICKS, LATER_KICKS = 100, 20  # of the search at first, and after moves have changed
-OPEN_ROUNDS = 80  # in which moves that were not driven yet may be used; the last one does with those driven well
-WORSE_S = 5.0  # a programme whose moves became dearer by more is searched again
+OPEN_ROUNDS = 60  # of searching and driving
+WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +46,7 @@ class Programme:
         return [
             sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour) / speed
             + sum(move.drive_s for pair in list_pairs(table, [tour]) if (move := table.get_move(*pair)) is not None)
+            + (table.moves.rest_s if tour else 0.0)
             for tour in self.tours
         ]
 
@@ -65,45 +67,40 @@ def make_programme(
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
-    Search, drive what the programme uses, strike what fails, search on.
+    Search, drive what the programme uses, strike what fails, search on; until no programme that may use moves not yet
+    driven promises to be clearly cheaper than the best of those that were.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     tours: list[list[int]] | None = None
-    for number in range(OPEN_ROUNDS + 1):
-        only_proven = number >= OPEN_ROUNDS
-        problem = _pose_problem(table, stage, may, tractors, only_proven=only_proven)
+    best: list[list[int]] = []
+    best_s = math.inf
+    for number in range(OPEN_ROUNDS):
         kicks = FIRST_KICKS if number < 2 else LATER_KICKS
+        problem = _pose_problem(table, table.estimate_costs(), stage, may, tractors)
         tours = search_programmes(problem, kicks, seed + number, tours)
-        if only_proven or not _improve_knowledge(table, tours):
+        if compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             break
-    assert tours is not None
+        for u, v in list_pairs(table, tours):
+            table.prove(u, v)
+        proven = _pose_problem(table, np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S), stage, may, tractors)
+        settled = search_programmes(proven, LATER_KICKS, seed + number, tours)
+        settled_s = compute_cost_s(proven, settled)
+        if settled_s < best_s:
+            best, best_s = settled, settled_s
+    tours = best
     tours = [_keep_connected(table, tour) for tour in tours]
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def _improve_knowledge(table: MoveTable, tours: Sequence[Sequence[int]]) -> bool:
-    """Find and drive the moves of some tours; whether any has become clearly dearer for it."""
-    is_worse = False
-    for u, v in list_pairs(table, tours):
-        if table.is_proven(u, v):
-            continue
-        before_s = table.cost_s[u, v]
-        if table.find(u, v, search=True):
-            table.prove(u, v)
-        is_worse = is_worse or table.cost_s[u, v] > before_s + WORSE_S or not table.is_proven(u, v)
-    return is_worse
-
-
 def _pose_problem(
-    table: MoveTable, stage: npt.NDArray[np.int64], may: npt.NDArray[np.bool_], tractors: int, *, only_proven: bool
+    table: MoveTable, costs: Floats, stage: npt.NDArray[np.int64], may: npt.NDArray[np.bool_], tractors: int
 ) -> OrderProblem:
     speed = table.site.rules.work_speed_mps
     lengths_m = np.array([line.length_m for line in table.lines])
     own_s = np.array([line.own_m2 for line in table.lines]) * table.site.work_s_per_m2
-    costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
     has_lane = table.site.lane is not None
     ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
     return OrderProblem(

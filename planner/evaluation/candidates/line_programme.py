@@ -19,6 +19,7 @@ from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.site_moves import SiteMoves
 from vehicle.missions.plan import HEADLAND_PASS
 from vehicle.missions.run import DONE, SimulationRun
 from vehicle.sim.world import World
@@ -41,7 +42,7 @@ def run_programme(context: PlanningContext, by_passes: PlanResult) -> CandidateR
     lines = lay_lines(site)
     if not lines:
         return None
-    table = MoveTable(site, lines)
+    table = MoveTable(SiteMoves(site, lines))
     programmes = [(order, _make_ordered(table, order)) for order in context.request.headland_orders or ("",)]
     order, programme = min(programmes, key=lambda one: _measure_cost_s(one[1]))
     if not any(programme.tours):
