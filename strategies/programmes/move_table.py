@@ -20,7 +20,7 @@ from strategies.site.site import Site
 Floats = npt.NDArray[np.float64]
 
 NO_MOVE_S = POSSIBLE_S  # cost of a move that does not exist
-NEAR_LINES = 14  # lines whose moves from an end are found at once; those farther off when a programme uses them
+NEAR_LINES = 8  # lines whose moves from an end are found at once; those farther off when a programme uses them
 GUESS_S = 20.0  # of a move not yet found, beyond the way at turning speed
 DETOUR_FACTOR, DETOUR_S = 2.0, 90.0  # guess of a move that only a search may find, of the way at turning speed
 MOST_VAIN = 2  # searches from or to a place that found nothing, before it is given up
@@ -113,6 +113,12 @@ class MoveTable:
             self._drive_options(u, v)
         self.surprises_s.append(min(self.cost_s[u, v], self._guess_detour_s(u, v)) - min(before_s, NO_MOVE_S))
         return (u, v) in self._proven
+
+    def strike(self, u: int, v: int) -> None:
+        """Take the move between two nodes for one that does not exist: the next best has to be driven."""
+        self._options[u, v].pop(0)
+        self._proven.discard((u, v))
+        self._update_cost(u, v)
 
     def _drive_options(self, u: int, v: int) -> None:
         options, driven = self._options[u, v], set[int]()

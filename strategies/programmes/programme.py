@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.tour_legs import build_tour_parts
+from strategies.programmes.work_moves import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
 
-MISSED_LINE_S, MISSED_LINE_FACTOR = 150.0, 6.0  # to finish a line later: so long, and so often the time it takes now
 FIRST_KICKS, LATER_KICKS = 100, 20  # of the search at first, and after moves have changed
 OPEN_ROUNDS = 60  # of searching and driving
 WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
@@ -86,13 +87,29 @@ def make_programme(
         proven = _pose_problem(table, np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S), stage, may, tractors)
         settled = search_programmes(proven, LATER_KICKS, seed + number, tours)
         settled_s = compute_cost_s(proven, settled)
-        if settled_s < best_s:
+        if settled_s < best_s and False not in [_prove_mission(table, tour) for tour in settled]:
             best, best_s = settled, settled_s
-    tours = best
-    tours = [_keep_connected(table, tour) for tour in tours]
+    tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
+
+
+def _prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
+    """Whether a drive of a whole tour keeps to the ground; what it loses itself by is struck.
+
+    Lines that are too short to settle on pass on how they were begun, which a move driven alone does not show.
+    """
+    stretch = _keep_connected(table, tour)
+    if not stretch:
+        return True
+    parts = build_tour_parts(table, stretch)
+    owners = [pair for pair, legs in parts for _ in legs]
+    lost = [owners[leg] for leg in table.moves.find_lost_legs([leg for _, legs in parts for leg in legs])]
+    for u, v in dict.fromkeys(lost):
+        if table.is_proven(u, v):
+            table.strike(u, v)
+    return not lost
 
 
 def _pose_problem(
@@ -106,7 +123,7 @@ def _pose_problem(
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=lengths_m / speed,
-        value_s=MISSED_LINE_FACTOR * own_s + MISSED_LINE_S,
+        value_s=MISSED_FACTOR * own_s,
         begin_s=ends_s[0],
         end_s=ends_s[1],
         allowed=may,

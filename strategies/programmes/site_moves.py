@@ -37,6 +37,7 @@ STRAIGHT_M = 2.0 * (SETTLE_M + BRAKE_M)  # driven from rest to rest, for what st
 MOST_OFF_SHARE = 0.25  # of the width: a drive that begins a line farther beside it has lost it
 OFF_LENGTH_M = 6.0  # driven until a tractor is back on a line that it began beside
 ROOM_TOLERANCE_M = 0.03
+MISSION_TOLERANCE_M = 0.1  # of a whole mission, whose lines begin less exactly than those driven alone
 
 
 @dataclass(eq=False)
@@ -166,6 +167,15 @@ class SiteMoves:
         end_s = _find_time_s(run.time_s[row:], poses[row:], settled_m) - settled_m / speed
         drive_s = end_s - begun_s - (move.leave_m + move.join_m) / speed
         return replace(move, drive_s=drive_s, charge_s=move.charge_s + missed_s)
+
+    def find_lost_legs(self, legs: Sequence[Leg]) -> list[int]:
+        """The legs at which a drive of them all leaves the ground, or where it stops; each stretch once."""
+        run = self.site.drive(Plan((Mission(tuple(legs)),)))
+        numbers = run.get_leg_numbers(0)
+        is_off = measure_proof_rooms(self.site, run.get_poses(0)) < -MISSION_TOLERANCE_M
+        is_off[-1] |= run.outcome != DONE
+        lost: list[int] = np.unique(numbers[np.flatnonzero(np.diff(is_off, prepend=False) & is_off)]).tolist()
+        return lost
 
     def _measure_start_s(self, distance_m: float) -> float:
         """Seconds from rest to so far along a straight line (at most SETTLE_M)."""
