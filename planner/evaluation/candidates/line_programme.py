@@ -9,7 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
-from planner.evaluation.candidates.fleet_drive import build_rehearsal, build_scheduler, build_simulate
+from planner.evaluation.candidates.fleet_drive import (
+    build_rehearsal,
+    build_scheduler,
+    build_simulate,
+    build_standing_check,
+)
 from planner.evaluation.candidates.solo_runs import SoloRuns
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
@@ -71,10 +76,12 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
             "smaller margin."
         )
     table, deal = MoveTable(site, lines), strategy.deal(lines, site.rules, tractors)
-    composed = []
+    composed, stands_in_way = [], build_standing_check(context)
     for order in context.request.headland_orders or ("",):
         context.time_share.check()
-        programme = make_programme(table, tractors, list_stages(lines, order), deal.allowed)
+        programme = make_programme(
+            table, tractors, list_stages(lines, order), deal.allowed, stands_in_way=stands_in_way
+        )
         if all(programme.tours):
             plan = build_plan(programme, strategy=strategy.name, headland=order or None)
             composed.append(ComposedPlan(order, programme, _add_gates(context, plan, order, deal)))
