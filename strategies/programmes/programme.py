@@ -13,6 +13,7 @@ import numpy.typing as npt
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
 from strategies.programmes.tour_legs import build_tour_parts
+from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from strategies.programmes.work_moves import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
@@ -36,23 +37,7 @@ class Programme:
     tours: tuple[tuple[int, ...], ...]
     left: tuple[int, ...]
 
-    def list_pairs(self) -> list[tuple[int, int]]:
-        """The moves it uses, as pairs of nodes."""
-        return list_pairs(self.table, self.tours)
-
-    def compute_tractor_s(self) -> list[float]:
-        """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
-        table = self.table
-        speed = table.site.rules.work_speed_mps
-        return [
-            sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour) / speed
-            + sum(move.drive_s for pair in list_pairs(table, [tour]) if (move := table.get_move(*pair)) is not None)
-            + (table.moves.rest_s if tour else 0.0)
-            for tour in self.tours
-        ]
-
-
-def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
+    def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
     """Neighbouring nodes of all tours, with the entrance before and after each if there is one."""
     gate = [] if table.site.lane is None else [table.gate]
     return [pair for tour in tours if tour for pair in pairwise([*gate, *tour, *gate])]
@@ -64,30 +49,37 @@ def make_programme(
     stages: Sequence[int] | None = None,
     allowed: npt.NDArray[np.bool_] | None = None,
     seed: int = 1,
+    stands_in_way: StandsInWay | None = None,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
     Search, drive what the programme uses, strike what fails, search on; until no programme that may use moves not yet
-    driven promises to be clearly cheaper than the best of those that were.
+    driven promises to be clearly cheaper than the best of those that were. With `stands_in_way` no two tractors of a
+    field without an entrance begin or end where each is in the way of the other.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
+    barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
     tours: list[list[int]] | None = None
     best: list[list[int]] = []
     best_s = math.inf
     for number in range(OPEN_ROUNDS):
         kicks = FIRST_KICKS if number < 2 else LATER_KICKS
-        problem = _pose_problem(table, table.estimate_costs(), stage, may, tractors)
+        problem = _pose_problem(table, table.estimate_costs(), stage, may, tractors, barred)
         tours = search_programmes(problem, kicks, seed + number, tours)
         if compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             break
         for u, v in list_pairs(table, tours):
             table.prove(u, v)
-        proven = _pose_problem(table, np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S), stage, may, tractors)
+        costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S)
+        proven = _pose_problem(table, costs, stage, may, tractors, barred)
         settled = search_programmes(proven, LATER_KICKS, seed + number, tours)
         settled_s = compute_cost_s(proven, settled)
-        if settled_s < best_s and False not in [_prove_mission(table, tour) for tour in settled]:
+        seconds = [compute_tour_s(table, tour) for tour in settled]
+        if settled_s >= best_s or (barred is not None and barred.extend(settled, seconds)):
+            continue
+        if False not in [_prove_mission(table, tour) for tour in settled]:
             best, best_s = settled, settled_s
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
@@ -113,13 +105,20 @@ def _prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
 
 
 def _pose_problem(
-    table: MoveTable, costs: Floats, stage: npt.NDArray[np.int64], may: npt.NDArray[np.bool_], tractors: int
+    table: MoveTable,
+    costs: Floats,
+    stage: npt.NDArray[np.int64],
+    may: npt.NDArray[np.bool_],
+    tractors: int,
+    barred: BarredPlaces | None,
 ) -> OrderProblem:
     speed = table.site.rules.work_speed_mps
     lengths_m = np.array([line.length_m for line in table.lines])
     own_s = np.array([line.own_m2 for line in table.lines]) * table.site.work_s_per_m2
     has_lane = table.site.lane is not None
     ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
+    if barred is not None:
+        ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=lengths_m / speed,
