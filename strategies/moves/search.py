@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from strategies.moves.closed_forms import list_closed_forms, pick_with_room
 from strategies.path_planning.primitives import TAU, advance_pose
-from strategies.site.ground import has_room_on_path
+from strategies.site.ground import AMPLE_M, has_room_on_path, measure_path_room
 from vehicle.copying import copy_table
 from vehicle.jit import compile_function
 
@@ -29,9 +29,9 @@ STEP_M = 1.25  # of the search, longer than a cell
 SEARCH_CELL_M = 0.8
 SECTORS = 36  # of headings
 GREED = 1.5  # weight of the way that remains: a path a little longer is found much sooner
-MORE_ROOM_M, TIGHT_FACTOR = 0.25, 2.0  # a step with less room beyond the margin takes so much longer: drives err
+TIGHT_FACTOR = 2.0  # a step with less than ample room takes so much longer: drives err
 BEND_S = 0.6  # charge for another curvature: wheels take time to turn
-SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 4, 25  # how often closed forms are tried, near the goal and far from it
+SHOT_RADII, SHOT_EVERY, FAR_SHOT_EVERY = 6.0, 10, 25  # how often closed forms are tried, near the goal and far from it
 SHOT_FORMS = 12
 SHOT_OUT_M, SHOT_IN_M = np.array([0.0]), np.array([2.5, 0.0, -4.0])
 
@@ -120,19 +120,15 @@ def search_move(a, b, remaining, radii, costs, kinds, most, guide, points, reach
             for side in range(-1, 2):
                 bend = side / radius
                 step[0, 0], step[0, 1], step[0, 2] = STEP_M, bend, gear
-                has_ample_room = has_room_on_path(
-                    poses[node], step, guide, points, len(points), reach, grid, frame, margin + MORE_ROOM_M
-                )
-                if not has_ample_room and not has_room_on_path(
-                    poses[node], step, guide, points, len(points), reach, grid, frame, margin
-                ):
+                room = measure_path_room(poses[node], step, guide, points, len(points), reach, grid, frame, margin)
+                if room < margin:
                     continue
                 u, v, after = advance_pose(x, y, heading, STEP_M, bend, gear)
                 left_m = _get_remaining_m(u, v, remaining, frame)
                 if left_m == np.inf:
                     continue
                 step_s = STEP_M / (back if gear < 0.0 else slow if side else forward)
-                if not has_ample_room:
+                if room < margin + AMPLE_M:
                     step_s *= TIGHT_FACTOR
                 seconds = spent_s[node] + step_s
                 if gear != ways[node]:
@@ -222,7 +218,7 @@ def shorten_rows(a, rows, radii, costs, kinds, guide, points, reach, grid, frame
     the margin asks for.
     """
     rows = _merge_rows(rows)
-    margin = margin + MORE_ROOM_M
+    margin = margin + AMPLE_M
     ends = np.empty((len(rows) + 1, 3))
     ends[0, 0], ends[0, 1], ends[0, 2] = a[0], a[1], a[2]
     for k in range(len(rows)):

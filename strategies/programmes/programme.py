@@ -18,8 +18,8 @@ from strategies.programmes.work_moves import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
 
-FIRST_KICKS, LATER_KICKS = 100, 20  # of the search at first, and after moves have changed
-OPEN_ROUNDS = 60  # of searching and driving
+KICKS = 50  # of a search once all moves of the last tours were driven; none where some were refused
+MOST_ROUNDS = 80  # of searching and driving
 WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
 
 
@@ -81,25 +81,23 @@ def make_programme(
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
     tours: list[list[int]] | None = None
-    best: list[list[int]] = []
-    best_s = math.inf
-    for number in range(OPEN_ROUNDS):
-        kicks = FIRST_KICKS if number < 2 else LATER_KICKS
+    best, best_s, is_settled = list[list[int]](), math.inf, True
+    for number in range(MOST_ROUNDS):
         problem = _pose_problem(table, table.estimate_costs(), stage, may, tractors, barred)
-        tours = search_programmes(problem, kicks, seed + number, tours)
-        if compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
+        tours = search_programmes(problem, KICKS if is_settled else 0, seed + number, tours)
+        if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             break
-        for u, v in list_pairs(table, tours):
-            table.prove(u, v)
+        is_settled = number == MOST_ROUNDS - 1 or False not in [table.prove(u, v) for u, v in list_pairs(table, tours)]
+        if not is_settled:
+            continue
         costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S)
         proven = _pose_problem(table, costs, stage, may, tractors, barred)
-        settled = search_programmes(proven, LATER_KICKS, seed + number, tours)
-        settled_s = compute_cost_s(proven, settled)
-        seconds = [compute_tour_s(table, tour) for tour in settled]
+        settled = search_programmes(proven, KICKS, seed + number, tours)
+        settled_s, seconds = compute_cost_s(proven, settled), [compute_tour_s(table, tour) for tour in settled]
         if settled_s >= best_s or (barred is not None and barred.extend(settled, seconds)):
             continue
         if False not in [_prove_mission(table, tour) for tour in settled]:
-            best, best_s = settled, settled_s
+            best, best_s, tours = settled, settled_s, settled
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)

@@ -23,6 +23,7 @@ CELL_M = 0.5  # of the grid: interpolated distances err by a few centimetres at 
 BORDER_CELLS = 4  # beyond the allowed ground, so that a body just outside is measured too
 POINT_STEP_M = 0.5  # between the points of an outline
 PATH_STEP_M = 0.4  # between the poses checked on a path
+AMPLE_M = 0.25  # beyond the room asked for: more makes no difference
 FAR_POINTS = 8  # the farthest points of a body, which leave the ground first, are checked on the whole path first
 
 
@@ -106,14 +107,16 @@ def measure_body_room(x, y, heading, points, count, grid, frame, enough) -> floa
 
 
 @compile_function
-def has_room_on_path(a, rows, guide, points, count, reach, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a body keeps `margin` (m) on a path of rows (n, 3: length, curvature, gear) of the guided point.
+def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough) -> float:  # type: ignore[no-untyped-def]
+    """Least room (m) of the first `count` points of a body on a path of rows (n, 3: length, curvature, gear).
 
     The guided point, `guide` ahead of the rear axle, begins at the pose a (3,). Forwards the axle trails it, in reverse
-    the body lies along the path.
+    the body lies along the path. Below `enough` it stops at the first place that shows it; a place with more room than
+    ample, `AMPLE_M` beyond that, counts as that.
     """
     px, py, heading = a[0], a[1], a[2]
     x, y = px - guide * math.cos(heading), py - guide * math.sin(heading)
+    least = enough + AMPLE_M
     for k in range(len(rows)):
         length, bend, gear = rows[k, 0], rows[k, 1], rows[k, 2]
         if length <= 1e-9:
@@ -127,12 +130,19 @@ def has_room_on_path(a, rows, guide, points, count, reach, grid, frame, margin) 
             nx, ny = fx + chord * math.cos(heading + half), fy + chord * math.sin(heading + half)
             angle = math.atan2(py - ny, px - nx) if gear < 0.0 else math.atan2(ny - y, nx - x)
             x, y = nx - guide * math.cos(angle), ny - guide * math.sin(angle)
-            is_far = get_distance(x, y, grid, frame) >= reach + margin
-            if not is_far and measure_body_room(x, y, angle, points, count, grid, frame, margin) < margin:
-                return False
+            if get_distance(x, y, grid, frame) < reach + least:
+                least = min(least, measure_body_room(x, y, angle, points, count, grid, frame, enough))
+                if least < enough:
+                    return least
             px, py = nx, ny
         heading += bend * gear * length
-    return True
+    return least
+
+
+@compile_function
+def has_room_on_path(a, rows, guide, points, count, reach, grid, frame, margin) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a body keeps `margin` (m) on a path, as measure_path_room has it."""
+    return measure_path_room(a, rows, guide, points, count, reach, grid, frame, margin) >= margin  # type: ignore[no-any-return]
 
 
 @compile_function
