@@ -24,9 +24,9 @@ from planner.traffic.conflict_repair import resolve_conflicts
 from strategies.lines.lay_lines import lay_lines
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.program.dealing import LineDeal
 from strategies.program.strategy_record import Strategy
 from strategies.programmes.build_plan import build_plan
-from strategies.programmes.dealing import LineDeal
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
