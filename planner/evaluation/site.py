@@ -10,7 +10,9 @@ from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
 from planner.evaluation.context import GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M, PlanningContext
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from strategies.lines.lay_lines import lay_lines
 from strategies.path_planning.paths import shift_pose_ahead
+from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import build_body_outline, build_ground
 from strategies.site.site import Site
 from vehicle.missions.plan import Plan
@@ -49,6 +51,15 @@ def build_site(context: PlanningContext) -> Site:
         lane=context.gateway,
         drive=partial(_drive_alone, context),
     )
+
+
+def get_site_moves(context: PlanningContext) -> SiteMoves:
+    """The work lines of a context and what is known of the moves between them, shared by its candidates."""
+    if not context.site_cache:
+        site = build_site(context)
+        context.site_cache.append(SiteMoves(site, lay_lines(site)))
+    found: SiteMoves = context.site_cache[0]
+    return found
 
 
 def _compute_allowed(context: PlanningContext, tolerance_m: float, spare_m: float) -> shapely.Geometry:
