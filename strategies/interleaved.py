@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from strategies.lines.work_line import WorkLine
+from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
 from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.program.legs import build_own_mission, group_by_line, make_strategy_plan
 from strategies.program.strategy_record import Strategy
-from strategies.programmes.dealing import LineDeal, free_other_lines, group_swath_lines
 from strategies.sequencing.swath_order import order_shares_in_pattern
 from vehicle.missions.plan import LegGate, Mission, Plan
 
 NAME = "interleaved"
 
 
-def deal_in_turn(lines: Sequence[WorkLine], rules: DrivingRules, tractors: int) -> LineDeal:
+def deal_in_turn(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) -> LineDeal:
     """Every n-th swath to each of n tractors, which begin one after the other."""
     allowed = free_other_lines(lines, tractors)
     for place, numbers in enumerate(group_swath_lines(lines, tractors)):

@@ -11,11 +11,10 @@ from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from fields.layout.swaths import Swath
-from strategies.lines.work_line import WorkLine
+from strategies.program.dealing import DealtLine, LineDeal, free_other_lines, group_swath_lines
 from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.program.legs import build_mission, build_own_mission, group_by_line, make_strategy_plan
 from strategies.program.strategy_record import Strategy
-from strategies.programmes.dealing import LineDeal, free_other_lines, group_swath_lines
 from strategies.sequencing.order_proof import PROOF_EFFORT
 from strategies.sequencing.swath_order import SearchedOrder, order_shares_in_pattern, prove_order, search_order
 from strategies.sequencing.turn_table import TurnTable
@@ -97,7 +96,7 @@ NAME = "split-field"
 BORDER_SHARE = 0.25  # of a block on either side of its border: swaths that either of the two tractors may work
 
 
-def deal_blocks(lines: Sequence[WorkLine], rules: DrivingRules, tractors: int) -> LineDeal:
+def deal_blocks(lines: Sequence[DealtLine], rules: DrivingRules, tractors: int) -> LineDeal:
     """A block of neighbouring swaths each, equal by work; the search for orders balances them over their borders."""
     swaths = group_swath_lines(lines, tractors)
     borders = cut_balanced_blocks([_weigh_swath_s(lines, numbers, rules) for numbers in swaths], tractors)
@@ -110,7 +109,7 @@ def deal_blocks(lines: Sequence[WorkLine], rules: DrivingRules, tractors: int) -
     return LineDeal(allowed)
 
 
-def _weigh_swath_s(lines: Sequence[WorkLine], numbers: Sequence[int], rules: DrivingRules) -> float:
+def _weigh_swath_s(lines: Sequence[DealtLine], numbers: Sequence[int], rules: DrivingRules) -> float:
     """Seconds of the pieces of a swath, with a turn for each."""
     return sum(lines[number].length_m / rules.work_speed_mps + rules.turn_s[1] for number in numbers)
 

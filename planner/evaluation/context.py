@@ -94,7 +94,9 @@ INSIDE_EDGE_M = (0.0, 0.5, 1.0)  # how much farther inside turns are sought that
 FENCE_BESIDE_M = 0.05  # the limit of overhang runs along fences, which are checked by themselves
 OVERHANG_SPARE_M = 0.1  # planned paths stay this far within the overhang allowed, for errors of guidance
 SWING_MARGIN_M = 0.1  # for machines swinging out of a bend, and for guidance
-_CACHED_ATTRIBUTES = ("_base_job", "trajectory_cache", "gateway", "wide_turn_finders", "turn_deviations", "time_share")
+_CACHED_ATTRIBUTES = (
+    "_base_job", "trajectory_cache", "site_cache", "gateway", "wide_turn_finders", "turn_deviations", "time_share",
+)  # fmt: skip
 # Of the gap between machines on neighbouring swaths; the rest is for errors of guidance.
 CLEARANCE_SHARE = 1.0 / 3.0
 WIDE_TURN_FACTORS = (1.0, 1.15, 1.3, 1.6)  # times the planned radius, for turns that were not followed well enough
@@ -167,6 +169,11 @@ class PlanningContext:
     def trajectory_cache(self) -> TrajectoryCache:
         """Trajectories of tractors driven alone, for all plans of the context."""
         return TrajectoryCache()
+
+    @cached_property
+    def site_cache(self) -> list[Any]:
+        """The work lines and moves of the site once a candidate has asked for them (planner.evaluation.site)."""
+        return []
 
     @cached_property
     def _base_job(self) -> FieldJob:

@@ -8,9 +8,12 @@ import shapely
 
 from fields.geometry.field import FENCE_HALF_WIDTH_M, MIN_FENCE_MARGIN_M
 from planner.evaluation.context import GUIDANCE_MARGIN_SHARE, MAX_GUIDANCE_MARGIN_M, PlanningContext
+from planner.evaluation.ground.contact_places import MAX_OUTSIDE_M
 from planner.evaluation.machine_outlines import build_body
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from strategies.lines.lay_lines import lay_lines
 from strategies.path_planning.paths import shift_pose_ahead
+from strategies.programmes.site_moves import SiteMoves
 from strategies.site.ground import build_body_outline, build_ground
 from strategies.site.site import Site
 from vehicle.missions.plan import Plan
@@ -51,19 +54,39 @@ def build_site(context: PlanningContext) -> Site:
     )
 
 
+def get_site_moves(context: PlanningContext) -> SiteMoves:
+    """The work lines of a context and what is known of the moves between them, shared by its candidates."""
+    if not context.site_cache:
+        site = build_site(context)
+        context.site_cache.append(SiteMoves(site, lay_lines(site)))
+    found: SiteMoves = context.site_cache[0]
+    return found
+
+
 def _compute_allowed(context: PlanningContext, tolerance_m: float, spare_m: float) -> shapely.Geometry:
-    """What bodies may touch: up to the overhang beyond edges, but `spare_m` off obstacles and fences."""
+    """What bodies may touch: up to the overhang beyond edges, but `spare_m` off obstacles and fences.
+
+    However large that overhang, the guided point stays on the field: the ground ends where it would leave by too much.
+    """
     field = context.layout.field
     gate = shapely.Polygon()
     if context.gateway is not None:
         gate = shapely.Point(context.gateway.edge_pose[:2]).buffer(context.gate_half_width_m)
     fences = shapely.difference(shapely.union_all(field.fences), gate)
     outline = field.original_boundary or field.boundary
-    near = shapely.Polygon(outline.exterior).buffer(context.request.overhang_m, join_style="mitre")
-    edges = shapely.intersection(field.compute_overhang_region(context.request.overhang_m), near)
+    overhang_m = min(context.request.overhang_m, MAX_OUTSIDE_M - TOLERANCE_M + _measure_beside_guide_m(context))
+    near = shapely.Polygon(outline.exterior).buffer(overhang_m, join_style="mitre")
+    edges = shapely.intersection(field.compute_overhang_region(overhang_m), near)
     outside = shapely.union(edges, _build_lane_ground(context)).buffer(tolerance_m, join_style="mitre")
     blocked = [one.buffer(max(spare_m, LEAST_SEEN_M - _measure_half_m(one))) for one in field.solid_obstacles]
     return shapely.difference(outside, shapely.union_all([*blocked, fences.buffer(spare_m)]))
+
+
+def _measure_beside_guide_m(context: PlanningContext) -> float:
+    """From the guided point to the nearest side of the tractor (m), which is outside before the point is."""
+    body = build_body(context.tractor, context.implement)
+    rear_m, front_m, half_m = body.boxes[0]
+    return max(0.0, min(half_m, front_m - body.guide_m, body.guide_m - rear_m))
 
 
 def _measure_half_m(shape: shapely.Geometry) -> float:

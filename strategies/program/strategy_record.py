@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from strategies.program.dealing import DealLines
 from strategies.program.field_job import FieldJob
-from strategies.programmes.dealing import DealLines
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor

@@ -204,7 +204,7 @@ def test_the_quickest_feasible_plan_of_a_count_is_the_rival() -> None:
     assert find_incumbents(dict(enumerate(some))) == {2: Incumbent("a", 80.0), 3: Incumbent("d", 50.0)}
 
 
-@pytest.mark.parametrize("strategy", ["row-by-row", "row-by-row-optimised", "interleaved"])
+@pytest.mark.parametrize("strategy", ["row-by-row", "row-by-row-optimised"])
 def test_a_candidate_that_cannot_win_is_told_with_its_bound(
     round_site: PlanningContext, driven_once: Callable[[str], CandidateEvaluation], strategy: str
 ) -> None:
@@ -235,12 +235,12 @@ def test_what_is_refined_is_compared_once_more(
 def test_a_passage_that_cannot_win_is_not_driven(round_site: PlanningContext, meeting: list[Plan]) -> None:
     """Where tractors meet on both quick passages to the rounds, one alone on these would be slower than the rival."""
     pace = build_speed_limits(round_site.tractor, round_site.implement, round_site.driving_rules.radius_m)
-    run_candidate(round_site, Candidate("interleaved", 2))
+    run_candidate(round_site, Candidate("split-field", 2, jump=1))
     slow = compute_earliest_finish_s(meeting.pop(), pace)  # the passage with one alone is the last resort
     quick = [compute_earliest_finish_s(each, pace) for each in meeting]
     assert max(quick) < slow - 1.0
     meeting.clear()
-    told = simulate_candidate(round_site, Candidate("interleaved", 2), Incumbent("split-field", slow - 0.5)).result
+    told = simulate_candidate(round_site, Candidate("split-field", 2, jump=1), Incumbent("another", slow - 0.5)).result
     assert not told.feasible and told.bound_s == pytest.approx(slow) and "even its best case" in (told.reason or "")
     assert 0 < len(meeting) <= len(quick) and slow > max(compute_earliest_finish_s(each, pace) for each in meeting)
 

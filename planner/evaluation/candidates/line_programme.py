@@ -18,18 +18,16 @@ from planner.evaluation.candidates.fleet_drive import (
 from planner.evaluation.candidates.solo_runs import SoloRuns
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
-from planner.evaluation.site import build_site
+from planner.evaluation.site import get_site_moves
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.conflict_repair import resolve_conflicts
-from strategies.lines.lay_lines import lay_lines
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.program.dealing import LineDeal
 from strategies.program.strategy_record import Strategy
 from strategies.programmes.build_plan import build_plan
-from strategies.programmes.dealing import LineDeal
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
-from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from vehicle.missions.plan import Plan
 
@@ -69,21 +67,20 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
     Raises StrategyError where the lines do not suffice for that many tractors.
     """
     assert strategy.deal is not None  # asked only of strategies that deal lines
-    site = build_site(context)
-    lines = lay_lines(site)
+    moves = get_site_moves(context)
+    site, lines = moves.site, moves.lines
     if not lines:
         raise StrategyError(
             "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
             "smaller margin."
         )
-    table, deal = MoveTable(SiteMoves(site, lines)), strategy.deal(lines, site.rules, tractors)
-    composed, stands_in_way = [], build_standing_check(context)
+    deal, stands_in_way = strategy.deal(lines, site.rules, tractors), build_standing_check(context)
+    composed = []
     for order in context.request.headland_orders or ("",):
         context.time_share.check()
-        programme = make_programme(
-            table, tractors, list_stages(lines, order), deal.allowed, stands_in_way=stands_in_way
-        )
-        if all(programme.tours):
+        table, stages = MoveTable(moves), list_stages(lines, order)
+        programme = make_programme(table, tractors, stages, deal.allowed, stands_in_way=stands_in_way)
+        if programme.tours and all(programme.tours):
             plan = build_plan(programme, strategy=strategy.name, headland=order or None)
             composed.append(ComposedPlan(order, programme, _add_gates(context, plan, order, deal)))
     if not composed:

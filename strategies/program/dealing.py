@@ -4,14 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from strategies.lines.work_line import WorkLine
 from strategies.path_planning.errors import build_too_many_error
 from strategies.program.field_job import DrivingRules
-from vehicle.missions.plan import SWATH
+from vehicle.missions.plan import SWATH, LegTask
+
+
+class DealtLine(Protocol):
+    """What a deal goes by: a work line's task and its length in metres."""
+
+    @property
+    def task(self) -> LegTask: ...
+
+    @property
+    def length_m(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,11 +37,11 @@ class LineDeal:
     stagger_m: float = 0.0
 
 
-DealLines = Callable[[Sequence[WorkLine], DrivingRules, int], LineDeal]
+DealLines = Callable[[Sequence[DealtLine], DrivingRules, int], LineDeal]
 """Deals lines, given how tractors drive, to a number of tractors; raises StrategyError where they are too few."""
 
 
-def group_swath_lines(lines: Sequence[WorkLine], tractors: int) -> list[list[int]]:
+def group_swath_lines(lines: Sequence[DealtLine], tractors: int) -> list[list[int]]:
     """Numbers of the lines of each swath, neighbours after one another; raises StrategyError with too many tractors."""
     by_swath: dict[int, list[int]] = {}
     for number, line in enumerate(lines):
@@ -42,6 +52,6 @@ def group_swath_lines(lines: Sequence[WorkLine], tractors: int) -> list[list[int
     return [by_swath[swath] for swath in sorted(by_swath)]
 
 
-def free_other_lines(lines: Sequence[WorkLine], tractors: int) -> npt.NDArray[np.bool_]:
+def free_other_lines(lines: Sequence[DealtLine], tractors: int) -> npt.NDArray[np.bool_]:
     """A deal (tractors, lines) of everything but swaths: whoever is near or has time may work it."""
     return np.tile([line.task.kind != SWATH for line in lines], (tractors, 1))
