@@ -1,0 +1,96 @@
+"""A formation composed of work lines and proven moves: columns, rounds, their order, what is left over, the plan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from strategies.formations.columns import Column, find_runs, list_columns
+from strategies.formations.formation_plan import QueueRule, write_formation
+from strategies.formations.round_order import DirectedRound, order_rounds
+from strategies.formations.rounds import ColumnRound, compute_needed_length_m, divide_runs, get_row
+from strategies.formations.tours import FormationTour, share_lines
+from strategies.path_planning.errors import StrategyError, build_too_many_error
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.build_plan import build_plan
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.stages import add_stage_gates, list_stages
+from vehicle.missions.plan import SWATH, Plan
+
+
+@dataclass(frozen=True)
+class FormationRule:
+    """How the tractors of a formation leave the queue at the end of a round.
+
+    Attributes:
+        name: of the strategy.
+        queue_rule: gives what a tractor waits for.
+        move_up: whether those behind move up in the queue.
+    """
+
+    name: str
+    queue_rule: QueueRule
+    move_up: bool = True
+
+
+def compose_formation(table: MoveTable, tractors: int, order: str, rule: FormationRule) -> tuple[Programme, Plan]:
+    """The tours of a formation and its plan, with the headland first or last; raises StrategyError without a round."""
+    if tractors == 1:
+        return _compose_alone(table, order, rule)
+    columns = list_columns(table)
+    rounds = _require_rounds(table, columns, tractors)
+    is_first, has_headland = order == HEADLAND_FIRST, bool(order)
+    directed = order_rounds(table, rounds, (not (has_headland and is_first), not has_headland or is_first))
+    if not directed:
+        raise StrategyError(f"No round of {tractors} tractors has room where moves lead to it; {ADVICE}.")
+    tours = share_lines(table, directed, tractors, order)
+    if not all(tour.rounds for tour in tours):
+        raise StrategyError(f"No path leads {tractors} tractors to the tracks they would work side by side; {ADVICE}.")
+    plan = write_formation(table, directed, tours, rule.queue_rule, move_up=rule.move_up)
+    notes = {"strategy": rule.name, "tractors": tractors, "headland": order or None}
+    share = _describe_share(table, directed, tours)
+    worked = {node // 2 for tour in tours for node in tour.nodes}
+    left = tuple(number for number in range(len(table.lines)) if number not in worked)
+    programme = Programme(table, tuple(tour.nodes for tour in tours), left)
+    return programme, add_stage_gates(replace(plan, notes={**notes, **share}), order)
+
+
+ADVICE = "use fewer tractors, or split-field or interleaved"
+
+
+def _compose_alone(table: MoveTable, order: str, rule: FormationRule) -> tuple[Programme, Plan]:
+    """One tractor has nobody to keep beside."""
+    programme = make_programme(table, 1, list_stages(table.lines, order))
+    return programme, build_plan(programme, strategy=rule.name, headland=order or None)
+
+
+def _require_rounds(table: MoveTable, columns: Sequence[Column], tractors: int) -> list[ColumnRound]:
+    """The rounds of all tractors; raises StrategyError where there is none."""
+    swaths = {line.task.number for line in table.lines if line.task.kind == SWATH}
+    if len(swaths) < tractors:
+        raise build_too_many_error(tractors, len(swaths))
+    if not columns:
+        raise StrategyError(f"A formation needs straight tracks side by side, and those here are curved; {ADVICE}.")
+    runs = find_runs(columns, table.site.width_m)
+    rounds = divide_runs(runs, tractors, table.site.rules)
+    if not rounds:
+        rows = max(get_row(tractor, tractors) for tractor in range(tractors))
+        needed_m = compute_needed_length_m(table.site.rules, rows)
+        raise StrategyError(
+            f"A formation of {tractors} tractors needs {tractors} tracks of at least {needed_m:.1f} m side by side, "
+            f"and the field has none; {ADVICE}."
+        )
+    return rounds
+
+
+def _describe_share(
+    table: MoveTable, rounds: Sequence[DirectedRound], tours: Sequence[FormationTour]
+) -> dict[str, object]:
+    """The share of the tracks that is worked side by side (percent), and which tractors work the rest (from 1)."""
+    beside_m = math.fsum(each.one.length_m for each in rounds)
+    apart = [[node for node in tour.before + tour.after if table.lines[node // 2].task.kind == SWATH] for tour in tours]
+    apart_m = math.fsum(table.lines[node // 2].length_m for nodes in apart for node in nodes)
+    share_pct = 100.0 * beside_m / (beside_m + apart_m)
+    return {"formation_pct": round(share_pct, 3), "apart": [number + 1 for number, nodes in enumerate(apart) if nodes]}

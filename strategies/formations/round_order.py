@@ -1,0 +1,183 @@
+"""The order and direction of rounds: a tour of one whole formation, by moves that were driven well.
+
+A round is a node in either direction. Between two rounds every row takes as long as its slowest tractor's move, one row
+after another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from strategies.formations.passing import Floats, find_blocked_spans, sample_poses
+from strategies.formations.rounds import ColumnRound, PassingSpans, RoundPlace, get_row, place_tractors
+from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.order_search import OrderProblem, search_programmes
+
+ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
+KICKS, ORDER_ROUNDS = 60, 40  # of the search, and how often it is repeated with moves that were found dearer
+WORSE_S = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedRound:
+    """A round as it is driven.
+
+    Attributes:
+        way: direction of its columns.
+        places: where its tractors stand.
+        is_afar: whether its tractors come from elsewhere, one after another.
+    """
+
+    one: ColumnRound
+    way: int
+    places: tuple[RoundPlace, ...] = ()
+    is_afar: bool = False
+
+    def list_nodes(self, tractor: int) -> tuple[int, ...]:
+        """The nodes of a tractor."""
+        return self.one.columns[tractor].list_nodes(self.way)
+
+
+def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
+    """The rounds in their best order, each with room for its queue and clear of those that pass.
+
+    `ends` says whether the formation comes from the entrance, and goes home from it. A round that lacks room where the
+    order puts it is no round.
+    """
+    remaining = list(rounds)
+    while remaining:
+        placed = _place_all(table, _search_order(table, remaining, ends))
+        cramped = [each for each in placed if any(place.missing_m > 0.0 for place in each.places)]
+        if not cramped:
+            return placed
+        worst = max(cramped, key=lambda each: round(max(place.missing_m for place in each.places), 3))
+        remaining = [one for one in remaining if one is not worst.one]
+    return []
+
+
+def _search_order(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
+    tour: list[int] = []
+    for number in range(ORDER_ROUNDS + 1):
+        problem = _pose_problem(table, rounds, ends, only_proven=number == ORDER_ROUNDS)
+        tour = search_programmes(problem, KICKS, 1 + number, [tour] if number else None)[0]
+        if number == ORDER_ROUNDS or not _improve_knowledge(table, rounds, tour):
+            break
+    stretches: list[list[int]] = [[]]
+    for node in tour:
+        if stretches[-1] and not _are_joined(table, rounds, stretches[-1][-1], node):
+            stretches.append([])
+        stretches[-1].append(node)
+    longest = max(stretches, key=lambda stretch: round(sum(rounds[node // 2].length_m for node in stretch), 3))
+    return [DirectedRound(rounds[node // 2], node % 2) for node in longest]
+
+
+def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int, int]]:
+    """Per tractor the nodes of the move between two directed rounds."""
+    leaving = rounds[a // 2].list_last_nodes(a % 2)
+    return list(zip(leaving, rounds[b // 2].list_first_nodes(b % 2), strict=True))
+
+
+def _are_joined(table: MoveTable, rounds: Sequence[ColumnRound], a: int, b: int) -> bool:
+    return all(table.is_proven(u, v) for u, v in _list_moves(rounds, a, b))
+
+
+def _improve_knowledge(table: MoveTable, rounds: Sequence[ColumnRound], tour: Sequence[int]) -> bool:
+    """Find and drive the moves of a tour; whether any has become clearly dearer for it."""
+    return prove_moves(table, [move for a, b in pairwise(tour) for move in _list_moves(rounds, a, b)])
+
+
+def prove_moves(table: MoveTable, pairs: Sequence[tuple[int, int]]) -> bool:
+    """Find and drive moves; whether any has become clearly dearer, or does not exist."""
+    is_worse = False
+    for u, v in pairs:
+        if table.is_proven(u, v):
+            continue
+        before_s = table.cost_s[u, v]
+        if table.find(u, v, search=True):
+            table.prove(u, v)
+        is_worse = is_worse or table.cost_s[u, v] > before_s + WORSE_S or not table.is_proven(u, v)
+    return is_worse
+
+
+def _pose_problem(
+    table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool], *, only_proven: bool
+) -> OrderProblem:
+    costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
+    begins = np.array([one.list_first_nodes(way) for one in rounds for way in (0, 1)])
+    lasts = np.array([one.list_last_nodes(way) for one in rounds for way in (0, 1)])
+    comes, goes = (end and table.site.lane is not None for end in ends)
+    has_none = np.zeros((1, len(begins)))
+    return OrderProblem.from_moves(
+        _sum_rows(costs[lasts[:, None, :], begins[None, :, :]]),
+        np.array([one.longest_m for one in rounds]) / table.site.rules.work_speed_mps,
+        np.full(len(rounds), ROUND_VALUE_S),
+        table.cost_s[-1, begins].max(axis=1)[None] if comes else has_none,
+        table.cost_s[lasts, -1].max(axis=1)[None] if goes else has_none,
+    )
+
+
+def _sum_rows(move_s: Floats) -> Floats:
+    """Seconds (...) of all rows one after another, from those of every tractor (..., n)."""
+    count = move_s.shape[-1]
+    rows = np.array([get_row(tractor, count) for tractor in range(count)])
+    seconds: Floats = sum(
+        (move_s[..., rows == row].max(axis=-1) for row in range(1, int(rows.max()) + 1)), np.zeros(move_s.shape[:-1])
+    )
+    return seconds
+
+
+def _place_all(table: MoveTable, order: Sequence[DirectedRound]) -> list[DirectedRound]:
+    """The rounds of an order with their places, clear of the moves from the round before and to the next."""
+    moves = [_list_paths(table, before, after) for before, after in pairwise(order)]
+    placed = []
+    for number, each in enumerate(order):
+        coming = moves[number - 1] if number else None
+        leaving = moves[number] if number < len(moves) else None
+        passing = [_find_passing(table, each, tractor, coming, leaving) for tractor in range(len(each.one.columns))]
+        places = place_tractors(each.one, each.way, table.site.rules, passing, last=leaving is None)
+        is_afar = number > 0 and order[number - 1].one.run != each.one.run
+        placed.append(replace(each, places=tuple(places), is_afar=is_afar))
+    return placed
+
+
+@dataclass(frozen=True, eq=False)
+class _TractorMove:
+    """A tractor's way between two rounds: its poses, and what it cuts from its columns."""
+
+    poses: Floats
+    leave_m: float
+    join_m: float
+
+
+def _list_paths(table: MoveTable, before: DirectedRound, after: DirectedRound) -> list[_TractorMove]:
+    moves = []
+    for tractor in range(len(before.one.columns)):
+        move = table.get_move(before.list_nodes(tractor)[-1], after.list_nodes(tractor)[0])
+        assert move is not None  # an order uses moves that exist
+        moves.append(_TractorMove(sample_poses(move.path), move.leave_m, move.join_m))
+    return moves
+
+
+def _find_passing(
+    table: MoveTable,
+    each: DirectedRound,
+    tractor: int,
+    coming: Sequence[_TractorMove] | None,
+    leaving: Sequence[_TractorMove] | None,
+) -> PassingSpans:
+    """Who passes a tractor in its place and in its queue: rows behind it come, rows ahead of it leave."""
+    count = len(each.one.columns)
+    row, begin = get_row(tractor, count), each.one.columns[tractor].get_ends(each.way)[0]
+    others = [other for other in range(count) if other != tractor]
+    later = [coming[other].poses for other in others if get_row(other, count) >= row] if coming else []
+    sooner = [leaving[other].poses for other in others if get_row(other, count) <= row] if leaving else []
+    return PassingSpans(
+        find_blocked_spans(table.site, begin, later),
+        find_blocked_spans(table.site, begin, sooner),
+        coming[tractor].join_m if coming else 0.0,
+        leaving[tractor].leave_m if leaving else 0.0,
+    )

@@ -1,0 +1,150 @@
+"""The tours of tractors that work in formation: the rounds as one piece each, and all other lines shared out.
+
+Headland sides and columns left over are worked by whoever has time, before the formation or after it. For the search a
+tractor's way through all rounds is one line that only it may drive, in one direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.formations.passing import Floats
+from strategies.formations.round_order import DirectedRound, prove_moves
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.programme import (
+    FIRST_KICKS,
+    LATER_KICKS,
+    MISSED_LINE_FACTOR,
+    MISSED_LINE_S,
+    OPEN_ROUNDS,
+    list_pairs,
+)
+from vehicle.missions.plan import HEADLAND_PASS
+
+FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
+
+
+@dataclass(frozen=True, eq=False)
+class FormationTour:
+    """The nodes of a tractor: those before its rounds, those of its rounds, and those after them."""
+
+    before: tuple[int, ...]
+    rounds: tuple[int, ...]
+    after: tuple[int, ...]
+
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        """All in order."""
+        return self.before + self.rounds + self.after
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """What the search puts in order: lines of the table, then the way of every tractor through the rounds.
+
+    Attributes:
+        table: lines and moves.
+        lines: numbers of the lines that are not in rounds.
+        chains: per tractor its nodes in all rounds.
+        chain_s: seconds that the rounds take.
+    """
+
+    table: MoveTable
+    lines: tuple[int, ...]
+    chains: tuple[tuple[int, ...], ...]
+    chain_s: float
+
+    def list_entries(self) -> list[int]:
+        """For every node of the search the node of the table with which it begins."""
+        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
+        return nodes + [chain[0] for chain in self.chains for _ in (0, 1)]
+
+    def list_exits(self) -> list[int]:
+        """For every node of the search the node of the table with which it ends."""
+        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
+        return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
+
+    def pose_problem(self, order: str, *, only_proven: bool) -> OrderProblem:
+        """The problem of all tractors, with the headland first or last."""
+        table, tractors = self.table, len(self.chains)
+        costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
+        entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
+        backwards = np.arange(2 * len(kept) + 1, len(entries), 2)
+        moves: Floats = costs[np.ix_(exits, entries)]
+        moves[backwards], moves[:, backwards] = NO_MOVE_S, NO_MOVE_S
+        has_lane, speed = table.site.lane is not None, table.site.rules.work_speed_mps
+        own_s = np.array([line.own_m2 for line in kept]) * table.site.work_s_per_m2
+        allowed = np.ones((tractors, len(kept) + tractors), bool)
+        allowed[:, len(kept) :] = np.eye(tractors, dtype=bool)
+        return OrderProblem(
+            move_s=moves,
+            work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
+            value_s=np.concatenate([MISSED_LINE_FACTOR * own_s + MISSED_LINE_S, np.full(tractors, FORMATION_VALUE_S)]),
+            begin_s=np.repeat(costs[None, -1, entries] * has_lane, tractors, axis=0),
+            end_s=np.repeat(costs[exits, -1][None] * has_lane, tractors, axis=0),
+            allowed=allowed,
+            stage=self._list_stages(order),
+        )
+
+    def _list_stages(self, order: str) -> npt.NDArray[np.int64]:
+        """Columns left over follow the rounds, headland sides come before or after both."""
+        headland = 0 if order == HEADLAND_FIRST else 3
+        kinds = [self.table.lines[line].task.kind for line in self.lines]
+        return np.array([headland if kind == HEADLAND_PASS else 2 for kind in kinds] + [1] * len(self.chains))
+
+    def expand(self, tour: Sequence[int]) -> FormationTour:
+        """A tour of the search as nodes of the table."""
+        split = 2 * len(self.lines)
+        place = next((place for place, node in enumerate(tour) if node >= split), len(tour))
+        chain = self.chains[(tour[place] - split) // 2] if place < len(tour) else ()
+        before, after = (
+            [2 * self.lines[node // 2] + node % 2 for node in part] for part in (tour[:place], tour[place + 1 :])
+        )
+        return FormationTour(tuple(before), chain, tuple(after))
+
+
+def share_lines(table: MoveTable, rounds: Sequence[DirectedRound], tractors: int, order: str) -> list[FormationTour]:
+    """The tours of all tractors, whose moves were all driven well; lines in none are left."""
+    chains = tuple(tuple(n for each in rounds for n in each.list_nodes(k)) for k in range(tractors))
+    in_rounds = {node // 2 for chain in chains for node in chain}
+    lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
+    pieces = _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
+    tours: list[list[int]] | None = None
+    expanded: list[FormationTour] = []
+    for number in range(OPEN_ROUNDS + 1):
+        problem = pieces.pose_problem(order, only_proven=number == OPEN_ROUNDS)
+        tours = search_programmes(problem, FIRST_KICKS if number < 2 else LATER_KICKS, 1 + number, tours)
+        expanded = [pieces.expand(tour) for tour in tours]
+        pairs = list_pairs(table, [tour.nodes for tour in expanded])
+        if number == OPEN_ROUNDS or not prove_moves(table, pairs):
+            break
+    return [_keep_connected(table, tour) for tour in expanded]
+
+
+def _estimate_rounds_s(table: MoveTable, rounds: Sequence[DirectedRound]) -> float:
+    """About how long the rounds take, with the moves of the slowest tractor between them (s)."""
+    work_s = sum(each.one.longest_m for each in rounds) / table.site.rules.work_speed_mps
+    tractors = range(len(rounds[0].one.columns))
+    moves_s = sum(
+        sum(float(table.cost_s[a.list_nodes(k)[-1], b.list_nodes(k)[0]]) for k in tractors) for a, b in pairwise(rounds)
+    )
+    return work_s + moves_s
+
+
+def _keep_connected(table: MoveTable, tour: FormationTour) -> FormationTour:
+    """The stretch of a tour round its rounds all of whose moves were driven well."""
+    before = list(tour.before)
+    first = 1 + max(
+        (k for k, pair in enumerate(pairwise([*before, *tour.rounds[:1]])) if not table.is_proven(*pair)), default=-1
+    )
+    after = list(tour.after)
+    joints = list(pairwise([*tour.rounds[-1:], *after]))
+    last = next((k for k, pair in enumerate(joints) if not table.is_proven(*pair)), len(after))
+    return FormationTour(tuple(before[first:]), tour.rounds, tuple(after[:last]))
