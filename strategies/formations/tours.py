@@ -26,9 +26,12 @@ from strategies.programmes.programme import (
     OPEN_ROUNDS,
     list_pairs,
 )
+from strategies.programmes.standing import find_close_pairs
 from vehicle.missions.plan import HEADLAND_PASS
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
+Taken = set[tuple[int, int]]
+"""Tractors and nodes of the search that they may not begin, or end, with."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +74,8 @@ class _Pieces:
         nodes = [2 * line + way for line in self.lines for way in (0, 1)]
         return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
 
-    def pose_problem(self, order: str, *, only_proven: bool) -> OrderProblem:
-        """The problem of all tractors, with the headland first or last."""
+    def pose_problem(self, order: str, taken: tuple[Taken, Taken], *, only_proven: bool) -> OrderProblem:
+        """The problem of all tractors, with the headland first or last; `taken` are ends that others stand in."""
         table, tractors = self.table, len(self.chains)
         costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
         entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
@@ -83,12 +86,16 @@ class _Pieces:
         own_s = np.array([line.own_m2 for line in kept]) * table.site.work_s_per_m2
         allowed = np.ones((tractors, len(kept) + tractors), bool)
         allowed[:, len(kept) :] = np.eye(tractors, dtype=bool)
+        ends_s = [np.repeat(row[None] * has_lane, tractors, axis=0) for row in (costs[-1, entries], costs[exits, -1])]
+        for table_s, struck in zip(ends_s, taken, strict=True):
+            for tractor, node in sorted(struck):
+                table_s[tractor, node] = NO_MOVE_S
         return OrderProblem(
             move_s=moves,
             work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
             value_s=np.concatenate([MISSED_LINE_FACTOR * own_s + MISSED_LINE_S, np.full(tractors, FORMATION_VALUE_S)]),
-            begin_s=np.repeat(costs[None, -1, entries] * has_lane, tractors, axis=0),
-            end_s=np.repeat(costs[exits, -1][None] * has_lane, tractors, axis=0),
+            begin_s=ends_s[0],
+            end_s=ends_s[1],
             allowed=allowed,
             stage=self._list_stages(order),
         )
@@ -98,6 +105,22 @@ class _Pieces:
         headland = 0 if order == HEADLAND_FIRST else 3
         kinds = [self.table.lines[line].task.kind for line in self.lines]
         return np.array([headland if kind == HEADLAND_PASS else 2 for kind in kinds] + [1] * len(self.chains))
+
+    def stand_apart(self, tours: Sequence[Sequence[int]], taken: tuple[Taken, Taken]) -> bool:
+        """Whether no two tractors begin or end in each other's way; else the later one may not do so there again."""
+        if self.table.site.lane is not None:
+            return True
+        entries, exits, chain = self.list_entries(), self.list_exits(), 2 * len(self.lines)
+        begins = [self.table.begins[entries[tour[0]]] for tour in tours]
+        ends = [self.table.ends[exits[tour[-1]]] for tour in tours]
+        is_apart = True
+        for struck, poses, place in zip(taken, (begins, ends), (0, -1), strict=True):
+            for pair in find_close_pairs(self.table.site, poses):
+                free = [tractor for tractor in pair if tours[tractor][place] < chain]
+                if free:
+                    struck.add((free[-1], tours[free[-1]][place]))
+                    is_apart = False
+        return is_apart
 
     def expand(self, tour: Sequence[int]) -> FormationTour:
         """A tour of the search as nodes of the table."""
@@ -118,12 +141,14 @@ def share_lines(table: MoveTable, rounds: Sequence[DirectedRound], tractors: int
     pieces = _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
     tours: list[list[int]] | None = None
     expanded: list[FormationTour] = []
+    taken = Taken(), Taken()
     for number in range(OPEN_ROUNDS + 1):
-        problem = pieces.pose_problem(order, only_proven=number == OPEN_ROUNDS)
+        problem = pieces.pose_problem(order, taken, only_proven=number == OPEN_ROUNDS)
         tours = search_programmes(problem, FIRST_KICKS if number < 2 else LATER_KICKS, 1 + number, tours)
         expanded = [pieces.expand(tour) for tour in tours]
         pairs = list_pairs(table, [tour.nodes for tour in expanded])
-        if number == OPEN_ROUNDS or not prove_moves(table, pairs):
+        stands_apart = pieces.stand_apart(tours, taken)
+        if number == OPEN_ROUNDS or (stands_apart and not prove_moves(table, pairs)):
             break
     return [_keep_connected(table, tour) for tour in expanded]
 
@@ -140,11 +165,8 @@ def _estimate_rounds_s(table: MoveTable, rounds: Sequence[DirectedRound]) -> flo
 
 def _keep_connected(table: MoveTable, tour: FormationTour) -> FormationTour:
     """The stretch of a tour round its rounds all of whose moves were driven well."""
-    before = list(tour.before)
-    first = 1 + max(
-        (k for k, pair in enumerate(pairwise([*before, *tour.rounds[:1]])) if not table.is_proven(*pair)), default=-1
-    )
-    after = list(tour.after)
-    joints = list(pairwise([*tour.rounds[-1:], *after]))
-    last = next((k for k, pair in enumerate(joints) if not table.is_proven(*pair)), len(after))
-    return FormationTour(tuple(before[first:]), tour.rounds, tuple(after[:last]))
+    joints = list(pairwise(tour.before + tour.rounds[:1]))
+    first = 1 + max((k for k, pair in enumerate(joints) if not table.is_proven(*pair)), default=-1)
+    joints = list(pairwise(tour.rounds[-1:] + tour.after))
+    last = next((k for k, pair in enumerate(joints) if not table.is_proven(*pair)), len(tour.after))
+    return FormationTour(tour.before[first:], tour.rounds, tour.after[:last])
