@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
-from strategies.program.field_job import FieldJob
+from strategies.lines.work_line import WorkLine
+from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.program.legs import build_own_mission, group_by_line, make_strategy_plan
 from strategies.program.strategy_record import Strategy
+from strategies.programmes.dealing import LineDeal, free_other_lines, group_swath_lines
 from strategies.sequencing.swath_order import order_shares_in_pattern
 from vehicle.missions.plan import LegGate, Mission, Plan
 
 NAME = "interleaved"
+
+
+def deal_in_turn(lines: Sequence[WorkLine], rules: DrivingRules, tractors: int) -> LineDeal:
+    """Every n-th swath to each of n tractors, which begin one after the other."""
+    allowed = free_other_lines(lines, tractors)
+    for place, numbers in enumerate(group_swath_lines(lines, tractors)):
+        allowed[place % tractors, numbers] = True
+    return LineDeal(allowed, rules.stagger_m)
 
 
 def plan_interleaved(job: FieldJob) -> Plan:
@@ -34,4 +45,4 @@ def _stagger_starts(missions: list[Mission], distance_m: float) -> list[Mission]
     return staggered
 
 
-STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", plan_interleaved)
+STRATEGY = Strategy(NAME, "take every n-th swath, one behind the other", plan_interleaved, deal=deal_in_turn)

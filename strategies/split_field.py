@@ -6,13 +6,16 @@ changes sides if that makes the slower of the two blocks quicker.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 from fields.layout.swaths import Swath
-from strategies.program.field_job import FieldJob
+from strategies.lines.work_line import WorkLine
+from strategies.program.field_job import DrivingRules, FieldJob
 from strategies.program.legs import build_mission, build_own_mission, group_by_line, make_strategy_plan
 from strategies.program.strategy_record import Strategy
+from strategies.programmes.dealing import LineDeal, free_other_lines, group_swath_lines
 from strategies.sequencing.order_proof import PROOF_EFFORT
 from strategies.sequencing.swath_order import SearchedOrder, order_shares_in_pattern, prove_order, search_order
 from strategies.sequencing.turn_table import TurnTable
@@ -91,6 +94,25 @@ def _move_border(borders: list[int], number: int, block_cost: BlockCost) -> bool
 
 
 NAME = "split-field"
+BORDER_SHARE = 0.25  # of a block on either side of its border: swaths that either of the two tractors may work
+
+
+def deal_blocks(lines: Sequence[WorkLine], rules: DrivingRules, tractors: int) -> LineDeal:
+    """A block of neighbouring swaths each, equal by work; the search for orders balances them over their borders."""
+    swaths = group_swath_lines(lines, tractors)
+    borders = cut_balanced_blocks([_weigh_swath_s(lines, numbers, rules) for numbers in swaths], tractors)
+    allowed = free_other_lines(lines, tractors)
+    for tractor, (first, last) in enumerate(pairwise(borders)):
+        low = first - math.ceil(BORDER_SHARE * (first - borders[tractor - 1])) if tractor else 0
+        high = last + (math.ceil(BORDER_SHARE * (borders[tractor + 2] - last)) if tractor < tractors - 1 else 0)
+        for numbers in swaths[low:high]:
+            allowed[tractor, numbers] = True
+    return LineDeal(allowed)
+
+
+def _weigh_swath_s(lines: Sequence[WorkLine], numbers: Sequence[int], rules: DrivingRules) -> float:
+    """Seconds of the pieces of a swath, with a turn for each."""
+    return sum(lines[number].length_m / rules.work_speed_mps + rules.turn_s[1] for number in numbers)
 
 
 def plan_split_field(job: FieldJob) -> Plan:
@@ -150,4 +172,6 @@ def _list_swaths(lines: list[list[Swath]], first: int, last: int) -> list[Swath]
     return [swath for line in lines[first:last] for swath in line]
 
 
-STRATEGY = Strategy(NAME, "work one block of neighbouring swaths each", plan_split_field, takes_jump=True)
+STRATEGY = Strategy(
+    NAME, "work one block of neighbouring swaths each", plan_split_field, takes_jump=True, deal=deal_blocks
+)

@@ -84,7 +84,8 @@ def _build_lane_ground(context: PlanningContext) -> shapely.Geometry:
 
 
 def _drive_alone(context: PlanningContext, plan: Plan) -> SimulationRun:
-    """Drive a plan of one tractor on the ground of a context, without errors of position."""
+    """Drive a plan of one tractor on the ground of a context, without errors of position, while there is time left."""
+    context.time_share.check()
     physics = context.physics
     world = World(plan, context.tractor, context.implement, terrain=physics.terrain, load=physics.driven_load)
     return world.run(max_time_s=MOST_DRIVE_S)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from strategies.program.field_job import FieldJob
+from strategies.programmes.dealing import DealLines
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -42,7 +43,8 @@ class Strategy:
     neighbouring swaths side by side in rounds, which depends on the corner they begin at, and False if each has swaths
     of its own. `takes_jump` tells whether `build` uses `FieldJob.jump`. Where tractors meet, the plan is repaired at
     most `max_repairs` times. `build_bound` writes the plan that `refine` starts from, with only the waiting it never
-    removes: a lower bound.
+    removes: a lower bound. `deal` says which work lines each tractor may have; a search then puts them in order, and
+    `build` is only for service stops.
     """
 
     name: str
@@ -53,3 +55,4 @@ class Strategy:
     takes_jump: bool = False
     max_repairs: int = MAX_REPAIRS
     build_bound: Callable[[FieldJob], Plan] | None = None
+    deal: DealLines | None = None

@@ -13,9 +13,9 @@ from strategies.path_planning.paths import join_paths
 from strategies.program.legs import add_wait_points, make_mission
 from strategies.programmes.move_table import MoveTable, build_path_legs
 from strategies.programmes.programme import Programme
-from vehicle.missions.plan import ENTER, HEADLAND_PASS, LEAVE, ROUTE, TURN, Leg, LegTask, Mission, Plan
+from strategies.programmes.waiting_places import list_parts_m
+from vehicle.missions.plan import ENTER, LEAVE, ROUTE, TURN, Leg, LegTask, Mission, Plan
 
-HEADLAND_WAIT_M = 40.0  # between places to wait along a headland side
 ROUTE_WAIT_M = 10.0  # between places to wait on a way in, out or across
 LONG_MOVE_M = 40.0  # longer moves have places to wait
 
@@ -53,13 +53,9 @@ def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
 def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -> list[Leg]:
     """The legs that work a node: places to wait along a headland side, and before the last part of any line."""
     whole = table.build_work_leg(node, leave_m, join_m)
-    length_m, back_m = whole.length_m, table.site.rules.hold_back_m
-    hold_m = max(length_m - back_m, 0.5 * length_m)
-    parts = max(1, round(hold_m / HEADLAND_WAIT_M)) if whole.task.kind == HEADLAND_PASS else 1
-    cuts = [0.0, *(hold_m * part / parts for part in range(1, parts + 1)), length_m]
     return [
         replace(whole, points=cut_line(whole.points, first, last), may_wait=first > 0.0)
-        for first, last in pairwise(cuts)
+        for first, last in pairwise(list_parts_m(table, node, whole.length_m))
     ]
 
 

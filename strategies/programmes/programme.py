@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 
 Floats = npt.NDArray[np.float64]
 
@@ -40,13 +41,14 @@ class Programme:
 
     def compute_tractor_s(self) -> list[float]:
         """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
-        table = self.table
-        speed = table.site.rules.work_speed_mps
-        return [
-            sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour) / speed
-            + sum(move.drive_s for pair in list_pairs(table, [tour]) if (move := table.get_move(*pair)) is not None)
-            for tour in self.tours
-        ]
+        return [compute_tour_s(self.table, tour) for tour in self.tours]
+
+
+def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
+    """Seconds that a tour is driven: its lines and its moves, without what these are charged."""
+    work_m = sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
+    moves = (table.get_move(*pair) for pair in list_pairs(table, [tour]))
+    return work_m / table.site.rules.work_speed_mps + sum(move.drive_s for move in moves if move is not None)
 
 
 def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
@@ -61,21 +63,26 @@ def make_programme(
     stages: Sequence[int] | None = None,
     allowed: npt.NDArray[np.bool_] | None = None,
     seed: int = 1,
+    stands_in_way: StandsInWay | None = None,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
-    Search, drive what the programme uses, strike what fails, search on.
+    Search, drive what the programme uses, strike what fails, search on. With `stands_in_way` no two tractors of a field
+    without an entrance begin or end where each is in the way of the other.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
+    barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
     tours: list[list[int]] | None = None
     for number in range(OPEN_ROUNDS + 1):
         only_proven = number >= OPEN_ROUNDS
-        problem = _pose_problem(table, stage, may, tractors, only_proven=only_proven)
+        problem = _pose_problem(table, stage, may, tractors, barred, only_proven=only_proven)
         kicks = FIRST_KICKS if number < 2 else LATER_KICKS
         tours = search_programmes(problem, kicks, seed + number, tours)
-        if only_proven or not _improve_knowledge(table, tours):
+        is_worse = not only_proven and _improve_knowledge(table, tours)
+        has_clashes = barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours])
+        if only_proven or not (is_worse or has_clashes):
             break
     assert tours is not None
     tours = [_keep_connected(table, tour) for tour in tours]
@@ -98,7 +105,13 @@ def _improve_knowledge(table: MoveTable, tours: Sequence[Sequence[int]]) -> bool
 
 
 def _pose_problem(
-    table: MoveTable, stage: npt.NDArray[np.int64], may: npt.NDArray[np.bool_], tractors: int, *, only_proven: bool
+    table: MoveTable,
+    stage: npt.NDArray[np.int64],
+    may: npt.NDArray[np.bool_],
+    tractors: int,
+    barred: BarredPlaces | None,
+    *,
+    only_proven: bool,
 ) -> OrderProblem:
     speed = table.site.rules.work_speed_mps
     lengths_m = np.array([line.length_m for line in table.lines])
@@ -106,6 +119,8 @@ def _pose_problem(
     costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
     has_lane = table.site.lane is not None
     ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
+    if barred is not None:
+        ends_s = [barred.charge(side, seconds) for side, seconds in enumerate(ends_s)]
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=lengths_m / speed,

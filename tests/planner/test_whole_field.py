@@ -22,9 +22,9 @@ from planner.evaluation.candidates.evaluate import (
     Candidate,
     CandidateEvaluation,
     compute_candidate_figures,
-    compute_parallel_clearance_m,
     simulate_candidate,
 )
+from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.ground.coverage import measure_coverage, measure_excursion_m
 from planner.evaluation.ground.swept_area import compute_swept_area

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from fields.layout.swaths import measure_min_spacing_m
 from planner.evaluation.candidates.energy_figures import find_flat_battery
 from planner.evaluation.candidates.figures import CandidateRun, join_remarks, measure_candidate, name_main_turns
-from planner.evaluation.candidates.line_programme import run_programme
+from planner.evaluation.candidates.fleet_drive import (
+    build_rehearsal,
+    build_scheduler,
+    build_simulate,
+    compute_machine_gap_m,
+)
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans
 from planner.evaluation.candidates.pruning import (
     Incumbent,
     PrunedCandidate,
@@ -17,6 +23,7 @@ from planner.evaluation.candidates.pruning import (
     choose_lower_bounded,
     drop_simulated,
     is_pruned_at_all_corners,
+    prune_composed,
     relax_bound_for_corners,
     simulate_promising_first,
     split_contenders,
@@ -27,7 +34,7 @@ from planner.evaluation.candidates.slope_figures import (
     list_slope_remarks,
     locate_stall,
 )
-from planner.evaluation.candidates.solo_runs import SoloRuns, compute_timeout_s
+from planner.evaluation.candidates.solo_runs import SoloRuns
 from planner.evaluation.candidates.time_bounds import build_speed_limits
 from planner.evaluation.candidates.variants import (
     OTHER_ORDER_REMARK,
@@ -39,7 +46,7 @@ from planner.evaluation.candidates.variants import (
     list_other_orders,
     list_service_variants,
 )
-from planner.evaluation.context import CLEARANCE_SHARE, PlanningContext
+from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import ContactPlace, describe_worst_place, find_contact_places
 from planner.evaluation.ground.coverage import measure_longest_reverse_m
 from planner.evaluation.ground.wheel_traffic import compute_charged_s
@@ -58,11 +65,10 @@ from planner.evaluation.repair.turn_repair import (
     find_repairs,
     sum_excess_offset_m,
 )
-from planner.request.plan_request import KEPT_GROUND_OPERATIONS, MIN_CLEARANCE_M
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS
 from planner.risk.assessment import add_risk_estimate
 from planner.traffic.conflict_repair import Scheduler, resolve_conflicts
-from planner.traffic.precedence import ScheduledPlan, TrafficRules, schedule_plan
-from reports.common.plan_results import NO_PATH, PlanFault, PlanResult, choose_by_count
+from reports.common.plan_results import NO_PATH, PlanFault, PlanResult
 from strategies.formations.grouping import StartCorner
 from strategies.formations.leftover import rank_start_corners
 from strategies.path_planning.errors import NoPathError, NoPathFromError, StrategyError
@@ -71,7 +77,6 @@ from strategies.program.strategy_record import RefinedPlan, Simulate, Strategy
 from strategies.registry import get_strategy
 from vehicle.missions.plan import HEADLAND_PASS, Plan
 from vehicle.missions.run import DONE, SimulationRun
-from vehicle.sim.incremental import IncrementalSimulator
 
 MAX_OFFSET_SHARE = 1.0 / 3.0  # of the working width: more leaves an unworked strip
 LOST_WIDTHS, LOST_M = 1.0, 2.5  # working widths and metres: a tractor starting farther off than both has lost its line
@@ -105,36 +110,13 @@ def compute_candidate_figures(context: PlanningContext, candidate: Candidate) ->
 def simulate_candidate(
     context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None = None
 ) -> CandidateEvaluation:
-    """Build, simulate, repair and measure one candidate; a refusal becomes a result with its reason.
+    """Build, simulate and measure one candidate; a refusal becomes a result with its reason.
 
-    A candidate whose plans cannot beat the incumbent is not simulated. Where the passes and turns of one tractor leave
-    much of the field or cannot be driven, its work lines are put in order one by one, and the better of both is taken.
+    A candidate whose plans cannot beat the incumbent is not simulated.
     """
-    evaluation = _simulate_passes(context, candidate, incumbent)
-    is_whole = candidate.tractors == 1 and candidate.jump is None and get_strategy(candidate.strategy).takes_jump
-    driven = run_programme(context, evaluation.result) if is_whole else None
-    if driven is None:
-        return evaluation
-    by_lines = _measure_run(context, candidate, _check_programme(context, driven))
-    best = choose_by_count([each.result for each in (evaluation, by_lines) if each.result.feasible])
-    return by_lines if best.get(candidate.tractors) is by_lines.result else evaluation
-
-
-def _check_programme(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
-    """The run of a programme with the reason why it is not feasible, and what else a reader would not expect of it."""
-    places = find_contact_places(driven.run, context)
-    reason = _find_fault(context, driven.run, places, None) or find_flat_battery(context, driven.run)
-    remarks = [] if reason else _list_remarks(context, driven.run, None)
-    remark, faults = join_remarks(driven.remark, *remarks), tuple(place.fault for place in places)
-    return replace(driven, reason=reason, remark=remark, faults=faults)
-
-
-def _simulate_passes(
-    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None
-) -> CandidateEvaluation:
-    """A candidate by the passes and turns of its strategy."""
+    run = _run_programmes if is_by_lines(context, candidate) else _run_unless_pruned
     try:
-        outcome = _run_unless_pruned(context, candidate, incumbent)
+        outcome = run(context, candidate, incumbent)
     except StrategyError as refusal:
         faults = (_locate_missing_path(refusal),) if isinstance(refusal, NoPathError | NoPathFromError) else ()
         return CandidateEvaluation(
@@ -146,6 +128,46 @@ def _simulate_passes(
     if isinstance(outcome, PrunedCandidate):
         return CandidateEvaluation(build_pruned_result(outcome, context, candidate.strategy, candidate.tractors), None)
     return _measure_run(context, candidate, outcome)
+
+
+def is_by_lines(context: PlanningContext, candidate: Candidate) -> bool:
+    """Whether a candidate is a programme of work lines; not with service stops or a fixed pattern of swaths."""
+    return context.supply is None and candidate.jump is None and get_strategy(candidate.strategy).deal is not None
+
+
+def _run_programmes(
+    context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None
+) -> CandidateRun | PrunedCandidate:
+    """The programme that finishes the field first; of those that cannot be driven the first if none can.
+
+    Another order of headland and swaths is driven only where it would be quicker than what was driven before.
+    """
+    composed = compose_plans(context, get_strategy(candidate.strategy), candidate.tractors)
+    pruned = prune_composed(context, [one.tractor_s for one in composed], incumbent)
+    if pruned is not None:
+        return pruned
+    driver = ProgrammeDriver(context)
+    best: CandidateRun | None = None
+    best_s = math.inf
+    for one in composed:
+        if one.cost_s >= best_s:
+            break
+        driven = driver.drive(one)
+        driven = driven if driven.reason else _check_programme(context, driven)
+        seconds = math.inf if driven.reason else driven.run.duration_s * one.left_factor
+        if best is None or seconds < best_s:
+            best, best_s = driven, seconds
+    assert best is not None  # composed has at least one
+    return best
+
+
+def _check_programme(context: PlanningContext, driven: CandidateRun) -> CandidateRun:
+    """The run of a programme with the reason why it is not feasible, and what else a reader would not expect of it."""
+    places = find_contact_places(driven.run, context)
+    reason = _find_fault(context, driven.run, places, None) or find_flat_battery(context, driven.run)
+    remarks = [] if reason else _list_remarks(context, driven.run, None)
+    remark, faults = join_remarks(driven.remark, *remarks), tuple(place.fault for place in places)
+    return replace(driven, reason=reason, remark=remark, faults=faults)
 
 
 def _measure_run(context: PlanningContext, candidate: Candidate, outcome: CandidateRun) -> CandidateEvaluation:
@@ -250,20 +272,8 @@ def iter_corners(job: FieldJob) -> Iterator[StartCorner]:
 def _run_job(
     context: PlanningContext, strategy: Strategy, job: FieldJob, incumbent: Incumbent | None
 ) -> CandidateRun | PrunedCandidate:
-    rehearsal = IncrementalSimulator(
-        context.tractor,
-        context.implement,
-        stop_clearance_m=context.request.clearance_m,
-        beside_clearance_m=compute_parallel_clearance_m(context),
-        terrain=context.physics.terrain,
-        load=context.physics.driven_load,
-        position_errors=context.position_errors,
-        seed=context.request.seed,
-    )
-
-    def simulate(plan: Plan) -> SimulationRun:
-        context.time_share.check()
-        return rehearsal.simulate(plan, compute_timeout_s(plan))
+    rehearsal = build_rehearsal(context)
+    simulate = build_simulate(context, rehearsal)
 
     def build(job: FieldJob) -> RefinedPlan:
         refine = strategy.refine
@@ -273,7 +283,7 @@ def _run_job(
 
     check_formation_supply(job, strategy)
     solo_runs = SoloRuns(context, rehearsal)
-    give_way = _build_scheduler(context, solo_runs)
+    give_way = build_scheduler(context, solo_runs)
     limits = PruningLimits(
         build_speed_limits(context.tractor, context.implement, context.driving_rules.radius_m), solo_runs
     )
@@ -326,25 +336,6 @@ def _choose_quickest_run(context: PlanningContext, candidate_runs: list[Candidat
     return min(candidate_runs, key=lambda each: round(compute_charged_s(each.run, context), 3))
 
 
-def _build_scheduler(context: PlanningContext, solo_runs: SoloRuns) -> Scheduler:
-    """A scheduler for plans of this context."""
-    rules = TrafficRules(
-        context.tractor,
-        context.implement,
-        context.request.clearance_m,
-        compute_parallel_clearance_m(context),
-        solo_runs,
-        context.trajectory_cache,
-    )
-
-    def schedule(plan: Plan, slack: float) -> ScheduledPlan | None:
-        context.time_share.check()
-        solo_runs.expect_plan(plan)
-        return schedule_plan(plan, rules, slack)
-
-    return schedule
-
-
 def _run_plan(
     context: PlanningContext,
     strategy: Strategy,
@@ -383,7 +374,7 @@ def _list_remarks(context: PlanningContext, run: SimulationRun, worst_deviation:
     if run.min_clearance_m < context.request.clearance_m:
         remarks.append(
             f"tractors on neighbouring tracks come within {run.min_clearance_m:.2f} m of each other: some tracks leave "
-            f"only {max(0.0, _compute_machine_gap_m(context)):.2f} m between machines"
+            f"only {max(0.0, compute_machine_gap_m(context)):.2f} m between machines"
         )
     reverse_m = measure_longest_reverse_m(run)
     if reverse_m > context.driving_rules.max_reverse_m + REVERSE_TOLERANCE_M:
@@ -403,16 +394,6 @@ def _describe_offset_start(run: SimulationRun, deviation: TurnDeviation) -> str:
     kind = run.plan.missions[deviation.tractor].legs[deviation.leg].task.kind
     swath_name = "headland pass" if kind == HEADLAND_PASS else "track"
     return f"a {swath_name} starts {deviation.offset_m:.2f} m beside its line"
-
-
-def compute_parallel_clearance_m(context: PlanningContext) -> float:
-    """How near two tractors may come on parallel lines (m): no more than neighbouring swaths allow."""
-    return min(max(CLEARANCE_SHARE * _compute_machine_gap_m(context), MIN_CLEARANCE_M), context.request.clearance_m)
-
-
-def _compute_machine_gap_m(context: PlanningContext) -> float:
-    """The gap between machines on neighbouring swaths (m); negative if they overlap."""
-    return measure_min_spacing_m(context.layout) - max(context.implement.contact_width_m, context.tractor.width_m)
 
 
 def _simulate_without_conflicts(

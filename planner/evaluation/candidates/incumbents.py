@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from planner.evaluation.candidates.evaluate import Candidate, iter_corners
+from planner.evaluation.candidates.evaluate import Candidate, is_by_lines, iter_corners
 from planner.evaluation.candidates.pruning import (
     Incumbent,
     PrunedCandidate,
@@ -80,8 +80,8 @@ def _compute_tractor_s(plan: PlanResult) -> float:
 
 
 def prune_candidate(context: PlanningContext, candidate: Candidate, incumbent: Incumbent | None) -> PlanResult | None:
-    """The result of a candidate that cannot win; None if it might, or if only simulating can tell."""
-    if incumbent is None:
+    """The result of a candidate that cannot win; None if it might, or if only composing or simulating it can tell."""
+    if incumbent is None or is_by_lines(context, candidate):
         return None
     starts = _iter_starts(context, candidate)
     first = next(starts, None)

@@ -1,83 +1,123 @@
-"""One tractor on the work lines of a field, by moves that were driven well: what is measured of its programme."""
+"""The programmes of a fleet on the work lines of a field: composed of moves that were driven well, then driven."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import dataclass
 
 import numpy as np
 
-from planner.evaluation.candidates.figures import MIN_BEYOND_M, CandidateRun, name_main_turns
-from planner.evaluation.candidates.solo_runs import compute_timeout_s
+from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
+from planner.evaluation.candidates.fleet_drive import (
+    build_rehearsal,
+    build_scheduler,
+    build_simulate,
+    build_standing_check,
+)
+from planner.evaluation.candidates.solo_runs import SoloRuns
 from planner.evaluation.context import PlanningContext
 from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import build_site
-from planner.evaluation.time_share import NO_LIMIT
-from reports.common.plan_results import PlanResult
+from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
+from planner.traffic.conflict_repair import resolve_conflicts
 from strategies.lines.lay_lines import lay_lines
+from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.program.strategy_record import Strategy
 from strategies.programmes.build_plan import build_plan
+from strategies.programmes.dealing import LineDeal
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
-from vehicle.missions.plan import HEADLAND_PASS
-from vehicle.missions.run import DONE, SimulationRun
-from vehicle.sim.world import World
+from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
+from vehicle.missions.plan import Plan
 
-WELL_WORKED_PCT = 95.0  # of the field: with less worked by passes and turns, a programme is tried
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
 
 
-def run_programme(context: PlanningContext, by_passes: PlanResult) -> CandidateRun | None:
-    """The run of the best programme of one tractor; None where nothing can be worked so, or not to its end.
+@dataclass(frozen=True, eq=False)
+class ComposedPlan:
+    """A programme with the headland in an order ("" for any), as a plan in which nobody gives way yet."""
 
-    Not tried, so None, where passes and turns work the field well and inside its edges (`by_passes`), or with service
-    stops, which programmes do not have, or in a share of time.
+    order: str
+    programme: Programme
+    plan: Plan
+
+    @property
+    def tractor_s(self) -> list[float]:
+        """Seconds of every tractor if it waits for nobody."""
+        return self.programme.compute_tractor_s()
+
+    @property
+    def left_factor(self) -> float:
+        """By how much the field takes longer than the lines that are worked."""
+        lines = self.programme.table.lines
+        left_m2 = math.fsum(lines[number].own_m2 for number in self.programme.left)
+        worked_m2 = math.fsum(line.own_m2 for line in lines) - left_m2
+        return 1.0 + left_m2 / max(worked_m2, 1.0)
+
+    @property
+    def cost_s(self) -> float:
+        """Seconds until the field is finished, what is left at the same rate, if nobody waits."""
+        return max(self.tractor_s) * self.left_factor
+
+
+def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -> list[ComposedPlan]:
+    """A plan for every order of headland and swaths that is asked for, the cheapest first.
+
+    Raises StrategyError where the lines do not suffice for that many tractors.
     """
-    stays_inside = (by_passes.outside_along_m or 0.0) < MIN_BEYOND_M
-    works_well = by_passes.feasible and stays_inside and (by_passes.worked_pct or 0.0) >= WELL_WORKED_PCT
-    if works_well or by_passes.bound_s is not None or context.supply or context.time_share is not NO_LIMIT:
-        return None
+    assert strategy.deal is not None  # asked only of strategies that deal lines
     site = build_site(context)
     lines = lay_lines(site)
     if not lines:
-        return None
-    table = MoveTable(site, lines)
-    programmes = [(order, _make_ordered(table, order)) for order in context.request.headland_orders or ("",)]
-    order, programme = min(programmes, key=lambda one: _measure_cost_s(one[1]))
-    if not any(programme.tours):
-        return None
-    plan = build_plan(programme, strategy=by_passes.strategy, headland=order or None)
-    world = World(
-        plan,
-        context.tractor,
-        context.implement,
-        terrain=context.physics.terrain,
-        load=context.physics.driven_load,
-        seed=context.request.seed,
-        position_errors=context.position_errors,
-    )
-    run: SimulationRun = world.run(max_time_s=compute_timeout_s(plan))
-    if run.outcome != DONE:
-        return None
-    moves = (table.get_move(u, v) for u, v in programme.list_pairs())
-    turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
-    return CandidateRun(run, None, name_main_turns(turns), describe_left(programme, context))
+        raise StrategyError(
+            "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
+            "smaller margin."
+        )
+    table, deal = MoveTable(site, lines), strategy.deal(lines, site.rules, tractors)
+    composed, stands_in_way = [], build_standing_check(context)
+    for order in context.request.headland_orders or ("",):
+        context.time_share.check()
+        programme = make_programme(
+            table, tractors, list_stages(lines, order), deal.allowed, stands_in_way=stands_in_way
+        )
+        if all(programme.tours):
+            plan = build_plan(programme, strategy=strategy.name, headland=order or None)
+            composed.append(ComposedPlan(order, programme, _add_gates(context, plan, order, deal)))
+    if not composed:
+        raise StrategyError(
+            f"There is no work for tractor {tractors} that is worth the drive; use fewer tractors or a narrower "
+            "implement."
+        )
+    return sorted(composed, key=lambda one: round(one.cost_s, 3))
 
 
-def _make_ordered(table: MoveTable, order: str) -> Programme:
-    """The programme with the headland first or last; with no order every line may come at any time."""
-    first = order == HEADLAND_FIRST
-    stages = [int((line.task.kind == HEADLAND_PASS) != first) if order else 0 for line in table.lines]
-    return make_programme(table, 1, stages)
+def _add_gates(context: PlanningContext, plan: Plan, order: str, deal: LineDeal) -> Plan:
+    """A plan with the gates that its operation and its deal ask for, whoever is in whose way."""
+    operation = context.request.operation
+    if operation in (STANDING_CROP_OPERATIONS if order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
+        plan = add_stage_gates(plan, order)
+    return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
 
 
-def _measure_cost_s(programme: Programme) -> float:
-    """Seconds of a programme with what its lines left would take, for comparing programmes."""
-    if not any(programme.tours):
-        return math.inf
-    left_m2 = math.fsum(programme.table.lines[number].own_m2 for number in programme.left)
-    worked_m2 = math.fsum(line.own_m2 for line in programme.table.lines) - left_m2
-    return sum(programme.compute_tractor_s()) * (1.0 + left_m2 / max(worked_m2, 1.0))
+class ProgrammeDriver:
+    """Drives composed plans of a candidate; tractors give way to one another."""
+
+    def __init__(self, context: PlanningContext) -> None:
+        """For the machines and ground of a context."""
+        self._context, rehearsal = context, build_rehearsal(context)
+        self._simulate = build_simulate(context, rehearsal)
+        self._schedule = build_scheduler(context, SoloRuns(context, rehearsal))
+
+    def drive(self, composed: ComposedPlan) -> CandidateRun:
+        """The run of a composed plan, with what is known of it without measuring."""
+        run, reason = resolve_conflicts(composed.plan, self._simulate, schedule=self._schedule)
+        table = composed.programme.table
+        moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
+        turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
+        remark = describe_left(composed.programme, self._context)
+        return CandidateRun(run, reason, name_main_turns(turns), remark)
 
 
 def describe_left(programme: Programme, context: PlanningContext) -> str | None:

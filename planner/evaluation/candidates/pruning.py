@@ -71,6 +71,23 @@ def prune_plans(
     return PrunedCandidate(bound_s, incumbent) if plans else None
 
 
+def prune_composed(
+    context: PlanningContext, plans_tractor_s: Sequence[Sequence[float]], incumbent: Incumbent | None
+) -> PrunedCandidate | None:
+    """Plans as pruned by the incumbent, given the seconds of their tractors without waiting; None if one might win."""
+    if incumbent is None or any(_may_win(context, tractor_s, incumbent) for tractor_s in plans_tractor_s):
+        return None
+    return PrunedCandidate(min(map(max, plans_tractor_s)), incumbent)
+
+
+def _may_win(context: PlanningContext, tractor_s: Sequence[float], incumbent: Incumbent) -> bool:
+    """Whether tractors that take so long may beat the incumbent; by their sum too where risk or cost decides."""
+    uses_criteria = context.criteria is not None and context.criteria.decides_best
+    if uses_criteria and math.fsum(tractor_s) < incumbent.tractor_s:
+        return True
+    return max(tractor_s) <= incumbent.finish_s
+
+
 def split_contenders(
     context: PlanningContext,
     choices: Sequence[RefinedPlan],

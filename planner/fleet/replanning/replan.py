@@ -16,7 +16,7 @@ import shapely
 import shapely.ops
 
 from fields.errors import HeadlandError
-from planner.evaluation.candidates.evaluate import compute_parallel_clearance_m
+from planner.evaluation.candidates.fleet_drive import compute_parallel_clearance_m
 from planner.evaluation.candidates.variants import find_service_conflict
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.fleet.manager.remaining_work import SHORTEST_LEG_M, STAND_TOLERANCE_M, RemainingWork
