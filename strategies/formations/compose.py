@@ -17,6 +17,7 @@ from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
 from strategies.programmes.stages import add_stage_gates, list_stages
+from strategies.programmes.waiting_places import StandsInWay
 from vehicle.missions.plan import SWATH, Plan
 
 
@@ -35,7 +36,9 @@ class FormationRule:
     move_up: bool = True
 
 
-def compose_formation(table: MoveTable, tractors: int, order: str, rule: FormationRule) -> tuple[Programme, Plan]:
+def compose_formation(
+    table: MoveTable, tractors: int, order: str, stands_in_way: StandsInWay, rule: FormationRule
+) -> tuple[Programme, Plan]:
     """The tours of a formation and its plan, with the headland first or last; raises StrategyError without a round."""
     if tractors == 1:
         return _compose_alone(table, order, rule)
@@ -45,7 +48,7 @@ def compose_formation(table: MoveTable, tractors: int, order: str, rule: Formati
     directed = order_rounds(table, rounds, (not (has_headland and is_first), not has_headland or is_first))
     if not directed:
         raise StrategyError(f"No round of {tractors} tractors has room where moves lead to it; {ADVICE}.")
-    tours = share_lines(table, directed, tractors, order)
+    tours = share_lines(table, directed, tractors, order, stands_in_way)
     if not all(tour.rounds for tour in tours):
         raise StrategyError(f"No path leads {tractors} tractors to the tracks they would work side by side; {ADVICE}.")
     plan = write_formation(table, directed, tours, rule.queue_rule, move_up=rule.move_up)

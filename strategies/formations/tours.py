@@ -26,12 +26,11 @@ from strategies.programmes.programme import (
     OPEN_ROUNDS,
     list_pairs,
 )
-from strategies.programmes.standing import find_close_pairs
+from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from vehicle.missions.plan import HEADLAND_PASS
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
-Taken = set[tuple[int, int]]
-"""Tractors and nodes of the search that they may not begin, or end, with."""
+KEEPS_S = 1.0  # the one of two with more keeps its place
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +73,8 @@ class _Pieces:
         nodes = [2 * line + way for line in self.lines for way in (0, 1)]
         return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
 
-    def pose_problem(self, order: str, taken: tuple[Taken, Taken], *, only_proven: bool) -> OrderProblem:
-        """The problem of all tractors, with the headland first or last; `taken` are ends that others stand in."""
+    def pose_problem(self, order: str, barred: BarredPlaces | None, *, only_proven: bool) -> OrderProblem:
+        """The problem of all tractors, with the headland first or last; nobody begins or ends in a line that is barred to it."""
         table, tractors = self.table, len(self.chains)
         costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
         entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
@@ -87,9 +86,10 @@ class _Pieces:
         allowed = np.ones((tractors, len(kept) + tractors), bool)
         allowed[:, len(kept) :] = np.eye(tractors, dtype=bool)
         ends_s = [np.repeat(row[None] * has_lane, tractors, axis=0) for row in (costs[-1, entries], costs[exits, -1])]
-        for table_s, struck in zip(ends_s, taken, strict=True):
-            for tractor, node in sorted(struck):
-                table_s[tractor, node] = NO_MOVE_S
+        if barred is not None:  # the formation keeps its places
+            for side, nodes in enumerate((entries, exits)):
+                charged = barred.charge(side, np.zeros((tractors, table.gate)))[:, nodes[: 2 * len(kept)]]
+                ends_s[side][:, : 2 * len(kept)] += charged
         return OrderProblem(
             move_s=moves,
             work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
@@ -106,22 +106,6 @@ class _Pieces:
         kinds = [self.table.lines[line].task.kind for line in self.lines]
         return np.array([headland if kind == HEADLAND_PASS else 2 for kind in kinds] + [1] * len(self.chains))
 
-    def stand_apart(self, tours: Sequence[Sequence[int]], taken: tuple[Taken, Taken]) -> bool:
-        """Whether no two tractors begin or end in each other's way; else the later one may not do so there again."""
-        if self.table.site.lane is not None:
-            return True
-        entries, exits, chain = self.list_entries(), self.list_exits(), 2 * len(self.lines)
-        begins = [self.table.begins[entries[tour[0]]] for tour in tours]
-        ends = [self.table.ends[exits[tour[-1]]] for tour in tours]
-        is_apart = True
-        for struck, poses, place in zip(taken, (begins, ends), (0, -1), strict=True):
-            for pair in find_close_pairs(self.table.site, poses):
-                free = [tractor for tractor in pair if tours[tractor][place] < chain]
-                if free:
-                    struck.add((free[-1], tours[free[-1]][place]))
-                    is_apart = False
-        return is_apart
-
     def expand(self, tour: Sequence[int]) -> FormationTour:
         """A tour of the search as nodes of the table."""
         split = 2 * len(self.lines)
@@ -133,24 +117,32 @@ class _Pieces:
         return FormationTour(tuple(before), chain, tuple(after))
 
 
-def share_lines(table: MoveTable, rounds: Sequence[DirectedRound], tractors: int, order: str) -> list[FormationTour]:
+def share_lines(
+    table: MoveTable, rounds: Sequence[DirectedRound], tractors: int, order: str, stands_in_way: StandsInWay
+) -> list[FormationTour]:
     """The tours of all tractors, whose moves were all driven well; lines in none are left."""
     chains = tuple(tuple(n for each in rounds for n in each.list_nodes(k)) for k in range(tractors))
     in_rounds = {node // 2 for chain in chains for node in chain}
     lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
     pieces = _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
+    barred = BarredPlaces(table, stands_in_way, tractors) if table.site.lane is None else None
     tours: list[list[int]] | None = None
     expanded: list[FormationTour] = []
-    taken = Taken(), Taken()
     for number in range(OPEN_ROUNDS + 1):
-        problem = pieces.pose_problem(order, taken, only_proven=number == OPEN_ROUNDS)
+        problem = pieces.pose_problem(order, barred, only_proven=number == OPEN_ROUNDS)
         tours = search_programmes(problem, FIRST_KICKS if number < 2 else LATER_KICKS, 1 + number, tours)
         expanded = [pieces.expand(tour) for tour in tours]
-        pairs = list_pairs(table, [tour.nodes for tour in expanded])
-        stands_apart = pieces.stand_apart(tours, taken)
-        if number == OPEN_ROUNDS or (stands_apart and not prove_moves(table, pairs)):
+        is_worse = number < OPEN_ROUNDS and prove_moves(table, list_pairs(table, [tour.nodes for tour in expanded]))
+        has_clashes = barred is not None and _bar_clashes(barred, expanded)
+        if number == OPEN_ROUNDS or not (is_worse or has_clashes):
             break
     return [_keep_connected(table, tour) for tour in expanded]
+
+
+def _bar_clashes(barred: BarredPlaces, tours: Sequence[FormationTour]) -> bool:
+    """Bar places where tractors begin or end in each other's way; one that does so in formation does not yield."""
+    kept_s = [KEEPS_S * ((not tour.before) + (not tour.after)) for tour in tours]
+    return barred.extend([tour.nodes for tour in tours], kept_s)
 
 
 def _estimate_rounds_s(table: MoveTable, rounds: Sequence[DirectedRound]) -> float:
