@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from strategies.formations.columns import Column, find_runs, list_columns
 from strategies.formations.formation_plan import QueueRule, write_formation
+from strategies.formations.placement import find_cramped_round, place_rounds
 from strategies.formations.round_order import DirectedRound, order_rounds
 from strategies.formations.rounds import ColumnRound, compute_needed_length_m, divide_runs, get_row
 from strategies.formations.tours import FormationTour, share_lines
@@ -16,7 +17,7 @@ from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
-from strategies.programmes.stages import add_stage_gates, list_stages
+from strategies.programmes.stages import list_stages
 from strategies.programmes.waiting_places import StandsInWay
 from vehicle.missions.plan import SWATH, Plan
 
@@ -44,23 +45,39 @@ def compose_formation(
         return _compose_alone(table, order, rule)
     columns = list_columns(table)
     rounds = _require_rounds(table, columns, tractors)
-    is_first, has_headland = order == HEADLAND_FIRST, bool(order)
-    directed = order_rounds(table, rounds, (not (has_headland and is_first), not has_headland or is_first))
-    if not directed:
-        raise StrategyError(f"No round of {tractors} tractors has room where moves lead to it; {ADVICE}.")
-    tours = share_lines(table, directed, tractors, order, stands_in_way)
-    if not all(tour.rounds for tour in tours):
-        raise StrategyError(f"No path leads {tractors} tractors to the tracks they would work side by side; {ADVICE}.")
+    directed, tours = _order_with_room(table, rounds, order, stands_in_way)
     plan = write_formation(table, directed, tours, rule.queue_rule, move_up=rule.move_up)
     notes = {"strategy": rule.name, "tractors": tractors, "headland": order or None}
     share = _describe_share(table, directed, tours)
     worked = {node // 2 for tour in tours for node in tour.nodes}
     left = tuple(number for number in range(len(table.lines)) if number not in worked)
     programme = Programme(table, tuple(tour.nodes for tour in tours), left)
-    return programme, add_stage_gates(replace(plan, notes={**notes, **share}), order)
+    return programme, replace(plan, notes={**notes, **share})
 
 
 ADVICE = "use fewer tractors, or split-field or interleaved"
+
+
+def _order_with_room(
+    table: MoveTable, rounds: Sequence[ColumnRound], order: str, stands_in_way: StandsInWay
+) -> tuple[list[DirectedRound], list[FormationTour]]:
+    """The rounds in order with their places, and the tours they are part of; a round without room is no round.
+
+    Raises StrategyError where none is left.
+    """
+    remaining, tractors = list(rounds), len(rounds[0].columns)
+    ends = order != HEADLAND_FIRST, order in ("", HEADLAND_FIRST)
+    while remaining:
+        directed = order_rounds(table, remaining, ends)
+        tours = share_lines(table, directed, tractors, order, stands_in_way)
+        if not all(tour.rounds for tour in tours):
+            raise StrategyError(f"No path leads {tractors} tractors to tracks they could work side by side; {ADVICE}.")
+        placed = place_rounds(table, directed, tours)
+        cramped = find_cramped_round(placed)
+        if cramped is None:
+            return placed, tours
+        remaining = [one for one in remaining if one is not cramped]
+    raise StrategyError(f"No round of {tractors} tractors has room clear of those that pass it; {ADVICE}.")
 
 
 def _compose_alone(table: MoveTable, order: str, rule: FormationRule) -> tuple[Programme, Plan]:

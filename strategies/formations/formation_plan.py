@@ -216,7 +216,7 @@ def _add_moving_up(draft: FormationDraft) -> None:
     gap_m = MOVED_ON_GAP_SHARE * draft.table.site.rules.gap_m
     for (number, tractor), marks in draft.marks.items():
         neighbour = get_neighbour(tractor, draft.tractors)
-        if neighbour is None or get_row(tractor, draft.tractors) == 2:
+        if neighbour is None or number == len(draft.rounds) - 1:  # from the last round all go as they can
             continue
         front = draft.marks[number, neighbour].queue_legs
         for own_leg, front_leg in zip(marks.queue_legs, front, strict=False):

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from strategies.formations.passing import Floats, find_blocked_spans, sample_poses
-from strategies.formations.rounds import ColumnRound, PassingSpans, RoundPlace, get_row, place_tractors
+from strategies.formations.passing import Floats
+from strategies.formations.rounds import ColumnRound, RoundPlace, get_row
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.order_search import OrderProblem, search_programmes
 
@@ -43,23 +43,10 @@ class DirectedRound:
 
 
 def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
-    """The rounds in their best order, each with room for its queue and clear of those that pass.
+    """The rounds in their best order; those that no move reaches are left out.
 
-    `ends` says whether the formation comes from the entrance, and goes home from it. A round that lacks room where the
-    order puts it is no round.
+    `ends` says whether the formation comes from the entrance, and goes home from it.
     """
-    remaining = list(rounds)
-    while remaining:
-        placed = _place_all(table, _search_order(table, remaining, ends))
-        cramped = [each for each in placed if any(place.missing_m > 0.0 for place in each.places)]
-        if not cramped:
-            return placed
-        worst = max(cramped, key=lambda each: round(max(place.missing_m for place in each.places), 3))
-        remaining = [one for one in remaining if one is not worst.one]
-    return []
-
-
-def _search_order(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
     tour: list[int] = []
     for number in range(ORDER_ROUNDS + 1):
         problem = _pose_problem(table, rounds, ends, only_proven=number == ORDER_ROUNDS)
@@ -72,7 +59,8 @@ def _search_order(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[b
             stretches.append([])
         stretches[-1].append(node)
     longest = max(stretches, key=lambda stretch: round(sum(rounds[node // 2].length_m for node in stretch), 3))
-    return [DirectedRound(rounds[node // 2], node % 2) for node in longest]
+    order = [DirectedRound(rounds[node // 2], node % 2) for node in longest]
+    return [*order[:1], *(replace(b, is_afar=a.one.run != b.one.run) for a, b in pairwise(order))]
 
 
 def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int, int]]:
@@ -128,56 +116,3 @@ def _sum_rows(move_s: Floats) -> Floats:
         (move_s[..., rows == row].max(axis=-1) for row in range(1, int(rows.max()) + 1)), np.zeros(move_s.shape[:-1])
     )
     return seconds
-
-
-def _place_all(table: MoveTable, order: Sequence[DirectedRound]) -> list[DirectedRound]:
-    """The rounds of an order with their places, clear of the moves from the round before and to the next."""
-    moves = [_list_paths(table, before, after) for before, after in pairwise(order)]
-    placed = []
-    for number, each in enumerate(order):
-        coming = moves[number - 1] if number else None
-        leaving = moves[number] if number < len(moves) else None
-        passing = [_find_passing(table, each, tractor, coming, leaving) for tractor in range(len(each.one.columns))]
-        places = place_tractors(each.one, each.way, table.site.rules, passing, last=leaving is None)
-        is_afar = number > 0 and order[number - 1].one.run != each.one.run
-        placed.append(replace(each, places=tuple(places), is_afar=is_afar))
-    return placed
-
-
-@dataclass(frozen=True, eq=False)
-class _TractorMove:
-    """A tractor's way between two rounds: its poses, and what it cuts from its columns."""
-
-    poses: Floats
-    leave_m: float
-    join_m: float
-
-
-def _list_paths(table: MoveTable, before: DirectedRound, after: DirectedRound) -> list[_TractorMove]:
-    moves = []
-    for tractor in range(len(before.one.columns)):
-        move = table.get_move(before.list_nodes(tractor)[-1], after.list_nodes(tractor)[0])
-        assert move is not None  # an order uses moves that exist
-        moves.append(_TractorMove(sample_poses(move.path), move.leave_m, move.join_m))
-    return moves
-
-
-def _find_passing(
-    table: MoveTable,
-    each: DirectedRound,
-    tractor: int,
-    coming: Sequence[_TractorMove] | None,
-    leaving: Sequence[_TractorMove] | None,
-) -> PassingSpans:
-    """Who passes a tractor in its place and in its queue: rows behind it come, rows ahead of it leave."""
-    count = len(each.one.columns)
-    row, begin = get_row(tractor, count), each.one.columns[tractor].get_ends(each.way)[0]
-    others = [other for other in range(count) if other != tractor]
-    later = [coming[other].poses for other in others if get_row(other, count) >= row] if coming else []
-    sooner = [leaving[other].poses for other in others if get_row(other, count) <= row] if leaving else []
-    return PassingSpans(
-        find_blocked_spans(table.site, begin, later),
-        find_blocked_spans(table.site, begin, sooner),
-        coming[tractor].join_m if coming else 0.0,
-        leaving[tractor].leave_m if leaving else 0.0,
-    )

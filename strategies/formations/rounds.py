@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -100,16 +100,12 @@ class PassingSpans:
 
 
 def place_tractors(
-    one: ColumnRound,
-    way: int,
-    rules: DrivingRules,
-    passing: Sequence[PassingSpans] | None = None,
-    *,
-    last: bool = False,
+    one: ColumnRound, way: int, rules: DrivingRules, passing: Sequence[PassingSpans] | None = None
 ) -> list[RoundPlace]:
-    """The places of a round, clear of passing tractors; after the `last` round there is no queue.
+    """The places of a round, clear of passing tractors.
 
-    They are set from the last row forwards, each a gap ahead of the row behind it.
+    They are set from the last row forwards, each a gap ahead of the row behind it. In the queue the first waits
+    clear of the headland, the others a gap behind one another.
     """
     count = len(one.columns)
     passing = passing or [PassingSpans()] * count
@@ -122,12 +118,11 @@ def place_tractors(
     ends_before_m = list(accumulate((min(ends, default=math.inf) for ends in by_row), min))
     places = []
     for k, row in enumerate(rows):
-        depth, clear = (1 if last else row), passing[k].leaving.find_clear_before
-        queue_m = min(ends_m[k], math.inf if last else ends_before_m[row - 1]) - begins_m[k]
-        hold_m = clear(queue_m - max((depth - 1) * rules.gap_m, rules.hold_back_m))
-        ups_m = [clear(queue_m - ahead * rules.gap_m) for ahead in range(depth - 2, 0, -1)]
-        kept = (up for up, before in zip(ups_m, [hold_m, *ups_m], strict=False) if up > before + SHORTEST_M)
-        places.append(RoundPlace(places_m[k] - begins_m[k], hold_m, tuple(kept)))
+        clear = passing[k].leaving.find_clear_before
+        queue_m = min(ends_m[k], ends_before_m[row - 1]) - begins_m[k]
+        waits_m = [clear(queue_m - rules.hold_back_m - ahead * rules.gap_m) for ahead in range(row - 1, -1, -1)]
+        ups_m = (up for before, up in pairwise(waits_m) if up > before + SHORTEST_M)
+        places.append(RoundPlace(places_m[k] - begins_m[k], waits_m[0], tuple(ups_m)))
     return places
 
 
@@ -151,8 +146,7 @@ def has_room(one: ColumnRound, rules: DrivingRules) -> bool:
 
 def compute_needed_length_m(rules: DrivingRules, rows: int) -> float:
     """Length of the shortest column with room for so many rows, where columns end side by side (m)."""
-    gap, hold = rules.gap_m, rules.hold_back_m
-    return SHORTEST_M + max((rows - row) * gap + max((row - 1) * gap, hold) for row in range(1, rows + 1))
+    return SHORTEST_M + (rows - 1) * rules.gap_m + rules.hold_back_m
 
 
 def divide_runs(runs: Sequence[Sequence[Column]], tractors: int, rules: DrivingRules) -> list[ColumnRound]:

@@ -74,7 +74,7 @@ class _Pieces:
         return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
 
     def pose_problem(self, order: str, barred: BarredPlaces | None, *, only_proven: bool) -> OrderProblem:
-        """The problem of all tractors, with the headland first or last; nobody begins or ends in a line that is barred to it."""
+        """The problem of all tractors, with the headland first or last; none begins or ends where it is barred."""
         table, tractors = self.table, len(self.chains)
         costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
         entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
