@@ -29,12 +29,11 @@ PLANS = f"""{UNCOLLECTED}{ROUTES}
 import sys
 from fields.geometry.field import Field
 from planner.cli.main import main
-from planner.evaluation.candidates.line_programme import run_programme
+from planner.evaluation.candidates.evaluate import Candidate, simulate_candidate
 from planner.evaluation.context import prepare_context
 from planner.evaluation.site import build_site
 from planner.pipeline.worker_tasks import warm_up_simulation
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import PlanResult
 from strategies.moves.move import MoveFinder
 from strategies.programmes.order_search import OrderProblem, search_programmes
 from strategies.sequencing.directed_bounds import bound_by_pass_prices
@@ -51,7 +50,7 @@ seconds = np.ones((12, 12))
 bound_by_pass_prices(seconds, seconds[0], seconds[0], 1e9)
 search_programmes(OrderProblem.from_moves(seconds, seconds[0, :6], seconds[0, :6]), 1, 1)
 context = prepare_context(PlanRequest(width_m=6.0, tractors=(1,)), field=Field("yard", shapely.box(0, 0, 90, 60)))
-run_programme(context, PlanResult("split-field", 1, "auto", False))
+simulate_candidate(context, Candidate("split-field", 2))
 finder = MoveFinder(build_site(context))
 finder.has_way_on(begin, backwards=False)
 finder.search((10.0, 30.0, 0.0), (20.0, 30.0, 3.0))

@@ -8,21 +8,20 @@ import shapely
 
 from fields.geometry.field import Field
 from fields.geometry.obstacles import Obstacle
-from planner.evaluation.candidates.evaluate import (
-    Candidate,
-    _check_programme,
-    _simulate_passes,
-    simulate_candidate,
-)
-from planner.evaluation.candidates.line_programme import describe_left, run_programme
+from planner.evaluation.candidates.evaluate import Candidate, _check_programme, simulate_candidate
+from planner.evaluation.candidates.figures import CandidateRun
+from planner.evaluation.candidates.line_programme import ProgrammeDriver, compose_plans, describe_left
+from planner.evaluation.candidates.pruning import Incumbent
 from planner.evaluation.context import PlanningContext, prepare_context
 from planner.evaluation.site import build_site
 from planner.request.plan_request import PlanRequest
-from reports.common.plan_results import OBSTACLE, PlanResult
+from reports.common.plan_results import OBSTACLE
 from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.stages import get_stage
+from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
 from tests.benchmarks.drawn_jobs import draw_job
 from tests.benchmarks.planned_jobs import build_field, build_tractor
@@ -32,12 +31,16 @@ from vehicle.missions.run import DONE
 WIDTH_M = 6.0
 RECTANGLE = shapely.box(0.0, 0.0, 180.0, 90.0)
 CURVED_SEED = 45005
-REFUSED = PlanResult("split-field", 1, "auto", False, "no path leads on")
 
 
 def prepare(field: Field, **request: object) -> PlanningContext:
     values: dict[str, object] = {"width_m": WIDTH_M, "tractors": (1,), **request}
     return prepare_context(PlanRequest(**values), field=field)  # type: ignore[arg-type]
+
+
+def drive(found: PlanningContext, tractors: int = 1) -> CandidateRun:
+    """The cheapest programme of blocks, driven."""
+    return ProgrammeDriver(found).drive(compose_plans(found, STRATEGIES["split-field"], tractors)[0])
 
 
 @pytest.fixture(scope="module")
@@ -81,8 +84,7 @@ def test_the_sum_of_lines_and_moves_is_the_time_of_the_drive(programme: Programm
 def test_a_driver_goes_up_to_an_obstacle_and_on_behind_it() -> None:
     pond = Obstacle("pond", shapely.Point(90.0, 45.0).buffer(8.0), 0.0, "pond")
     found = prepare(Field("with a pond", RECTANGLE, obstacles=(pond,)))
-    driven = run_programme(found, REFUSED)
-    assert driven is not None
+    driven = drive(found)
     site = build_site(found)
     assert measure_proof_rooms(site, driven.run.get_poses(0)).min() >= -0.03
     worked = driven.run.plan.missions[0].legs
@@ -99,8 +101,7 @@ def test_no_pole_is_too_small_to_be_seen(half_width_m: float, place: tuple[float
 
 def test_what_no_machine_may_do_makes_a_programme_infeasible(context: PlanningContext) -> None:
     """The same drive on a field with a mast where it works."""
-    driven = run_programme(context, REFUSED)
-    assert driven is not None
+    driven = drive(context)
     assert _check_programme(context, driven).reason is None
     mast = Obstacle("mast", shapely.Point(90.0, 45.0), 1.0, "mast")
     blocked = prepare(Field("with a mast", RECTANGLE, obstacles=(mast,)))
@@ -110,8 +111,7 @@ def test_what_no_machine_may_do_makes_a_programme_infeasible(context: PlanningCo
 
 
 def test_tractors_come_in_and_leave_by_the_entrance() -> None:
-    driven = run_programme(prepare(Field("gate", RECTANGLE, entrance=(90.0, 0.0))), REFUSED)
-    assert driven is not None
+    driven = drive(prepare(Field("gate", RECTANGLE, entrance=(90.0, 0.0))))
     legs = driven.run.plan.missions[0].legs
     assert (legs[0].task.kind, legs[-1].task.kind) == (ENTER, LEAVE)
     assert math.dist(legs[0].points[0], (90.0, 0.0)) < 1.0
@@ -119,9 +119,7 @@ def test_tractors_come_in_and_leave_by_the_entrance() -> None:
 
 
 def test_the_same_request_gives_the_same_drive_bit_for_bit(context: PlanningContext) -> None:
-    first, second = (run_programme(context, REFUSED) for _ in range(2))
-    assert first is not None
-    assert second is not None
+    first, second = (drive(context) for _ in range(2))
     assert first.run.record.tobytes() == second.run.record.tobytes()
 
 
@@ -134,18 +132,44 @@ def test_lines_that_are_left_are_in_the_remark(context: PlanningContext, program
     assert f"2 lines of work are left, {area_m2:.0f} m2 in all" in remark
 
 
-def test_not_tried_where_passes_work_the_field_well(context: PlanningContext) -> None:
-    assert run_programme(context, PlanResult("split-field", 1, "u", True, worked_pct=99.0)) is None
-
-
-def test_the_better_of_passes_and_lines_is_taken() -> None:
-    """A small field with a curved edge and a boom of 24 m: passes leave a twelfth of it."""
+def test_a_field_that_passes_leave_much_of_is_worked() -> None:
+    """A small field with a curved edge and a boom of 24 m: passes and turns leave a twelfth of it."""
     job = draw_job(CURVED_SEED, [], exact=True)
     request = PlanRequest(width_m=job["width_m"], speed_kmh=job["speed_kmh"], tractors=(1,))
     found = prepare_context(request, field=build_field(job), tractor=build_tractor(job["radius_m"]))
-    candidate = Candidate("split-field", 1)
-    passes, best = _simulate_passes(found, candidate, None).result, simulate_candidate(found, candidate).result
-    assert passes.worked_pct is None or passes.worked_pct < 95.0
-    assert best.feasible
-    assert best.finished_s is not None
-    assert not passes.feasible or (passes.finished_s is not None and best.finished_s < passes.finished_s)
+    result = simulate_candidate(found, Candidate("split-field", 1)).result
+    assert result.feasible
+    assert (result.worked_pct or 0.0) > 95.0
+
+
+@pytest.mark.parametrize("name", ["split-field", "interleaved"])
+def test_two_tractors_need_little_more_than_half_the_time_of_one(context: PlanningContext, name: str) -> None:
+    alone, both = (simulate_candidate(context, Candidate(name, count)).result for count in (1, 2))
+    assert both.feasible
+    assert both.time_s is not None
+    assert alone.time_s is not None
+    assert 0.5 * alone.time_s * 0.95 < both.time_s < 0.5 * alone.time_s * 1.1
+    assert abs((both.worked_pct or 0.0) - (alone.worked_pct or 0.0)) < 0.5
+
+
+def test_a_programme_that_is_longer_than_the_incumbent_is_not_driven(context: PlanningContext) -> None:
+    (alone_s,) = compose_plans(context, STRATEGIES["split-field"], 1)[0].tractor_s
+    for finish_s, is_driven in ((0.9 * alone_s, False), (1.1 * alone_s, True)):
+        found = simulate_candidate(context, Candidate("split-field", 1), Incumbent("another", finish_s, finish_s))
+        assert (found.run is not None) is is_driven
+        assert (found.result.bound_s is None) is is_driven
+
+
+@pytest.mark.parametrize(("operation", "is_kept"), [("sow", True), ("harvest", True), ("till", False)])
+def test_nobody_begins_the_second_stage_before_the_others_end_the_first(operation: str, is_kept: bool) -> None:
+    found = prepare(Field("rectangle", RECTANGLE), operation=operation)
+    run = drive(found, 2).run
+    order = run.plan.notes["headland"]
+    ends, begins = [], []
+    for number, mission in enumerate(run.plan.missions):
+        stages = [get_stage(leg.task, order) if leg.implement else -1 for leg in mission.legs]
+        legs = run.get_leg_numbers(number)
+        ends.append(float(run.time_s[legs <= max(n for n, stage in enumerate(stages) if stage == 0)][-1]))
+        begins.append(float(run.time_s[legs >= stages.index(1)][0]))
+    last_part_s = found.driving_rules.hold_back_m / found.driving_rules.work_speed_mps + 5.0
+    assert not is_kept or max(ends) < min(begins) + last_part_s
