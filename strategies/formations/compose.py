@@ -114,3 +114,13 @@ def _describe_share(
     apart_m = math.fsum(table.lines[node // 2].length_m for nodes in apart for node in nodes)
     share_pct = 100.0 * beside_m / (beside_m + apart_m)
     return {"formation_pct": round(share_pct, 3), "apart": [number + 1 for number, nodes in enumerate(apart) if nodes]}
+
+
+def describe_formation_share(plan: Plan) -> str | None:
+    """A remark if not all of a plan is driven in formation; None otherwise."""
+    share_pct, separate_tractors = plan.notes.get("formation_pct"), plan.notes.get("apart")
+    if share_pct is None or not separate_tractors:
+        return None
+    names = [str(tractor) for tractor in separate_tractors]
+    workers = f"tractor {names[0]}" if len(names) == 1 else f"tractors {', '.join(names[:-1])} and {names[-1]}"
+    return f"{min(round(share_pct), 99)} % of the tracks are worked in formation, the rest by {workers}"

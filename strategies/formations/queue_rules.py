@@ -36,3 +36,8 @@ def _moves_up(draft: FormationDraft, number: int) -> bool:
     """Whether a round lies on the side of the last columns of the round before it."""
     before, after = draft.rounds[number - 1].one, draft.rounds[number].one
     return after.columns[0].swath > before.columns[0].swath
+
+
+def leave_when_clear(draft: FormationDraft, number: int, tractor: int) -> list[LegGate]:
+    """Nobody waits for its turn: whoever is in whose way, the scheduler of the plan tells."""
+    return []
