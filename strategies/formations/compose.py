@@ -69,13 +69,17 @@ def _order_with_room(
     ends = order != HEADLAND_FIRST, order in ("", HEADLAND_FIRST)
     while remaining:
         directed = order_rounds(table, remaining, ends)
-        tours = share_lines(table, directed, tractors, order, stands_in_way)
-        if not all(tour.rounds for tour in tours):
-            raise StrategyError(f"No path leads {tractors} tractors to tracks they could work side by side; {ADVICE}.")
-        placed = place_rounds(table, directed, tours)
-        cramped = find_cramped_round(placed)
+        cramped = find_cramped_round(place_rounds(table, directed, None, stands_in_way))
         if cramped is None:
-            return placed, tours
+            tours = share_lines(table, directed, tractors, order, stands_in_way)
+            if not all(tour.rounds for tour in tours):
+                raise StrategyError(
+                    f"No path leads {tractors} tractors to tracks they could work side by side; {ADVICE}."
+                )
+            placed = place_rounds(table, directed, tours, stands_in_way)
+            cramped = find_cramped_round(placed)
+            if cramped is None:
+                return placed, tours
         remaining = [one for one in remaining if one is not cramped]
     raise StrategyError(f"No round of {tractors} tractors has room clear of those that pass it; {ADVICE}.")
 

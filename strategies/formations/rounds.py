@@ -6,19 +6,17 @@ Rows lead from the middle, a gap apart (thesis, section 6.3). At the end of a ro
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, pairwise
 
-import numpy as np
-
 from strategies.formations.columns import FIRST, OTHER, Column
-from strategies.formations.passing import BlockedSpans
 from strategies.program.field_job import DrivingRules
 
 SHORTEST_M = 0.1
-NO_SPANS = BlockedSpans(np.empty(0), np.empty(0))
+FindPlace = Callable[[float], float]
+"""The nearest place on a column to one given, metres from its begin, that is in nobody's way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,23 +82,29 @@ class RoundPlace:
         return self.place_m + SHORTEST_M - self.hold_m
 
 
+def take_place(place_m: float) -> float:
+    """Where nobody passes, any place will do."""
+    return place_m
+
+
 @dataclass(frozen=True, eq=False)
-class PassingSpans:
-    """Where a tractor would stand in the way of others that come to its round, and of those that leave it.
+class ColumnTraffic:
+    """How others pass a column while its tractor stands there.
 
     Attributes:
-        coming, leaving: blocked for its place in formation, and for its place in the queue.
+        find_place: finds its place in formation, clear of others that come to the round.
+        find_wait: finds its place in the queue, clear of others that leave it.
         join_m, leave_m: what the moves to its column and from it cut from its ends.
     """
 
-    coming: BlockedSpans = NO_SPANS
-    leaving: BlockedSpans = NO_SPANS
+    find_place: FindPlace = take_place
+    find_wait: FindPlace = take_place
     join_m: float = 0.0
     leave_m: float = 0.0
 
 
 def place_tractors(
-    one: ColumnRound, way: int, rules: DrivingRules, passing: Sequence[PassingSpans] | None = None
+    one: ColumnRound, way: int, rules: DrivingRules, traffic: Sequence[ColumnTraffic] | None = None
 ) -> list[RoundPlace]:
     """The places of a round, clear of passing tractors.
 
@@ -108,17 +112,17 @@ def place_tractors(
     clear of the headland, the others a gap behind one another.
     """
     count = len(one.columns)
-    passing = passing or [PassingSpans()] * count
+    traffic = traffic or [ColumnTraffic()] * count
     rows = [get_row(tractor, count) for tractor in range(count)]
     spans = [column.project_span(way) for column in one.columns]
     begins_m = [first for first, _ in spans]
-    ends_m = [end - each.leave_m for (_, end), each in zip(spans, passing, strict=True)]
-    places_m = _place_in_rows(begins_m, rows, passing, rules.gap_m)
+    ends_m = [end - each.leave_m for (_, end), each in zip(spans, traffic, strict=True)]
+    places_m = _place_in_rows(begins_m, rows, traffic, rules.gap_m)
     by_row = [[ends_m[k] for k in range(count) if rows[k] == row] for row in range(max(rows) + 1)]
     ends_before_m = list(accumulate((min(ends, default=math.inf) for ends in by_row), min))
     places = []
     for k, row in enumerate(rows):
-        clear = passing[k].leaving.find_clear_before
+        clear = traffic[k].find_wait
         queue_m = min(ends_m[k], ends_before_m[row - 1]) - begins_m[k]
         waits_m = [clear(queue_m - rules.hold_back_m - ahead * rules.gap_m) for ahead in range(row - 1, -1, -1)]
         ups_m = (up for before, up in pairwise(waits_m) if up > before + SHORTEST_M)
@@ -127,15 +131,15 @@ def place_tractors(
 
 
 def _place_in_rows(
-    begins_m: Sequence[float], rows: Sequence[int], passing: Sequence[PassingSpans], gap_m: float
+    begins_m: Sequence[float], rows: Sequence[int], traffic: Sequence[ColumnTraffic], gap_m: float
 ) -> list[float]:
     """Where each stands in formation along the heading, the last row first (m)."""
-    places_m = [begin + each.join_m for begin, each in zip(begins_m, passing, strict=True)]
+    places_m = [begin + each.join_m for begin, each in zip(begins_m, traffic, strict=True)]
     for row in range(max(rows), 0, -1):
         behind_m = [places_m[k] + gap_m for k in range(len(rows)) if rows[k] == row + 1]
         for k in (k for k in range(len(rows)) if rows[k] == row):
             place_m = max([places_m[k], *behind_m])
-            places_m[k] = begins_m[k] + passing[k].coming.find_clear_after(place_m - begins_m[k])
+            places_m[k] = begins_m[k] + traffic[k].find_place(place_m - begins_m[k])
     return places_m
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import count, pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -128,13 +128,15 @@ def share_lines(
     barred = BarredPlaces(table, stands_in_way, tractors) if table.site.lane is None else None
     tours: list[list[int]] | None = None
     expanded: list[FormationTour] = []
-    for number in range(OPEN_ROUNDS + 1):
-        problem = pieces.pose_problem(order, barred, only_proven=number == OPEN_ROUNDS)
+    for number in count():  # ends, as the moves that are known and the places that are barred only grow
+        only_proven = number >= OPEN_ROUNDS
+        problem = pieces.pose_problem(order, barred, only_proven=only_proven)
         tours = search_programmes(problem, FIRST_KICKS if number < 2 else LATER_KICKS, 1 + number, tours)
         expanded = [pieces.expand(tour) for tour in tours]
-        is_worse = number < OPEN_ROUNDS and prove_moves(table, list_pairs(table, [tour.nodes for tour in expanded]))
+        pairs = list_pairs(table, [tour.nodes for tour in expanded])
+        is_worse = not only_proven and prove_moves(table, pairs)
         has_clashes = barred is not None and _bar_clashes(barred, expanded)
-        if number == OPEN_ROUNDS or not (is_worse or has_clashes):
+        if not (is_worse or has_clashes):
             break
     return [_keep_connected(table, tour) for tour in expanded]
 
