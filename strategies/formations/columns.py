@@ -94,9 +94,7 @@ def _join_pieces(table: MoveTable, swath: int, numbers: Sequence[int]) -> Iterat
 
 def _stays_down(table: MoveTable, u: int, v: int) -> bool:
     """Whether the best move between two nodes was driven well with the implement down."""
-    if not table.find(u, v, search=False) or not table.prove(u, v):
-        return False
-    move = table.get_move(u, v)
+    move = table.get_move(u, v) if table.prove(u, v) else None
     return move is not None and move.is_work
 
 

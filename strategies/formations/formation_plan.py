@@ -17,8 +17,8 @@ from strategies.formations.rounds import SHORTEST_M, RoundPlace, get_neighbour, 
 from strategies.formations.tours import FormationTour
 from strategies.lines.work_line import cut_line
 from strategies.program.legs import make_mission
-from strategies.programmes.build_plan import build_move, build_way_in, build_way_out, split_work_leg
 from strategies.programmes.move_table import MoveTable
+from strategies.programmes.tour_legs import build_move, build_way_in, build_way_out, split_work_leg
 from vehicle.missions.plan import GATE_MARGIN_M, FollowOrder, Leg, LegGate, Plan
 
 MOVED_ON_GAP_SHARE = 0.8  # share of the gap the tractor in front must have driven
@@ -167,7 +167,7 @@ def _list_pass_legs(table: MoveTable, nodes: Sequence[int], join_m: float, leave
     legs: list[Leg] = []
     for node, following in pairwise([*nodes, -1]):
         move = None if following < 0 else table.get_move(node, following)
-        legs.append(table.build_work_leg(node, leave_m if move is None else move.leave_m, join_m))
+        legs.append(table.moves.build_work_leg(node, leave_m if move is None else move.leave_m, join_m))
         if move is not None:
             legs += build_move(table, following, move)
             join_m = move.join_m

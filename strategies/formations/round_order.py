@@ -6,6 +6,7 @@ after another.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -15,11 +16,11 @@ import numpy as np
 from strategies.formations.passing import Floats
 from strategies.formations.rounds import ColumnRound, RoundPlace, get_row
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
-from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.programme import OPEN_ROUNDS, WORTH_SHARE
 
 ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
-KICKS, ORDER_ROUNDS = 60, 40  # of the search, and how often it is repeated with moves that were found dearer
-WORSE_S = 5.0
+KICKS = 60  # of the search
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,14 +48,22 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
 
     `ends` says whether the formation comes from the entrance, and goes home from it.
     """
-    tour: list[int] = []
-    for number in range(ORDER_ROUNDS + 1):
-        problem = _pose_problem(table, rounds, ends, only_proven=number == ORDER_ROUNDS)
+    tour, best, best_s = list[int](), list[int](), math.inf
+    for number in range(OPEN_ROUNDS):
+        problem = _pose_problem(table, rounds, ends, table.estimate_costs())
         tour = search_programmes(problem, KICKS, 1 + number, [tour] if number else None)[0]
-        if number == ORDER_ROUNDS or not _improve_knowledge(table, rounds, tour):
+        if compute_cost_s(problem, [tour]) >= best_s - WORTH_SHARE * best_s:
             break
+        for a, b in pairwise(tour):
+            for u, v in _list_moves(rounds, a, b):
+                table.prove(u, v)
+        proven = _pose_problem(table, rounds, ends, np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
+        settled = search_programmes(proven, KICKS, 1 + number, [tour])
+        settled_s = compute_cost_s(proven, settled)
+        if settled_s < best_s:
+            best, best_s = settled[0], settled_s
     stretches: list[list[int]] = [[]]
-    for node in tour:
+    for node in best:
         if stretches[-1] and not _are_joined(table, rounds, stretches[-1][-1], node):
             stretches.append([])
         stretches[-1].append(node)
@@ -73,28 +82,9 @@ def _are_joined(table: MoveTable, rounds: Sequence[ColumnRound], a: int, b: int)
     return all(table.is_proven(u, v) for u, v in _list_moves(rounds, a, b))
 
 
-def _improve_knowledge(table: MoveTable, rounds: Sequence[ColumnRound], tour: Sequence[int]) -> bool:
-    """Find and drive the moves of a tour; whether any has become clearly dearer for it."""
-    return prove_moves(table, [move for a, b in pairwise(tour) for move in _list_moves(rounds, a, b)])
-
-
-def prove_moves(table: MoveTable, pairs: Sequence[tuple[int, int]]) -> bool:
-    """Find and drive moves; whether any has become clearly dearer, or does not exist."""
-    is_worse = False
-    for u, v in pairs:
-        if table.is_proven(u, v):
-            continue
-        before_s = table.cost_s[u, v]
-        if table.find(u, v, search=True):
-            table.prove(u, v)
-        is_worse = is_worse or table.cost_s[u, v] > before_s + WORSE_S or not table.is_proven(u, v)
-    return is_worse
-
-
 def _pose_problem(
-    table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool], *, only_proven: bool
+    table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool], costs: Floats
 ) -> OrderProblem:
-    costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
     begins = np.array([one.list_first_nodes(way) for one in rounds for way in (0, 1)])
     lasts = np.array([one.list_last_nodes(way) for one in rounds for way in (0, 1)])
     comes, goes = (end and table.site.lane is not None for end in ends)
@@ -103,8 +93,8 @@ def _pose_problem(
         _sum_rows(costs[lasts[:, None, :], begins[None, :, :]]),
         np.array([one.longest_m for one in rounds]) / table.site.rules.work_speed_mps,
         np.full(len(rounds), ROUND_VALUE_S),
-        table.cost_s[-1, begins].max(axis=1)[None] if comes else has_none,
-        table.cost_s[lasts, -1].max(axis=1)[None] if goes else has_none,
+        costs[-1, begins].max(axis=1)[None] if comes else has_none,
+        costs[lasts, -1].max(axis=1)[None] if goes else has_none,
     )
 
 

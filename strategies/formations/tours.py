@@ -6,27 +6,29 @@ tractor's way through all rounds is one line that only it may drive, in one dire
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import count, pairwise
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
 
 from strategies.formations.passing import Floats
-from strategies.formations.round_order import DirectedRound, prove_moves
+from strategies.formations.round_order import DirectedRound
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
-from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
 from strategies.programmes.programme import (
     FIRST_KICKS,
     LATER_KICKS,
-    MISSED_LINE_FACTOR,
-    MISSED_LINE_S,
     OPEN_ROUNDS,
+    WORTH_SHARE,
     list_pairs,
+    prove_mission,
 )
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
+from strategies.programmes.work_moves import MISSED_FACTOR
 from vehicle.missions.plan import HEADLAND_PASS
 
 FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
@@ -73,10 +75,9 @@ class _Pieces:
         nodes = [2 * line + way for line in self.lines for way in (0, 1)]
         return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
 
-    def pose_problem(self, order: str, barred: BarredPlaces | None, *, only_proven: bool) -> OrderProblem:
+    def pose_problem(self, order: str, barred: BarredPlaces | None, costs: Floats) -> OrderProblem:
         """The problem of all tractors, with the headland first or last; none begins or ends where it is barred."""
         table, tractors = self.table, len(self.chains)
-        costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
         entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
         backwards = np.arange(2 * len(kept) + 1, len(entries), 2)
         moves: Floats = costs[np.ix_(exits, entries)]
@@ -93,7 +94,7 @@ class _Pieces:
         return OrderProblem(
             move_s=moves,
             work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
-            value_s=np.concatenate([MISSED_LINE_FACTOR * own_s + MISSED_LINE_S, np.full(tractors, FORMATION_VALUE_S)]),
+            value_s=np.concatenate([MISSED_FACTOR * own_s, np.full(tractors, FORMATION_VALUE_S)]),
             begin_s=ends_s[0],
             end_s=ends_s[1],
             allowed=allowed,
@@ -120,25 +121,34 @@ class _Pieces:
 def share_lines(
     table: MoveTable, rounds: Sequence[DirectedRound], tractors: int, order: str, stands_in_way: StandsInWay
 ) -> list[FormationTour]:
-    """The tours of all tractors, whose moves were all driven well; lines in none are left."""
+    """The tours of all tractors, whose moves were all driven well; lines in none are left.
+
+    None at all where the rounds cannot be driven in their order, or no tractor gets to them.
+    """
     chains = tuple(tuple(n for each in rounds for n in each.list_nodes(k)) for k in range(tractors))
     in_rounds = {node // 2 for chain in chains for node in chain}
     lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
     pieces = _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
     barred = BarredPlaces(table, stands_in_way, tractors) if table.site.lane is None else None
     tours: list[list[int]] | None = None
-    expanded: list[FormationTour] = []
-    for number in count():  # ends, as the moves that are known and the places that are barred only grow
-        only_proven = number >= OPEN_ROUNDS
-        problem = pieces.pose_problem(order, barred, only_proven=only_proven)
+    best, best_s = list[FormationTour](), math.inf
+    for number in range(OPEN_ROUNDS):
+        problem = pieces.pose_problem(order, barred, table.estimate_costs())
         tours = search_programmes(problem, FIRST_KICKS if number < 2 else LATER_KICKS, 1 + number, tours)
-        expanded = [pieces.expand(tour) for tour in tours]
-        pairs = list_pairs(table, [tour.nodes for tour in expanded])
-        is_worse = not only_proven and prove_moves(table, pairs)
-        has_clashes = barred is not None and _bar_clashes(barred, expanded)
-        if not (is_worse or has_clashes):
+        if compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             break
-    return [_keep_connected(table, tour) for tour in expanded]
+        for u, v in list_pairs(table, [pieces.expand(tour).nodes for tour in tours]):
+            table.prove(u, v)
+        proven = pieces.pose_problem(order, barred, np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
+        settled = search_programmes(proven, LATER_KICKS, 1 + number, tours)
+        settled_s, expanded = compute_cost_s(proven, settled), [pieces.expand(tour) for tour in settled]
+        if settled_s >= best_s or (barred is not None and _bar_clashes(barred, expanded)):
+            continue
+        if False not in [prove_mission(table, tour.nodes) for tour in expanded]:
+            best, best_s = expanded, settled_s
+        if not all(table.is_proven(u, v) for chain in chains for u, v in pairwise(chain)):
+            return []
+    return [_keep_connected(table, tour) for tour in best]
 
 
 def _bar_clashes(barred: BarredPlaces, tours: Sequence[FormationTour]) -> bool:

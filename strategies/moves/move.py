@@ -29,6 +29,7 @@ WIDER_RADIUS = 1.25  # of the planned one: some arcs at the smallest radius are 
 MOST_FORMS, MOST_OPTIONS = 60, 6  # closed forms tried for a pair, and those with room that are kept
 MOST_POSES = 4000  # expanded by a search
 POCKET_POSES = 400  # a place from which fewer are reached is a pocket that nothing leads out of
+PLAIN_LEADS = 3  # of the leads are tried first, and the others where none of these has room
 KEPT_GOALS = 8
 SAME_POSE_DIGITS = 3  # relative poses are told apart to a millimetre or microradian
 
@@ -81,7 +82,7 @@ class MoveFinder:
 
     site: Site
     radii: Floats = field(init=False)
-    _forms: dict[tuple[float, float, float, bool], tuple[Floats, npt.NDArray[np.int64]]] = field(default_factory=dict)
+    _forms: dict[tuple[float, float, float, int], tuple[Floats, npt.NDArray[np.int64]]] = field(default_factory=dict)
     _ways: dict[tuple[Pose, bool], bool] = field(default_factory=dict)
     _remaining: dict[tuple[float, float], Floats] = field(default_factory=dict)
 
@@ -96,9 +97,12 @@ class MoveFinder:
 
     def list_moves(self, a: Pose, b: Pose, *, leads: bool = True, most: int = MOST_OPTIONS) -> list[Move]:
         """The quickest closed forms from a to b on which the body has room; without `leads` arcs may begin at once."""
-        forms, kinds = self._get_forms(place_in_frame(a, b), leads)
-        start, kept, site = np.array(a), self.site.kept, self.site
+        place, start, kept, site = place_in_frame(a, b), np.array(a), self.site.kept, self.site
+        forms, kinds = self._get_forms(place, PLAIN_LEADS if leads else 1)
         numbers = pick_with_room(start, forms, most, *self._body)
+        if leads and not len(numbers):
+            forms, kinds = self._get_forms(place, len(LEADS_OUT_M))
+            numbers = pick_with_room(start, forms, most, *self._body)
         seconds, charges = weigh_forms(start, forms, numbers, site.speeds, kept.grid, kept.frame, site.wheels_s_per_m)
         return [
             Move(a, forms[k], PATH_KINDS[kinds[k]], drive_s, charge_s)
@@ -137,11 +141,12 @@ class MoveFinder:
             self._remaining[key] = measure_remaining_m(*key, least_m, ground.grid, ground.frame)
         return self._remaining[key]
 
-    def _get_forms(self, place: tuple[float, float, float], leads: bool) -> tuple[Floats, npt.NDArray[np.int64]]:
+    def _get_forms(self, place: tuple[float, float, float], leads: int) -> tuple[Floats, npt.NDArray[np.int64]]:
+        """The closed forms to a place with the first so many leads, none but zero for one."""
         key = (*place, leads)
         if key not in self._forms:
             none, site = np.zeros(1), self.site
-            outs, ins = (LEADS_OUT_M, LEADS_IN_M) if leads else (none, none)
+            outs, ins = (LEADS_OUT_M[:leads], LEADS_IN_M[:leads]) if leads > 1 else (none, none)
             goal, kinds = np.array(place), site.allowed_kinds
             forms, _, form_kinds = list_closed_forms(goal, self.radii, site.speeds, outs, ins, kinds, MOST_FORMS)
             self._forms[key] = forms, form_kinds

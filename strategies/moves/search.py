@@ -199,12 +199,29 @@ def _trace_rows(node, came, bends, ways, link):  # type: ignore[no-untyped-def]
 
 
 @compile_function
+def _merge_rows(rows):  # type: ignore[no-untyped-def]
+    """The rows (k, 3) of a path with those united that continue one another at one curvature in one gear."""
+    merged, count = np.empty((len(rows), 3)), 0
+    for k in range(len(rows)):
+        if rows[k, 0] == 0.0:
+            continue
+        if count and merged[count - 1, 1] == rows[k, 1] and merged[count - 1, 2] == rows[k, 2]:
+            merged[count - 1, 0] += rows[k, 0]
+            continue
+        merged[count, 0], merged[count, 1], merged[count, 2] = rows[k, 0], rows[k, 1], rows[k, 2]
+        count += 1
+    return merged[:count].copy()
+
+
+@compile_function
 def shorten_rows(a, rows, radii, costs, kinds, guide, points, reach, grid, frame, margin):  # type: ignore[no-untyped-def]
     """The rows (k, 3) of a path from pose a with stretches replaced by closed forms that take less time, from the end.
 
     From every eighth of the path on, a closed form to its end is tried, the earliest first; what is before it is
-    shortened the same way. What replaces a stretch has more room than the margin asks for.
+    shortened the same way. Steps that continue one another count as one. What replaces a stretch has more room than
+    the margin asks for.
     """
+    rows = _merge_rows(rows)
     margin = margin + MORE_ROOM_M
     ends = np.empty((len(rows) + 1, 3))
     ends[0, 0], ends[0, 1], ends[0, 2] = a[0], a[1], a[2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,15 +11,16 @@ import numpy as np
 import numpy.typing as npt
 
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
-from strategies.programmes.order_search import OrderProblem, search_programmes
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.tour_legs import build_tour_parts
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
+from strategies.programmes.work_moves import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
 
-MISSED_LINE_S, MISSED_LINE_FACTOR = 150.0, 6.0  # to finish a line later: so long, and so often the time it takes now
 FIRST_KICKS, LATER_KICKS = 100, 20  # of the search at first, and after moves have changed
-OPEN_ROUNDS = 80  # in which moves that were not driven yet may be used; the last one does with those driven well
-WORSE_S = 5.0  # a programme whose moves became dearer by more is searched again
+OPEN_ROUNDS = 60  # of searching and driving
+WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,23 +37,7 @@ class Programme:
     tours: tuple[tuple[int, ...], ...]
     left: tuple[int, ...]
 
-    def list_pairs(self) -> list[tuple[int, int]]:
-        """The moves it uses, as pairs of nodes."""
-        return list_pairs(self.table, self.tours)
-
-    def compute_tractor_s(self) -> list[float]:
-        """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
-        return [compute_tour_s(self.table, tour) for tour in self.tours]
-
-
-def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
-    """Seconds that a tour is driven: its lines and its moves, without what these are charged."""
-    work_m = sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
-    moves = (table.get_move(*pair) for pair in list_pairs(table, [tour]))
-    return work_m / table.site.rules.work_speed_mps + sum(move.drive_s for move in moves if move is not None)
-
-
-def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
+    def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
     """Neighbouring nodes of all tours, with the entrance before and after each if there is one."""
     gate = [] if table.site.lane is None else [table.gate]
     return [pair for tour in tours if tour for pair in pairwise([*gate, *tour, *gate])]
@@ -68,55 +54,67 @@ def make_programme(
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
-    Search, drive what the programme uses, strike what fails, search on. With `stands_in_way` no two tractors of a field
-    without an entrance begin or end where each is in the way of the other.
+    Search, drive what the programme uses, strike what fails, search on; until no programme that may use moves not yet
+    driven promises to be clearly cheaper than the best of those that were. With `stands_in_way` no two tractors of a
+    field without an entrance begin or end where each is in the way of the other.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
     tours: list[list[int]] | None = None
-    for number in range(OPEN_ROUNDS + 1):
-        only_proven = number >= OPEN_ROUNDS
-        problem = _pose_problem(table, stage, may, tractors, barred, only_proven=only_proven)
+    best: list[list[int]] = []
+    best_s = math.inf
+    for number in range(OPEN_ROUNDS):
         kicks = FIRST_KICKS if number < 2 else LATER_KICKS
+        problem = _pose_problem(table, table.estimate_costs(), stage, may, tractors, barred)
         tours = search_programmes(problem, kicks, seed + number, tours)
-        is_worse = not only_proven and _improve_knowledge(table, tours)
-        has_clashes = barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours])
-        if only_proven or not (is_worse or has_clashes):
+        if compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
             break
-    assert tours is not None
-    tours = [_keep_connected(table, tour) for tour in tours]
+        for u, v in list_pairs(table, tours):
+            table.prove(u, v)
+        costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S)
+        proven = _pose_problem(table, costs, stage, may, tractors, barred)
+        settled = search_programmes(proven, LATER_KICKS, seed + number, tours)
+        settled_s = compute_cost_s(proven, settled)
+        seconds = [compute_tour_s(table, tour) for tour in settled]
+        if settled_s >= best_s or (barred is not None and barred.extend(settled, seconds)):
+            continue
+        if False not in [_prove_mission(table, tour) for tour in settled]:
+            best, best_s = settled, settled_s
+    tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def _improve_knowledge(table: MoveTable, tours: Sequence[Sequence[int]]) -> bool:
-    """Find and drive the moves of some tours; whether any has become clearly dearer for it."""
-    is_worse = False
-    for u, v in list_pairs(table, tours):
+def _prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
+    """Whether a drive of a whole tour keeps to the ground; what it loses itself by is struck.
+
+    Lines that are too short to settle on pass on how they were begun, which a move driven alone does not show.
+    """
+    stretch = _keep_connected(table, tour)
+    if not stretch:
+        return True
+    parts = build_tour_parts(table, stretch)
+    owners = [pair for pair, legs in parts for _ in legs]
+    lost = [owners[leg] for leg in table.moves.find_lost_legs([leg for _, legs in parts for leg in legs])]
+    for u, v in dict.fromkeys(lost):
         if table.is_proven(u, v):
-            continue
-        before_s = table.cost_s[u, v]
-        if table.find(u, v, search=True):
-            table.prove(u, v)
-        is_worse = is_worse or table.cost_s[u, v] > before_s + WORSE_S or not table.is_proven(u, v)
-    return is_worse
+            table.strike(u, v)
+    return not lost
 
 
 def _pose_problem(
     table: MoveTable,
+    costs: Floats,
     stage: npt.NDArray[np.int64],
     may: npt.NDArray[np.bool_],
     tractors: int,
     barred: BarredPlaces | None,
-    *,
-    only_proven: bool,
 ) -> OrderProblem:
     speed = table.site.rules.work_speed_mps
     lengths_m = np.array([line.length_m for line in table.lines])
     own_s = np.array([line.own_m2 for line in table.lines]) * table.site.work_s_per_m2
-    costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S) if only_proven else table.cost_s
     has_lane = table.site.lane is not None
     ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
     if barred is not None:
@@ -124,7 +122,7 @@ def _pose_problem(
     return OrderProblem(
         move_s=costs[:-1, :-1],
         work_s=lengths_m / speed,
-        value_s=MISSED_LINE_FACTOR * own_s + MISSED_LINE_S,
+        value_s=MISSED_FACTOR * own_s,
         begin_s=ends_s[0],
         end_s=ends_s[1],
         allowed=may,

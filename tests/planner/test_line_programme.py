@@ -20,6 +20,7 @@ from strategies.lines.lay_lines import lay_lines, measure_proof_rooms
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import get_stage
 from strategies.registry import STRATEGIES
 from strategies.site.ground import get_distance
@@ -53,7 +54,7 @@ def programme(context: PlanningContext) -> Programme:
     site = build_site(context)
     lines = lay_lines(site)
     stages = [int(line.task.kind == HEADLAND_PASS) for line in lines]
-    return make_programme(MoveTable(site, lines), 1, stages)
+    return make_programme(MoveTable(SiteMoves(site, lines)), 1, stages)
 
 
 def test_lines_cover_a_rectangle(context: PlanningContext) -> None:

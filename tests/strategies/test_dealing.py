@@ -1,35 +1,139 @@
-"""Who drives which share of the rounds: the pairs nearest to each other first."""
+"""Work lines dealt to a fleet, the stages of its work, and where its tractors stand in each other's way."""
 
 import math
+from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+import pytest
 
-from strategies.headland.plan_passes import _assign_shares
-from tests.examples import count_examples
+from strategies.interleaved import deal_in_turn
+from strategies.lines.work_line import WorkLine
+from strategies.path_planning.errors import StrategyError
+from strategies.program.field_job import DrivingRules
+from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
+from strategies.programmes.waiting_places import BarredPlaces, list_parts_m
+from strategies.split_field import deal_blocks
+from vehicle.missions.plan import HEADLAND_PASS, SWATH, TURN, Leg, LegGate, LegTask, Mission, Plan
 
-Places = list[tuple[float, float] | None]
-PLACE = st.tuples(*[st.integers(-20, 20).map(lambda n: 0.0005 * n + 3.0)] * 2)  # many as far apart to the millimetre
-
-
-def by_sorting(places: Places, ends: list[tuple[float, float, float]]) -> list[int]:
-    """The same from all pairs in the order of their distances to the millimetre, tractors and shares."""
-    pairs = sorted(
-        (math.inf if place is None else round(1000.0 * float(np.hypot(*np.subtract(end[:2], place)))), tractor, share)
-        for share, place in enumerate(places)
-        for tractor, end in enumerate(ends)
-    )
-    own: dict[int, int] = {}
-    for _, tractor, share in pairs:
-        if tractor not in own and share not in own.values():
-            own[tractor] = share
-    return [own[tractor] for tractor in range(len(ends))]
+RULES = DrivingRules(2.0, 2.0, 1.0, 5.0, 1.0, turn_s=(0.0, 20.0))
 
 
-@given(st.lists(st.tuples(st.none() | PLACE, PLACE), min_size=1, max_size=9))
-@settings(max_examples=count_examples(200))
-def test_the_nearest_pairs_are_dealt_first(pairs: list[tuple[tuple[float, float] | None, tuple[float, float]]]) -> None:
-    places, ends = [place for place, _ in pairs], [(*end, 0.0) for _, end in pairs]
-    assert _assign_shares(places, ends) == by_sorting(places, ends)
-    assert sorted(_assign_shares(places, ends)) == list(range(len(ends)))
+def draw_line(kind: str, number: int, begin: tuple[float, float], end: tuple[float, float]) -> WorkLine:
+    path = np.array([begin, end])
+    return WorkLine(LegTask(kind, number), (kind, number), (path, path[::-1].copy()), 1.0)
+
+
+def draw_lines(swaths: int, pieces: int = 1) -> list[WorkLine]:
+    """One headland side, then parallel swaths 3 m apart in pieces of 100 m."""
+    side = draw_line(HEADLAND_PASS, 0, (0.0, -5.0), (3.0 * swaths, -5.0))
+    return [side] + [
+        draw_line(SWATH, number, (3.0 * number, 110.0 * piece), (3.0 * number, 110.0 * piece + 100.0))
+        for number in range(swaths)
+        for piece in range(pieces)
+    ]
+
+
+@pytest.mark.parametrize("pieces", [1, 2])
+def test_blocks_are_equal_and_share_a_quarter_over_their_borders(pieces: int) -> None:
+    lines = draw_lines(24, pieces)
+    allowed = deal_blocks(lines, RULES, 3).allowed
+    swaths = [
+        sorted({line.task.number for line, may in zip(lines, row, strict=True) if may and line.task.kind == SWATH})
+        for row in allowed
+    ]
+    assert swaths == [list(range(10)), list(range(6, 18)), list(range(14, 24))]  # blocks of 8, 2 more at a border
+    assert allowed[:, 0].all(), "the headland is for all"
+    assert allowed.any(axis=0).all(), "every line is for somebody"
+
+
+def test_every_nth_swath_in_turn() -> None:
+    deal = deal_in_turn(draw_lines(7, 2), RULES, 3)
+    owners = deal.allowed[:, 1:].argmax(axis=0)[::2]
+    assert owners.tolist() == [0, 1, 2, 0, 1, 2, 0]
+    assert (deal.allowed[:, 1:].sum(axis=0) == 1).all()
+    assert deal.stagger_m == RULES.stagger_m
+
+
+@pytest.mark.parametrize("deal", [deal_blocks, deal_in_turn])
+def test_more_tractors_than_swaths_are_refused(deal: Any) -> None:
+    with pytest.raises(StrategyError, match="4 tractors are more than the 3 tracks"):
+        deal(draw_lines(3, 2), RULES, 4)
+
+
+@pytest.mark.parametrize(("order", "stages"), [("first", [0, 1, 1]), ("last", [1, 0, 0]), ("", [0, 0, 0])])
+def test_stages_of_lines(order: str, stages: Sequence[int]) -> None:
+    assert list_stages(draw_lines(2), order) == stages
+
+
+def make_plan(*kinds: str) -> Plan:
+    """Tractors beside each other that work legs of 30 m: T and H in two parts of a line, to wait before the second."""
+
+    def make_mission(row: int, letters: str) -> Mission:
+        legs = []
+        for letter in letters:
+            x = 30.0 * len(legs)
+            kind = {"t": SWATH, "T": SWATH, "h": HEADLAND_PASS, "H": HEADLAND_PASS, "-": TURN}[letter]
+            points = np.array([[x, 50.0 * row], [x + 30.0, 50.0 * row]])
+            legs.append(Leg(points, 2.0, 1, kind != TURN, task=LegTask(kind, 0), may_wait=letter in "TH"))
+        return Mission(tuple(legs))
+
+    return Plan(tuple(make_mission(row, letters) for row, letters in enumerate(kinds)))
+
+
+def list_gates(plan: Plan) -> dict[tuple[int, int], list[LegGate]]:
+    return {(t, n): list(leg.gates) for t, m in enumerate(plan.missions) for n, leg in enumerate(m.legs) if leg.gates}
+
+
+def test_all_wait_before_the_last_part_of_their_first_stage() -> None:
+    gates = list_gates(add_stage_gates(make_plan("tT-tT-hH", "tT-hH"), "last"))
+    assert gates == {(0, 4): [LegGate(1, 0, 29.8)], (1, 1): [LegGate(0, 3, 29.8)]}
+
+
+def test_nobody_waits_for_a_tractor_without_a_first_stage_nor_one_without_a_second() -> None:
+    gates = list_gates(add_stage_gates(make_plan("tT-hH", "hH", "tT"), "last"))
+    assert gates == {(0, 1): [LegGate(2, 0, 29.8)], (1, 0): [LegGate(0, 0, 29.8), LegGate(2, 0, 29.8)]}
+
+
+def test_starts_are_staggered_on_the_first_working_leg() -> None:
+    gates = list_gates(stagger_starts(make_plan("-tT", "tT", "tT"), 12.0))
+    assert gates == {(1, 0): [LegGate(0, 1, 12.0)], (2, 0): [LegGate(1, 0, 12.0)]}
+    waiting = add_stage_gates(make_plan("hH", "tT-hH"), "last")
+    assert list_gates(stagger_starts(waiting, 12.0)) == list_gates(waiting), "no circle of two that wait"
+
+
+def make_table(lines: Sequence[WorkLine]) -> Any:
+    body = SimpleNamespace(guide_m=0.0, reach_m=2.0)
+    site = SimpleNamespace(body=body, axle_m=0.0, rules=RULES, lane=None)
+    return SimpleNamespace(lines=lines, site=site, gate=2 * len(lines))
+
+
+def test_places_to_wait() -> None:
+    table = make_table(draw_lines(30))
+    assert list_parts_m(table, 0, 90.0) == [0.0, 41.0, 82.0, 90.0], "about every 40 m along a headland side"
+    assert list_parts_m(table, 2, 100.0) == [0.0, 92.0, 100.0]
+    assert list_parts_m(table, 2, 10.0) == [0.0, 5.0, 10.0]
+
+
+def test_two_never_end_at_one_corner_nor_begin_there() -> None:
+    """Two lines meet in a corner, a third is far off."""
+    lines = [
+        draw_line(HEADLAND_PASS, 0, (100.0, 0.0), (0.0, 0.0)),
+        draw_line(HEADLAND_PASS, 1, (0.0, 100.0), (0.0, 0.0)),
+        draw_line(SWATH, 2, (50.0, 50.0), (50.0, 90.0)),
+    ]
+
+    def stands_in_way(standing: np.ndarray, driving: np.ndarray) -> bool:
+        return bool((np.hypot(*(driving[:, :2] - standing[:2]).T) < 2.0).any())
+
+    barred = BarredPlaces(make_table(lines), stands_in_way, 2)
+    assert not barred.extend([[0], [3]], [50.0, 50.0]), "one ends where the other begins"
+    assert barred.extend([[0], [4, 2]], [50.0, 90.0])
+    assert barred.masks[1].tolist() == [[True, False, True, False, False, False], [False] * 6]
+    assert not barred.masks[0].any()
+    charged = barred.charge(1, np.zeros((2, 6)))
+    assert (charged[0, [0, 2]] > 1e5).all()
+    assert math.isclose(charged.sum(), charged[0, 0] + charged[0, 2])
+    assert barred.extend([[1], [3]], [50.0, 40.0]), "they begin there"
+    assert barred.masks[0].tolist() == [[False] * 6, [False, True, False, True, False, False]]

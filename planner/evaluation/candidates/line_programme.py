@@ -29,6 +29,7 @@ from strategies.program.strategy_record import ComposePlan, Strategy
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
 from strategies.programmes.waiting_places import StandsInWay
 from vehicle.missions.plan import Plan
@@ -75,7 +76,7 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
             "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
             "smaller margin."
         )
-    table = MoveTable(site, lines)
+    table = MoveTable(SiteMoves(site, lines))
     compose = strategy.compose or _deal_lines(context, strategy, table, tractors)
     composed, refusals, stands_in_way = list[ComposedPlan](), list[StrategyError](), build_standing_check(context)
     for order in context.request.headland_orders or ("",):
