@@ -37,7 +37,26 @@ class Programme:
     tours: tuple[tuple[int, ...], ...]
     left: tuple[int, ...]
 
-    def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
+    def list_pairs(self) -> list[tuple[int, int]]:
+        """The moves it uses, as pairs of nodes."""
+        return list_pairs(self.table, self.tours)
+
+    def compute_tractor_s(self) -> list[float]:
+        """Seconds that every tractor drives: its lines and its moves, without what these are charged."""
+        return [compute_tour_s(self.table, tour) for tour in self.tours]
+
+
+def compute_tour_s(table: MoveTable, tour: Sequence[int]) -> float:
+    """Seconds that a tour is driven from rest to rest: its lines and its moves, without what these are charged."""
+    if not tour:
+        return 0.0
+    work_m = sum(table.lines[node // 2].measure_path_m(node % 2) for node in tour)
+    moves = (table.get_move(*pair) for pair in list_pairs(table, [tour]))
+    driven_s = sum(move.drive_s for move in moves if move is not None)
+    return work_m / table.site.rules.work_speed_mps + driven_s + table.moves.rest_s
+
+
+def list_pairs(table: MoveTable, tours: Sequence[Sequence[int]]) -> list[tuple[int, int]]:
     """Neighbouring nodes of all tours, with the entrance before and after each if there is one."""
     gate = [] if table.site.lane is None else [table.gate]
     return [pair for tour in tours if tour for pair in pairwise([*gate, *tour, *gate])]
