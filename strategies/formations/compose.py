@@ -72,10 +72,8 @@ def _order_with_room(
         cramped = find_cramped_round(place_rounds(table, directed, None, stands_in_way))
         if cramped is None:
             tours = share_lines(table, directed, tractors, order, stands_in_way)
-            if not all(tour.rounds for tour in tours):
-                raise StrategyError(
-                    f"No path leads {tractors} tractors to tracks they could work side by side; {ADVICE}."
-                )
+            if not tours:
+                continue  # what a whole drive has struck is no move any more
             placed = place_rounds(table, directed, tours, stands_in_way)
             cramped = find_cramped_round(placed)
             if cramped is None:

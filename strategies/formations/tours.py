@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from strategies.formations.passing import Floats
 from strategies.formations.round_order import DirectedRound
+from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
 from strategies.programmes.move_table import NO_MOVE_S, MoveTable
 from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
@@ -123,7 +124,8 @@ def share_lines(
 ) -> list[FormationTour]:
     """The tours of all tractors, whose moves were all driven well; lines in none are left.
 
-    None at all where the rounds cannot be driven in their order, or no tractor gets to them.
+    None at all where a drive of a whole tour strikes a move between rounds, which then need another order. Raises
+    StrategyError where some tractor does not get to the rounds.
     """
     chains = tuple(tuple(n for each in rounds for n in each.list_nodes(k)) for k in range(tractors))
     in_rounds = {node // 2 for chain in chains for node in chain}
@@ -148,6 +150,11 @@ def share_lines(
             best, best_s = expanded, settled_s
         if not all(table.is_proven(u, v) for chain in chains for u, v in pairwise(chain)):
             return []
+    if not best or not all(tour.rounds for tour in best):
+        raise StrategyError(
+            f"No path leads {tractors} tractors to tracks they could work side by side; use fewer tractors, or "
+            "split-field or interleaved."
+        )
     return [_keep_connected(table, tour) for tour in best]
 
 

@@ -98,7 +98,7 @@ def make_programme(
         seconds = [compute_tour_s(table, tour) for tour in settled]
         if settled_s >= best_s or (barred is not None and barred.extend(settled, seconds)):
             continue
-        if False not in [_prove_mission(table, tour) for tour in settled]:
+        if False not in [prove_mission(table, tour) for tour in settled]:
             best, best_s = settled, settled_s
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
@@ -106,7 +106,7 @@ def make_programme(
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def _prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
+def prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
     """Whether a drive of a whole tour keeps to the ground; what it loses itself by is struck.
 
     Lines that are too short to settle on pass on how they were begun, which a move driven alone does not show.
