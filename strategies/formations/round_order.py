@@ -21,6 +21,7 @@ from strategies.programmes.programme import OPEN_ROUNDS, WORTH_SHARE
 
 ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
 KICKS = 60  # of the search
+NEAR_ROUNDS = 8  # directed rounds whose moves from a round are found before the first search
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +49,7 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
 
     `ends` says whether the formation comes from the entrance, and goes home from it.
     """
+    _find_near(table, rounds, ends)
     tour, best, best_s = list[int](), list[int](), math.inf
     for number in range(OPEN_ROUNDS):
         problem = _pose_problem(table, rounds, ends, table.estimate_costs())
@@ -70,6 +72,15 @@ def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bo
     longest = max(stretches, key=lambda stretch: round(sum(rounds[node // 2].length_m for node in stretch), 3))
     order = [DirectedRound(rounds[node // 2], node % 2) for node in longest]
     return [*order[:1], *(replace(b, is_afar=a.one.run != b.one.run) for a, b in pairwise(order))]
+
+
+def _find_near(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> None:
+    """Find the moves from every round to those nearest: a wide turn over a round between may be the quickest."""
+    move_s = _pose_problem(table, rounds, ends, table.cost_s).move_s
+    for a, costs in enumerate(move_s):
+        for b in np.argsort(costs, kind="stable")[:NEAR_ROUNDS].tolist():
+            for u, v in _list_moves(rounds, a, b) if a // 2 != b // 2 else ():
+                table.find(u, v, search=False)
 
 
 def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int, int]]:
