@@ -43,15 +43,22 @@ def find_clear_place(
 ) -> float:
     """The first place on a column from its begin, a distance on, or up to there, that is in nobody's way (m).
 
-    Infinite where there is none.
+    With a step to spare, as nobody stops and drives quite as planned; infinite where there is none.
     """
     x, y, heading = begin
     back_m = site.body.guide_m - site.axle_m
     step_m = CLEAR_STEP_M if forwards else -CLEAR_STEP_M
-    for number in range(MOST_STEPS):
-        along_m = place_m + number * step_m
+
+    def is_clear(along_m: float) -> bool:
         ahead_m = along_m - back_m
         pose = np.array([x + ahead_m * math.cos(heading), y + ahead_m * math.sin(heading), heading])
-        if not any(stands_in_way(pose, poses) for poses in passing):
+        return not any(stands_in_way(pose, poses) for poses in passing)
+
+    was_clear = is_clear(place_m - step_m)
+    for number in range(MOST_STEPS):
+        along_m = place_m + number * step_m
+        clear = is_clear(along_m)
+        if clear and was_clear:
             return along_m
+        was_clear = clear
     return math.inf if forwards else -math.inf
