@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
+from strategies.formations.compose import FormationRule, compose_formation
 from strategies.formations.formation import MAX_FORMATION_REPAIRS, Formation, build_formation, repair_formation
 from strategies.formations.grouping import NO_CHANGES, FormationChanges
+from strategies.formations.queue_rules import queue_by_columns
 from strategies.formations.queueing import FormationDraft
 from strategies.formations.slots import FormationSlot
 from strategies.program.field_job import FieldJob
@@ -45,4 +49,5 @@ STRATEGY = Strategy(
     refine=_refine_col_by_col,
     max_repairs=MAX_FORMATION_REPAIRS,
     build_bound=lambda job: form_col_by_col(job).plan,
+    compose=partial(compose_formation, rule=FormationRule(NAME, queue_by_columns)),
 )

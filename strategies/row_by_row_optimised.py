@@ -10,7 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
+from strategies.formations.compose import FormationRule, compose_formation
 from strategies.formations.formation import (
     MAX_FORMATION_REPAIRS,
     Formation,
@@ -20,6 +22,7 @@ from strategies.formations.formation import (
     repair_formation,
 )
 from strategies.formations.grouping import NO_CHANGES, FormationChanges
+from strategies.formations.queue_rules import leave_when_clear
 from strategies.formations.queueing import FormationDraft, build_release_gate
 from strategies.formations.release_times import HeadlandPassage, ReleaseDistances, measure_passages, optimise_releases
 from strategies.formations.slots import FormationSlot
@@ -177,4 +180,5 @@ STRATEGY = Strategy(
     refine=refine_optimised,
     max_repairs=MAX_FORMATION_REPAIRS,
     build_bound=lambda job: form_timed_rows(job, {}).plan,
+    compose=partial(compose_formation, rule=FormationRule(NAME, leave_when_clear, move_up=False)),
 )

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 from strategies.program.dealing import DealLines
 from strategies.program.field_job import FieldJob
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.programme import Programme
+from strategies.programmes.waiting_places import StandsInWay
 from vehicle.missions.plan import Plan
 from vehicle.missions.run import SimulationRun
 from vehicle.model.tractor import Implement, Tractor
@@ -30,6 +33,8 @@ class RefinedPlan:
     plan_after_headland: Plan | None = None
 
 
+ComposePlan = Callable[[MoveTable, int, str, StandsInWay], tuple[Programme, Plan]]
+"""Composes the plan of a number of tractors with the headland first or last ("" for any), with its programme."""
 Refine = Callable[[FieldJob, Simulate, Tractor, Implement], RefinedPlan]
 
 
@@ -44,7 +49,7 @@ class Strategy:
     of its own. `takes_jump` tells whether `build` uses `FieldJob.jump`. Where tractors meet, the plan is repaired at
     most `max_repairs` times. `build_bound` writes the plan that `refine` starts from, with only the waiting it never
     removes: a lower bound. `deal` says which work lines each tractor may have; a search then puts them in order, and
-    `build` is only for service stops.
+    `build` is only for service stops. `compose` puts them in order itself; it raises StrategyError like `build`.
     """
 
     name: str
@@ -56,3 +61,4 @@ class Strategy:
     max_repairs: int = MAX_REPAIRS
     build_bound: Callable[[FieldJob], Plan] | None = None
     deal: DealLines | None = None
+    compose: ComposePlan | None = None

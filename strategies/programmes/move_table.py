@@ -50,7 +50,7 @@ class MoveTable:
         for u in range(self.gate):
             for v in np.argsort(self.cost_s[u, :-1], kind="stable")[: NEAR_LINES + 2].tolist():
                 if self.cost_s[u, v] < NO_MOVE_S:
-                    self._find(u, v, search=False)
+                    self.find(u, v, search=False)
 
     @property
     def site(self) -> Site:
@@ -109,7 +109,7 @@ class MoveTable:
         if (u, v) in self._proven:
             return True
         before_s = self.cost_s[u, v]
-        if self._find(u, v, search=True):
+        if self.find(u, v, search=True):
             self._drive_options(u, v)
         self.surprises_s.append(min(self.cost_s[u, v], self._guess_detour_s(u, v)) - min(before_s, NO_MOVE_S))
         return (u, v) in self._proven
@@ -131,7 +131,7 @@ class MoveTable:
             self._proven.add((u, v))
         self._update_cost(u, v)
 
-    def _find(self, u: int, v: int, *, search: bool) -> bool:
+    def find(self, u: int, v: int, *, search: bool) -> bool:
         """Find the moves between two nodes, by a search where nothing else helps; whether there is one."""
         if (u, v) not in self._options:
             self._options[u, v] = list(self.moves.list_options(u, v))

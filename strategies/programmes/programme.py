@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -10,17 +9,14 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from strategies.programmes.move_table import NO_MOVE_S, MoveTable
-from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+from strategies.programmes.driven_search import search_driven_tours
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.order_search import OrderProblem
 from strategies.programmes.tour_legs import build_tour_parts
 from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
 from strategies.programmes.work_moves import MISSED_FACTOR
 
 Floats = npt.NDArray[np.float64]
-
-KICKS = 50  # of a search once all moves of the last tours were driven; none where some were refused
-MOST_ROUNDS = 80  # of searching and driving
-WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,38 +69,32 @@ def make_programme(
     """The best programme whose moves were all driven well.
 
     `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
-    Search, drive what the programme uses, strike what fails, search on; until no programme that may use moves not yet
-    driven promises to be clearly cheaper than the best of those that were. With `stands_in_way` no two tractors of a
-    field without an entrance begin or end where each is in the way of the other.
+    With `stands_in_way` no two tractors of a field without an entrance begin or end where each is in the way of the
+    other.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
     barred = None if stands_in_way is None or table.site.lane else BarredPlaces(table, stands_in_way, tractors)
-    tours: list[list[int]] | None = None
-    best, best_s, is_settled = list[list[int]](), math.inf, True
-    for number in range(MOST_ROUNDS):
-        problem = _pose_problem(table, table.estimate_costs(), stage, may, tractors, barred)
-        tours = search_programmes(problem, KICKS if is_settled else 0, seed + number, tours)
-        if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
-            break
-        is_settled = number == MOST_ROUNDS - 1 or False not in [table.prove(u, v) for u, v in list_pairs(table, tours)]
-        if not is_settled:
-            continue
-        costs = np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S)
-        proven = _pose_problem(table, costs, stage, may, tractors, barred)
-        settled = search_programmes(proven, KICKS, seed + number, tours)
-        settled_s, seconds = compute_cost_s(proven, settled), [compute_tour_s(table, tour) for tour in settled]
-        if settled_s >= best_s or (barred is not None and barred.extend(settled, seconds)):
-            continue
-        if False not in [_prove_mission(table, tour) for tour in settled]:
-            best, best_s, tours = settled, settled_s, settled
+
+    def can_be_driven(tours: list[list[int]]) -> bool:
+        if barred is not None and barred.extend(tours, [compute_tour_s(table, tour) for tour in tours]):
+            return False
+        return False not in [prove_mission(table, tour) for tour in tours]
+
+    best = search_driven_tours(
+        table,
+        lambda costs: _pose_problem(table, costs, stage, may, tractors, barred),
+        lambda tours: list_pairs(table, tours),
+        can_be_driven,
+        seed,
+    )
     tours = [_keep_connected(table, tour) for tour in best]
     driven = {node // 2 for tour in tours for node in tour}
     left = tuple(k for k in range(len(table.lines)) if k not in driven)
     return Programme(table, tuple(map(tuple, tours)), left)
 
 
-def _prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
+def prove_mission(table: MoveTable, tour: Sequence[int]) -> bool:
     """Whether a drive of a whole tour keeps to the ground; what it loses itself by is struck.
 
     Lines that are too short to settle on pass on how they were begun, which a move driven alone does not show.

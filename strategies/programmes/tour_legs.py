@@ -30,18 +30,18 @@ def build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
 def build_tour_parts(table: MoveTable, tour: Sequence[int]) -> list[tuple[Pair, list[Leg]]]:
     """The legs of a tour, each part with the move that it is, or that led to the line it works."""
     pairs = list(pairwise([table.gate, *tour, table.gate]))
-    parts, join_m = [(pairs[0], _build_way_in(table, tour[0]))], 0.0
+    parts, join_m = [(pairs[0], build_way_in(table, tour[0]))], 0.0
     for came, (node, following) in pairwise(pairs):
         is_last = following == table.gate
         move = None if is_last and table.site.lane is None else table.get_move(node, following)
         parts.append((came, split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)))
         if move is not None and not is_last:
-            parts.append(((node, following), _build_move(table, following, move)))
+            parts.append(((node, following), build_move(table, following, move)))
             join_m = move.join_m
-    return [*parts, (pairs[-1], _build_way_out(table, tour[-1]))]
+    return [*parts, (pairs[-1], build_way_out(table, tour[-1]))]
 
 
-def _build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
+def build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
     """The legs of a move between lines, named after the line that follows; places to wait where it is long."""
     task = table.lines[following // 2].task
     if move.is_work:
@@ -60,7 +60,7 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
     ]
 
 
-def _build_way_in(table: MoveTable, node: int) -> list[Leg]:
+def build_way_in(table: MoveTable, node: int) -> list[Leg]:
     """From the entrance to the first line; nothing without one, as the tractor then stands where work begins."""
     lane, line = table.site.lane, table.lines[node // 2]
     if lane is None:
@@ -72,7 +72,7 @@ def _build_way_in(table: MoveTable, node: int) -> list[Leg]:
     return add_wait_points(legs, ROUTE_WAIT_M)
 
 
-def _build_way_out(table: MoveTable, node: int) -> list[Leg]:
+def build_way_out(table: MoveTable, node: int) -> list[Leg]:
     lane = table.site.lane
     if lane is None:
         return []

@@ -133,10 +133,10 @@ def measure_path_room(a, rows, guide, points, count, reach, grid, frame, enough)
             if get_distance(x, y, grid, frame) < reach + least:
                 least = min(least, measure_body_room(x, y, angle, points, count, grid, frame, enough))
                 if least < enough:
-                    return least
+                    return least  # type: ignore[no-any-return]
             px, py = nx, ny
         heading += bend * gear * length
-    return least
+    return least  # type: ignore[no-any-return]
 
 
 @compile_function

@@ -101,9 +101,7 @@ def test_what_is_left_out_as_beaten_is_told_where_the_rest_cannot_be_driven(
     told = simulate_candidate(round_site, Candidate("split-field", 2, jump=1), Incumbent("a rival", 0.9 * slow)).result
     assert meeting == [plan]  # and what beats the other is no reason to try it by another passage
     assert not told.feasible and told.bound_s == pytest.approx(slow, abs=1e-3)
-    assert told.reason == (
-        f"skipped: even its best case ({slow:.0f} s) is slower than a rival ({0.9 * slow:.0f} s)"
-    )
+    assert told.reason == (f"skipped: even its best case ({slow:.0f} s) is slower than a rival ({0.9 * slow:.0f} s)")
 
 
 def test_the_slowest_alone_is_asked_first_and_may_be_enough(round_site: PlanningContext) -> None:

@@ -132,7 +132,9 @@ def simulate_candidate(
 
 def is_by_lines(context: PlanningContext, candidate: Candidate) -> bool:
     """Whether a candidate is a programme of work lines; not with service stops or a fixed pattern of swaths."""
-    return context.supply is None and candidate.jump is None and get_strategy(candidate.strategy).deal is not None
+    strategy = get_strategy(candidate.strategy)
+    has_lines = strategy.deal is not None or strategy.compose is not None
+    return context.supply is None and candidate.jump is None and has_lines
 
 
 def _run_programmes(

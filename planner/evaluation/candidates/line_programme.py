@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.evaluation.candidates.figures import CandidateRun, name_main_turns
+from planner.evaluation.candidates.figures import CandidateRun, join_remarks, name_main_turns
 from planner.evaluation.candidates.fleet_drive import (
     build_rehearsal,
     build_scheduler,
@@ -21,14 +21,16 @@ from planner.evaluation.ground.contact_places import describe_position
 from planner.evaluation.site import get_site_moves
 from planner.request.plan_request import KEPT_GROUND_OPERATIONS, STANDING_CROP_OPERATIONS
 from planner.traffic.conflict_repair import resolve_conflicts
+from strategies.formations.compose import describe_formation_share
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.turn_kinds import HEADLAND_FIRST
-from strategies.program.dealing import LineDeal
-from strategies.program.strategy_record import Strategy
+from strategies.program.strategy_record import ComposePlan, Strategy
 from strategies.programmes.build_plan import build_plan
 from strategies.programmes.move_table import MoveTable
 from strategies.programmes.programme import Programme, make_programme
+from strategies.programmes.site_moves import SiteMoves
 from strategies.programmes.stages import add_stage_gates, list_stages, stagger_starts
+from strategies.programmes.waiting_places import StandsInWay
 from vehicle.missions.plan import Plan
 
 MENTIONED_M2 = 20.0  # of ground on lines that are left: less is no remark
@@ -66,23 +68,26 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
 
     Raises StrategyError where the lines do not suffice for that many tractors.
     """
-    assert strategy.deal is not None  # asked only of strategies that deal lines
     moves = get_site_moves(context)
-    site, lines = moves.site, moves.lines
-    if not lines:
+
+    if not moves.lines:
         raise StrategyError(
             "Nowhere on the field has this machine room to work a line; use a narrower or shorter implement, or a "
             "smaller margin."
         )
-    deal, stands_in_way = strategy.deal(lines, site.rules, tractors), build_standing_check(context)
-    composed = []
+    compose = strategy.compose or _deal_lines(strategy, moves, tractors)
+    composed, refusals, stands_in_way = list[ComposedPlan](), list[StrategyError](), build_standing_check(context)
     for order in context.request.headland_orders or ("",):
         context.time_share.check()
-        table, stages = MoveTable(moves), list_stages(lines, order)
-        programme = make_programme(table, tractors, stages, deal.allowed, stands_in_way=stands_in_way)
+        try:
+            programme, plan = compose(MoveTable(moves), tractors, order, stands_in_way)
+        except StrategyError as refusal:
+            refusals.append(refusal)
+            continue
         if programme.tours and all(programme.tours):
-            plan = build_plan(programme, strategy=strategy.name, headland=order or None)
-            composed.append(ComposedPlan(order, programme, _add_gates(context, plan, order, deal)))
+            composed.append(ComposedPlan(order, programme, _add_stages(context, plan, order)))
+    if refusals and not composed:
+        raise refusals[0]
     if not composed:
         raise StrategyError(
             f"There is no work for tractor {tractors} that is worth the drive; use fewer tractors or a narrower "
@@ -91,12 +96,26 @@ def compose_plans(context: PlanningContext, strategy: Strategy, tractors: int) -
     return sorted(composed, key=lambda one: round(one.cost_s, 3))
 
 
-def _add_gates(context: PlanningContext, plan: Plan, order: str, deal: LineDeal) -> Plan:
-    """A plan with the gates that its operation and its deal ask for, whoever is in whose way."""
+def _deal_lines(strategy: Strategy, moves: SiteMoves, tractors: int) -> ComposePlan:
+    """Composes the plan of a strategy that only says which lines each tractor may have."""
+    assert strategy.deal is not None  # asked only of strategies that deal lines or compose
+    deal = strategy.deal(moves.lines, moves.site.rules, tractors)
+
+    def compose(table: MoveTable, tractors: int, order: str, stands_in_way: StandsInWay) -> tuple[Programme, Plan]:
+        stages = list_stages(table.lines, order)
+        programme = make_programme(table, tractors, stages, deal.allowed, stands_in_way=stands_in_way)
+        plan = build_plan(programme, strategy=strategy.name, headland=order or None)
+        return programme, stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
+
+    return compose
+
+
+def _add_stages(context: PlanningContext, plan: Plan, order: str) -> Plan:
+    """A plan in which tractors wait for one another between headland and swaths, where its operation asks for it."""
     operation = context.request.operation
     if operation in (STANDING_CROP_OPERATIONS if order == HEADLAND_FIRST else KEPT_GROUND_OPERATIONS):
-        plan = add_stage_gates(plan, order)
-    return stagger_starts(plan, deal.stagger_m) if deal.stagger_m else plan
+        return add_stage_gates(plan, order)
+    return plan
 
 
 class ProgrammeDriver:
@@ -114,8 +133,8 @@ class ProgrammeDriver:
         table = composed.programme.table
         moves = (table.get_move(u, v) for u, v in composed.programme.list_pairs())
         turns = Counter(move.kind for move in moves if move is not None and not move.is_work)
-        remark = describe_left(composed.programme, self._context)
-        return CandidateRun(run, reason, name_main_turns(turns), remark)
+        left, apart = describe_left(composed.programme, self._context), describe_formation_share(composed.plan)
+        return CandidateRun(run, reason, name_main_turns(turns), join_remarks(apart, left))
 
 
 def describe_left(programme: Programme, context: PlanningContext) -> str | None:

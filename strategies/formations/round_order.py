@@ -1,0 +1,109 @@
+"""The order and direction of rounds: a tour of one whole formation, by moves that were driven well.
+
+A round is a node in either direction. Between two rounds every row takes as long as its slowest tractor's move, one row
+after another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from strategies.formations.passing import Floats
+from strategies.formations.rounds import ColumnRound, RoundPlace, get_row
+from strategies.programmes.driven_search import search_driven_tours
+from strategies.programmes.move_table import MoveTable
+from strategies.programmes.order_search import OrderProblem
+
+ROUND_VALUE_S = 2e4  # a round that can be reached is worth any drive
+NEAR_ROUNDS = 8  # directed rounds whose moves from a round are found before the first search
+
+
+@dataclass(frozen=True, eq=False)
+class DirectedRound:
+    """A round as it is driven.
+
+    Attributes:
+        way: direction of its columns.
+        places: where its tractors stand.
+        is_afar: whether its tractors come from elsewhere, one after another.
+    """
+
+    one: ColumnRound
+    way: int
+    places: tuple[RoundPlace, ...] = ()
+    is_afar: bool = False
+
+    def list_nodes(self, tractor: int) -> tuple[int, ...]:
+        """The nodes of a tractor."""
+        return self.one.columns[tractor].list_nodes(self.way)
+
+
+def order_rounds(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> list[DirectedRound]:
+    """The rounds in their best order; those that no move reaches are left out.
+
+    `ends` says whether the formation comes from the entrance, and goes home from it.
+    """
+    _find_near(table, rounds, ends)
+    tours = search_driven_tours(
+        table,
+        lambda costs: _pose_problem(table, rounds, ends, costs),
+        lambda tours: [pair for a, b in pairwise(tours[0]) for pair in _list_moves(rounds, a, b)],
+        lambda tours: True,
+    )
+    stretches: list[list[int]] = [[]]
+    for node in tours[0] if tours else ():
+        if stretches[-1] and not _are_joined(table, rounds, stretches[-1][-1], node):
+            stretches.append([])
+        stretches[-1].append(node)
+    longest = max(stretches, key=lambda stretch: round(sum(rounds[node // 2].length_m for node in stretch), 3))
+    order = [DirectedRound(rounds[node // 2], node % 2) for node in longest]
+    return [*order[:1], *(replace(b, is_afar=a.one.run != b.one.run) for a, b in pairwise(order))]
+
+
+def _find_near(table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool]) -> None:
+    """Find the moves from every round to those nearest: a wide turn over a round between may be the quickest."""
+    move_s = _pose_problem(table, rounds, ends, table.cost_s).move_s
+    for a, costs in enumerate(move_s):
+        for b in np.argsort(costs, kind="stable")[:NEAR_ROUNDS].tolist():
+            for u, v in _list_moves(rounds, a, b) if a // 2 != b // 2 else ():
+                table.find(u, v, search=False)
+
+
+def _list_moves(rounds: Sequence[ColumnRound], a: int, b: int) -> list[tuple[int, int]]:
+    """Per tractor the nodes of the move between two directed rounds."""
+    leaving = rounds[a // 2].list_last_nodes(a % 2)
+    return list(zip(leaving, rounds[b // 2].list_first_nodes(b % 2), strict=True))
+
+
+def _are_joined(table: MoveTable, rounds: Sequence[ColumnRound], a: int, b: int) -> bool:
+    return all(table.is_proven(u, v) for u, v in _list_moves(rounds, a, b))
+
+
+def _pose_problem(
+    table: MoveTable, rounds: Sequence[ColumnRound], ends: tuple[bool, bool], costs: Floats
+) -> OrderProblem:
+    begins = np.array([one.list_first_nodes(way) for one in rounds for way in (0, 1)])
+    lasts = np.array([one.list_last_nodes(way) for one in rounds for way in (0, 1)])
+    comes, goes = (end and table.site.lane is not None for end in ends)
+    has_none = np.zeros((1, len(begins)))
+    return OrderProblem.from_moves(
+        _sum_rows(costs[lasts[:, None, :], begins[None, :, :]]),
+        np.array([one.longest_m for one in rounds]) / table.site.rules.work_speed_mps,
+        np.full(len(rounds), ROUND_VALUE_S),
+        costs[-1, begins].max(axis=1)[None] if comes else has_none,
+        costs[lasts, -1].max(axis=1)[None] if goes else has_none,
+    )
+
+
+def _sum_rows(move_s: Floats) -> Floats:
+    """Seconds (...) of all rows one after another, from those of every tractor (..., n)."""
+    count = move_s.shape[-1]
+    rows = np.array([get_row(tractor, count) for tractor in range(count)])
+    seconds: Floats = sum(
+        (move_s[..., rows == row].max(axis=-1) for row in range(1, int(rows.max()) + 1)), np.zeros(move_s.shape[:-1])
+    )
+    return seconds

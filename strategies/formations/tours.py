@@ -1,0 +1,174 @@
+"""The tours of tractors that work in formation: the rounds as one piece each, and all other lines shared out.
+
+Headland sides and columns left over are worked by whoever has time, before the formation or after it. For the search a
+tractor's way through all rounds is one line that only it may drive, in one direction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.formations.passing import Floats
+from strategies.formations.round_order import DirectedRound
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.turn_kinds import HEADLAND_FIRST
+from strategies.programmes.driven_search import search_driven_tours
+from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.order_search import OrderProblem
+from strategies.programmes.programme import list_pairs, prove_mission
+from strategies.programmes.waiting_places import BarredPlaces, StandsInWay
+from strategies.programmes.work_moves import MISSED_FACTOR
+from vehicle.missions.plan import HEADLAND_PASS
+
+FORMATION_VALUE_S = 1e5  # leaving the formation is dearer than any other line
+KEEPS_S = 1.0  # the one of two with more keeps its place
+
+
+@dataclass(frozen=True, eq=False)
+class FormationTour:
+    """The nodes of a tractor: those before its rounds, those of its rounds, and those after them."""
+
+    before: tuple[int, ...]
+    rounds: tuple[int, ...]
+    after: tuple[int, ...]
+
+    @property
+    def nodes(self) -> tuple[int, ...]:
+        """All in order."""
+        return self.before + self.rounds + self.after
+
+
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """What the search puts in order: lines of the table, then the way of every tractor through the rounds.
+
+    Attributes:
+        table: lines and moves.
+        lines: numbers of the lines that are not in rounds.
+        chains: per tractor its nodes in all rounds.
+        chain_s: seconds that the rounds take.
+    """
+
+    table: MoveTable
+    lines: tuple[int, ...]
+    chains: tuple[tuple[int, ...], ...]
+    chain_s: float
+
+    def list_entries(self) -> list[int]:
+        """For every node of the search the node of the table with which it begins."""
+        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
+        return nodes + [chain[0] for chain in self.chains for _ in (0, 1)]
+
+    def list_exits(self) -> list[int]:
+        """For every node of the search the node of the table with which it ends."""
+        nodes = [2 * line + way for line in self.lines for way in (0, 1)]
+        return nodes + [chain[-1] for chain in self.chains for _ in (0, 1)]
+
+    def pose_problem(self, order: str, barred: BarredPlaces | None, costs: Floats) -> OrderProblem:
+        """The problem of all tractors, with the headland first or last; none begins or ends where it is barred."""
+        table, tractors = self.table, len(self.chains)
+        entries, exits, kept = self.list_entries(), self.list_exits(), [table.lines[line] for line in self.lines]
+        backwards = np.arange(2 * len(kept) + 1, len(entries), 2)
+        moves: Floats = costs[np.ix_(exits, entries)]
+        moves[backwards], moves[:, backwards] = NO_MOVE_S, NO_MOVE_S
+        has_lane, speed = table.site.lane is not None, table.site.rules.work_speed_mps
+        own_s = np.array([line.own_m2 for line in kept]) * table.site.work_s_per_m2
+        allowed = np.ones((tractors, len(kept) + tractors), bool)
+        allowed[:, len(kept) :] = np.eye(tractors, dtype=bool)
+        ends_s = [np.repeat(row[None] * has_lane, tractors, axis=0) for row in (costs[-1, entries], costs[exits, -1])]
+        if barred is not None:  # the formation keeps its places
+            for side, nodes in enumerate((entries, exits)):
+                charged = barred.charge(side, np.zeros((tractors, table.gate)))[:, nodes[: 2 * len(kept)]]
+                ends_s[side][:, : 2 * len(kept)] += charged
+        return OrderProblem(
+            move_s=moves,
+            work_s=np.concatenate([[line.length_m / speed for line in kept], np.full(tractors, self.chain_s)]),
+            value_s=np.concatenate([MISSED_FACTOR * own_s, np.full(tractors, FORMATION_VALUE_S)]),
+            begin_s=ends_s[0],
+            end_s=ends_s[1],
+            allowed=allowed,
+            stage=self._list_stages(order),
+        )
+
+    def _list_stages(self, order: str) -> npt.NDArray[np.int64]:
+        """Columns left over follow the rounds, headland sides come before or after both."""
+        headland = 0 if order == HEADLAND_FIRST else 3
+        kinds = [self.table.lines[line].task.kind for line in self.lines]
+        return np.array([headland if kind == HEADLAND_PASS else 2 for kind in kinds] + [1] * len(self.chains))
+
+    def expand(self, tour: Sequence[int]) -> FormationTour:
+        """A tour of the search as nodes of the table."""
+        split = 2 * len(self.lines)
+        place = next((place for place, node in enumerate(tour) if node >= split), len(tour))
+        chain = self.chains[(tour[place] - split) // 2] if place < len(tour) else ()
+        before, after = (
+            [2 * self.lines[node // 2] + node % 2 for node in part] for part in (tour[:place], tour[place + 1 :])
+        )
+        return FormationTour(tuple(before), chain, tuple(after))
+
+
+def share_lines(
+    table: MoveTable, rounds: Sequence[DirectedRound], tractors: int, order: str, stands_in_way: StandsInWay
+) -> list[FormationTour]:
+    """The tours of all tractors, whose moves were all driven well; lines in none are left.
+
+    None at all where a drive of a whole tour strikes a move between rounds, which then need another order. Raises
+    StrategyError where some tractor does not get to the rounds.
+    """
+    chains = tuple(tuple(n for each in rounds for n in each.list_nodes(k)) for k in range(tractors))
+    in_rounds = {node // 2 for chain in chains for node in chain}
+    lines = tuple(number for number in range(len(table.lines)) if number not in in_rounds)
+    pieces = _Pieces(table, lines, chains, _estimate_rounds_s(table, rounds))
+    barred = BarredPlaces(table, stands_in_way, tractors) if table.site.lane is None else None
+
+    def can_be_driven(tours: list[list[int]]) -> bool:
+        expanded = [pieces.expand(tour) for tour in tours]
+        if barred is not None and _bar_clashes(barred, expanded):
+            return False
+        return False not in [prove_mission(table, tour.nodes) for tour in expanded]
+
+    found = search_driven_tours(
+        table,
+        lambda costs: pieces.pose_problem(order, barred, costs),
+        lambda tours: list_pairs(table, [pieces.expand(tour).nodes for tour in tours]),
+        can_be_driven,
+    )
+    if not all(table.is_proven(u, v) for chain in chains for u, v in pairwise(chain)):
+        return []
+    best = [pieces.expand(tour) for tour in found]
+    if not best or not all(tour.rounds for tour in best):
+        raise StrategyError(
+            f"No path leads {tractors} tractors to tracks they could work side by side; use fewer tractors, or "
+            "split-field or interleaved."
+        )
+    return [_keep_connected(table, tour) for tour in best]
+
+
+def _bar_clashes(barred: BarredPlaces, tours: Sequence[FormationTour]) -> bool:
+    """Bar places where tractors begin or end in each other's way; one that does so in formation does not yield."""
+    kept_s = [KEEPS_S * ((not tour.before) + (not tour.after)) for tour in tours]
+    return barred.extend([tour.nodes for tour in tours], kept_s)
+
+
+def _estimate_rounds_s(table: MoveTable, rounds: Sequence[DirectedRound]) -> float:
+    """About how long the rounds take, with the moves of the slowest tractor between them (s)."""
+    work_s = sum(each.one.longest_m for each in rounds) / table.site.rules.work_speed_mps
+    tractors = range(len(rounds[0].one.columns))
+    moves_s = sum(
+        sum(float(table.cost_s[a.list_nodes(k)[-1], b.list_nodes(k)[0]]) for k in tractors) for a, b in pairwise(rounds)
+    )
+    return work_s + moves_s
+
+
+def _keep_connected(table: MoveTable, tour: FormationTour) -> FormationTour:
+    """The stretch of a tour round its rounds all of whose moves were driven well."""
+    joints = list(pairwise(tour.before + tour.rounds[:1]))
+    first = 1 + max((k for k, pair in enumerate(joints) if not table.is_proven(*pair)), default=-1)
+    joints = list(pairwise(tour.rounds[-1:] + tour.after))
+    last = next((k for k, pair in enumerate(joints) if not table.is_proven(*pair)), len(tour.after))
+    return FormationTour(tour.before[first:], tour.rounds, tour.after[:last])

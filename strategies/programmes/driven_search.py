@@ -1,0 +1,51 @@
+"""Tours whose moves were all driven well: search, drive what the tours use, strike what fails, search on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from strategies.programmes.move_table import NO_MOVE_S, MoveTable
+from strategies.programmes.order_search import OrderProblem, compute_cost_s, search_programmes
+
+Floats = npt.NDArray[np.float64]
+Tours = list[list[int]]
+
+KICKS = 50  # of a search once all moves of the last tours were driven; none where some were refused
+MOST_ROUNDS = 80  # of searching and driving
+WORTH_SHARE = 0.005  # of the cost: what might still be gained by driving more moves, at least
+
+
+def search_driven_tours(
+    table: MoveTable,
+    pose_problem: Callable[[Floats], OrderProblem],
+    list_moves: Callable[[Tours], Sequence[tuple[int, int]]],
+    can_be_driven: Callable[[Tours], bool],
+    seed: int = 1,
+) -> Tours:
+    """The best tours whose moves were all driven well and that can be driven as a whole; empty without any.
+
+    `pose_problem` takes the costs (n + 1, n + 1) of moves, `list_moves` gives the pairs of nodes that tours move
+    between. Ends when no tours that may use moves not yet driven promise to be clearly cheaper than the best of those
+    that were.
+    """
+    tours: Tours | None = None
+    best, best_s, is_settled = Tours(), math.inf, True
+    for number in range(MOST_ROUNDS):
+        problem, before = pose_problem(table.estimate_costs()), tours
+        tours = search_programmes(problem, KICKS if is_settled else 0, seed + number, tours)
+        if is_settled and compute_cost_s(problem, tours) >= best_s - WORTH_SHARE * best_s:
+            break
+        are_driven = False not in [table.prove(u, v) for u, v in list_moves(tours)]
+        is_settled = are_driven or tours == before or number == MOST_ROUNDS - 1
+        if not is_settled:
+            continue
+        proven = pose_problem(np.where(table.get_proven_mask(), table.cost_s, NO_MOVE_S))
+        settled = search_programmes(proven, KICKS, seed + number, tours)
+        settled_s = compute_cost_s(proven, settled)
+        if settled_s < best_s and can_be_driven(settled):
+            best, best_s, tours = settled, settled_s, settled
+    return best
