@@ -28,19 +28,19 @@ def build_plan(programme: Programme, **notes: Any) -> Plan:
 
 
 def _build_mission(table: MoveTable, tour: Sequence[int]) -> Mission:
-    legs = _build_way_in(table, tour[0])
+    legs = build_way_in(table, tour[0])
     join_m = 0.0
     for node, following in pairwise([*tour, table.gate]):
         is_last = following == table.gate
         move = None if is_last and table.site.lane is None else table.get_move(node, following)
         legs += split_work_leg(table, node, 0.0 if move is None else move.leave_m, join_m)
         if move is not None and not is_last:
-            legs += _build_move(table, following, move)
+            legs += build_move_legs(table, following, move)
             join_m = move.join_m
-    return make_mission([*legs, *_build_way_out(table, tour[-1])])
+    return make_mission([*legs, *build_way_out(table, tour[-1])])
 
 
-def _build_move(table: MoveTable, following: int, move: Move) -> list[Leg]:
+def build_move_legs(table: MoveTable, following: int, move: Move) -> list[Leg]:
     """The legs of a move between lines, named after the line that follows; places to wait where it is long."""
     task = table.lines[following // 2].task
     if move.is_work:
@@ -63,7 +63,7 @@ def split_work_leg(table: MoveTable, node: int, leave_m: float, join_m: float) -
     ]
 
 
-def _build_way_in(table: MoveTable, node: int) -> list[Leg]:
+def build_way_in(table: MoveTable, node: int) -> list[Leg]:
     """From the entrance to the first line; nothing without one, as the tractor then stands where work begins."""
     lane, line = table.site.lane, table.lines[node // 2]
     if lane is None:
@@ -75,7 +75,7 @@ def _build_way_in(table: MoveTable, node: int) -> list[Leg]:
     return add_wait_points(legs, ROUTE_WAIT_M)
 
 
-def _build_way_out(table: MoveTable, node: int) -> list[Leg]:
+def build_way_out(table: MoveTable, node: int) -> list[Leg]:
     lane = table.site.lane
     if lane is None:
         return []
