@@ -1,0 +1,130 @@
+"""Programmes with service stops: every tractor is served before its load is used up, where that costs least time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import Pose
+from strategies.program.legs import add_wait_points, make_mission
+from strategies.program.supply import PLACE, Supply
+from strategies.programmes.build_plan import build_move_legs, build_way_in, build_way_out, split_work_leg
+from strategies.programmes.move_table import build_path_legs
+from strategies.programmes.programme import Programme
+from strategies.service_stops.stop_moves import StopMoves
+from strategies.service_stops.stop_places import find_stop_poses
+from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
+from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
+from strategies.service_stops.tour_stops import Span, TourGaps, TourStop
+from vehicle.missions.plan import REFILL, ROUTE, TURN, Leg, LegTask, Mission, Plan
+
+
+@dataclass(frozen=True, eq=False)
+class StoppedProgramme:
+    """A programme whose tractors are served in time.
+
+    Attributes:
+        gaps: (per tractor) the gaps of its tour, where stops may be made.
+        stops: (per tractor) the stops that are made, in order.
+    """
+
+    programme: Programme
+    supply: Supply
+    gaps: tuple[TourGaps, ...]
+    stops: tuple[tuple[TourStop, ...], ...]
+
+    def compute_tractor_s(self) -> list[float]:
+        """Seconds that every tractor drives and stands, without waiting for others."""
+        driven_s = self.programme.compute_tractor_s()
+        return [
+            seconds + sum(stop.detour.extra_s + stop.stand_s for stop in stops)
+            for seconds, stops in zip(driven_s, self.stops, strict=True)
+        ]
+
+    def build_plan(self, **notes: Any) -> Plan:
+        """Its plan, with all stops in the notes, one mission per tractor that has lines."""
+        missions = [
+            _build_stopped_mission(gaps, stops, is_alone=len(self.stops) == 1)
+            for gaps, stops in zip(self.gaps, self.stops, strict=True)
+            if gaps.tour
+        ]
+        legs = [list(mission.legs) for mission in missions]
+        if self.supply.one_at_a_time and len(legs) > 1:
+            add_queue_gates(legs, [mission.stops for mission in missions], self.supply)
+        has_stops = any(mission.stops for mission in missions)
+        stop_notes = build_stop_notes(missions, self.supply) if has_stops else {"refills": []}
+        return Plan(tuple(map(Mission, map(tuple, legs))), {"tractors": len(legs), **notes, **stop_notes})
+
+
+def build_stop_moves(programme: Programme, supply: Supply) -> StopMoves | None:
+    """The moves to the place of a supply, to be found when needed; None where it has none.
+
+    Raises StrategyError where a place has no room beside it.
+    """
+    if supply.served_at != PLACE or supply.place is None:
+        return None
+    places: tuple[Pose, ...] = find_stop_poses(programme.table.site, supply.place)
+    if not places:
+        x, y = supply.place
+        raise StrategyError(
+            f"The place to refill at ({x:.0f}, {y:.0f} m) has no room beside it for a tractor to stand; use another."
+        )
+    return StopMoves(programme.table, places)
+
+
+def add_stops(programme: Programme, supply: Supply, moves: StopMoves | None) -> StoppedProgramme:
+    """The programme with the stops that cost least time on its tours.
+
+    Where one tractor is served at a time, each takes into account when those before it are. Raises StrategyError where
+    no stops are enough.
+    """
+    all_gaps, all_stops, busy_spans = list[TourGaps](), list[tuple[TourStop, ...]](), list[Span]()
+    for tour in programme.tours:
+        gaps = TourGaps(programme.table, supply, tour, moves, tuple(busy_spans) if supply.one_at_a_time else ())
+        stops = gaps.list_stops() if tour else ()
+        all_gaps.append(gaps)
+        all_stops.append(stops)
+        busy_spans += gaps.list_service_spans(stops)
+    return StoppedProgramme(programme, supply, tuple(all_gaps), tuple(all_stops))
+
+
+def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alone: bool) -> MissionWithStops:
+    """The legs of a tractor with its stops; alone on the field it needs no places to wait on the way to them."""
+    table, tour = gaps.table, gaps.tour
+    stop_by_gap = {stop.gap: stop for stop in stops}
+    legs, placed, join_m = build_way_in(table, tour[0]), list[ServiceStop](), 0.0
+    for gap, node in enumerate(tour, start=1):
+        stop = stop_by_gap.get(gap)
+        direct = gaps.get_direct_move(gap) if gap < len(tour) or table.site.lane is not None else None
+        leaving = direct if stop is None or stop.detour.arrive is None else stop.detour.arrive
+        legs += split_work_leg(table, node, 0.0 if leaving is None else leaving.leave_m, join_m)
+        if gap == len(tour) or direct is None:
+            break
+        least_hold = placed[-1].leg + 1 if placed else 0
+        hold_leg = find_waiting_leg(legs, least_hold)
+        if stop is not None and stop.detour.arrive is not None:
+            arrive = build_path_legs(table.site, stop.detour.arrive.path, LegTask(REFILL))
+            legs += arrive if is_alone else add_wait_points(arrive, WAIT_POINT_STEP_M)
+        if stop is not None:
+            placed.append(ServiceStop(len(legs), hold_leg, stop.amount))
+        entering = direct if stop is None or stop.detour.depart is None else stop.detour.depart
+        if entering is direct:
+            legs += build_move_legs(table, tour[gap], direct)
+        else:
+            task = table.lines[tour[gap] // 2].task
+            kind = ROUTE if entering.kind == "route" else TURN
+            depart = build_path_legs(table.site, entering.path, replace(task, kind=kind))
+            legs += depart if is_alone else add_wait_points(depart, WAIT_POINT_STEP_M)
+        join_m = entering.join_m
+    legs = _let_stand([*legs, *build_way_out(table, tour[-1])], placed, stops)
+    return MissionWithStops(make_mission(legs).legs, tuple(placed), tuple(range(len(legs))))
+
+
+def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequence[TourStop]) -> list[Leg]:
+    """The legs with the time that a tractor stands before each leg at which it is served."""
+    standing = list(legs)
+    for at, stop in zip(placed, stops, strict=True):
+        standing[at.leg] = standing[at.leg].copy_with(stand_s=stop.stand_s)
+    return standing

@@ -1,0 +1,139 @@
+"""Moves from the ends of lines to places where tractors are served, and from there to the begins of lines.
+
+They are found and driven as moves between lines are: once, with the body in them, up to a standstill at the place or
+from it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+
+import numpy as np
+
+from strategies.lines.lay_lines import measure_proof_rooms
+from strategies.moves.move import Move
+from strategies.path_planning.paths import Pose
+from strategies.programmes.move_table import (
+    MOST_CUT_SHARE,
+    MOST_OFF_SHARE,
+    OFF_LENGTH_M,
+    ROOM_TOLERANCE_M,
+    SETTLE_M,
+    MoveTable,
+    build_path_legs,
+)
+from strategies.programmes.work_moves import MISSED_FACTOR
+from vehicle.missions.plan import REFILL, LegTask, Mission, Plan
+from vehicle.missions.run import DONE
+
+CUTS_M = (0.0, 4.0, 8.0)  # by which a line may be cut back at its end or begin for a better move
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A way between a line and a place: the end of `node` to `place`, or from there to its begin."""
+
+    node: int
+    place: int
+    is_arriving: bool
+
+
+@dataclass(eq=False)
+class StopMoves:
+    """The moves between the lines of a table and the places at which tractors are served; each found and driven once.
+
+    Attributes:
+        places: poses of the guided point to stand in.
+    """
+
+    table: MoveTable
+    places: tuple[Pose, ...]
+    _moves: dict[Trip, Move | None] = field(default_factory=dict)
+
+    def is_known(self, trip: Trip) -> bool:
+        """Whether its move was driven, or there is none."""
+        return trip in self._moves
+
+    def get_move(self, trip: Trip) -> Move | None:
+        """The cheapest move that was driven well; None if there is none."""
+        if trip not in self._moves:
+            self._moves[trip] = self._find(trip)
+        return self._moves[trip]
+
+    def bound_flight_m(self, trip: Trip) -> float:
+        """Metres that no move is shorter than."""
+        end = self.table.ends[trip.node] if trip.is_arriving else self.table.begins[trip.node]
+        return max(0.0, math.dist(end[:2], self.places[trip.place][:2]) - max(CUTS_M))
+
+    def _find(self, trip: Trip) -> Move | None:
+        best: Move | None = None
+        for move in sorted(self._list_options(trip), key=attrgetter("cost_s")):
+            if best is not None and move.cost_s >= best.cost_s:
+                return best
+            driven = self._drive(trip, move)
+            if driven is not None and (best is None or driven.cost_s < best.cost_s):
+                best = driven
+        return best or self._search(trip)
+
+    def _list_options(self, trip: Trip) -> Iterator[Move]:
+        """Closed forms on which the body has room, also with the line cut back."""
+        for cut_m, a, b in self._list_ends(trip, CUTS_M):
+            for move in self.table.finder.list_moves(a, b):
+                yield self._charge_cut(trip, move, cut_m)
+
+    def _search(self, trip: Trip) -> Move | None:
+        """A move by search, if need be with the line cut back by the turning radius."""
+        for cut_m, a, b in self._list_ends(trip, (0.0, self.table.site.rules.radius_m)):
+            found = self.table.finder.search(a, b)
+            driven = None if found is None else self._drive(trip, self._charge_cut(trip, found, cut_m))
+            if driven is not None:
+                return driven
+        return None
+
+    def _list_ends(self, trip: Trip, cuts_m: tuple[float, ...]) -> Iterator[tuple[float, Pose, Pose]]:
+        """By how much the line is cut back, and from where to where a move then leads."""
+        line, way = self.table.lines[trip.node // 2], trip.node % 2
+        place, length_m = self.places[trip.place], line.measure_path_m(trip.node % 2)
+        for cut_m in cuts_m:
+            if cut_m > max(0.0, MOST_CUT_SHARE * length_m - 1.0):
+                return
+            pose = line.get_pose(way, length_m - cut_m if trip.is_arriving else cut_m)
+            yield (cut_m, pose, place) if trip.is_arriving else (cut_m, place, pose)
+
+    def _charge_cut(self, trip: Trip, move: Move, cut_m: float) -> Move:
+        cut_s = cut_m / self.table.site.rules.work_speed_mps
+        drive_s, charge_s = move.drive_s - cut_s, move.charge_s + MISSED_FACTOR * cut_s
+        end = {"leave_m": cut_m} if trip.is_arriving else {"join_m": cut_m}
+        return replace(move, drive_s=drive_s, charge_s=charge_s, **end)
+
+    def _drive(self, trip: Trip, move: Move) -> Move | None:
+        """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""
+        table, node = self.table, trip.node
+        legs = build_path_legs(table.site, move.path, LegTask(REFILL))
+        before = [table.build_work_leg(node, move.leave_m, last_m=SETTLE_M)] if trip.is_arriving else []
+        after = [] if trip.is_arriving else [table.build_work_leg(node, 0.0, move.join_m, first_m=SETTLE_M)]
+        driven = [*before, *legs, *after]
+        run = table.site.drive(Plan((Mission(tuple(driven)),)))
+        if run.outcome != DONE or measure_proof_rooms(table.site, run.get_poses(0)).min() < -ROOM_TOLERANCE_M:
+            return None
+        numbers = run.get_leg_numbers(0)
+        cut_s = (move.leave_m + move.join_m) / table.site.rules.work_speed_mps
+        if trip.is_arriving:
+            begun_s = float(run.time_s[int(np.argmax(numbers > 0))]) if legs else run.duration_s
+            return replace(move, drive_s=run.duration_s - begun_s - cut_s)
+        row = int(np.argmax(numbers == len(driven) - 1))
+        off_m = self._measure_off_m(run.get_poses(0)[row], table.lines[node // 2].get_pose(node % 2, move.join_m))
+        if off_m > MOST_OFF_SHARE * table.site.width_m:
+            return None
+        missed_s = MISSED_FACTOR * off_m * OFF_LENGTH_M * table.site.work_s_per_m2
+        return replace(move, drive_s=float(run.time_s[row]) - cut_s, charge_s=move.charge_s + missed_s)
+
+    def _measure_off_m(self, pose: np.ndarray, goal: Pose) -> float:
+        """How far beside the line from a goal pose on the implement is, with the centre of mass at a pose (3,)."""
+        x, y, heading = pose.tolist()
+        bar_m = self.table.site.bar_m
+        dx, dy = x - bar_m * math.cos(heading) - goal[0], y - bar_m * math.sin(heading) - goal[1]
+        return abs(float(dy * math.cos(goal[2]) - dx * math.sin(goal[2])))

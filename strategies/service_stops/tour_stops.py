@@ -1,0 +1,260 @@
+"""The stops of one tractor on its tour of work lines: what its loads take, what a stop costs, and which are made."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
+
+import numpy as np
+
+from strategies.moves.move import Move
+from strategies.path_planning.errors import StrategyError
+from strategies.path_planning.paths import join_paths
+from strategies.program.supply import PLACE, Supply
+from strategies.programmes.move_table import MoveTable, build_path_legs
+from strategies.service_stops.stop_choice import TourNeeds, choose_stops
+from strategies.service_stops.stop_moves import StopMoves, Trip
+from vehicle.missions.plan import ROUTE, Leg, LegTask
+
+Span = tuple[float, float]
+SERVICE_CLEAR_M = 20.0  # a place is free when the tractor before has driven this far from it
+UNREACHABLE_S = 1e6  # cost of a stop that no move leads to
+
+
+@dataclass(frozen=True)
+class Detour:
+    """A stop in a gap: the moves to its place and on; None for both where the tractor is served at the end of its line.
+
+    Attributes:
+        extra_s, cost_s: seconds more than without a stop, and with all charges; both without the time to be served.
+    """
+
+    arrive: Move | None
+    depart: Move | None
+    extra_s: float
+    cost_s: float
+
+
+@dataclass(frozen=True)
+class TourStop:
+    """A stop before line `gap` of a tour: what is filled in, and how long that takes (s)."""
+
+    gap: int
+    detour: Detour
+    amount: float
+    stand_s: float
+
+
+@dataclass(eq=False)
+class TourGaps:
+    """What a stop costs in the gaps of a tour, and what the lines between take of a load.
+
+    Attributes:
+        moves: to places and on; without a place a tractor is served at the end of a line.
+        busy_spans: when others are served (from, to; s) and this tractor waits.
+    """
+
+    table: MoveTable
+    supply: Supply
+    tour: Sequence[int]
+    moves: StopMoves | None
+    busy_spans: Sequence[Span] = ()
+    _detours: dict[int, Detour | None] = field(default_factory=dict)
+
+    @cached_property
+    def load_supply(self) -> Supply:
+        """The supply whose loads hold the ways to places too."""
+        return self.supply.include_trips()
+
+    @cached_property
+    def nodes(self) -> list[int]:
+        """The nodes of the tour, between those of the entrance if there is one."""
+        gate = [] if self.table.site.lane is None else [self.table.gate]
+        return [*gate, *self.tour, *gate]
+
+    def get_direct_move(self, gap: int) -> Move | None:
+        """The move in a gap without a stop; None at the ends of the tour without an entrance."""
+        place = gap + (self.table.site.lane is not None)
+        if not 0 < place < len(self.nodes):
+            return None
+        move = self.table.get_move(self.nodes[place - 1], self.nodes[place])
+        assert move is not None  # a programme uses moves that exist
+        return move
+
+    @cached_property
+    def line_needs(self) -> list[float]:
+        """What every whole line takes of a load."""
+        return [self._measure_need([self.table.build_work_leg(node, 0.0)]) for node in self.tour]
+
+    @cached_property
+    def direct_needs(self) -> list[float]:
+        """What the move in every gap takes without a stop, less what it saves on the lines that it cuts."""
+        return [self._measure_move_need(gap, self.get_direct_move(gap)) for gap in range(len(self.tour) + 1)]
+
+    def _measure_need(self, legs: Sequence[Leg]) -> float:
+        return self.supply.compute_legs_need(legs, self.table.site.width_m)
+
+    def _measure_move_need(self, gap: int, move: Move | None) -> float:
+        """What a move in a gap takes of a load, with the lane at the ends of the tour."""
+        if move is None:
+            return 0.0
+        site, lane, path = self.table.site, self.table.site.lane, move.path
+        if lane is not None and gap == 0:
+            path = join_paths([lane.build_path_in(), path], move.kind)
+        if lane is not None and gap == len(self.tour):
+            path = join_paths([path, lane.build_path_out()], move.kind)
+        need = self._measure_need(build_path_legs(site, path, LegTask(ROUTE), is_work=move.is_work))
+        for cut_m, line in ((move.leave_m, gap - 1), (move.join_m, gap)):
+            if cut_m:
+                node = self.tour[line]
+                length_m = self.table.lines[node // 2].measure_path_m(node % 2)
+                need -= cut_m / length_m * self.line_needs[line]
+        return need
+
+    @cached_property
+    def finishes_s(self) -> list[float]:
+        """When the line before each gap is finished without any stop (s)."""
+        table, speed = self.table, self.table.site.rules.work_speed_mps
+        parts = [0.0]
+        for gap, node in enumerate(self.tour):
+            move = self.get_direct_move(gap)
+            line_s = table.lines[node // 2].measure_path_m(node % 2) / speed
+            parts.append(line_s + (0.0 if move is None else move.drive_s))
+        return list(accumulate(parts))
+
+    def get_detour(self, gap: int) -> Detour | None:
+        """The best stop in a gap; None if no move leads to a place and on."""
+        if gap not in self._detours:
+            self._detours[gap] = self._find_detour(gap)
+        return self._detours[gap]
+
+    def _find_detour(self, gap: int) -> Detour | None:
+        direct = self.get_direct_move(gap)
+        assert direct is not None  # stops are made between lines
+        if self.moves is None:
+            return Detour(None, None, 0.0, 0.0)
+        found = []
+        for place in range(len(self.moves.places)):
+            arrive = self.moves.get_move(Trip(self.tour[gap - 1], place, True))
+            depart = None if arrive is None else self.moves.get_move(Trip(self.tour[gap], place, False))
+            if arrive is not None and depart is not None:
+                extra_s = arrive.drive_s + depart.drive_s - direct.drive_s
+                found.append(Detour(arrive, depart, extra_s, arrive.cost_s + depart.cost_s - direct.cost_s))
+        return min(found, key=lambda detour: round(detour.cost_s, 3), default=None)
+
+    def list_ways(self, gap: int) -> tuple[float, float]:
+        """What the ways to be served in a gap and on from there take of a load; their least where not yet found."""
+        if self.moves is None:
+            return 0.0, self.direct_needs[gap]
+        if gap in self._detours:
+            detour = self._detours[gap]
+            if detour is None:
+                return math.inf, math.inf
+            return self._measure_move_need(gap, detour.arrive), self._measure_move_need(gap, detour.depart)
+        return self._bound_way(gap, is_arriving=True), self._bound_way(gap, is_arriving=False)
+
+    def _bound_flight_m(self, gap: int, *, is_arriving: bool) -> float:
+        assert self.moves is not None
+        node = self.tour[gap - 1] if is_arriving else self.tour[gap]
+        places = range(len(self.moves.places))
+        return min(self.moves.bound_flight_m(Trip(node, place, is_arriving)) for place in places)
+
+    def _bound_way(self, gap: int, *, is_arriving: bool) -> float:
+        flight_m = self._bound_flight_m(gap, is_arriving=is_arriving)
+        if flight_m <= 0.0:
+            return 0.0
+        line = Leg(np.array([[0.0, 0.0], [flight_m, 0.0]]), self.table.site.rules.turn_speed_mps)
+        return self._measure_need([line])
+
+    def compute_stop_cost_s(self, gap: int) -> float:
+        """Extra seconds of a stop in a gap with all charges, and the time to be served; the least where not found."""
+        off, on = self.list_ways(gap)
+        if math.isinf(off):
+            return UNREACHABLE_S
+        served_s = self.load_supply.compute_stop_s(off + on - self.direct_needs[gap])
+        if self.moves is None or gap in self._detours:
+            detour = self.get_detour(gap)
+            assert detour is not None  # else its ways take more than any load
+            return detour.cost_s + served_s
+        direct = self.get_direct_move(gap)
+        assert direct is not None
+        flights_m = sum(self._bound_flight_m(gap, is_arriving=is_arriving) for is_arriving in (True, False))
+        return flights_m / self.table.site.rules.turn_speed_mps - direct.cost_s + served_s
+
+    @cached_property
+    def mean_stand_s(self) -> float:
+        """How long a stop takes in the mean (s)."""
+        return self.supply.estimate_stop_s(math.fsum(self.line_needs) + math.fsum(self.direct_needs))
+
+    def find_service_span(self, gap: int, later_s: float) -> Span:
+        """When a tractor is served in a gap (from, to; s), given the delay by stops before.
+
+        At a place from when it sets out for it until it is clear of it.
+        """
+        blocked_s = self.mean_stand_s
+        if self.moves is not None:
+            speed = self.table.site.rules.turn_speed_mps
+            blocked_s += (self._bound_flight_m(gap, is_arriving=True) + SERVICE_CLEAR_M) / speed
+        begin = self.finishes_s[gap] + later_s
+        for first, last in sorted(self.busy_spans):
+            if first < begin + blocked_s and begin < last:
+                begin = last
+        return begin, begin + blocked_s
+
+    def compute_wait_s(self, gap: int, later_s: float) -> float:
+        """How long a tractor waits for its turn in a gap (s)."""
+        return self.find_service_span(gap, later_s)[0] - self.finishes_s[gap] - later_s
+
+    def build_needs(self) -> TourNeeds:
+        """What the parts of the tour take of a load, as far as known."""
+        count = len(self.tour)
+        ways = [self.list_ways(gap) for gap in range(1, count)]
+        ways_off = [0.0, *(off for off, _ in ways), self.direct_needs[count]]
+        ways_on = [self.direct_needs[0], *(on for _, on in ways), 0.0]
+        return TourNeeds(self.line_needs, self.direct_needs[:-1], ways_off, ways_on)
+
+    def choose_gaps(self) -> tuple[int, ...] | None:
+        """The gaps to stop in; None if no stops are enough. Moves are found only where the cheapest stops use them."""
+        while True:
+            costs_s = [0.0, *(self.compute_stop_cost_s(gap) for gap in range(1, len(self.tour)))]
+            gaps = choose_stops(self.build_needs(), costs_s, self.load_supply.capacity, self.compute_wait_s)
+            unknown = [gap for gap in gaps or () if gap not in self._detours]
+            if not unknown:
+                return gaps
+            for gap in unknown:
+                self.get_detour(gap)
+
+    def list_stops(self) -> tuple[TourStop, ...]:
+        """The stops of the tour; raises StrategyError if no stops are enough."""
+        gaps = self.choose_gaps()
+        if gaps is None:
+            raise StrategyError(self._explain_no_stops())
+        amounts = self.load_supply.list_amounts(self.build_needs().list_loads(gaps))
+        stops = []
+        for gap, amount in zip(gaps, amounts, strict=True):
+            detour = self.get_detour(gap)
+            assert detour is not None  # it was chosen
+            stops.append(TourStop(gap, detour, amount, self.supply.compute_stop_s(amount)))
+        return tuple(stops)
+
+    def list_service_spans(self, stops: Sequence[TourStop]) -> list[Span]:
+        """When the tractor is expected to be served (from, to; s)."""
+        spans, later_s = list[Span](), 0.0
+        for stop in stops:
+            spans.append(self.find_service_span(stop.gap, later_s))
+            later_s += self.compute_wait_s(stop.gap, later_s) + stop.detour.extra_s + stop.stand_s
+        return spans
+
+    def _explain_no_stops(self) -> str:
+        """Why no stops are enough, and what helps."""
+        largest = max(self.line_needs)
+        if largest > self.load_supply.capacity or self.supply.served_at != PLACE:
+            return self.supply.explain_small_load(largest)
+        x, y = self.supply.place or (0.0, 0.0)
+        return (
+            f"No path with a turning radius of {self.table.site.rules.radius_m:.1f} m leads to the place to refill at "
+            f"({x:.0f}, {y:.0f} m) and back before a load is used up; use another place, or refill on the headland."
+        )
