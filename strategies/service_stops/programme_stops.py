@@ -14,6 +14,7 @@ from strategies.programmes.build_plan import build_move_legs, build_way_in, buil
 from strategies.programmes.move_table import build_path_legs
 from strategies.programmes.programme import Programme
 from strategies.service_stops.stop_moves import StopMoves
+from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
 from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
 from strategies.service_stops.stops import WAIT_POINT_STEP_M, MissionWithStops, ServiceStop, find_waiting_leg
@@ -37,10 +38,9 @@ class StoppedProgramme:
 
     def compute_tractor_s(self) -> list[float]:
         """Seconds that every tractor drives and stands, without waiting for others."""
-        driven_s = self.programme.compute_tractor_s()
         return [
-            seconds + sum(stop.detour.extra_s + stop.stand_s for stop in stops)
-            for seconds, stops in zip(driven_s, self.stops, strict=True)
+            gaps.driven_s + sum(stop.detour.extra_s + stop.stand_s for stop in stops)
+            for gaps, stops in zip(self.gaps, self.stops, strict=True)
         ]
 
     def build_plan(self, **notes: Any) -> Plan:
@@ -97,10 +97,10 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
     legs, placed, join_m = build_way_in(table, tour[0]), list[ServiceStop](), 0.0
     for gap, node in enumerate(tour, start=1):
         stop = stop_by_gap.get(gap)
-        direct = gaps.get_direct_move(gap) if gap < len(tour) or table.site.lane is not None else None
+        direct = gaps.get_direct_move(gap)
         leaving = direct if stop is None or stop.detour.arrive is None else stop.detour.arrive
         legs += split_work_leg(table, node, 0.0 if leaving is None else leaving.leave_m, join_m)
-        if gap == len(tour) or direct is None:
+        if gap == len(tour):
             break
         least_hold = placed[-1].leg + 1 if placed else 0
         hold_leg = find_waiting_leg(legs, least_hold)
@@ -110,8 +110,9 @@ def _build_stopped_mission(gaps: TourGaps, stops: Sequence[TourStop], *, is_alon
         if stop is not None:
             placed.append(ServiceStop(len(legs), hold_leg, stop.amount))
         entering = direct if stop is None or stop.detour.depart is None else stop.detour.depart
+        assert entering is not None  # a gap without a move has a stop
         if entering is direct:
-            legs += build_move_legs(table, tour[gap], direct)
+            legs += build_move_legs(table, tour[gap], entering)
         else:
             task = table.lines[tour[gap] // 2].task
             kind = ROUTE if entering.kind == "route" else TURN
@@ -128,3 +129,13 @@ def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequen
     for at, stop in zip(placed, stops, strict=True):
         standing[at.leg] = standing[at.leg].copy_with(stand_s=stop.stand_s)
     return standing
+
+
+def stop_programme(programme: Programme, supply: Supply, stages: Sequence[int] | None = None) -> StoppedProgramme:
+    """The programme with its lines in an order found with their loads, and with the stops that cost least time.
+
+    `stages` (n,) say which lines come first, all at any time by default. Raises StrategyError where no stops are
+    enough.
+    """
+    moves = build_stop_moves(programme, supply)
+    return add_stops(order_for_loads(programme, supply, moves, stages), supply, moves)

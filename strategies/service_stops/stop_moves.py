@@ -17,8 +17,11 @@ from strategies.lines.lay_lines import measure_proof_rooms
 from strategies.moves.move import Move
 from strategies.path_planning.paths import Pose
 from strategies.programmes.move_table import (
+    DETOUR_FACTOR,
+    DETOUR_S,
     MOST_CUT_SHARE,
     MOST_OFF_SHARE,
+    NO_MOVE_S,
     OFF_LENGTH_M,
     ROOM_TOLERANCE_M,
     SETTLE_M,
@@ -52,6 +55,7 @@ class StopMoves:
     table: MoveTable
     places: tuple[Pose, ...]
     _moves: dict[Trip, Move | None] = field(default_factory=dict)
+    _guesses_s: dict[Trip, float] = field(default_factory=dict)
 
     def is_known(self, trip: Trip) -> bool:
         """Whether its move was driven, or there is none."""
@@ -62,6 +66,21 @@ class StopMoves:
         if trip not in self._moves:
             self._moves[trip] = self._find(trip)
         return self._moves[trip]
+
+    def estimate_s(self, trip: Trip) -> float:
+        """Seconds with all charges: of the move if it is known, else of a closed form or of a guess; dear for none."""
+        line = self.table.lines[trip.node // 2]
+        if trip.node % 2 and not line.both_ways:
+            return NO_MOVE_S
+        if trip in self._moves:
+            move = self._moves[trip]
+            return NO_MOVE_S if move is None else move.cost_s
+        if trip not in self._guesses_s:
+            _, a, b = next(self._list_ends(trip, (0.0,)))
+            forms = self.table.finder.list_moves(a, b, most=1)
+            plain_s = math.dist(a[:2], b[:2]) / self.table.site.rules.turn_speed_mps
+            self._guesses_s[trip] = forms[0].cost_s if forms else DETOUR_FACTOR * plain_s + DETOUR_S
+        return self._guesses_s[trip]
 
     def bound_flight_m(self, trip: Trip) -> float:
         """Metres that no move is shorter than."""
@@ -106,8 +125,8 @@ class StopMoves:
     def _charge_cut(self, trip: Trip, move: Move, cut_m: float) -> Move:
         cut_s = cut_m / self.table.site.rules.work_speed_mps
         drive_s, charge_s = move.drive_s - cut_s, move.charge_s + MISSED_FACTOR * cut_s
-        end = {"leave_m": cut_m} if trip.is_arriving else {"join_m": cut_m}
-        return replace(move, drive_s=drive_s, charge_s=charge_s, **end)
+        leave_m, join_m = (cut_m, 0.0) if trip.is_arriving else (0.0, cut_m)
+        return replace(move, drive_s=drive_s, charge_s=charge_s, leave_m=leave_m, join_m=join_m)
 
     def _drive(self, trip: Trip, move: Move) -> Move | None:
         """A move with its time as driven; None if it is not driven, leaves the ground or loses its line."""

@@ -76,13 +76,23 @@ class TourGaps:
         return [*gate, *self.tour, *gate]
 
     def get_direct_move(self, gap: int) -> Move | None:
-        """The move in a gap without a stop; None at the ends of the tour without an entrance."""
+        """The move in a gap without a stop; None where none was driven, and at the ends without an entrance."""
         place = gap + (self.table.site.lane is not None)
-        if not 0 < place < len(self.nodes):
+        if not 0 < place < len(self.nodes) or not self.table.is_proven(*self.nodes[place - 1 : place + 1]):
             return None
-        move = self.table.get_move(self.nodes[place - 1], self.nodes[place])
-        assert move is not None  # a programme uses moves that exist
-        return move
+        return self.table.get_move(self.nodes[place - 1], self.nodes[place])
+
+    @property
+    def has_ends(self) -> bool:
+        """Whether moves lead into the field and out of it, where it has an entrance."""
+        ends = (0, len(self.tour))
+        return self.table.site.lane is None or all(self.get_direct_move(gap) is not None for gap in ends)
+
+    @cached_property
+    def direct_times_s(self) -> list[tuple[float, float]]:
+        """Seconds of the move in every gap without a stop, and with all charges; nothing where there is none."""
+        moves = [self.get_direct_move(gap) for gap in range(len(self.tour) + 1)]
+        return [(0.0, 0.0) if move is None else (move.drive_s, move.cost_s) for move in moves]
 
     @cached_property
     def line_needs(self) -> list[float]:
@@ -92,15 +102,24 @@ class TourGaps:
     @cached_property
     def direct_needs(self) -> list[float]:
         """What the move in every gap takes without a stop, less what it saves on the lines that it cuts."""
-        return [self._measure_move_need(gap, self.get_direct_move(gap)) for gap in range(len(self.tour) + 1)]
+        moves = [self.get_direct_move(gap) for gap in range(len(self.tour) + 1)]
+        return [0.0 if move is None else self._measure_move_need(gap, move) for gap, move in enumerate(moves)]
+
+    @property
+    def mean_move_need(self) -> float:
+        """What a move between two lines takes in the mean."""
+        return float(np.mean(self.direct_needs[1:-1])) if len(self.tour) > 1 else 0.0
+
+    @property
+    def total_need(self) -> float:
+        """What the whole tour takes without a stop."""
+        return math.fsum(self.line_needs) + math.fsum(self.direct_needs)
 
     def _measure_need(self, legs: Sequence[Leg]) -> float:
         return self.supply.compute_legs_need(legs, self.table.site.width_m)
 
-    def _measure_move_need(self, gap: int, move: Move | None) -> float:
+    def _measure_move_need(self, gap: int, move: Move) -> float:
         """What a move in a gap takes of a load, with the lane at the ends of the tour."""
-        if move is None:
-            return 0.0
         site, lane, path = self.table.site, self.table.site.lane, move.path
         if lane is not None and gap == 0:
             path = join_paths([lane.build_path_in(), path], move.kind)
@@ -120,10 +139,14 @@ class TourGaps:
         table, speed = self.table, self.table.site.rules.work_speed_mps
         parts = [0.0]
         for gap, node in enumerate(self.tour):
-            move = self.get_direct_move(gap)
             line_s = table.lines[node // 2].measure_path_m(node % 2) / speed
-            parts.append(line_s + (0.0 if move is None else move.drive_s))
+            parts.append(line_s + self.direct_times_s[gap][0])
         return list(accumulate(parts))
+
+    @property
+    def driven_s(self) -> float:
+        """Seconds of the whole tour without any stop."""
+        return self.finishes_s[-1] + self.direct_times_s[-1][0]
 
     def get_detour(self, gap: int) -> Detour | None:
         """The best stop in a gap; None if no move leads to a place and on."""
@@ -132,17 +155,15 @@ class TourGaps:
         return self._detours[gap]
 
     def _find_detour(self, gap: int) -> Detour | None:
-        direct = self.get_direct_move(gap)
-        assert direct is not None  # stops are made between lines
         if self.moves is None:
             return Detour(None, None, 0.0, 0.0)
-        found = []
+        found, (direct_s, direct_cost_s) = list[Detour](), self.direct_times_s[gap]
         for place in range(len(self.moves.places)):
             arrive = self.moves.get_move(Trip(self.tour[gap - 1], place, True))
             depart = None if arrive is None else self.moves.get_move(Trip(self.tour[gap], place, False))
             if arrive is not None and depart is not None:
-                extra_s = arrive.drive_s + depart.drive_s - direct.drive_s
-                found.append(Detour(arrive, depart, extra_s, arrive.cost_s + depart.cost_s - direct.cost_s))
+                extra_s = arrive.drive_s + depart.drive_s - direct_s
+                found.append(Detour(arrive, depart, extra_s, arrive.cost_s + depart.cost_s - direct_cost_s))
         return min(found, key=lambda detour: round(detour.cost_s, 3), default=None)
 
     def list_ways(self, gap: int) -> tuple[float, float]:
@@ -153,6 +174,7 @@ class TourGaps:
             detour = self._detours[gap]
             if detour is None:
                 return math.inf, math.inf
+            assert detour.arrive is not None and detour.depart is not None  # there are places
             return self._measure_move_need(gap, detour.arrive), self._measure_move_need(gap, detour.depart)
         return self._bound_way(gap, is_arriving=True), self._bound_way(gap, is_arriving=False)
 
@@ -179,15 +201,13 @@ class TourGaps:
             detour = self.get_detour(gap)
             assert detour is not None  # else its ways take more than any load
             return detour.cost_s + served_s
-        direct = self.get_direct_move(gap)
-        assert direct is not None
         flights_m = sum(self._bound_flight_m(gap, is_arriving=is_arriving) for is_arriving in (True, False))
-        return flights_m / self.table.site.rules.turn_speed_mps - direct.cost_s + served_s
+        return flights_m / self.table.site.rules.turn_speed_mps - self.direct_times_s[gap][1] + served_s
 
     @cached_property
     def mean_stand_s(self) -> float:
         """How long a stop takes in the mean (s)."""
-        return self.supply.estimate_stop_s(math.fsum(self.line_needs) + math.fsum(self.direct_needs))
+        return self.supply.estimate_stop_s(self.total_need)
 
     def find_service_span(self, gap: int, later_s: float) -> Span:
         """When a tractor is served in a gap (from, to; s), given the delay by stops before.
@@ -214,7 +234,11 @@ class TourGaps:
         ways = [self.list_ways(gap) for gap in range(1, count)]
         ways_off = [0.0, *(off for off, _ in ways), self.direct_needs[count]]
         ways_on = [self.direct_needs[0], *(on for _, on in ways), 0.0]
-        return TourNeeds(self.line_needs, self.direct_needs[:-1], ways_off, ways_on)
+        moves = [
+            math.inf if 0 < gap < count and self.get_direct_move(gap) is None else self.direct_needs[gap]
+            for gap in range(count)
+        ]
+        return TourNeeds(self.line_needs, moves, ways_off, ways_on)
 
     def choose_gaps(self) -> tuple[int, ...] | None:
         """The gaps to stop in; None if no stops are enough. Moves are found only where the cheapest stops use them."""
@@ -226,6 +250,10 @@ class TourGaps:
                 return gaps
             for gap in unknown:
                 self.get_detour(gap)
+
+    def measure_cost_s(self, gaps: Sequence[int]) -> float:
+        """Seconds of all moves of the tour and of the stops in some gaps, with all charges."""
+        return math.fsum(cost_s for _, cost_s in self.direct_times_s) + math.fsum(map(self.compute_stop_cost_s, gaps))
 
     def list_stops(self) -> tuple[TourStop, ...]:
         """The stops of the tour; raises StrategyError if no stops are enough."""
