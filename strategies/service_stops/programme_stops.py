@@ -11,7 +11,7 @@ from strategies.path_planning.paths import Pose
 from strategies.program.legs import add_wait_points, make_mission
 from strategies.program.supply import PLACE, Supply
 from strategies.programmes.build_plan import build_move_legs, build_way_in, build_way_out, split_work_leg
-from strategies.programmes.move_table import build_path_legs
+from strategies.programmes.move_table import MoveTable, build_path_legs
 from strategies.programmes.programme import Programme
 from strategies.service_stops.stop_moves import StopMoves
 from strategies.service_stops.stop_order import order_for_loads
@@ -58,20 +58,20 @@ class StoppedProgramme:
         return Plan(tuple(map(Mission, map(tuple, legs))), {"tractors": len(legs), **notes, **stop_notes})
 
 
-def build_stop_moves(programme: Programme, supply: Supply) -> StopMoves | None:
-    """The moves to the place of a supply, to be found when needed; None where it has none.
+def build_stop_moves(table: MoveTable, supply: Supply) -> StopMoves | None:
+    """The moves to the place of a supply, to be found when needed, for all programmes of a table; None without a place.
 
     Raises StrategyError where a place has no room beside it.
     """
     if supply.served_at != PLACE or supply.place is None:
         return None
-    places: tuple[Pose, ...] = find_stop_poses(programme.table.site, supply.place)
+    places: tuple[Pose, ...] = find_stop_poses(table.site, supply.place)
     if not places:
         x, y = supply.place
         raise StrategyError(
             f"The place to refill at ({x:.0f}, {y:.0f} m) has no room beside it for a tractor to stand; use another."
         )
-    return StopMoves(programme.table, places)
+    return StopMoves(table, places)
 
 
 def add_stops(programme: Programme, supply: Supply, moves: StopMoves | None) -> StoppedProgramme:
@@ -131,11 +131,12 @@ def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequen
     return standing
 
 
-def stop_programme(programme: Programme, supply: Supply, stages: Sequence[int] | None = None) -> StoppedProgramme:
+def stop_programme(
+    programme: Programme, supply: Supply, moves: StopMoves | None, stages: Sequence[int] | None = None
+) -> StoppedProgramme:
     """The programme with its lines in an order found with their loads, and with the stops that cost least time.
 
-    `stages` (n,) say which lines come first, all at any time by default. Raises StrategyError where no stops are
-    enough.
+    `moves` lead to the place of the supply; `stages` (n,) say which lines come first, all at any time by default.
+    Raises StrategyError where no stops are enough.
     """
-    moves = build_stop_moves(programme, supply)
     return add_stops(order_for_loads(programme, supply, moves, stages), supply, moves)

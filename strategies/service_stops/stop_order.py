@@ -53,7 +53,7 @@ class TourLoads:
         for number, node in enumerate(rows.tolist()):
             if not table.lines[node // 2].both_ways and node % 2:
                 first[number] = last[number] = UNREACHABLE_S
-        needs = np.maximum(np.array(gaps.line_needs) + gaps.mean_move_need, 0.0)
+        needs = np.array(gaps.line_needs) + gaps.mean_move_need
         capacity = max(self.supply.capacity, float(needs.max()))
         return LoadOrderingTask(turns, detours, first, last, needs, capacity, capacity)
 

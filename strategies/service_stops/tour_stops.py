@@ -107,8 +107,8 @@ class TourGaps:
 
     @property
     def mean_move_need(self) -> float:
-        """What a move between two lines takes in the mean."""
-        return float(np.mean(self.direct_needs[1:-1])) if len(self.tour) > 1 else 0.0
+        """What a move between two lines takes in the mean, without what moves save on the lines that they cut."""
+        return float(np.mean(np.maximum(self.direct_needs[1:-1], 0.0))) if len(self.tour) > 1 else 0.0
 
     @property
     def total_need(self) -> float:
