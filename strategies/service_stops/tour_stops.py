@@ -212,16 +212,15 @@ class TourGaps:
     def find_service_span(self, gap: int, later_s: float) -> Span:
         """When a tractor is served in a gap (from, to; s), given the delay by stops before.
 
-        At a place from when it sets out for it until it is clear of it.
+        At a place from when it sets out for it until it is clear of it. It waits for those who were there before it;
+        who comes later waits for it.
         """
         blocked_s = self.mean_stand_s
         if self.moves is not None:
             speed = self.table.site.rules.turn_speed_mps
             blocked_s += (self._bound_flight_m(gap, is_arriving=True) + SERVICE_CLEAR_M) / speed
-        begin = self.finishes_s[gap] + later_s
-        for first, last in sorted(self.busy_spans):
-            if first < begin + blocked_s and begin < last:
-                begin = last
+        ready = self.finishes_s[gap] + later_s
+        begin = max([ready, *(last for first, last in self.busy_spans if first <= ready)])
         return begin, begin + blocked_s
 
     def compute_wait_s(self, gap: int, later_s: float) -> float:
