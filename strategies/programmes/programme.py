@@ -61,18 +61,21 @@ def make_programme(
     stages: Sequence[int] | None = None,
     allowed: npt.NDArray[np.bool_] | None = None,
     seed: int = 1,
+    served_s: Floats | None = None,
 ) -> Programme:
     """The best programme whose moves were all driven well.
 
-    `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default.
+    `stages` (n,) say which lines come first; `allowed` (tractors, n) which lines a tractor may work, all by default;
+    `served_s` (n,) how long a tractor takes to be served for each line, so that all finish together.
     Search, drive what the programme uses, strike what fails, search on.
     """
     stage = np.zeros(len(table.lines), np.int64) if stages is None else np.array(stages, np.int64)
     may = np.ones((tractors, len(table.lines)), bool) if allowed is None else allowed
+    extra_s = np.zeros(len(table.lines)) if served_s is None else served_s
     tours: list[list[int]] | None = None
     for number in range(OPEN_ROUNDS + 1):
         only_proven = number >= OPEN_ROUNDS
-        problem = _pose_problem(table, stage, may, tractors, only_proven=only_proven)
+        problem = _pose_problem(table, stage, may, extra_s, tractors, only_proven=only_proven)
         kicks = FIRST_KICKS if number < 2 else LATER_KICKS
         tours = search_programmes(problem, kicks, seed + number, tours)
         if only_proven or not _improve_knowledge(table, tours):
@@ -98,7 +101,13 @@ def _improve_knowledge(table: MoveTable, tours: Sequence[Sequence[int]]) -> bool
 
 
 def _pose_problem(
-    table: MoveTable, stage: npt.NDArray[np.int64], may: npt.NDArray[np.bool_], tractors: int, *, only_proven: bool
+    table: MoveTable,
+    stage: npt.NDArray[np.int64],
+    may: npt.NDArray[np.bool_],
+    extra_s: Floats,
+    tractors: int,
+    *,
+    only_proven: bool,
 ) -> OrderProblem:
     speed = table.site.rules.work_speed_mps
     lengths_m = np.array([line.length_m for line in table.lines])
@@ -108,8 +117,8 @@ def _pose_problem(
     ends_s = [np.repeat(row[None, :-1] * has_lane, tractors, axis=0) for row in (costs[-1], costs[:, -1])]
     return OrderProblem(
         move_s=costs[:-1, :-1],
-        work_s=lengths_m / speed,
-        value_s=MISSED_LINE_FACTOR * own_s + MISSED_LINE_S,
+        work_s=lengths_m / speed + extra_s,
+        value_s=MISSED_LINE_FACTOR * own_s + MISSED_LINE_S + extra_s,
         begin_s=ends_s[0],
         end_s=ends_s[1],
         allowed=may,

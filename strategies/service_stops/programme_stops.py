@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from strategies.path_planning.errors import StrategyError
 from strategies.path_planning.paths import Pose
 from strategies.program.legs import add_wait_points, make_mission
@@ -13,7 +16,7 @@ from strategies.program.supply import PLACE, Supply
 from strategies.programmes.build_plan import build_move_legs, build_way_in, build_way_out, split_work_leg
 from strategies.programmes.move_table import MoveTable, build_path_legs
 from strategies.programmes.programme import Programme
-from strategies.service_stops.stop_moves import StopMoves
+from strategies.service_stops.stop_moves import StopMoves, Trip
 from strategies.service_stops.stop_order import order_for_loads
 from strategies.service_stops.stop_places import find_stop_poses
 from strategies.service_stops.stop_plan import add_queue_gates, build_stop_notes
@@ -129,6 +132,25 @@ def _let_stand(legs: Sequence[Leg], placed: Sequence[ServiceStop], stops: Sequen
     for at, stop in zip(placed, stops, strict=True):
         standing[at.leg] = standing[at.leg].copy_with(stand_s=stop.stand_s)
     return standing
+
+
+def estimate_served_s(table: MoveTable, supply: Supply, moves: StopMoves | None) -> npt.NDArray[np.float64]:
+    """How long a tractor takes to be served for each line (n,): its part of a load by what a load takes in the mean."""
+    trips_s = np.zeros(2)
+    if moves is not None:
+        nodes, places = range(2 * len(table.lines)), range(len(moves.places))
+        trips_s = np.array(
+            [
+                min(np.median([moves.estimate_s(Trip(node, place, is_arriving)) for node in nodes]) for place in places)
+                for is_arriving in (True, False)
+            ]
+        )
+    legs = [table.build_work_leg(2 * number, 0.0) for number in range(len(table.lines))]
+    needs = np.array([supply.compute_legs_need([leg], table.site.width_m) for leg in legs])
+    stops = max(float(needs.sum()) / supply.capacity - 1.0, 0.0)
+    served_s = stops * (supply.estimate_stop_s(float(needs.sum())) + float(trips_s.sum()))
+    shares: npt.NDArray[np.float64] = needs / needs.sum()
+    return served_s * shares
 
 
 def stop_programme(
